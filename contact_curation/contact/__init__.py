@@ -1,0 +1,1 @@
+"""The contact model: body, parameters, loss, score, time step."""

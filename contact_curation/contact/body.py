@@ -1,0 +1,110 @@
+"""The tossed object, as its user describes it in SI units."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.polytopes import Polytope, box
+from contact_curation.geometry.quaternions import Array
+
+STANDARD_GRAVITY = 9.81
+"""[m/s^2], the value ContactNets used (METHOD 1.0)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A convex rigid body with isotropic friction against the board.
+
+    Attributes:
+        name: used in toss ids.
+        vertices: (V, 3) [m] in the body's frame, whose origin is the centre of mass.
+        mass: [kg].
+        inertia: (3, 3) about the centre of mass [kg m^2].
+        friction: Coulomb coefficient.
+        length_scale: characteristic length, the unit of the loss [m] (a cube's half width).
+        gravity: [m/s^2].
+    """
+
+    name: str
+    vertices: Array
+    mass: float
+    inertia: Array
+    friction: float
+    length_scale: float
+    gravity: float = STANDARD_GRAVITY
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vertices", Polytope(self.vertices).vertices)
+        inertia = np.asarray(self.inertia, dtype=float)
+        if inertia.shape == (3,):
+            inertia = np.diag(inertia)
+        if inertia.shape != (3, 3) or not np.isfinite(inertia).all() or np.linalg.eigvalsh(inertia).min() <= 0.0:
+            raise InvalidValueError("inertia", np.array2string(inertia).replace("\n", ""), "3 or 3x3 positive numbers [kg m^2]")
+        object.__setattr__(self, "inertia", inertia)
+        for name in ("mass", "length_scale", "gravity"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+                raise InvalidValueError(name, getattr(self, name), "a positive number")
+        if not (np.isfinite(self.friction) and self.friction >= 0.0):
+            raise InvalidValueError("friction", self.friction, "a number of at least 0")
+
+    @property
+    def polytope(self) -> Polytope:
+        """The body's shape in metres."""
+        return Polytope(self.vertices)
+
+    @property
+    def scaled_vertices(self) -> Array:
+        """(V, 3) vertices in characteristic lengths."""
+        return self.vertices / self.length_scale
+
+    @property
+    def scaled_inertia(self) -> Array:
+        """(3, 3) inertia in kg per squared characteristic length."""
+        return self.inertia / self.length_scale**2
+
+    @property
+    def scaled_gravity(self) -> float:
+        """Gravity in characteristic lengths per s^2."""
+        return self.gravity / self.length_scale
+
+    @staticmethod
+    def from_mapping(data: Mapping[str, object]) -> "Body":
+        """A body from a parsed configuration file; every error names the key."""
+        known = {"name", "vertices", "half_extents", "mass", "inertia", "friction", "length_scale", "gravity"}
+        unknown = sorted(set(data) - known)
+        if unknown:
+            raise InvalidValueError("body", f"keys {unknown}", f"keys among {sorted(known)}")
+        missing = sorted({"name", "mass", "inertia", "friction", "length_scale"} - set(data))
+        if missing or ("vertices" in data) == ("half_extents" in data):
+            raise InvalidValueError("body", f"keys {sorted(data)}", "name, mass, inertia, friction, length_scale, and vertices or half_extents")
+        shape = np.asarray(data["vertices"], dtype=float) if "vertices" in data else box(_numbers(data, "half_extents")).vertices
+        return Body(
+            name=str(data["name"]),
+            vertices=shape,
+            mass=float(_numbers(data, "mass")),
+            inertia=_numbers(data, "inertia"),
+            friction=float(_numbers(data, "friction")),
+            length_scale=float(_numbers(data, "length_scale")),
+            gravity=float(_numbers(data, "gravity")) if "gravity" in data else STANDARD_GRAVITY,
+        )
+
+
+def _numbers(data: Mapping[str, object], key: str) -> Array:
+    try:
+        return np.asarray(data[key], dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InvalidValueError(f"body {key}", data[key], "numbers") from error
+
+
+CONTACTNETS_CUBE = Body(
+    name="cube",
+    vertices=0.0524
+    * np.array([[-1, -1, 1], [-1, -1, -1], [-1, 1, -1], [-1, 1, 1], [1, -1, 1], [1, -1, -1], [1, 1, -1], [1, 1, 1]], dtype=float),
+    mass=0.37,
+    inertia=np.full(3, 8.1e-4),
+    friction=0.18,
+    length_scale=0.0524,
+)
+"""ContactNets' acrylic cube (METHOD 3), vertices in the order of its public `experiment.json`."""

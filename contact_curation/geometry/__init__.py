@@ -1,0 +1,1 @@
+"""Rotations, poses and convex polytopes; plain NumPy, batched, no units of its own."""

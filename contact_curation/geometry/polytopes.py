@@ -1,0 +1,43 @@
+"""Convex polytopes given by their vertices."""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.quaternions import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Polytope:
+    """A convex body.
+
+    Attributes:
+        vertices: (V, 3) in the body frame, V >= 4, not in one plane.
+    """
+
+    vertices: Array
+
+    def __post_init__(self) -> None:
+        vertices = np.asarray(self.vertices, dtype=float)
+        if vertices.ndim != 2 or vertices.shape[1] != 3 or vertices.shape[0] < 4:
+            raise InvalidValueError("vertices", f"shape {vertices.shape}", "(V, 3) with V >= 4")
+        if not np.isfinite(vertices).all():
+            raise InvalidValueError("vertices", "a value that is not finite", "finite numbers")
+        if np.linalg.matrix_rank(vertices - vertices.mean(axis=0)) < 3:
+            raise InvalidValueError("vertices", "all in one plane", "a body with volume")
+        object.__setattr__(self, "vertices", vertices)
+
+    def corner_heights(self, positions: ArrayLike, orientations_wxyz: ArrayLike) -> Array:
+        """Heights (..., V) of the vertices over the plane z = 0, at positions (..., 3) and orientations (..., 4)."""
+        third_row = quaternions.to_matrix(orientations_wxyz)[..., 2, :]
+        return third_row @ self.vertices.T + np.asarray(positions, dtype=float)[..., 2:3]
+
+
+def box(half_extents: ArrayLike) -> Polytope:
+    """The box of half extents (3,), centred on the body frame's origin."""
+    corners = np.array(list(product((-1.0, 1.0), repeat=3)))
+    return Polytope(corners * np.asarray(half_extents, dtype=float))

@@ -1,0 +1,76 @@
+"""Unit quaternions in wxyz order, batched over leading axes.
+
+q and -q are one rotation. A body's rotation R(q) takes body coordinates to world coordinates, and angular velocity is in the
+body frame: q_dot = 0.5 q * (0, omega) (METHOD 1.0).
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+IDENTITY: Array = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def multiply(a_wxyz: ArrayLike, b_wxyz: ArrayLike) -> Array:
+    """Hamilton product a * b, shapes (..., 4)."""
+    aw, ax, ay, az = np.moveaxis(np.asarray(a_wxyz, dtype=float), -1, 0)
+    bw, bx, by, bz = np.moveaxis(np.asarray(b_wxyz, dtype=float), -1, 0)
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=-1,
+    )
+
+
+def conjugate(q_wxyz: ArrayLike) -> Array:
+    """Inverse rotation of unit quaternions (..., 4)."""
+    return np.asarray(q_wxyz, dtype=float) * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def to_matrix(q_wxyz: ArrayLike) -> Array:
+    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
+    w, x, y, z = np.moveaxis(np.asarray(q_wxyz, dtype=float), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def rotate(q_wxyz: ArrayLike, vector: ArrayLike) -> Array:
+    """R(q) v for quaternions (..., 4) and vectors (..., 3)."""
+    return np.einsum("...ij,...j->...i", to_matrix(q_wxyz), np.asarray(vector, dtype=float))
+
+
+def exp(rotation_vector: ArrayLike) -> Array:
+    """Quaternions (..., 4) of rotation vectors (..., 3) [rad]."""
+    vector = np.asarray(rotation_vector, dtype=float)
+    half = 0.5 * np.linalg.norm(vector, axis=-1, keepdims=True)
+    return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * vector], axis=-1)
+
+
+def log(q_wxyz: ArrayLike) -> Array:
+    """Shortest rotation vectors (..., 3) [rad] of unit quaternions (..., 4)."""
+    q = np.asarray(q_wxyz, dtype=float)
+    q = np.where(q[..., :1] < 0.0, -q, q)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    angle = 2.0 * np.arctan2(sine, q[..., :1])
+    scale = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)
+    return scale * q[..., 1:]
+
+
+def angle_between(a_wxyz: ArrayLike, b_wxyz: ArrayLike) -> Array:
+    """Angles (...) [rad] of the rotations from a to b."""
+    return np.asarray(np.linalg.norm(log(multiply(conjugate(a_wxyz), b_wxyz)), axis=-1))
+
+
+def normalized(q_wxyz: ArrayLike) -> Array:
+    """Quaternions divided by their norm; the caller has checked that the norm is near 1."""
+    q = np.asarray(q_wxyz, dtype=float)
+    return np.asarray(q / np.linalg.norm(q, axis=-1, keepdims=True))

@@ -1,0 +1,82 @@
+"""What is known of a toss once it is scored: everything that ranking needs, in a few kB."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+
+
+@dataclass(frozen=True)
+class ParameterBlock:
+    """A named run of parameters: columns start to stop of a factor."""
+
+    name: str
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True, eq=False)
+class TossInformation:
+    """The information one toss carries about the parameters theta, at one theta.
+
+    Attributes:
+        toss_id: the toss.
+        body: its body's name.
+        model: what theta parameterises, e.g. "polytope".
+        parameters_version: which theta (a digest); ranks of different versions are never mixed.
+        estimator: "empirical" or "gauss-newton".
+        influence_bound: losses above this are scaled down to it; inf when unbounded.
+        blocks: names of the parameter runs, covering 0..P.
+        transitions: how many there are.
+        not_scored: how many of them the solver could not certify.
+        duration: [s].
+        mean_loss: mean loss of the scored transitions (METHOD 1.2), characteristic units.
+        block_traces: (blocks,) exact trace of the Fisher sum, per block.
+        score_sum: (P,) sum of the scores g_t.
+        factor: (R, P) W with F = W^T W the Fisher sum, up to truncation at R rows.
+        centroid: (3,) mean position, characteristic lengths.
+    """
+
+    toss_id: str
+    body: str
+    model: str
+    parameters_version: str
+    estimator: str
+    influence_bound: float
+    blocks: tuple[ParameterBlock, ...]
+    transitions: int
+    not_scored: int
+    duration: float
+    mean_loss: float
+    block_traces: Array
+    score_sum: Array
+    factor: Array
+    centroid: Array
+
+    def __post_init__(self) -> None:
+        size = self.blocks[-1].stop if self.blocks else 0
+        shapes = {"block_traces": (len(self.blocks),), "score_sum": (size,), "centroid": (3,)}
+        for name, shape in shapes.items():
+            if getattr(self, name).shape != shape:
+                raise InvalidValueError(f"{name} of toss {self.toss_id}", f"shape {getattr(self, name).shape}", f"{shape}")
+        if self.factor.ndim != 2 or self.factor.shape[1] != size:
+            raise InvalidValueError(f"factor of toss {self.toss_id}", f"shape {self.factor.shape}", f"(R, {size})")
+        for name in (*shapes, "factor"):
+            if not np.isfinite(getattr(self, name)).all():
+                raise InvalidValueError(f"{name} of toss {self.toss_id}", "a value that is not finite", "finite numbers")
+
+    @property
+    def parameters(self) -> int:
+        """P."""
+        return self.blocks[-1].stop
+
+    @property
+    def trace(self) -> float:
+        """Exact trace of the Fisher sum."""
+        return float(self.block_traces.sum())
+
+    def fisher(self) -> Array:
+        """(P, P) Fisher sum, up to the factor's truncation."""
+        return np.asarray(self.factor.T @ self.factor)

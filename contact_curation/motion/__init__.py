@@ -1,0 +1,1 @@
+"""A pose stream becomes tosses: segmenting, smoothing, gates, transitions."""

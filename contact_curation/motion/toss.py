@@ -1,0 +1,84 @@
+"""One recorded motion, release to rest, in the board's frame and SI units."""
+
+import hashlib
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.poses import QUATERNION_TOLERANCE
+from contact_curation.geometry.quaternions import Array
+
+NANOSECONDS = 1_000_000_000
+
+
+def toss_identity(body: str, source: str, first_stamp_ns: int) -> str:
+    """The deterministic id of a toss: the same body, source and first stamp always give the same id (DESIGN 3)."""
+    return f"{body}-{first_stamp_ns}-{hashlib.sha256(source.encode()).hexdigest()[:8]}"
+
+
+@dataclass(frozen=True, eq=False)
+class Toss:
+    """A toss of T >= 2 frames; immutable, checked when made.
+
+    Attributes:
+        toss_id: deterministic, unique in a pool.
+        body: name of the body.
+        source: where the poses came from (a topic, a file).
+        frame_period: nominal time between frames [s].
+        stamps_ns: (T,) int64 header stamps, strictly increasing.
+        positions: (T, 3) [m] in the board's frame, z up.
+        orientations_wxyz: (T, 4) unit quaternions, body to board.
+        linear_velocities: (T, 3) [m/s] in the board's frame.
+        angular_velocities: (T, 3) [rad/s] in the body's frame.
+    """
+
+    toss_id: str
+    body: str
+    source: str
+    frame_period: float
+    stamps_ns: NDArray[np.int64]
+    positions: Array
+    orientations_wxyz: Array
+    linear_velocities: Array
+    angular_velocities: Array
+
+    def __post_init__(self) -> None:
+        stamps = np.ascontiguousarray(self.stamps_ns, dtype=np.int64)
+        frames = stamps.size
+        if stamps.ndim != 1 or frames < 2:
+            raise InvalidValueError("toss stamps", f"shape {stamps.shape}", "(T,) with T >= 2")
+        if not np.all(np.diff(stamps) > 0):
+            raise InvalidValueError("toss stamps", "stamps that stand still or go back", "strictly increasing stamps")
+        if not (np.isfinite(self.frame_period) and self.frame_period > 0.0):
+            raise InvalidValueError("frame_period", self.frame_period, "a positive number of seconds")
+        object.__setattr__(self, "stamps_ns", stamps)
+        widths = {"positions": 3, "orientations_wxyz": 4, "linear_velocities": 3, "angular_velocities": 3}
+        for name, width in widths.items():
+            value = np.ascontiguousarray(getattr(self, name), dtype=float)
+            if value.shape != (frames, width):
+                raise InvalidValueError(f"toss {name}", f"shape {value.shape}", f"({frames}, {width})")
+            if not np.isfinite(value).all():
+                raise InvalidValueError(f"toss {name}", "a value that is not finite", "finite numbers")
+            object.__setattr__(self, name, value)
+        off = float(np.abs(np.linalg.norm(self.orientations_wxyz, axis=1) - 1.0).max())
+        if off > QUATERNION_TOLERANCE:
+            raise InvalidValueError("quaternion norm", f"1 {off:+.3g}", f"1 within {QUATERNION_TOLERANCE}")
+
+    @property
+    def frames(self) -> int:
+        return int(self.stamps_ns.size)
+
+    @property
+    def duration(self) -> float:
+        """Time from first to last frame [s]."""
+        return float(self.stamps_ns[-1] - self.stamps_ns[0]) / NANOSECONDS
+
+    def digest(self) -> str:
+        """SHA-256 over every field: equal tosses have equal digests."""
+        state = hashlib.sha256()
+        for field in fields(self):
+            value = getattr(self, field.name)
+            state.update(value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode())
+        return state.hexdigest()
