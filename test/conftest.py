@@ -1,0 +1,19 @@
+"""Fixtures that every part's tests share."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+CONTACTNETS_BESIDE = REPOSITORY.parent / "shared" / "data" / "contactnets"
+
+
+@pytest.fixture(scope="session")
+def contactnets_folder() -> Path:
+    """The folder with ContactNets' real tosses, one `N.pt` each; skips the test where they are not at hand."""
+    base = Path(os.environ.get("CONTACTNETS_DATA", CONTACTNETS_BESIDE))
+    folder = base / "tosses_processed"
+    if not folder.is_dir():
+        pytest.skip(f"no ContactNets data: set CONTACTNETS_DATA to the folder that holds tosses_processed/ (looked in {base})")
+    return folder
