@@ -1,0 +1,1 @@
+"""Builds a ROS interface package with pip, from the rosidl generators that the ros-* wheels install."""
