@@ -1,0 +1,326 @@
+// The Gauss-Newton profile Fisher matrix of one transition (METHOD 1.5): F = J_theta^T P J_theta, P projecting out what the impulses
+// could explain, P = I - J_l (J_l^T J_l + eps I)^-1 J_l^T with J_l = dr/dl restricted to the free directions of l.
+//
+// The residuals are sqrt(w_m) (A l - b), the gaps times impulses, e_i and the slacks. Their Jacobians are never formed whole: what a
+// contact does beyond its own few columns goes through the six numbers of A l.
+#pragma once
+
+#include <cstring>
+#include <vector>
+
+#include "polytope_transition.hpp"
+
+namespace contact_curation {
+
+// An impulse component is at the cone's apex below this, and inside the cone when its dual is below this [kg half-widths / s].
+constexpr double kFreeTolerance = 1e-6;
+
+class ProfileFisher {
+ public:
+  ProfileFisher(const PolytopeModel &model) : model_(model), contacts_(model.contacts), parameters_(parameter_count(contacts_)) {
+    stride_ = (parameters_ + kLanes - 1) / kLanes * kLanes;
+    velocity_rows_.resize(6 * stride_);
+    pulled_.resize(6 * stride_);
+    slack_rows_.resize(contacts_ * stride_);
+    free_rows_.resize(3 * contacts_ * stride_);
+  }
+
+  // Adds weight * F of one lane to the lower triangle of `fisher` (P x P, row-major, rows `stride` apart).
+  void add(const Transition &at, const ConeProblem &problem, const ConeSolution &solution, const Outcome &outcome, int lane,
+           double weight, double *fisher, int stride) {
+    unpack(at, problem, solution, outcome, lane);
+    differentiate_velocity();
+    differentiate_slacks();
+    differentiate_contacts();
+    const int free = eliminate();
+    for (int k = 0; k < 6; ++k) add_outer(&velocity_rows_[k * stride_], weight * model_.match_weight, fisher, stride);
+    for (int k = 0; k < active_; ++k) add_outer(&slack_rows_[k * stride_], weight * model_.slack_weight, fisher, stride);
+    for (int k = 0; k < free; ++k) add_outer(&free_rows_[k * stride_], -weight, fisher, stride);
+    for (int i = 0; i < contacts_; ++i) add_contact(i, weight, fisher, stride);
+  }
+
+ private:
+  struct Sparse {
+    int column[16];
+    double value[16];
+    int size = 0;
+    void put(int at, double x) { column[size] = at, value[size++] = x; }
+  };
+
+  int vertex(int i) const { return 3 * i; }
+  int normal() const { return 3 * contacts_; }
+  int vertex_tangent(int i) const { return 3 * contacts_ + 3 + 3 * i; }
+  int tangent(int t) const { return 6 * contacts_ + 3 + 3 * t; }
+  int height() const { return 6 * contacts_ + 9; }
+
+  static void cross3(const double *a, const double *b, double *c) {
+    c[0] = a[1] * b[2] - a[2] * b[1], c[1] = a[2] * b[0] - a[0] * b[2], c[2] = a[0] * b[1] - a[1] * b[0];
+  }
+
+  void unpack(const Transition &at, const ConeProblem &problem, const ConeSolution &solution, const Outcome &outcome, int lane) {
+    dt_ = at.dt[lane];
+    for (int a = 0; a < 3; ++a) {
+      for (int b = 0; b < 3; ++b) rotation_[a][b] = at.rotation[a][b][lane], rotation_next_[a][b] = at.rotation_next[a][b][lane];
+      position_[a] = at.position[a][lane], position_next_[a] = at.position_next[a][lane];
+      normal_body_[a] = at.normal_body[a][lane], normal_body_next_[a] = at.normal_body_next[a][lane];
+      for (int t = 0; t < 2; ++t) tangents_body_[t][a] = at.tangents_body[t][a][lane];
+    }
+    for (int a = 0; a < 6; ++a) {
+      velocity_next_[a] = at.velocity_next[a][lane];
+      moving_[a] = at.free_velocity[a][lane] + outcome.change[a][lane];
+    }
+    for (int i = 0; i < contacts_; ++i) {
+      gap_next_[i] = at.gap_next[i][lane], slack_[i] = outcome.slack[i][lane];
+      speed_[i] = at.slip_speed[i][lane];
+      for (int t = 0; t < 2; ++t) slip_[i][t] = at.slip[i][t][lane];
+      for (int c = 0; c < 3; ++c) {
+        impulse_[i][c] = solution.impulse[i][c][lane];
+        for (int k = 0; k < 6; ++k) motion_[i][c][k] = problem.motion[i][c][k][lane];
+      }
+      for (int k = 0; k < 6; ++k) {
+        slack_row_[i][k] = problem.slack_row[i][k][lane];
+        block_[i][k] = problem.block[i][k][lane];
+      }
+    }
+    Lane gradient[kMaxContacts][3];
+    objective_gradient(problem, solution.impulse, gradient);
+    for (int i = 0; i < contacts_; ++i)
+      for (int c = 0; c < 3; ++c) gradient_[i][c] = gradient[i][c][lane];
+  }
+
+  // d(A l)/dtheta at fixed l: 6 rows.
+  void differentiate_velocity() {
+    std::fill(velocity_rows_.begin(), velocity_rows_.end(), 0.0);
+    double lever[3] = {0, 0, 0}, lever_t[2][3] = {{0, 0, 0}, {0, 0, 0}}, total[3] = {0, 0, 0};
+    for (int i = 0; i < contacts_; ++i) {
+      const double *p = model_.vertices_normal + 3 * i, *pt = model_.vertices_tangent + 3 * i;
+      double pressed[3], pressed_t[3];
+      for (int a = 0; a < 3; ++a) {
+        lever[a] += impulse_[i][0] * p[a];
+        pressed[a] = impulse_[i][0] * normal_body_[a];
+        pressed_t[a] = impulse_[i][1] * tangents_body_[0][a] + impulse_[i][2] * tangents_body_[1][a];
+        for (int t = 0; t < 2; ++t) lever_t[t][a] += impulse_[i][1 + t] * pt[a];
+      }
+      for (int c = 0; c < 3; ++c) total[c] += impulse_[i][c];
+      put_turns(vertex(i), pressed);
+      put_turns(vertex_tangent(i), pressed_t);
+    }
+    put_pushes(normal(), total[0], lever);
+    for (int t = 0; t < 2; ++t) put_pushes(tangent(t), total[1 + t], lever_t[t]);
+  }
+
+  // Columns of e_k x push, as angular velocity.
+  void put_turns(int first, const double *push) {
+    for (int k = 0; k < 3; ++k) {
+      double unit[3] = {0, 0, 0}, turn[3];
+      unit[k] = 1.0;
+      cross3(unit, push, turn);
+      put_angular(first + k, turn);
+    }
+  }
+
+  // Columns of a force direction e_k in the world with a lever in the body.
+  void put_pushes(int first, double total, const double *lever) {
+    for (int k = 0; k < 3; ++k) {
+      const double body[3] = {rotation_[k][0], rotation_[k][1], rotation_[k][2]};  // R^T e_k
+      double turn[3];
+      cross3(lever, body, turn);
+      put_angular(first + k, turn);
+      velocity_rows_[k * stride_ + first + k] += total / model_.mass;
+    }
+  }
+
+  void put_angular(int column, const double *torque) {
+    for (int a = 0; a < 3; ++a)
+      for (int b = 0; b < 3; ++b) velocity_rows_[(3 + a) * stride_ + column] += model_.inverse_inertia[3 * a + b] * torque[b];
+  }
+
+  // Rows of the active slacks, and pulled = w_m dA l/dtheta + w_s sum_j B_j^T (row of slack j).
+  void differentiate_slacks() {
+    for (int k = 0; k < 6 * stride_; ++k) pulled_[k] = model_.match_weight * velocity_rows_[k];
+    active_ = 0;
+    for (int j = 0; j < contacts_; ++j) {
+      if (slack_[j] >= 0.0) continue;
+      double *row = &slack_rows_[active_ * stride_];
+      std::fill(row, row + stride_, 0.0);
+      for (int k = 0; k < 6; ++k)
+        for (int q = 0; q < stride_; ++q) row[q] += slack_row_[j][k] * velocity_rows_[k * stride_ + q];
+      const double *p = model_.vertices_normal + 3 * j;
+      double turned[3], leverage[3];
+      cross3(normal_body_, moving_ + 3, turned);
+      cross3(moving_ + 3, p, leverage);
+      for (int a = 0; a < 3; ++a) {
+        double arm = position_[a] + dt_ * moving_[a];
+        for (int b = 0; b < 3; ++b) arm += rotation_[a][b] * (p[b] + dt_ * leverage[b]);
+        row[vertex(j) + a] += normal_body_[a] + dt_ * turned[a];
+        row[normal() + a] += arm;
+      }
+      row[height()] -= 1.0;
+      for (int k = 0; k < 6; ++k)
+        for (int q = 0; q < stride_; ++q) pulled_[k * stride_ + q] += model_.slack_weight * slack_row_[j][k] * row[q];
+      active_index_[active_++] = j;
+    }
+  }
+
+  // Per contact: the closed-gap row and the two rows of e_i, each on its own few columns.
+  void differentiate_contacts() {
+    for (int i = 0; i < contacts_; ++i) {
+      const double *p = model_.vertices_normal + 3 * i, *pt = model_.vertices_tangent + 3 * i;
+      Sparse &gap = gap_rows_[i];
+      gap.size = 0;
+      for (int a = 0; a < 3; ++a) gap.put(vertex(i) + a, normal_body_next_[a]);
+      for (int a = 0; a < 3; ++a) {
+        double arm = position_next_[a];
+        for (int b = 0; b < 3; ++b) arm += rotation_next_[a][b] * p[b];
+        gap.put(normal() + a, arm);
+      }
+      gap.put(height(), -1.0);
+      double swept[3], travel[3], spun[2][3];
+      cross3(velocity_next_ + 3, pt, swept);
+      for (int a = 0; a < 3; ++a) {
+        travel[a] = velocity_next_[a];
+        for (int b = 0; b < 3; ++b) travel[a] += rotation_[a][b] * swept[b];
+      }
+      for (int t = 0; t < 2; ++t) cross3(tangents_body_[t], velocity_next_ + 3, spun[t]);
+      for (int t = 0; t < 2; ++t) {
+        Sparse &row = cone_rows_[i][t];
+        row.size = 0;
+        double mix[2];
+        for (int b = 0; b < 2; ++b)
+          mix[b] = (t == b ? impulse_[i][0] : 0.0) + (speed_[i] > 0.0 ? impulse_[i][1 + t] * slip_[i][b] / speed_[i] : 0.0);
+        for (int a = 0; a < 3; ++a) row.put(vertex_tangent(i) + a, mix[0] * spun[0][a] + mix[1] * spun[1][a]);
+        for (int b = 0; b < 2; ++b)
+          for (int a = 0; a < 3; ++a) row.put(tangent(b) + a, mix[b] * travel[a]);
+      }
+    }
+  }
+
+  // Basis of the free directions of contact i: all three inside the cone, the ray and the rim's direction on it, none at the apex.
+  int free_directions(int i, double (*basis)[3]) const {
+    const double *l = impulse_[i];
+    if (l[0] <= kFreeTolerance) return 0;
+    if (gradient_[i][0] <= kFreeTolerance) {
+      for (int k = 0; k < 3; ++k)
+        for (int c = 0; c < 3; ++c) basis[k][c] = k == c ? 1.0 : 0.0;
+      return 3;
+    }
+    const double radius = std::sqrt(l[1] * l[1] + l[2] * l[2]);
+    const double length = std::sqrt(l[0] * l[0] + radius * radius);
+    for (int c = 0; c < 3; ++c) basis[0][c] = l[c] / length;
+    if (radius == 0.0) return 1;
+    basis[1][0] = 0.0, basis[1][1] = -l[2] / radius, basis[1][2] = l[1] / radius;
+    return 2;
+  }
+
+  // Leaves L^-1 J_l^T J_theta in free_rows_, L the Cholesky factor of J_l^T J_l + eps I; returns the number of rows.
+  int eliminate() {
+    int count = 0;
+    static thread_local double moved[3 * kMaxContacts][6], gram[3 * kMaxContacts][3 * kMaxContacts];
+    for (int i = 0; i < contacts_; ++i) {
+      double basis[3][3];
+      const int free = free_directions(i, basis);
+      const int first = count;
+      for (int k = 0; k < free; ++k, ++count) {
+        for (int a = 0; a < 6; ++a) {
+          moved[count][a] = 0.0;
+          for (int c = 0; c < 3; ++c) moved[count][a] += motion_[i][c][a] * basis[k][c];
+        }
+        cross_row(i, basis[k], moved[count], &free_rows_[count * stride_]);
+      }
+      for (int k = 0; k < free; ++k) {
+        for (int other = 0; other <= first + k; ++other) gram[first + k][other] = 0.0;
+        double curved[3];
+        const double *d = block_[i], *x = basis[k];
+        curved[0] = d[0] * x[0] + d[1] * x[1] + d[2] * x[2];
+        curved[1] = d[1] * x[0] + d[3] * x[1] + d[4] * x[2];
+        curved[2] = d[2] * x[0] + d[4] * x[1] + d[5] * x[2];
+        for (int other = 0; other <= k; ++other)
+          for (int c = 0; c < 3; ++c) gram[first + k][first + other] += curved[c] * basis[other][c];
+        gram[first + k][first + k] += model_.regularization;
+      }
+    }
+    for (int a = 0; a < count; ++a)
+      for (int b = 0; b <= a; ++b)
+        for (int k = 0; k < 6; ++k) gram[a][b] += model_.match_weight * moved[a][k] * moved[b][k];
+    for (int s = 0; s < active_; ++s) {
+      double reach[3 * kMaxContacts];
+      for (int a = 0; a < count; ++a) {
+        reach[a] = 0.0;
+        for (int k = 0; k < 6; ++k) reach[a] += slack_row_[active_index_[s]][k] * moved[a][k];
+      }
+      for (int a = 0; a < count; ++a)
+        for (int b = 0; b <= a; ++b) gram[a][b] += model_.slack_weight * reach[a] * reach[b];
+    }
+    for (int a = 0; a < count; ++a) {
+      double *row = &free_rows_[a * stride_];
+      for (int b = 0; b < a; ++b) {
+        double value = gram[a][b];
+        for (int k = 0; k < b; ++k) value -= gram[a][k] * gram[b][k];
+        gram[a][b] = value / gram[b][b];
+        const double *earlier = &free_rows_[b * stride_];
+        for (int q = 0; q < stride_; ++q) row[q] -= gram[a][b] * earlier[q];
+      }
+      double pivot = gram[a][a];
+      for (int k = 0; k < a; ++k) pivot -= gram[a][k] * gram[a][k];
+      gram[a][a] = std::sqrt(std::fmax(pivot, model_.regularization * 1e-3));
+      for (int q = 0; q < stride_; ++q) row[q] /= gram[a][a];
+    }
+    return count;
+  }
+
+  // One row of J_l^T J_theta: the free direction `along` of contact i.
+  void cross_row(int i, const double *along, const double *moved, double *row) const {
+    std::fill(row, row + stride_, 0.0);
+    for (int k = 0; k < 6; ++k)
+      for (int q = 0; q < stride_; ++q) row[q] += moved[k] * pulled_[k * stride_ + q];
+    const double closing = gap_next_[i] * (model_.normal_weight * impulse_[i][0] * along[0] +
+                                           model_.tangent_weight * (impulse_[i][1] * along[1] + impulse_[i][2] * along[2]));
+    scatter(gap_rows_[i], closing, row);
+    for (int t = 0; t < 2; ++t)
+      scatter(cone_rows_[i][t], model_.cone_weight * (slip_[i][t] * along[0] + speed_[i] * along[1 + t]), row);
+  }
+
+  static void scatter(const Sparse &from, double weight, double *row) {
+    for (int k = 0; k < from.size; ++k) row[from.column[k]] += weight * from.value[k];
+  }
+
+  void add_contact(int i, double weight, double *fisher, int stride) const {
+    const double *l = impulse_[i];
+    const double closing = model_.normal_weight * l[0] * l[0] + model_.tangent_weight * (l[1] * l[1] + l[2] * l[2]);
+    add_sparse(gap_rows_[i], weight * closing, fisher, stride);
+    for (int t = 0; t < 2; ++t) add_sparse(cone_rows_[i][t], weight * model_.cone_weight, fisher, stride);
+  }
+
+  static void add_sparse(const Sparse &row, double weight, double *fisher, int stride) {
+    for (int a = 0; a < row.size; ++a)
+      for (int b = 0; b <= a; ++b) fisher[row.column[a] * stride + row.column[b]] += weight * row.value[a] * row.value[b];
+  }
+
+ public:
+  // fisher += weight * row row^T, lower triangle in whole vectors (entries right of the diagonal are scratch).
+  static void add_outer(const double *row, double weight, double *fisher, int stride) {
+    for (int a = 0; a < stride; ++a) {
+      const double scaled = weight * row[a];
+      if (scaled == 0.0) continue;
+      double *into = fisher + static_cast<long>(a) * stride;
+      const int stop = (a / kLanes + 1) * kLanes;
+      for (int b = 0; b < stop; ++b) into[b] += scaled * row[b];
+    }
+  }
+
+  int stride() const { return stride_; }
+
+ private:
+  const PolytopeModel &model_;
+  int contacts_, parameters_, stride_, active_ = 0;
+  double dt_, rotation_[3][3], rotation_next_[3][3], position_[3], position_next_[3];
+  double normal_body_[3], normal_body_next_[3], tangents_body_[2][3], velocity_next_[6], moving_[6];
+  double gap_next_[kMaxContacts], slack_[kMaxContacts], speed_[kMaxContacts], slip_[kMaxContacts][2];
+  double impulse_[kMaxContacts][3], gradient_[kMaxContacts][3], motion_[kMaxContacts][3][6];
+  double slack_row_[kMaxContacts][6], block_[kMaxContacts][6];
+  int active_index_[kMaxContacts];
+  Sparse gap_rows_[kMaxContacts], cone_rows_[kMaxContacts][2];
+  std::vector<double> velocity_rows_, pulled_, slack_rows_, free_rows_;
+};
+
+}  // namespace contact_curation

@@ -1,0 +1,38 @@
+// Eight transitions at once: one SIMD lane each. GCC and clang vector extensions, so that one source serves AVX-512, AVX2 and SSE2.
+#pragma once
+
+#include <cmath>
+
+namespace contact_curation {
+
+constexpr int kLanes = 8;
+
+typedef double Lane __attribute__((vector_size(kLanes * sizeof(double))));
+typedef long long LaneMask __attribute__((vector_size(kLanes * sizeof(long long))));
+
+inline Lane broadcast(double value) { return Lane{} + value; }
+inline Lane select(LaneMask mask, Lane yes, Lane no) { return mask ? yes : no; }
+inline Lane minimum(Lane a, Lane b) { return a < b ? a : b; }
+inline Lane maximum(Lane a, Lane b) { return a > b ? a : b; }
+inline Lane absolute(Lane a) { return a < 0.0 ? -a : a; }
+
+inline Lane square_root(Lane a) {
+  Lane root;
+  for (int lane = 0; lane < kLanes; ++lane) root[lane] = std::sqrt(a[lane]);
+  return root;
+}
+
+inline bool any(LaneMask mask) {
+  long long joined = 0;
+  for (int lane = 0; lane < kLanes; ++lane) joined |= mask[lane];
+  return joined != 0;
+}
+
+template <int Size>
+inline Lane dot(const Lane *a, const Lane *b) {
+  Lane sum = a[0] * b[0];
+  for (int k = 1; k < Size; ++k) sum += a[k] * b[k];
+  return sum;
+}
+
+}  // namespace contact_curation
