@@ -34,7 +34,7 @@ class Polytope:
     def corner_heights(self, positions: ArrayLike, orientations_wxyz: ArrayLike) -> Array:
         """Heights (..., V) of the vertices over the plane z = 0, at positions (..., 3) and orientations (..., 4)."""
         third_row = quaternions.to_matrix(orientations_wxyz)[..., 2, :]
-        return third_row @ self.vertices.T + np.asarray(positions, dtype=float)[..., 2:3]
+        return np.asarray(third_row @ self.vertices.T + np.asarray(positions, dtype=float)[..., 2:3])
 
 
 def box(half_extents: ArrayLike) -> Polytope:

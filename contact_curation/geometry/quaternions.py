@@ -29,7 +29,8 @@ def multiply(a_wxyz: ArrayLike, b_wxyz: ArrayLike) -> Array:
 
 def conjugate(q_wxyz: ArrayLike) -> Array:
     """Inverse rotation of unit quaternions (..., 4)."""
-    return np.asarray(q_wxyz, dtype=float) * np.array([1.0, -1.0, -1.0, -1.0])
+    q = np.asarray(q_wxyz, dtype=float)
+    return np.asarray(q * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
 def to_matrix(q_wxyz: ArrayLike) -> Array:
@@ -45,7 +46,7 @@ def to_matrix(q_wxyz: ArrayLike) -> Array:
 
 def rotate(q_wxyz: ArrayLike, vector: ArrayLike) -> Array:
     """R(q) v for quaternions (..., 4) and vectors (..., 3)."""
-    return np.einsum("...ij,...j->...i", to_matrix(q_wxyz), np.asarray(vector, dtype=float))
+    return np.asarray(np.einsum("...ij,...j->...i", to_matrix(q_wxyz), np.asarray(vector, dtype=float)))
 
 
 def exp(rotation_vector: ArrayLike) -> Array:
@@ -62,7 +63,7 @@ def log(q_wxyz: ArrayLike) -> Array:
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     angle = 2.0 * np.arctan2(sine, q[..., :1])
     scale = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)
-    return scale * q[..., 1:]
+    return np.asarray(scale * q[..., 1:])
 
 
 def angle_between(a_wxyz: ArrayLike, b_wxyz: ArrayLike) -> Array:

@@ -1,0 +1,79 @@
+"""Rotations and poses one at a time, in plain floats.
+
+A pose stream is handled pose by pose at 148 Hz and more, where a NumPy array of four numbers costs fifty times its arithmetic.
+Same conventions as `quaternions` (wxyz, Hamilton) and `poses`; tests hold the two together.
+"""
+
+from math import acos, sin, sqrt
+from typing import NamedTuple
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+
+class ScalarPose(NamedTuple):
+    """Pose of a child frame in its parent: `p_parent = R(orientation) p_child + position`.
+
+    Attributes:
+        position: [m].
+        orientation_wxyz: unit quaternion.
+    """
+
+    position: Vector
+    orientation_wxyz: Quaternion
+
+
+IDENTITY = ScalarPose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+
+
+def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
+    """Hamilton product a * b."""
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def conjugate(q: Quaternion) -> Quaternion:
+    """Inverse rotation of a unit quaternion."""
+    return q[0], -q[1], -q[2], -q[3]
+
+
+def rotate(q: Quaternion, vector: Vector) -> Vector:
+    """R(q) v, as v + w t + u x t with u the vector part and t = 2 u x v."""
+    w, x, y, z = q
+    vx, vy, vz = vector
+    tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
+    return vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx
+
+
+def compose(parent: ScalarPose, child: ScalarPose) -> ScalarPose:
+    """The pose of `child`, given in `parent`'s frame, in the frame that `parent` is given in."""
+    x, y, z = rotate(parent.orientation_wxyz, child.position)
+    px, py, pz = parent.position
+    return ScalarPose((px + x, py + y, pz + z), multiply(parent.orientation_wxyz, child.orientation_wxyz))
+
+
+def inverse(pose: ScalarPose) -> ScalarPose:
+    """The parent's pose in the child's frame."""
+    back = conjugate(pose.orientation_wxyz)
+    x, y, z = rotate(back, pose.position)
+    return ScalarPose((-x, -y, -z), back)
+
+
+def between(start: ScalarPose, end: ScalarPose, share: float) -> ScalarPose:
+    """The pose `share` (0..1) of the way: positions linearly, orientations along the shorter great arc (slerp)."""
+    cosine = sum(a * b for a, b in zip(start.orientation_wxyz, end.orientation_wxyz))
+    sign = -1.0 if cosine < 0.0 else 1.0
+    angle = acos(min(1.0, abs(cosine)))
+    at_start, at_end = 1.0 - share, share
+    if angle > 1e-6:
+        at_start, at_end = sin((1.0 - share) * angle) / sin(angle), sin(share * angle) / sin(angle)
+    w, x, y, z = (at_start * a + sign * at_end * b for a, b in zip(start.orientation_wxyz, end.orientation_wxyz))
+    norm = sqrt(w * w + x * x + y * y + z * z)
+    px, py, pz = ((1.0 - share) * a + share * b for a, b in zip(start.position, end.position))
+    return ScalarPose((px, py, pz), (w / norm, x / norm, y / norm, z / norm))
