@@ -1,0 +1,1 @@
+"""The batched cone problem that gives the impulses, its certificate, and the compiled kernel."""
