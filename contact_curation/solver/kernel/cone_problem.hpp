@@ -36,7 +36,8 @@ struct ConeSolution {
 struct SolverOptions {
   int max_iterations = 60;
   double complementarity_tolerance = 1e-15;
-  double stationarity_tolerance = 1e-10;
+  double facet_complementarity_tolerance = 1e-14;
+  double stationarity_tolerance = 1e-9;
   double residual_tolerance = 1e-7;
 };
 

@@ -96,6 +96,7 @@ struct InteriorPoint {
   Lane axis[kMaxContacts][2], stretch[kMaxContacts], scale[kMaxContacts], scaled[kMaxContacts][3];
   Lane scaled_step[kMaxContacts][3], scaled_dual_step[kMaxContacts][3];
   Lane basis[kMaxContacts][3][3];  // columns: soft direction (the ray), stiff direction, the third; orthonormal
+  Lane stiffest[Circular ? 1 : kMaxContacts];  // number of the facet that resists most
   Lane turned[kMaxContacts][3][6]; // motion in that basis
   Lane inverse_block[kMaxContacts][6], reduced[kMaxContacts][3][6];
   Lane coupling[6][6], coupling_inverse[6], schur[6][6], schur_inverse[6];
@@ -187,17 +188,39 @@ struct InteriorPoint {
       for (int t = 0; t < 2; ++t) q[1 + t][0] = half * axis[i][t], q[1 + t][1] = -half * axis[i][t];
       q[1][2] = -axis[i][1], q[2][2] = axis[i][0];
     } else {
-      const Lane *x = impulse[i];
-      const Lane squared = x[1] * x[1] + x[2] * x[2];
-      const Lane length = square_root(x[0] * x[0] + squared), radius = square_root(squared);
-      const LaneMask tilted = radius > 0.0;
-      const Lane safe = select(tilted, radius, broadcast(1.0));
-      const Lane u1 = select(tilted, x[1] / safe, broadcast(1.0)), u2 = select(tilted, x[2] / safe, broadcast(0.0));
-      const Lane cosine = x[0] / length, sine = radius / length;
-      q[0][0] = cosine, q[0][1] = sine, q[0][2] = broadcast(0.0);
-      q[1][0] = sine * u1, q[1][1] = -cosine * u1, q[1][2] = -u2;
-      q[2][0] = sine * u2, q[2][1] = -cosine * u2, q[2][2] = u1;
+      // Stiff: against the facet that resists most; the third direction then does not feel that facet at all.
+      Lane most = broadcast(-1.0), facet[3] = {most, most, most}, across;
+      stiffest[i] = broadcast(0.0);
+      for (int k = 0; k < kFacets; ++k) {
+        const Lane weight = facet_dual[i][k] / facet_gap[i][k];
+        const LaneMask stiffer = weight > most;
+        most = select(stiffer, weight, most);
+        stiffest[i] = select(stiffer, broadcast(k), stiffest[i]);
+        for (int c = 0; c < 3; ++c) facet[c] = select(stiffer, broadcast(facets[k].row[c]), facet[c]);
+      }
+      const Lane length = square_root(dot<3>(impulse[i], impulse[i]));
+      Lane ray[3], stiff[3];
+      for (int c = 0; c < 3; ++c) ray[c] = impulse[i][c] / length;
+      across = dot<3>(facet, ray);
+      for (int c = 0; c < 3; ++c) stiff[c] = facet[c] - across * ray[c];
+      const Lane norm = square_root(dot<3>(stiff, stiff));
+      for (int c = 0; c < 3; ++c) {
+        q[c][0] = ray[c];
+        q[c][1] = stiff[c] / norm;
+      }
+      for (int c = 0; c < 3; ++c) {
+        const int d = (c + 1) % 3, e = (c + 2) % 3;
+        q[c][2] = q[d][0] * q[e][1] - q[e][0] * q[d][1];
+      }
     }
+  }
+
+  // A facet's row in the basis; along the ray it is the gap itself, free of cancellation.
+  void facet_in_basis(int i, int k, Lane *row) const {
+    const double *given = facets[k].row;
+    row[0] = facet_gap[i][k] / square_root(dot<3>(impulse[i], impulse[i]));
+    for (int b = 1; b < 3; ++b) row[b] = given[0] * basis[i][0][b] + given[1] * basis[i][1][b] + given[2] * basis[i][2][b];
+    row[2] = select(stiffest[i] == static_cast<double>(k), broadcast(0.0), row[2]);
   }
 
   // basis^T (2 D + 2 eps + resistance of the cone) basis of contact i.
@@ -220,13 +243,10 @@ struct InteriorPoint {
       block[3] += weight * squared;
       block[5] += weight;
     } else {
-      const Lane length = square_root(dot<3>(impulse[i], impulse[i]));
       for (int k = 0; k < kFacets; ++k) {
         const Lane weight = facet_dual[i][k] / facet_gap[i][k];
         Lane row[3];
-        row[0] = facet_gap[i][k] / length;
-        for (int b = 1; b < 3; ++b)
-          row[b] = facets[k].row[0] * basis[i][0][b] + facets[k].row[1] * basis[i][1][b] + facets[k].row[2] * basis[i][2][b];
+        facet_in_basis(i, k, row);
         entry = 0;
         for (int a = 0; a < 3; ++a)
           for (int b = a; b < 3; ++b, ++entry) block[entry] += weight * row[a] * row[b];
@@ -402,8 +422,9 @@ struct InteriorPoint {
         out_of_basis(i, pressed, dual_step[i]);
       } else {
         for (int k = 0; k < kFacets; ++k) {
-          const double *row = facets[k].row;
-          facet_step[i][k] = row[0] * step[i][0] + row[1] * step[i][1] + row[2] * step[i][2];
+          Lane row[3];
+          facet_in_basis(i, k, row);
+          facet_step[i][k] = dot<3>(row, x);
           facet_dual_step[i][k] = (facet_push[i][k] - facet_dual[i][k] * facet_step[i][k]) / facet_gap[i][k];
         }
       }
@@ -484,7 +505,8 @@ struct InteriorPoint {
     for (int iteration = 0;; ++iteration) {
       const Lane worst = residuals();
       const Lane centre = complementarity();
-      open = open & ~((centre <= options.complementarity_tolerance) & (worst <= options.stationarity_tolerance));
+      const double tolerance = Circular ? options.complementarity_tolerance : options.facet_complementarity_tolerance;
+      open = open & ~((centre <= tolerance) & (worst <= options.stationarity_tolerance));
       if (!any(open) || iteration == options.max_iterations) return iteration;
       factorize();
       direction(false, zero);
