@@ -1,0 +1,74 @@
+"""Where a body touches the board and how it rubs: the polytope's parameters theta (METHOD 1.1), in characteristic lengths.
+
+    phi_i(q)  = n . (R p_i + x - pivot) - height        gap of vertex i, 1
+    phi_t,i(q) = T (R p^t_i + x)                         its place on the board times friction, 2
+
+The friction coefficient is inside T. Pivot and height are zero in the 57-parameter form; the centred form uses them.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from contact_curation.contact.body import Body
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.quaternions import Array
+
+UPWARD: Array = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class ContactGeometry:
+    """A polytope over a plane.
+
+    Attributes:
+        vertices_normal: (V, 3) p_i in the body's frame, V >= 1.
+        normal: (3,) n in the board's frame; its length scales the gap.
+        vertices_tangent: (V, 3) p^t_i in the body's frame.
+        tangents: (2, 3) T in the board's frame, friction coefficient included.
+        pivot: (3,) point of the board about which n tilts.
+        height: gap of the pivot, negated.
+    """
+
+    vertices_normal: Array
+    normal: Array
+    vertices_tangent: Array
+    tangents: Array
+    pivot: Array = field(default_factory=lambda: np.zeros(3))
+    height: float = 0.0
+
+    def __post_init__(self) -> None:
+        count = np.shape(self.vertices_normal)[0] if np.ndim(self.vertices_normal) == 2 else 0
+        if count < 1:
+            raise InvalidValueError("vertices_normal", f"shape {np.shape(self.vertices_normal)}", "(V, 3) with V >= 1")
+        points = (count, 3)
+        shapes = {"vertices_normal": points, "normal": (3,), "vertices_tangent": points, "tangents": (2, 3), "pivot": (3,)}
+        for name, shape in shapes.items():
+            value = np.ascontiguousarray(getattr(self, name), dtype=float)
+            if value.shape != shape:
+                raise InvalidValueError(name, f"shape {value.shape}", f"{shape}")
+            if not np.isfinite(value).all():
+                raise InvalidValueError(name, "a value that is not finite", "finite numbers")
+            object.__setattr__(self, name, value)
+        if not np.isfinite(self.height):
+            raise InvalidValueError("height", self.height, "a finite number")
+        if not self.normal.any():
+            raise InvalidValueError("normal", "the zero vector", "a direction")
+
+    @staticmethod
+    def of_body(body: Body) -> "ContactGeometry":
+        """The body as its user described it, on the plane z = 0."""
+        vertices = body.scaled_vertices
+        return ContactGeometry(vertices, UPWARD, vertices, body.friction * np.eye(2, 3))
+
+    @property
+    def vertex_count(self) -> int:
+        """V."""
+        return int(self.vertices_normal.shape[0])
+
+    def gaps(self, states: Array) -> Array:
+        """Gaps phi (..., V) of states (..., 13)."""
+        normal_in_body = np.einsum("...ji,j->...i", quaternions.to_matrix(states[..., 3:7]), self.normal)
+        offset = (states[..., :3] - self.pivot) @ self.normal - self.height
+        return np.asarray(normal_in_body @ self.vertices_normal.T + offset[..., None])

@@ -1,0 +1,110 @@
+"""Whole motions from their first state: the time step again and again, many trajectories at once (METHOD 4.2)."""
+
+import ctypes
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.time_step import (
+    DEFAULT_LIMITS,
+    STATE_SIZE,
+    CompiledWorld,
+    StepStatus,
+    SweepLimits,
+    checked_states,
+    checked_time_steps,
+)
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.solver.compiled import load_kernel
+
+
+@dataclass(frozen=True, eq=False)
+class Rollout:
+    """B trajectories, one after the other: trajectory b owns rows starts[b]:starts[b + 1]; N rows in all.
+
+    Attributes:
+        starts: (B + 1,).
+        states: (N, 13); the first row of a trajectory is its initial state, rows from a step that is not finite on are NaN.
+        status: (N,) StepStatus of the step that led to a row.
+        residual: (N,) see `SweepLimits.tolerance`.
+        impulses: (N, V, 3) of the step that led to a row, or None when they were not asked for.
+    """
+
+    starts: NDArray[np.int64]
+    states: Array
+    status: NDArray[np.int32]
+    residual: Array
+    impulses: Array | None
+
+    def trajectory(self, index: int) -> Array:
+        """States (T, 13) of one trajectory."""
+        return self.states[self.starts[index] : self.starts[index + 1]]
+
+    @property
+    def finite(self) -> NDArray[np.bool_]:
+        """(B,) whether a trajectory is finite to its end."""
+        return np.not_equal(self.status[self.starts[1:] - 1], StepStatus.NOT_FINITE)
+
+
+def rollout(
+    geometry: ContactGeometry,
+    body: Body,
+    initial: ArrayLike,
+    lengths: ArrayLike,
+    dt: ArrayLike,
+    limits: SweepLimits = DEFAULT_LIMITS,
+    threads: int = 1,
+    keep_impulses: bool = False,
+) -> Rollout:
+    """Rolls out B initial states; each step starts from the impulses of the step before.
+
+    The result does not depend on the number of threads, bit for bit.
+
+    Args:
+        geometry: shape, plane and friction; the body's own vertices and friction are not used.
+        body: mass, inertia and gravity.
+        initial: (B, 13).
+        lengths: one or (B,) frames, the initial one included.
+        dt: one or (B,) time steps [s].
+        limits: when a step's sweeps stop.
+        threads: how many work at once.
+        keep_impulses: whether to return the impulses.
+
+    Raises:
+        InvalidValueError: a wrong shape, length, time step or quaternion norm.
+    """
+    start = checked_states(initial)
+    starts = _starts(lengths, len(start))
+    steps = checked_time_steps(dt, len(start))
+    if threads < 1:
+        raise InvalidValueError("threads", threads, "at least 1")
+    rows = int(starts[-1])
+    states = np.empty((rows, STATE_SIZE))
+    impulses = np.empty((rows, geometry.vertex_count, 3)) if keep_impulses else None
+    status = np.empty(rows, np.int32)
+    residual = np.empty(rows)
+    world = CompiledWorld(geometry, body, limits)
+    given = (array.ctypes.data for array in (start, starts, steps))
+    results = (None if array is None else array.ctypes.data for array in (states, impulses, status, residual))
+    _compiled_rollout()(ctypes.byref(world), len(start), *given, threads, *results)
+    return Rollout(starts, states, status, residual, impulses)
+
+
+def _starts(lengths: ArrayLike, count: int) -> NDArray[np.int64]:
+    given = np.asarray(lengths)
+    if given.shape not in ((), (count,)) or not np.issubdtype(given.dtype, np.integer):
+        raise InvalidValueError("lengths", f"{given.dtype} of shape {given.shape}", f"one integer or ({count},) integers")
+    if np.any(given < 1):
+        raise InvalidValueError("lengths", int(given.min()), "at least 1 frame")
+    return np.concatenate([[0], np.cumsum(np.broadcast_to(given, (count,)), dtype=np.int64)])
+
+
+def _compiled_rollout() -> Callable[..., None]:
+    arrays = [ctypes.c_void_p]
+    signature = ctypes.CFUNCTYPE(None, ctypes.POINTER(CompiledWorld), ctypes.c_int64, *3 * arrays, ctypes.c_int64, *4 * arrays)
+    return signature(("contact_rollout", load_kernel()))

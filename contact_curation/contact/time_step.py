@@ -1,0 +1,183 @@
+"""One step of a body that falls on the board, solved by the compiled kernel (METHOD 4.2).
+
+    v' = v - g dt e3 + M^-1 J^T lambda,    0 <= lambda_n _|_ J_n v' + phi / dt >= 0,    ||lambda_t|| <= lambda_n (Coulomb)
+    x' = x + dt v',    q' = q * exp(dt omega')
+
+Impacts do not bounce (e = 0). As in the loss there is no gyroscopic term. Lengths are characteristic lengths, states are rows
+of 13: x (3), q wxyz (4), v in the board's frame (3), omega in the body's (3). Impulses are rows [normal, tangent 1, tangent 2];
+the friction coefficient is in the tangents T, so that ||lambda_t|| <= lambda_n.
+"""
+
+import ctypes
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.poses import QUATERNION_TOLERANCE
+from contact_curation.geometry.quaternions import Array
+from contact_curation.solver.compiled import load_kernel
+
+STATE_SIZE = 13
+
+
+class StepStatus(IntEnum):
+    """How a step ended."""
+
+    CONVERGED = 0
+    SWEEPS_EXHAUSTED = 1
+    NOT_FINITE = 2
+
+
+@dataclass(frozen=True)
+class SweepLimits:
+    """When the sweeps over the contacts stop.
+
+    Attributes:
+        tolerance: on the largest change of a contact's own velocity within a sweep [characteristic lengths per s].
+        max_sweeps: a step that needs more ends as SWEEPS_EXHAUSTED, with its residual.
+    """
+
+    tolerance: float = 1e-6
+    max_sweeps: int = 400
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.tolerance) and self.tolerance > 0.0):
+            raise InvalidValueError("tolerance", self.tolerance, "a positive number")
+        if self.max_sweeps < 1:
+            raise InvalidValueError("max_sweeps", self.max_sweeps, "at least 1")
+
+
+DEFAULT_LIMITS = SweepLimits()
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """N steps.
+
+    Attributes:
+        states: (N, 13) after the step; NaN where the status is NOT_FINITE.
+        impulses: (N, V, 3).
+        status: (N,) StepStatus.
+        residual: (N,) change of the last sweep, see `SweepLimits.tolerance`.
+    """
+
+    states: Array
+    impulses: Array
+    status: NDArray[np.int32]
+    residual: Array
+
+
+class CompiledWorld(ctypes.Structure):
+    """The kernel's `ContactWorld`: the fields of contact/kernel/time_step.hpp in the same order."""
+
+    _fields_ = (
+        ("vertices", ctypes.c_int64),
+        ("vertices_normal", ctypes.c_void_p),
+        ("normal", ctypes.c_void_p),
+        ("vertices_tangent", ctypes.c_void_p),
+        ("tangents", ctypes.c_void_p),
+        ("pivot", ctypes.c_void_p),
+        ("inverse_inertia", ctypes.c_void_p),
+        ("height", ctypes.c_double),
+        ("inverse_mass", ctypes.c_double),
+        ("gravity", ctypes.c_double),
+        ("tolerance", ctypes.c_double),
+        ("max_sweeps", ctypes.c_int64),
+    )
+
+    def __init__(self, geometry: ContactGeometry, body: Body, limits: SweepLimits) -> None:
+        inverse_inertia = np.ascontiguousarray(np.linalg.inv(body.scaled_inertia))
+        super().__init__(
+            vertices=geometry.vertex_count,
+            vertices_normal=geometry.vertices_normal.ctypes.data,
+            normal=geometry.normal.ctypes.data,
+            vertices_tangent=geometry.vertices_tangent.ctypes.data,
+            tangents=geometry.tangents.ctypes.data,
+            pivot=geometry.pivot.ctypes.data,
+            inverse_inertia=inverse_inertia.ctypes.data,
+            height=geometry.height,
+            inverse_mass=1.0 / body.mass,
+            gravity=body.scaled_gravity,
+            tolerance=limits.tolerance,
+            max_sweeps=limits.max_sweeps,
+        )
+        self.owners = (geometry, inverse_inertia)  # ctypes holds bare addresses: keep the arrays alive
+
+
+def checked_states(states: ArrayLike) -> Array:
+    """A copy (N, 13) of `states`; values that are not finite pass, they become a status.
+
+    Raises:
+        InvalidValueError: wrong shape, or a finite quaternion that is not of unit norm.
+    """
+    rows = np.array(states, dtype=float, order="C")
+    if rows.ndim != 2 or rows.shape[1] != STATE_SIZE:
+        raise InvalidValueError("states", f"shape {rows.shape}", f"(N, {STATE_SIZE})")
+    with np.errstate(over="ignore"):
+        norms = np.linalg.norm(rows[:, 3:7], axis=1)
+    if np.any(np.abs(norms - 1.0) > QUATERNION_TOLERANCE):
+        found = f"{np.nanmin(norms):.6g} to {np.nanmax(norms):.6g}"
+        raise InvalidValueError("quaternion norms", found, f"1 within {QUATERNION_TOLERANCE}")
+    return rows
+
+
+def checked_time_steps(dt: ArrayLike, count: int) -> Array:
+    """Time steps (count,) from one number or `count` numbers [s].
+
+    Raises:
+        InvalidValueError: not positive, or as many as neither 1 nor `count`.
+    """
+    given = np.asarray(dt, dtype=float)
+    if given.shape not in ((), (count,)):
+        raise InvalidValueError("dt", f"shape {given.shape}", f"one number or ({count},)")
+    if not np.all(np.isfinite(given) & (given > 0.0)):
+        raise InvalidValueError("dt", np.array2string(given), "positive numbers of seconds")
+    return np.ascontiguousarray(np.broadcast_to(given, (count,)))
+
+
+def step(
+    geometry: ContactGeometry,
+    body: Body,
+    states: ArrayLike,
+    dt: ArrayLike,
+    guesses: ArrayLike | None = None,
+    limits: SweepLimits = DEFAULT_LIMITS,
+) -> Steps:
+    """Advances each of N states by one time step.
+
+    Args:
+        geometry: shape, plane and friction; the body's own vertices and friction are not used.
+        body: mass, inertia and gravity.
+        states: (N, 13).
+        dt: one or (N,) time steps [s].
+        guesses: (N, V, 3) impulses to start from; zero when absent.
+        limits: when to stop.
+
+    Raises:
+        InvalidValueError: a wrong shape, time step or quaternion norm.
+    """
+    after = checked_states(states)
+    count = len(after)
+    steps = checked_time_steps(dt, count)
+    shape = (count, geometry.vertex_count, 3)
+    impulses = np.zeros(shape) if guesses is None else np.array(guesses, dtype=float, order="C")
+    if impulses.shape != shape:
+        raise InvalidValueError("guesses", f"shape {impulses.shape}", f"{shape}")
+    status = np.empty(count, np.int32)
+    residual = np.empty(count)
+    world = CompiledWorld(geometry, body, limits)
+    data = (array.ctypes.data for array in (steps, after, impulses, status, residual))
+    _compiled_step()(ctypes.byref(world), count, *data)
+    after[status == StepStatus.NOT_FINITE] = np.nan
+    return Steps(after, impulses, status, residual)
+
+
+def _compiled_step() -> Callable[..., None]:
+    signature = ctypes.CFUNCTYPE(None, ctypes.POINTER(CompiledWorld), ctypes.c_int64, *5 * [ctypes.c_void_p])
+    return signature(("contact_time_step", load_kernel()))

@@ -1,0 +1,184 @@
+"""Rollouts: layout and statuses, rest, energy, and the physical floor on ContactNets' real tosses (METHOD 1.11, 6.14)."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.rollout import Rollout, rollout
+from contact_curation.contact.time_step import StepStatus, SweepLimits, step
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.quaternions import Array
+from test.contact.time_step_oracle import energies
+
+CUBE = ContactGeometry.of_body(CONTACTNETS_CUBE)
+DT = 1.0 / 148.0
+FLAT_AT_REST = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+WIDTH_PERCENT = 50.0
+"""A length of 1 (half a width) in percent of the block's width."""
+
+
+def thrown_states(count: int, seed: int) -> Array:
+    """Releases like the real ones, roughly: tumbling forward, a hand's breadth over the plane."""
+    rng = np.random.default_rng(seed)
+    states = np.empty((count, 13))
+    states[:, :3] = np.array([0.0, 0.0, 2.7]) + 0.2 * rng.standard_normal((count, 3))
+    states[:, 3:7] = quaternions.normalized(rng.standard_normal((count, 4)))
+    states[:, 7:] = np.array([20.0, 0.0, -1.0, 0.0, 3.0, 0.0]) + rng.standard_normal((count, 6))
+    return states
+
+
+def test_a_trajectory_is_its_initial_state_and_then_step_after_step() -> None:
+    initial = thrown_states(1, seed=1)
+    rolled = rollout(CUBE, CONTACTNETS_CUBE, initial, 60, DT, keep_impulses=True)
+    assert rolled.impulses is not None
+    np.testing.assert_array_equal(rolled.states[0], initial[0])
+    assert not rolled.impulses[0].any()
+    for frame in range(1, 60):
+        before, guess = rolled.states[frame - 1 : frame], rolled.impulses[frame - 1 : frame]
+        np.testing.assert_array_equal(step(CUBE, CONTACTNETS_CUBE, before, DT, guess).states[0], rolled.states[frame])
+
+
+def test_every_trajectory_has_its_own_length_and_time_step() -> None:
+    initial, lengths, periods = thrown_states(7, seed=2), [5, 1, 90, 2, 40, 3, 60], np.linspace(0.004, 0.01, 7)
+    batch = rollout(CUBE, CONTACTNETS_CUBE, initial, lengths, periods)
+    assert batch.starts.tolist() == [0, 5, 6, 96, 98, 138, 141, 201]
+    for index in range(7):
+        alone = rollout(CUBE, CONTACTNETS_CUBE, initial[index : index + 1], lengths[index], periods[index])
+        np.testing.assert_array_equal(batch.trajectory(index), alone.states)
+
+
+def test_threads_change_nothing_bit_for_bit() -> None:
+    initial = thrown_states(23, seed=3)
+    alone = rollout(CUBE, CONTACTNETS_CUBE, initial, 120, DT, keep_impulses=True)
+    many = rollout(CUBE, CONTACTNETS_CUBE, initial, 120, DT, threads=8, keep_impulses=True)
+    for name in ("states", "status", "residual", "impulses"):
+        np.testing.assert_array_equal(getattr(many, name), getattr(alone, name))
+
+
+def test_a_bad_state_ends_its_own_trajectory_only() -> None:
+    initial = thrown_states(7, seed=4)
+    clean = rollout(CUBE, CONTACTNETS_CUBE, initial, 30, DT, keep_impulses=True)
+    initial[2, 8] = np.nan
+    mixed = rollout(CUBE, CONTACTNETS_CUBE, initial, 30, DT, keep_impulses=True)
+    assert mixed.finite.tolist() == [True, True, False, True, True, True, True]
+    assert np.isnan(mixed.trajectory(2)).all()
+    assert (mixed.status[60:90] == StepStatus.NOT_FINITE).all()
+    for index in (0, 1, 3, 4, 5, 6):
+        np.testing.assert_array_equal(mixed.trajectory(index), clean.trajectory(index))
+
+
+def test_a_motion_that_overflows_on_the_way_keeps_its_finite_rows() -> None:
+    initial = FLAT_AT_REST + np.array([0, 0, 0, 0, 0, 0, 0, 1e308, 0, 0, 0, 0, 0])
+    free = replace(CUBE, height=-np.finfo(float).max)
+    rolled = rollout(free, CONTACTNETS_CUBE, initial[None], 10, 1.0)
+    last = int(np.argmax(rolled.status == StepStatus.NOT_FINITE))
+    assert last == 2
+    assert np.isfinite(rolled.states[:last]).all()
+    assert np.isnan(rolled.states[last:]).all()
+    assert (rolled.status[last:] == StepStatus.NOT_FINITE).all()
+
+
+def test_steps_that_run_out_of_sweeps_say_so() -> None:
+    rolled = rollout(CUBE, CONTACTNETS_CUBE, thrown_states(5, seed=5), 100, DT, SweepLimits(tolerance=1e-9, max_sweeps=2))
+    exhausted = rolled.status == StepStatus.SWEEPS_EXHAUSTED
+    assert exhausted.any()
+    assert (rolled.residual[exhausted] > 1e-9).all()
+    assert (rolled.residual[~exhausted] <= 1e-9).all()
+
+
+def test_a_cube_at_rest_stays_where_it_is() -> None:
+    rolled = rollout(CUBE, CONTACTNETS_CUBE, FLAT_AT_REST[None], 5000, DT)
+    np.testing.assert_allclose(rolled.states - FLAT_AT_REST, 0.0, atol=1e-6)
+    assert (rolled.status == StepStatus.CONVERGED).all()
+
+
+def test_thrown_cubes_come_to_rest_on_a_face_and_stay() -> None:
+    rolled = rollout(CUBE, CONTACTNETS_CUBE, thrown_states(40, seed=6), 400, DT)
+    for index in range(40):
+        states = rolled.trajectory(index)
+        third_row = quaternions.to_matrix(states[-1, 3:7])[2]
+        assert np.abs(third_row).max() == pytest.approx(1.0, abs=1e-6)
+        assert states[-1, 2] == pytest.approx(1.0, abs=1e-4)
+        np.testing.assert_allclose(states[-50:, :3], np.broadcast_to(states[-1, :3], (50, 3)), atol=1e-6)
+
+
+def test_a_free_flight_loses_only_what_the_semi_implicit_step_takes() -> None:
+    free = replace(CUBE, height=-1e6)
+    rolled = rollout(free, CONTACTNETS_CUBE, thrown_states(3, seed=7), 500, DT)
+    fall = 0.5 * CONTACTNETS_CUBE.mass * (CONTACTNETS_CUBE.scaled_gravity * DT) ** 2
+    for index in range(3):
+        energy = energies(CONTACTNETS_CUBE, rolled.trajectory(index))
+        np.testing.assert_allclose(np.diff(energy), -fall, atol=1e-9)
+
+
+def test_energy_never_grows_in_a_toss() -> None:
+    rolled = rollout(CUBE, CONTACTNETS_CUBE, thrown_states(40, seed=8), 200, DT)
+    for index in range(40):
+        energy = energies(CONTACTNETS_CUBE, rolled.trajectory(index))
+        assert np.diff(energy).max() < 1e-8 * energy[0]
+
+
+@pytest.mark.parametrize(("lengths", "threads"), [(0, 1), (2.5, 1), ([3, 3], 1), ([3, -1, 3], 1), (3, 0)])
+def test_wrong_lengths_and_threads_are_refused(lengths: float | list[int], threads: int) -> None:
+    with pytest.raises(InvalidValueError):
+        rollout(CUBE, CONTACTNETS_CUBE, thrown_states(3, seed=9), lengths, DT, threads=threads)
+
+
+@dataclass(frozen=True)
+class Errors:
+    """METHOD 1.11 per toss: position [% of width], rotation [deg], penetration [% of width]."""
+
+    position: Array
+    rotation: Array
+    penetration: Array
+
+
+@pytest.fixture(scope="module")
+def real_tosses(contactnets_folder: Path) -> list[Array]:
+    """States of all 570 tosses, in characteristic lengths."""
+    return [torch.load(contactnets_folder / f"{i}.pt", weights_only=True)[0, :, :13].numpy() for i in range(570)]
+
+
+def replayed(tosses: list[Array], friction: float) -> Rollout:
+    """The true cube from each toss's first measured state."""
+    geometry = ContactGeometry.of_body(replace(CONTACTNETS_CUBE, friction=friction))
+    return rollout(geometry, CONTACTNETS_CUBE, [toss[0] for toss in tosses], [len(toss) for toss in tosses], DT, threads=2)
+
+
+def errors_against(tosses: list[Array], rolled: Rollout) -> Errors:
+    true = np.concatenate(tosses)
+    distance = WIDTH_PERCENT * np.linalg.norm(rolled.states[:, :3] - true[:, :3], axis=1)
+    angle = np.degrees(quaternions.angle_between(true[:, 3:7], rolled.states[:, 3:7]))
+    depth = WIDTH_PERCENT * np.maximum(0.0, -CUBE.gaps(rolled.states).min(axis=1))
+    counts = np.diff(rolled.starts)
+    return Errors(*(np.add.reduceat(values, rolled.starts[:-1]) / counts for values in (distance, angle, depth)))
+
+
+def test_the_true_cube_reaches_the_physical_floor_on_all_real_tosses(real_tosses: list[Array]) -> None:
+    rolled = replayed(real_tosses, friction=0.18)
+    errors = errors_against(real_tosses, rolled)
+    assert errors.position.mean() == pytest.approx(14.4, abs=0.3)
+    assert errors.rotation.mean() == pytest.approx(18.3, abs=0.5)
+    assert errors.penetration.mean() < 0.01
+    assert np.median(errors.position) == pytest.approx(11.9, abs=0.3)
+    assert np.median(errors.rotation) == pytest.approx(8.9, abs=0.5)
+    assert np.mean(rolled.status == StepStatus.CONVERGED) > 0.999
+
+
+def test_the_measured_motions_own_penetration_is_that_of_the_data(real_tosses: list[Array]) -> None:
+    true = np.concatenate(real_tosses)
+    starts = np.cumsum([0, *(len(toss) for toss in real_tosses)])
+    measured = Rollout(starts, true, np.zeros(len(true), np.int32), np.zeros(len(true)), None)
+    assert errors_against(real_tosses, measured).penetration.mean() == pytest.approx(1.47, abs=0.01)
+
+
+def test_position_error_is_least_at_the_true_friction(real_tosses: list[Array]) -> None:
+    sweep = [0.10, 0.15, 0.18, 0.22, 0.30]
+    position = [errors_against(real_tosses, replayed(real_tosses, friction)).position.mean() for friction in sweep]
+    assert position[0] > position[1] > position[2] < position[3] < position[4]
