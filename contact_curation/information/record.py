@@ -1,6 +1,6 @@
 """What is known of a toss once it is scored: everything that ranking needs, in a few kB."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -37,6 +37,8 @@ class TossInformation:
         score_sum: (P,) sum of the scores g_t.
         factor: (R, P) W with F = W^T W the Fisher sum, up to truncation at R rows.
         centroid: (3,) mean position, characteristic lengths.
+        tilt_axes: (2, 3) directions in which blocks "tilt" and "height" move the ground's plane about the board's origin; (0, 3)
+            where the model has no such blocks.
     """
 
     toss_id: str
@@ -54,6 +56,7 @@ class TossInformation:
     score_sum: Array
     factor: Array
     centroid: Array
+    tilt_axes: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
     def __post_init__(self) -> None:
         size = self.blocks[-1].stop if self.blocks else 0
@@ -63,7 +66,9 @@ class TossInformation:
                 raise InvalidValueError(f"{name} of toss {self.toss_id}", f"shape {getattr(self, name).shape}", f"{shape}")
         if self.factor.ndim != 2 or self.factor.shape[1] != size:
             raise InvalidValueError(f"factor of toss {self.toss_id}", f"shape {self.factor.shape}", f"(R, {size})")
-        for name in (*shapes, "factor"):
+        if self.tilt_axes.shape not in ((0, 3), (2, 3)):
+            raise InvalidValueError(f"tilt_axes of toss {self.toss_id}", f"shape {self.tilt_axes.shape}", "(2, 3) or (0, 3)")
+        for name in (*shapes, "factor", "tilt_axes"):
             if not np.isfinite(getattr(self, name)).all():
                 raise InvalidValueError(f"{name} of toss {self.toss_id}", "a value that is not finite", "finite numbers")
 

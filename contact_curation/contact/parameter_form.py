@@ -1,0 +1,124 @@
+"""Which numbers theta is made of: a linear map from the kernel's full gradient to the parameters of a form.
+
+The kernel differentiates by everything: vertices_normal (3V), normal (3), vertices_tangent (3V), tangents (6), height (1), in this
+order, Q = 6V + 10 numbers. A form says how these move with its own P parameters, dQ/dtheta, so that scores change as g C and Fisher
+matrices as C^T F C.
+
+- ``contactnets``: the 57 parameters (V = 8) of ContactNets' polytope. Two of its directions are no information: a turn of the tangents
+  (gauge), and the length of the normal (scale collapse, METHOD 1.1).
+- ``physical``: vertices_normal, vertices_tangent, friction (its logarithm), tilt (2) about a pivot, height. The normal stays a unit
+  vector, friction a number; nothing depends on where the board's origin lies once the pivot is the data's centroid.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+
+PHYSICAL_TOLERANCE = 1e-9
+
+
+class Form(StrEnum):
+    """How the polytope is parameterised."""
+
+    CONTACTNETS = "contactnets"
+    PHYSICAL = "physical"
+
+
+class Block(NamedTuple):
+    """A named run of parameters."""
+
+    name: str
+    size: int
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterForm:
+    """Theta of a geometry in one form.
+
+    Attributes:
+        form: which.
+        blocks: names and sizes of the runs of parameters, P in all.
+        chart: (Q, P) how the kernel's numbers move with theta.
+        gauge: (G, P) directions that change nothing, for any data.
+        tilt_axes: (2, 3) directions of the board in which the tilt moves the normal; (0, 3) in the contactnets form.
+    """
+
+    form: Form
+    blocks: tuple[Block, ...]
+    chart: Array
+    gauge: Array
+    tilt_axes: Array
+
+    @property
+    def size(self) -> int:
+        """P."""
+        return int(self.chart.shape[1])
+
+    def names(self) -> tuple[str, ...]:
+        """P names, e.g. ``vertices_normal[2][0]``, in the order of theta."""
+        widths = {"vertices_normal": 3, "vertices_tangent": 3, "tangents": 3}
+        listed: list[str] = []
+        for block in self.blocks:
+            width = widths.get(block.name)
+            for k in range(block.size):
+                place = f"[{k // width}][{k % width}]" if width else (f"[{k}]" if block.size > 1 else "")
+                listed.append(block.name + place)
+        return tuple(listed)
+
+
+def is_physical(geometry: ContactGeometry) -> bool:
+    """Whether the normal is a unit vector and the tangents are one friction coefficient times an orthonormal pair across it."""
+    frame = np.vstack([geometry.normal, geometry.tangents])
+    gram = frame @ frame.T
+    friction = gram[1, 1]
+    expected = np.diag([1.0, friction, friction])
+    return friction > 0.0 and bool(np.abs(gram - expected).max() < PHYSICAL_TOLERANCE)
+
+
+def parameter_form(geometry: ContactGeometry, form: Form) -> ParameterForm:
+    """Theta of `geometry` in `form`.
+
+    Raises:
+        InvalidValueError: the physical form is wanted of a geometry that is not (see `is_physical`).
+    """
+    if form is Form.CONTACTNETS:
+        return _contactnets_form(geometry)
+    if not is_physical(geometry):
+        raise InvalidValueError(
+            "parameters", f"a normal of length {np.linalg.norm(geometry.normal):.6g} or tangents that are not orthogonal",
+            "a unit normal and one friction coefficient, as the physical form has; use the contactnets form",
+        )  # fmt: skip
+    return _physical_form(geometry)
+
+
+def _contactnets_form(geometry: ContactGeometry) -> ParameterForm:
+    own = 3 * geometry.vertex_count
+    blocks = (Block("vertices_normal", own), Block("normal", 3), Block("vertices_tangent", own), Block("tangents", 6))
+    size = 2 * own + 9
+    turn = np.zeros((1, size))
+    turn[0, -6:] = np.concatenate([geometry.tangents[1], -geometry.tangents[0]])
+    return ParameterForm(Form.CONTACTNETS, blocks, np.eye(size + 1)[:, :size], turn / np.linalg.norm(turn), np.zeros((0, 3)))
+
+
+def _physical_form(geometry: ContactGeometry) -> ParameterForm:
+    own = 3 * geometry.vertex_count
+    blocks = (Block("vertices_normal", own), Block("vertices_tangent", own), Block("friction", 1), Block("tilt", 2), Block("height", 1))
+    friction = float(np.linalg.norm(geometry.tangents[0]))
+    axes = geometry.tangents / friction
+    normal, vertices_tangent, tangents, height = own, own + 3, 2 * own + 3, 2 * own + 9
+    chart = np.zeros((2 * own + 10, 2 * own + 4))
+    chart[:own, :own] = np.eye(own)
+    chart[vertices_tangent:tangents, own : 2 * own] = np.eye(own)
+    chart[tangents:height, 2 * own] = geometry.tangents.ravel()
+    for axis in range(2):
+        column = 2 * own + 1 + axis
+        chart[normal : normal + 3, column] = axes[axis]
+        chart[tangents + 3 * axis : tangents + 3 * axis + 3, column] = -friction * geometry.normal
+    chart[height, -1] = 1.0
+    return ParameterForm(Form.PHYSICAL, blocks, chart, np.zeros((0, 2 * own + 4)), axes)

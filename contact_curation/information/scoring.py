@@ -1,0 +1,141 @@
+"""A toss becomes information: its transitions are scored at one theta and summed into a Fisher matrix, kept as a factor.
+
+This is the only place where motion meets contact. Scores are taken about the board's origin; `recentring` moves the pivot of the tilt.
+"""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.evaluation import DEFAULT_LOSS, Estimator, FisherSums, LossConfig, SolveStatus, fisher_sums
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.parameter_form import Form, ParameterForm, parameter_form
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.information.factors import Compression, factors_of_fishers
+from contact_curation.information.record import ParameterBlock, TossInformation
+from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import Transitions, transitions_of
+
+
+@dataclass(frozen=True)
+class ScoringConfig:
+    """How tosses are scored.
+
+    Attributes:
+        estimator: which Fisher matrix.
+        influence_bound: losses above this count as this much; inf for no bound.
+        form: how theta is parameterised.
+        compression: rows kept of each toss's factor.
+        loss: weights, cone and solver.
+    """
+
+    estimator: Estimator = Estimator.GAUSS_NEWTON
+    influence_bound: float = np.inf
+    form: Form = Form.PHYSICAL
+    compression: Compression = Compression()
+    loss: LossConfig = DEFAULT_LOSS
+
+
+@dataclass(frozen=True)
+class NotScored:
+    """A toss that carries no information because no transition of it could be scored.
+
+    Attributes:
+        toss_id: which.
+        reason: one line.
+    """
+
+    toss_id: str
+    reason: str
+
+
+def parameters_version(geometry: ContactGeometry, body: Body) -> str:
+    """A digest of theta and of the body's constants: equal numbers, equal version."""
+    state = hashlib.sha256()
+    constants = np.array([geometry.height, body.mass, body.gravity, body.length_scale])
+    parts = (geometry.vertices_normal, geometry.normal, geometry.vertices_tangent, geometry.tangents, geometry.pivot, body.inertia)
+    for part in (*parts, constants):
+        state.update(np.ascontiguousarray(part).tobytes())
+    return state.hexdigest()[:16]
+
+
+class Scorer:
+    """Scores tosses of one body at one theta; holds nothing but its arguments and what follows from them."""
+
+    def __init__(self, geometry: ContactGeometry, body: Body, config: ScoringConfig) -> None:
+        self.geometry = geometry
+        self.body = body
+        self.config = config
+        self.form: ParameterForm = parameter_form(geometry, config.form)
+        self.version = parameters_version(geometry, body)
+        edges = np.cumsum([0, *(block.size for block in self.form.blocks)]).tolist()
+        self.blocks = tuple(ParameterBlock(block.name, *span) for block, span in zip(self.form.blocks, pairwise(edges)))
+
+    def losses(self, tosses: Sequence[Toss]) -> Array:
+        """Losses (N,) of all scored transitions of `tosses`, for choosing an influence bound."""
+        rows = self._sums(transitions_of(self._checked(tosses), self.body.length_scale), None)
+        return rows.losses[rows.status == SolveStatus.SOLVED]
+
+    def score(self, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:
+        """What each toss teaches, in the order given.
+
+        Raises:
+            InvalidValueError: no toss, or a toss of another body.
+        """
+        rows = transitions_of(self._checked(tosses), self.body.length_scale)
+        sums = self._sums(rows, self.config.estimator)
+        fishers = np.einsum("qp,kqr,rs->kps", self.form.chart, sums.fishers, self.form.chart, optimize=True)
+        factors = factors_of_fishers(0.5 * (fishers + fishers.transpose(0, 2, 1)), self.config.compression)
+        return tuple(
+            self._information(toss, rows, sums, k, factors[k].rows, np.diagonal(fishers[k])) for k, toss in enumerate(tosses)
+        )
+
+    def _checked(self, tosses: Sequence[Toss]) -> Sequence[Toss]:
+        for toss in tosses:
+            if toss.body != self.body.name:
+                raise InvalidValueError(f"body of toss {toss.toss_id}", toss.body, self.body.name)
+        return tosses
+
+    def _sums(self, rows: Transitions, estimator: Estimator | None) -> FisherSums:
+        return fisher_sums(
+            self.geometry,
+            self.body,
+            rows.before,
+            rows.after,
+            rows.dt,
+            rows.starts,
+            estimator or Estimator.EMPIRICAL,
+            np.inf if estimator is None else self.config.influence_bound,
+            self.config.loss,
+        )
+
+    def _information(
+        self, toss: Toss, rows: Transitions, sums: FisherSums, k: int, factor: Array, diagonal: Array
+    ) -> TossInformation | NotScored:
+        own = slice(int(rows.starts[k]), int(rows.starts[k + 1]))
+        solved = sums.status[own] == SolveStatus.SOLVED
+        if not solved.any():
+            return NotScored(toss.toss_id, f"0 of {solved.size} transitions solved, worst residual {sums.residuals[own].max():.3g}")
+        return TossInformation(
+            toss_id=toss.toss_id,
+            body=toss.body,
+            model="polytope",
+            parameters_version=self.version,
+            estimator=self.config.estimator.value,
+            influence_bound=self.config.influence_bound,
+            blocks=self.blocks,
+            transitions=int(solved.size),
+            not_scored=int(solved.size - solved.sum()),
+            duration=toss.duration,
+            mean_loss=float(sums.losses[own][solved].mean()),
+            block_traces=np.array([diagonal[block.start : block.stop].sum() for block in self.blocks]),
+            score_sum=sums.score_sums[k] @ self.form.chart,
+            factor=factor,
+            centroid=toss.positions.mean(axis=0) / self.body.length_scale,
+            tilt_axes=self.form.tilt_axes,
+        )
