@@ -70,25 +70,16 @@ class RawMessage(NamedTuple):
     type_hash: str
 
 
-class StoredMessage(NamedTuple):
-    """A message in its storage's own encoding; `channel` names the stream it belongs to."""
-
-    log_time_ns: int
-    publish_time_ns: int
-    channel: int
-    data: bytes
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Channel:
-    """A stream of messages of one type on one topic, as a storage file declares it.
+    """A stream of messages of one type on one topic, as a storage file declares it; compared by identity.
 
     Attributes:
         topic: name.
-        type: ROS 2 type name.
+        type: ROS 2 type name; empty where the file does not say.
         encoding: of the messages: `cdr`, `ros1`, or something this package cannot decode.
         schema: definition text; empty where the file carries none.
-        schema_encoding: `ros2msg`, `ros2idl`, `ros1msg` or empty.
+        schema_encoding: `ros2msg`, `ros2idl`, `ros1msg`, something this package cannot read, or empty.
         type_hash: `RIHS01_...`; empty where the file carries none.
         qos: as recorded; None where the file does not say.
     """
@@ -100,3 +91,12 @@ class Channel:
     schema_encoding: str
     type_hash: str
     qos: OfferedQos | None
+
+
+class StoredMessage(NamedTuple):
+    """A message in its storage's own encoding."""
+
+    log_time_ns: int
+    publish_time_ns: int
+    channel: Channel
+    data: bytes
