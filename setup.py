@@ -1,7 +1,7 @@
 """Installs contact_curation with pip or colcon and builds its kernel; names and version come from package.xml.
 
-The kernel is one shared library with a plain C interface, loaded with ctypes: no tie to an interpreter's or torch's ABI, the GIL is free
-while it runs, and it builds in seconds. Two variants are built: one for this CPU, and one for any of its kind to fall back on.
+The kernel is one shared library with a plain C interface, loaded with ctypes: no tie to the ABI of an interpreter or of torch, the
+GIL is free while it runs, and it builds in seconds. It is built twice: for this CPU, and to fall back on for any CPU of its kind.
 """
 
 import os
@@ -24,7 +24,7 @@ NODES = ["pose_ingest", "fisher_scorer", "curator", "player"]
 
 KERNEL_FOLDERS = [Path(NAME, "solver", "kernel"), Path(NAME, "contact", "kernel")]
 KERNEL_FLAGS = ["-std=c++17", "-O3", "-fno-math-errno", "-ffp-contract=fast", "-funroll-loops", "-Wall", "-Wextra"]
-KERNEL_FLAGS += ["-fPIC", "-shared", "-pthread", f"-I{KERNEL_FOLDERS[0]}"]
+KERNEL_FLAGS += ["-fPIC", "-shared", "-pthread", f"-I{HERE / KERNEL_FOLDERS[0]}"]
 KERNEL_VARIANTS = {"_kernel_native": ["-march=native"], "_kernel_baseline": []}
 
 
@@ -47,14 +47,15 @@ class BuildKernel(build_ext):
         return str(Path(*fullname.split("."))) + ".so"
 
     def build_extension(self, ext: Extension) -> None:
-        library = Path(self.get_ext_fullpath(ext.name))
+        library = Path(self.get_ext_fullpath(ext.name)).absolute()
         library.parent.mkdir(parents=True, exist_ok=True)
         compiler = shlex.split(os.environ.get("CXX", "c++"))
         if shutil.which(compiler[0]) is None:
             raise CompileError(f"found no C++ compiler {compiler[0]}, expected one (Debian, Ubuntu: sudo apt install g++)")
-        command = [*compiler, *KERNEL_FLAGS, *ext.extra_compile_args, *ext.sources, "-o", str(library)]
+        command = [*compiler, *KERNEL_FLAGS, *ext.extra_compile_args, *(str(HERE / source) for source in ext.sources)]
+        command += ["-o", str(library)]
         self.announce(shlex.join(command), level=2)
-        if subprocess.run(command, cwd=HERE, check=False).returncode != 0:
+        if subprocess.run(command, check=False).returncode != 0:
             raise CompileError(f"{ext.name} did not compile; the compiler's message is above")
         if ext.extra_compile_args:
             library.with_suffix(".flags").write_text(f"{platform.machine()} {cpu_features()}\n")
@@ -71,7 +72,7 @@ setup(
     description=MANIFEST.findtext("description"),
     license=MANIFEST.findtext("license"),
     maintainer=MANIFEST.findtext("maintainer"),
-    maintainer_email=MANIFEST.find("maintainer").get("email"),
+    maintainer_email=next(MANIFEST.iter("maintainer")).get("email"),
     long_description=(HERE / "README.md").read_text(encoding="utf-8"),
     long_description_content_type="text/markdown",
     python_requires=">=3.12",

@@ -1,7 +1,7 @@
 """Finds and loads the compiled kernel: the variant built for this CPU where it fits, otherwise the portable one.
 
-A library built with -march=native stops the process with an illegal instruction on a CPU that lacks one of the features it was built
-for (a copied folder, a container image), so the features are recorded beside it and compared before it is loaded.
+A library built with -march=native stops the process with an illegal instruction on a CPU that lacks one of the features it was
+built for (a copied folder, a container image), so the features are recorded beside it and compared before it is loaded.
 """
 
 import ctypes
@@ -47,7 +47,7 @@ def choose_kernel(folder: Path, features: frozenset[str]) -> Path:
 
 
 def cpu_features(description: Path) -> frozenset[str]:
-    """The machine's architecture and the features that Linux lists in /proc/cpuinfo; only the former where there is no such file."""
+    """The machine's architecture and the features that Linux lists in `description`; only the former without such a file."""
     lines = description.read_text().splitlines() if description.exists() else []
     found = next((line for line in lines if line.startswith(("flags", "Features"))), ":")
     return frozenset([platform.machine(), *found.split(":", 1)[1].split()])

@@ -1,7 +1,7 @@
-"""From generated sources to the libraries of an interface package, compiled against the headers and libraries of this environment.
+"""From generated sources to the libraries of an interface package, compiled against this environment's headers and libraries.
 
-Names and contents are ament_cmake's: five shared libraries that the type support dispatch finds by name in the library path, and one
-Python extension per type support.
+Names and contents are ament_cmake's: five shared libraries that the type support dispatch finds by name in the library path,
+and one Python extension per type support.
 """
 
 import os
@@ -9,15 +9,37 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from pip_build.generation import TYPE_SUPPORTS, GeneratedSources
+
+from pip_build.generation import ALL_TYPE_SUPPORTS, GeneratedSources
 
 PREFIX = Path(sys.prefix)
+OURS = "this package's "
+SHARED_LIBRARIES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "rosidl_generator_c": (".c", ("rosidl_runtime_c", "rcutils")),
+    "rosidl_typesupport_fastrtps_c": (
+        ".cpp",
+        (
+            f"{OURS}rosidl_generator_c",
+            "rosidl_typesupport_fastrtps_c",
+            "rosidl_typesupport_fastrtps_cpp",
+            "fastcdr",
+            "rosidl_runtime_c",
+        ),
+    ),
+    "rosidl_typesupport_introspection_c": (
+        ".c",
+        (f"{OURS}rosidl_generator_c", "rosidl_typesupport_introspection_c", "rosidl_runtime_c"),
+    ),
+    "rosidl_typesupport_c": (".cpp", (f"{OURS}rosidl_generator_c", "rosidl_typesupport_c", "rosidl_runtime_c")),
+    "rosidl_generator_py": ("_s.c", (f"{OURS}rosidl_generator_c", f"{OURS}rosidl_typesupport_c", "rosidl_runtime_c")),
+}
+"""Per generator: the ending of its sources, and what its library links."""
+
 
 @dataclass(frozen=True)
 class Library:
@@ -49,7 +71,8 @@ def compile_all(generated: GeneratedSources, libraries: Path, modules: Path) -> 
     includes = _includes(generated)
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
         compiled = {
-            library.target: [pool.submit(_compile, source, includes) for source in library.sources] for library in (*shared, *extensions)
+            library.target: [pool.submit(_compile, source, includes) for source in library.sources]
+            for library in (*shared, *extensions)
         }
         for library in (*shared, *extensions):
             _link(library, [task.result() for task in compiled[library.target]], libraries)
@@ -65,37 +88,27 @@ def check_tools() -> None:
 
 
 def _shared_libraries(generated: GeneratedSources, folder: Path) -> list[Library]:
-    """The libraries in the order of their dependence."""
+    """The libraries in the order of their dependence; each links its namesakes of the packages that this one depends on."""
     name = generated.package.name
-
-    def library(generator: str, suffix: str, links: Iterable[str]) -> Library:
-        others = tuple(f"{depend}__{generator}" for depend in generated.package.depends)
+    libraries = []
+    for generator, (suffix, links) in SHARED_LIBRARIES.items():
+        ours = [f"{name}__{link.removeprefix(OURS)}" if link.startswith(OURS) else link for link in links]
+        others = [f"{depend}__{generator}" for depend in generated.package.depends]
         target = folder / f"lib{name}__{generator}.so"
-        return Library(target, tuple(generated.sources(generator, suffix)), (*links, *others), "$ORIGIN")
-
-    messages = f"{name}__rosidl_generator_c"
-    fastrtps = ("rosidl_typesupport_fastrtps_c", "rosidl_typesupport_fastrtps_cpp", "fastcdr", "rosidl_runtime_c", "rmw", "rcutils")
-    python_sources = tuple(generated.sources("rosidl_generator_py", "_s.c"))
-    python = library("rosidl_generator_py", "_s.c", (messages, f"{name}__rosidl_typesupport_c", "rosidl_runtime_c"))
-    return [
-        library("rosidl_generator_c", ".c", ("rosidl_runtime_c", "rcutils")),
-        library("rosidl_typesupport_fastrtps_c", ".cpp", (messages, *fastrtps)),
-        library("rosidl_typesupport_introspection_c", ".c", (messages, "rosidl_typesupport_introspection_c", "rosidl_runtime_c")),
-        library("rosidl_typesupport_c", ".cpp", (messages, "rosidl_typesupport_c", "rosidl_runtime_c")),
-        Library(python.target, python_sources, python.links, python.rpath),
-    ]
+        libraries.append(Library(target, tuple(generated.sources(generator, suffix)), (*ours, *others), "$ORIGIN"))
+    return libraries
 
 
 def _extensions(generated: GeneratedSources, modules: Path) -> list[Library]:
     """The Python extensions, which hand the C type supports to rclpy."""
     name = generated.package.name
-    common = (f"{name}__rosidl_generator_py", f"{name}__rosidl_typesupport_c", f"{name}__rosidl_generator_c", "rosidl_runtime_c")
     extensions = []
-    for support in ("rosidl_typesupport_c", *TYPE_SUPPORTS):
+    for support in ALL_TYPE_SUPPORTS:
         target = modules / name / f"{name}_s__{support}{sysconfig.get_config_var('EXT_SUFFIX')}"
         sources = tuple(generated.sources("rosidl_generator_py", f".ep.{support}.c"))
-        links = (*common, f"{name}__{support}", support)
-        extensions.append(Library(target, sources, tuple(dict.fromkeys(links)), "$ORIGIN/../../.."))
+        ours = dict.fromkeys(("rosidl_generator_py", "rosidl_typesupport_c", "rosidl_generator_c", support))
+        links = (*(f"{name}__{generator}" for generator in ours), support, "rosidl_runtime_c")
+        extensions.append(Library(target, sources, links, "$ORIGIN/../../.."))
     return extensions
 
 

@@ -1,8 +1,8 @@
 """From definitions to sources: the stages that ament_cmake's rosidl_generate_interfaces runs, called in the same order.
 
-.msg/.srv/.action -> .idl -> type description (JSON, with the RIHS01 type hash) -> C, type supports and Python. The hash is a function of
-the type description alone, so that a colcon build of the same definitions announces the same types.
-The generators are called through their Python functions: the `rosidl` command stops at entry points that the wheels register twice.
+.msg/.srv/.action -> .idl -> type description (JSON, with the RIHS01 type hash) -> C, type supports and Python. The hash is a
+function of the type description alone, so that a colcon build of the same definitions announces the same types. The generators
+are called through their Python functions: the `rosidl` command stops at entry points that the wheels register twice.
 """
 
 import json
@@ -18,18 +18,20 @@ import rosidl_generator_type_description
 import rosidl_typesupport_c
 import rosidl_typesupport_fastrtps_c
 import rosidl_typesupport_introspection_c
-from pip_build.interface_package import InterfacePackage
 from rosidl_adapter import convert_to_idl
+
+from pip_build.interface_package import InterfacePackage
 
 TYPE_SUPPORTS = ("rosidl_typesupport_fastrtps_c", "rosidl_typesupport_introspection_c")
 """What the dispatching rosidl_typesupport_c chooses from at run time."""
+ALL_TYPE_SUPPORTS = ("rosidl_typesupport_c", *TYPE_SUPPORTS)
 
 _GENERATORS: dict[str, Callable[[str], Any]] = {
     "rosidl_generator_c": rosidl_generator_c.generate_c,
     "rosidl_typesupport_fastrtps_c": rosidl_typesupport_fastrtps_c.generate_typesupport_fastrtps_c,
     "rosidl_typesupport_introspection_c": rosidl_typesupport_introspection_c.generate_c,
     "rosidl_typesupport_c": lambda arguments: rosidl_typesupport_c.generate_c(arguments, list(TYPE_SUPPORTS)),
-    "rosidl_generator_py": lambda arguments: rosidl_generator_py.generate_py(arguments, ["rosidl_typesupport_c", *TYPE_SUPPORTS]),
+    "rosidl_generator_py": lambda arguments: rosidl_generator_py.generate_py(arguments, list(ALL_TYPE_SUPPORTS)),
 }
 
 
@@ -102,9 +104,9 @@ def _description_of(idl_tuple: str, descriptions: list[Path]) -> Path:
 def _arguments(package: InterfacePackage, idl_tuples: list[str], output: Path, **more: object) -> str:
     """Write a generator's arguments file; gives its path."""
     output.mkdir(parents=True, exist_ok=True)
-    content = {"package_name": package.name, "output_dir": str(output), "idl_tuples": idl_tuples, "target_dependencies": [], **more}
+    content = {"package_name": package.name, "output_dir": str(output), "idl_tuples": idl_tuples, "target_dependencies": []}
     path = output / "arguments.json"
-    path.write_text(json.dumps(content, indent=2))
+    path.write_text(json.dumps(content | more, indent=2))
     return str(path)
 
 

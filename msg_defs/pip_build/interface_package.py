@@ -39,7 +39,9 @@ def read_interface_package(folder: Path) -> InterfacePackage:
     """
     folder = folder.resolve()
     root = ElementTree.parse(folder / "package.xml").getroot()
-    definitions = tuple(sorted(path.relative_to(folder) for kind in ("msg", "srv", "action") for path in folder.glob(f"{kind}/*.{kind}")))
+    definitions = tuple(
+        sorted(path.relative_to(folder) for kind in ("msg", "srv", "action") for path in folder.glob(f"{kind}/*.{kind}"))
+    )
     if not definitions:
         raise ValueError(f"{folder}: found no definition, expected files such as msg/NAME.msg")
     implied = {package for path in definitions for package in IMPLIED_BY_KIND.get(path.parts[0], ())}

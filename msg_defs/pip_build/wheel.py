@@ -7,9 +7,10 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from pip_build.interface_package import InterfacePackage, read_interface_package
 from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
+
+from pip_build.interface_package import InterfacePackage, read_interface_package
 
 
 def setup_interface_package(folder: Path, distribution: str) -> None:

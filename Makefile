@@ -1,0 +1,73 @@
+# Every target sets up what is missing: a virtual environment from the lock file, the messages, the compiled kernel.
+# The files in $(DONE) remember what is done; a kernel is built for one CPU, so its name is part of that file's.
+
+VENV := .venv
+PYTHON := $(VENV)/bin/python
+DONE := $(VENV)/done
+CPU := $(shell (uname -m; grep -m1 -E '^(flags|Features)' /proc/cpuinfo) 2>/dev/null | cksum | cut -d' ' -f1)
+CHECKED := contact_curation test benchmarks msg_defs setup.py .ci/lock
+TYPED := contact_curation test benchmarks setup.py msg_defs/install.py msg_defs/pip_build .ci/lock
+
+MESSAGE_SOURCES := $(shell find msg_defs -name build -prune -o -name '*.egg-info' -prune -o -name __pycache__ -prune -o -type f -print)
+KERNEL_SOURCES := $(wildcard contact_curation/*/kernel/*)
+
+# A sourced ROS would put its own packages before those of the virtual environment.
+unexport PYTHONPATH PYTHONHOME AMENT_PREFIX_PATH COLCON_PREFIX_PATH CMAKE_PREFIX_PATH LD_LIBRARY_PATH
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+
+.PHONY: demo test test-slow check format bench setup lock clean distclean
+.DELETE_ON_ERROR:
+
+demo: setup
+	$(PYTHON) -m contact_curation.cli.demo $(if $(DATA),--data $(DATA))
+
+test: setup
+	$(PYTHON) -m pytest
+
+test-slow: setup
+	$(PYTHON) -m pytest -m slow
+
+check: setup
+	$(PYTHON) -m ruff check $(CHECKED)
+	$(PYTHON) -m ruff format --check $(CHECKED)
+	$(PYTHON) -m mypy $(TYPED)
+
+format: setup
+	$(PYTHON) -m ruff check --fix $(CHECKED)
+	$(PYTHON) -m ruff format $(CHECKED)
+
+bench: setup
+	@set -e; for script in $(filter-out benchmarks/_%,$(wildcard benchmarks/*.py)); do \
+		module=$$(echo $${script%.py} | tr / .); echo "== $$module"; $(PYTHON) -m $$module; \
+	done
+
+setup: $(DONE)/package-$(CPU)
+
+$(DONE)/environment: requirements.lock
+	@python=$$(.ci/find-python) && \
+	if [ -e $(VENV) ] && ! $(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 12))' 2>/dev/null; then \
+		rm -rf $(VENV); \
+	fi && \
+	if [ ! -e $(PYTHON) ]; then "$$python" -m venv $(VENV); fi
+	$(PYTHON) -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	@mkdir -p $(DONE) && touch $@
+
+$(DONE)/messages: $(DONE)/environment $(MESSAGE_SOURCES)
+	$(PYTHON) msg_defs/install.py
+	@touch $@
+
+$(DONE)/package-$(CPU): $(DONE)/messages setup.py setup.cfg package.xml $(KERNEL_SOURCES)
+	PYTHONWARNINGS=ignore $(PYTHON) -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@rm -f $(DONE)/package-* && touch $@
+
+lock:
+	.ci/find-python >/dev/null && $$(.ci/find-python) .ci/lock
+
+clean:
+	rm -rf build dist install log *.egg-info msg_defs/build msg_defs/*.egg-info msg_defs/vendored/*/build msg_defs/vendored/*/*.egg-info
+	rm -rf .mypy_cache .ruff_cache .pytest_cache .hypothesis $(DONE)
+	rm -f contact_curation/solver/_kernel_*
+	find contact_curation test benchmarks msg_defs -name __pycache__ -type d -prune -exec rm -rf {} +
+
+distclean: clean
+	rm -rf $(VENV)
