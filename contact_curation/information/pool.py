@@ -1,0 +1,137 @@
+"""The tosses that are ranked together: all scored at one theta, in the order of their ids.
+
+Sorting by id first makes every later sum, tie and result independent of the order in which the tosses came.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.information.record import TossInformation
+
+Indices = NDArray[np.int64]
+
+CHUNK = 64
+"""Tosses whose factors are stacked at a time: less than a MB, which stays in the cache, however large the pool is."""
+
+SHARED = ("body", "model", "parameters_version", "estimator", "influence_bound", "blocks")
+"""What the tosses of a pool must have in common for their information to be comparable."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pool:
+    """K tosses scored at one theta; made by `pool_of`.
+
+    Attributes:
+        infos: K records in the order of their ids.
+        gauge: (G, P) directions of theta that no data can tell (METHOD 1.1), as rows; None when there are none.
+        prior: (P, P) positive definite prior information A0 in the units of theta; None for a share of the mean toss's.
+    """
+
+    infos: tuple[TossInformation, ...]
+    gauge: Array | None = None
+    prior: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self.infos)
+
+    @cached_property
+    def ids(self) -> tuple[str, ...]:
+        """K ids, ascending."""
+        return tuple(info.toss_id for info in self.infos)
+
+    @property
+    def parameters(self) -> int:
+        """P."""
+        return self.infos[0].parameters
+
+    @cached_property
+    def scored_transitions(self) -> Indices:
+        """(K,) how many transitions of each toss carry a score."""
+        return np.array([info.transitions - info.not_scored for info in self.infos], dtype=np.int64)
+
+    @cached_property
+    def fisher(self) -> Array:
+        """(P, P) pooled Fisher sum, up to the factors' truncation."""
+        pooled = np.zeros((self.parameters, self.parameters))
+        for indices in self.chunks():
+            rows = np.concatenate([self.infos[i].factor for i in indices])
+            pooled += rows.T @ rows
+        return pooled
+
+    def chunks(self) -> Iterator[Indices]:
+        """All indices, a handful of tosses at a time."""
+        for first in range(0, len(self), CHUNK):
+            yield np.arange(first, min(first + CHUNK, len(self)))
+
+    def stacked(self, indices: Sequence[int] | Indices) -> Array:
+        """Factors (b, R, P) of b tosses; rows of zeros fill up the shorter ones and carry no information."""
+        return stacked_factors([self.infos[i] for i in indices])
+
+    def indices_of(self, toss_ids: Iterable[str]) -> Indices:
+        """Where tosses stand in the pool.
+
+        Raises:
+            InvalidValueError: an id is not in the pool.
+        """
+        try:
+            return np.array([self._index[toss_id] for toss_id in toss_ids], dtype=np.int64)
+        except KeyError as error:
+            raise InvalidValueError("toss id", error.args[0], f"one of the {len(self)} tosses of the pool") from error
+
+    @cached_property
+    def _index(self) -> dict[str, int]:
+        return {toss_id: index for index, toss_id in enumerate(self.ids)}
+
+
+def pool_of(infos: Iterable[TossInformation], gauge: Array | None = None, prior: Array | None = None) -> Pool:
+    """The pool of some tosses, in whatever order they come.
+
+    Args:
+        infos: at least one toss, each id once.
+        gauge: (G, P) or (P,) directions of theta that no data can tell.
+        prior: (P, P) prior information A0 in the units of theta.
+
+    Raises:
+        InvalidValueError: no toss, an id twice, tosses scored at different thetas, or a gauge or prior of the wrong shape.
+    """
+    ordered = sorted(infos, key=lambda info: info.toss_id)
+    if not ordered:
+        raise InvalidValueError("tosses to rank", "none", "at least one")
+    for one, other in pairwise(ordered):
+        if one.toss_id == other.toss_id:
+            raise InvalidValueError("tosses to rank", f"{one.toss_id} twice", "each toss once")
+        check_comparable(one, other)
+    size = ordered[0].parameters
+    directions = None if gauge is None else np.atleast_2d(gauge)
+    if directions is not None and (directions.ndim != 2 or directions.shape[1] != size):
+        raise InvalidValueError("gauge directions", f"shape {directions.shape}", f"(G, {size})")
+    if prior is not None and prior.shape != (size, size):
+        raise InvalidValueError("prior information", f"shape {prior.shape}", f"({size}, {size})")
+    return Pool(tuple(ordered), directions, prior)
+
+
+def check_comparable(one: TossInformation, other: TossInformation) -> None:
+    """Raise InvalidValueError when two tosses were not scored at the same theta in the same way."""
+    for name in SHARED:
+        if getattr(one, name) != getattr(other, name):
+            found = f"{getattr(one, name)!r} of {one.toss_id} and {getattr(other, name)!r} of {other.toss_id}"
+            raise InvalidValueError(f"{name} of the tosses to rank", found, "the same for all")
+
+
+def stacked_factors(infos: Sequence[TossInformation]) -> Array:
+    """Factors (b, R, P) of b >= 1 tosses, R the most rows among them; shorter ones end in rows of zeros."""
+    counts = {info.factor.shape[0] for info in infos}
+    rows, parameters = max(counts), infos[0].parameters
+    if len(counts) == 1:
+        return np.concatenate([info.factor for info in infos]).reshape(len(infos), rows, parameters)
+    stack = np.zeros((len(infos), rows, parameters))
+    for filled, info in zip(stack, infos):
+        filled[: info.factor.shape[0]] = info.factor
+    return stack

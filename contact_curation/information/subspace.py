@@ -1,0 +1,102 @@
+"""The identifiable subspace of the parameters, and coordinates in which the pooled information is the identity (METHOD 1.6).
+
+The pooled F is singular: gauge freedoms are exact null directions, and some parameters were never measured. What the data can
+tell is spanned by the eigenvectors of F above a relative cut. The eigenvalues are taken after scaling every parameter to unit
+pooled information, D F D with D = diag(F)^(-1/2): then neither the cut nor anything built on it depends on the units of theta,
+and the condition number is within a factor P of the best that any scaling reaches (van der Sluis 1969).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+
+UNMEASURED = 1e-24
+"""A parameter with less than this share of the largest diagonal entry was never measured.
+
+Rounding leaves about 1e-32; a change of units by 1e6 between two parameters moves their ratio by 1e12.
+"""
+
+EIGENVALUE_CUT = 1e-8
+"""Directions below this share of the largest eigenvalue are not identifiable (METHOD 1.6)."""
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiableSubspace:
+    """What a pool of tosses can tell about theta.
+
+    Attributes:
+        whitening: (P, p) C with C^T F C = I for the pooled F; a toss's factor W becomes W C.
+        eigenvalues: (p,) of the scaled F on the subspace, ascending.
+    """
+
+    whitening: Array
+    eigenvalues: Array
+
+    @property
+    def dimension(self) -> int:
+        """The number p of identifiable directions."""
+        return int(self.eigenvalues.size)
+
+    @property
+    def parameters(self) -> int:
+        """P."""
+        return int(self.whitening.shape[0])
+
+    def per_mean_toss(self, tosses: int) -> Array:
+        """(P, p) coordinates in which the mean of `tosses` tosses' information is the identity."""
+        return np.asarray(self.whitening * np.sqrt(tosses))
+
+
+def identifiable_subspace(fisher: Array, cut: float = EIGENVALUE_CUT, gauge: Array | None = None) -> IdentifiableSubspace:
+    """The identifiable subspace of a pooled Fisher matrix.
+
+    Args:
+        fisher: (P, P) pooled Fisher sum.
+        cut: eigenvalues above this share of the largest are kept.
+        gauge: (G, P) directions of theta that no data can tell; they are taken out before the cut.
+
+    Raises:
+        InvalidValueError: nothing is identifiable, because no toss carries information.
+    """
+    diagonal = np.diagonal(fisher)
+    measured = diagonal > UNMEASURED * max(float(diagonal.max(initial=0.0)), np.finfo(float).tiny)
+    if not measured.any():
+        raise InvalidValueError("pooled information", "zero", "at least one toss that tells something about theta")
+    scale = np.zeros(len(diagonal))
+    scale[measured] = diagonal[measured] ** -0.5
+    free = _free_directions(measured, scale, gauge)  # (P, P'), orthonormal, in scaled parameters
+    values, vectors = np.linalg.eigh(free.T @ (scale[:, None] * fisher * scale) @ free)
+    kept = values > cut * values.max(initial=np.finfo(float).eps)
+    if not kept.any():
+        raise InvalidValueError("pooled information", "nothing beside the gauge directions", "an identifiable direction")
+    basis = scale[:, None] * (free @ vectors[:, kept])
+    return IdentifiableSubspace(whitening=basis / np.sqrt(values[kept]), eigenvalues=values[kept])
+
+
+def coordinates_of_prior(prior: Array) -> Array:
+    """Coordinates (P, P) C with C^T A0 C = I for a prior information matrix A0.
+
+    Raises:
+        InvalidValueError: A0 is not positive definite.
+    """
+    try:
+        lower = np.linalg.cholesky(prior)
+    except np.linalg.LinAlgError as error:
+        found = f"smallest eigenvalue {np.linalg.eigvalsh(prior)[0]:.3g}"
+        raise InvalidValueError("prior information", found, "a positive definite matrix") from error
+    return np.asarray(np.linalg.inv(lower).T)
+
+
+def _free_directions(measured: np.ndarray[tuple[int], np.dtype[np.bool_]], scale: Array, gauge: Array | None) -> Array:
+    """Orthonormal columns that span the measured, scaled parameters without the gauge directions."""
+    axes = np.eye(len(scale))[:, measured]
+    if gauge is None:
+        return axes
+    scaled = gauge[:, measured] / scale[measured]  # theta = D theta_scaled
+    lengths = np.linalg.norm(scaled, axis=1, keepdims=True)
+    _, singular, right = np.linalg.svd(scaled / np.where(lengths > 0.0, lengths, 1.0), full_matrices=True)
+    rank = int(np.count_nonzero(singular > EIGENVALUE_CUT))
+    return np.asarray(axes @ right[rank:].T)
