@@ -1,7 +1,7 @@
 """Installs contact_curation with pip or colcon and builds its kernel; names and version come from package.xml.
 
-The kernel is one shared library with a plain C interface, loaded with ctypes: no tie to the ABI of an interpreter or of torch, the
-GIL is free while it runs, and it builds in seconds. It is built twice: for this CPU, and to fall back on for any CPU of its kind.
+The kernel is one shared library with a plain C interface, loaded with ctypes: no tie to the ABI of an interpreter or of torch,
+the GIL is free while it runs, and it builds in seconds. It is built for this CPU, and again for any CPU of its kind.
 """
 
 import os
