@@ -1,7 +1,7 @@
 """Tosses of our own making, for tests that a clone alone can run: seeded releases like the real ones, rolled out to rest.
 
-The releases follow METHOD 3 and 5: normal in the heading frame, whose x axis is the horizontal direction of flight; headings and
-orientations are uniform. `test_simulated.py` holds them and the tracker's noise against the real tosses.
+The releases follow METHOD 3 and 5: normal in the heading frame, whose x axis is the horizontal direction of flight; headings
+and orientations are uniform. `test_simulated.py` holds them and the tracker's noise against the real tosses.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from contact_curation.motion.toss import NANOSECONDS, Toss, toss_identity
 FRAME_PERIOD = 1.0 / 148.0
 RELEASE_MEAN = np.array([-0.307, -0.013, 0.141, 1.14, -0.03, -0.85, 3.41, -0.15])
 RELEASE_DEVIATION = np.array([0.041, 0.033, 0.016, 0.085, 0.16, 1.16, 1.60, 0.88])
-"""Along and across the heading, height [m]; horizontal, vertical speed [m/s]; angular velocity [rad/s]; in the heading frame."""
+"""In the heading frame: place along, across, up [m]; speed along, up [m/s]; angular velocity [rad/s]."""
 
 RELEASE_CLEARANCE = 0.015
 """A release has every corner higher than this [m]."""
