@@ -41,7 +41,7 @@ class Body:
         if inertia.shape == (3,):
             inertia = np.diag(inertia)
         if inertia.shape != (3, 3) or not np.isfinite(inertia).all() or np.linalg.eigvalsh(inertia).min() <= 0.0:
-            raise InvalidValueError("inertia", np.array2string(inertia).replace("\n", ""), "3 or 3x3 positive numbers [kg m^2]")
+            raise InvalidValueError("inertia", np.array2string(inertia), "3 or 3x3 positive numbers [kg m^2]")
         object.__setattr__(self, "inertia", inertia)
         for name in ("mass", "length_scale", "gravity"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
@@ -78,8 +78,9 @@ class Body:
             raise InvalidValueError("body", f"keys {unknown}", f"keys among {sorted(known)}")
         missing = sorted({"name", "mass", "inertia", "friction", "length_scale"} - set(data))
         if missing or ("vertices" in data) == ("half_extents" in data):
-            raise InvalidValueError("body", f"keys {sorted(data)}", "name, mass, inertia, friction, length_scale, and vertices or half_extents")
-        shape = np.asarray(data["vertices"], dtype=float) if "vertices" in data else box(_numbers(data, "half_extents")).vertices
+            wanted = "name, mass, inertia, friction, length_scale, and either vertices or half_extents"
+            raise InvalidValueError("body", f"keys {sorted(data)}", wanted)
+        shape = _numbers(data, "vertices") if "vertices" in data else box(_numbers(data, "half_extents")).vertices
         return Body(
             name=str(data["name"]),
             vertices=shape,
@@ -98,10 +99,13 @@ def _numbers(data: Mapping[str, object], key: str) -> Array:
         raise InvalidValueError(f"body {key}", data[key], "numbers") from error
 
 
+_CUBE_CORNERS = np.array(
+    [[-1, -1, 1], [-1, -1, -1], [-1, 1, -1], [-1, 1, 1], [1, -1, 1], [1, -1, -1], [1, 1, -1], [1, 1, 1]], dtype=float
+)
+
 CONTACTNETS_CUBE = Body(
     name="cube",
-    vertices=0.0524
-    * np.array([[-1, -1, 1], [-1, -1, -1], [-1, 1, -1], [-1, 1, 1], [1, -1, 1], [1, -1, -1], [1, 1, -1], [1, 1, 1]], dtype=float),
+    vertices=0.0524 * _CUBE_CORNERS,
     mass=0.37,
     inertia=np.full(3, 8.1e-4),
     friction=0.18,

@@ -1,7 +1,7 @@
-"""The ground's tilt and height taken about the centroid of a pool, so that nothing depends on where the board's origin lies.
+"""The ground's tilt and height taken about the centroid of a pool: nothing depends on where the board's origin lies.
 
-With the plane n(tilt) . (x - pivot) = height, moving the pivot by d along the board changes only which combination of tilt and height is
-called tilt: d/dtilt_a becomes d/dtilt_a + (b_a . d) d/dheight, b_a the directions in which the tilt moves the normal (METHOD 1.1, 2.2).
+With the plane n(tilt) . (x - pivot) = height, moving the pivot by d changes only which combination of tilt and height is called
+tilt: d/dtilt_a becomes d/dtilt_a + (b_a . d) d/dheight, b_a the direction in which tilt a moves the normal (METHOD 1.1, 2.2).
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.record import TossInformation
+from contact_curation.information.record import ParameterBlock, TossInformation
 
 
 def pool_centroid(infos: Sequence[TossInformation]) -> Array:
@@ -31,14 +31,29 @@ def recentred(infos: Sequence[TossInformation]) -> tuple[TossInformation, ...]:
 
 
 def recentred_on(info: TossInformation, pivot: Array) -> TossInformation:
-    """The same information about `pivot` (3,) instead of the board's origin.
+    """The same information about `pivot` (3,) instead of the toss's own centroid.
 
     Block traces change by what the factor says: the directions it was cut down to hold the tilt and the height to rounding.
     """
     spans = {block.name: block for block in info.blocks}
-    change = np.eye(info.parameters)
-    change[spans["height"].start, spans["tilt"].start : spans["tilt"].stop] = info.tilt_axes @ pivot
-    factor = info.factor @ change
+    shift = info.tilt_axes @ (pivot - info.centroid)
+    factor, score_sum = (_sheared(rows, spans["tilt"], spans["height"], shift) for rows in (info.factor, info.score_sum))
     gained = np.square(factor).sum(axis=0) - np.square(info.factor).sum(axis=0)
     moved = np.array([gained[block.start : block.stop].sum() for block in info.blocks])
-    return replace(info, factor=factor, score_sum=info.score_sum @ change, block_traces=np.maximum(info.block_traces + moved, 0.0))
+    return replace(info, factor=factor, score_sum=score_sum, block_traces=np.maximum(info.block_traces + moved, 0.0))
+
+
+def about_centroids(fishers: Array, score_sums: Array, blocks: Sequence[ParameterBlock], shifts: Array) -> tuple[Array, Array]:
+    """Fisher matrices (K, P, P) and score sums (K, P) with their pivots moved by `shifts` (K, 2) along the tilt's axes."""
+    spans = {block.name: block for block in blocks}
+    tilt, height = spans["tilt"], spans["height"]
+    half = _sheared(fishers, tilt, height, shifts[:, None])
+    whole = _sheared(half.transpose(0, 2, 1), tilt, height, shifts[:, None])
+    return whole, _sheared(score_sums, tilt, height, shifts)
+
+
+def _sheared(rows: Array, tilt: ParameterBlock, height: ParameterBlock, shift: Array) -> Array:
+    """Rows (..., P) with shift (..., 2) times their height column added to their tilt columns."""
+    moved = rows.copy()
+    moved[..., tilt.start : tilt.stop] += rows[..., height.start : height.stop] * shift
+    return moved

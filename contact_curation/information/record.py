@@ -37,8 +37,8 @@ class TossInformation:
         score_sum: (P,) sum of the scores g_t.
         factor: (R, P) W with F = W^T W the Fisher sum, up to truncation at R rows.
         centroid: (3,) mean position, characteristic lengths.
-        tilt_axes: (2, 3) directions in which blocks "tilt" and "height" move the ground's plane about the board's origin; (0, 3)
-            where the model has no such blocks.
+        tilt_axes: (2, 3) directions in which block "tilt" moves the ground's normal, the pivot being the centroid;
+            (0, 3) where the model has no tilt and height.
     """
 
     toss_id: str

@@ -1,12 +1,14 @@
 """A toss becomes information: its transitions are scored at one theta and summed into a Fisher matrix, kept as a factor.
 
-This is the only place where motion meets contact. Scores are taken about the board's origin; `recentring` moves the pivot of the tilt.
+This is the only place where motion meets contact. The ground's tilt is taken about each toss's own centroid, so that no number
+depends on where the board's origin lies; `recentring` brings a pool to a common pivot.
 """
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +19,7 @@ from contact_curation.contact.parameter_form import Form, ParameterForm, paramet
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.factors import Compression, factors_of_fishers
+from contact_curation.information.recentring import about_centroids
 from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
@@ -37,7 +40,7 @@ class ScoringConfig:
     estimator: Estimator = Estimator.GAUSS_NEWTON
     influence_bound: float = np.inf
     form: Form = Form.PHYSICAL
-    compression: Compression = Compression()
+    compression: Compression = field(default_factory=Compression)
     loss: LossConfig = DEFAULT_LOSS
 
 
@@ -58,10 +61,26 @@ def parameters_version(geometry: ContactGeometry, body: Body) -> str:
     """A digest of theta and of the body's constants: equal numbers, equal version."""
     state = hashlib.sha256()
     constants = np.array([geometry.height, body.mass, body.gravity, body.length_scale])
-    parts = (geometry.vertices_normal, geometry.normal, geometry.vertices_tangent, geometry.tangents, geometry.pivot, body.inertia)
+    parts = (
+        geometry.vertices_normal,
+        geometry.normal,
+        geometry.vertices_tangent,
+        geometry.tangents,
+        geometry.pivot,
+        body.inertia,
+    )
     for part in (*parts, constants):
         state.update(np.ascontiguousarray(part).tobytes())
     return state.hexdigest()[:16]
+
+
+class _Summed(NamedTuple):
+    """Sums over one toss in its form: Fisher diagonal (P,), score sum (P,), factor (R, P), centroid (3,)."""
+
+    diagonal: Array
+    score_sum: Array
+    factor: Array
+    centroid: Array
 
 
 class Scorer:
@@ -79,7 +98,7 @@ class Scorer:
     def losses(self, tosses: Sequence[Toss]) -> Array:
         """Losses (N,) of all scored transitions of `tosses`, for choosing an influence bound."""
         rows = self._sums(transitions_of(self._checked(tosses), self.body.length_scale), None)
-        return rows.losses[rows.status == SolveStatus.SOLVED]
+        return np.asarray(rows.losses[rows.status == SolveStatus.SOLVED])
 
     def score(self, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:
         """What each toss teaches, in the order given.
@@ -89,10 +108,17 @@ class Scorer:
         """
         rows = transitions_of(self._checked(tosses), self.body.length_scale)
         sums = self._sums(rows, self.config.estimator)
+        centroids = np.array([toss.positions.mean(axis=0) / self.body.length_scale for toss in tosses])
         fishers = np.einsum("qp,kqr,rs->kps", self.form.chart, sums.fishers, self.form.chart, optimize=True)
+        score_sums = sums.score_sums @ self.form.chart
+        if self.form.tilt_axes.size:
+            fishers, score_sums = about_centroids(fishers, score_sums, self.blocks, centroids @ self.form.tilt_axes.T)
         factors = factors_of_fishers(0.5 * (fishers + fishers.transpose(0, 2, 1)), self.config.compression)
         return tuple(
-            self._information(toss, rows, sums, k, factors[k].rows, np.diagonal(fishers[k])) for k, toss in enumerate(tosses)
+            self._information(
+                toss, k, rows, sums, _Summed(np.diagonal(fishers[k]), score_sums[k], factors[k].rows, centroids[k])
+            )
+            for k, toss in enumerate(tosses)
         )
 
     def _checked(self, tosses: Sequence[Toss]) -> Sequence[Toss]:
@@ -115,12 +141,14 @@ class Scorer:
         )
 
     def _information(
-        self, toss: Toss, rows: Transitions, sums: FisherSums, k: int, factor: Array, diagonal: Array
+        self, toss: Toss, k: int, rows: Transitions, sums: FisherSums, summed: "_Summed"
     ) -> TossInformation | NotScored:
         own = slice(int(rows.starts[k]), int(rows.starts[k + 1]))
         solved = sums.status[own] == SolveStatus.SOLVED
         if not solved.any():
-            return NotScored(toss.toss_id, f"0 of {solved.size} transitions solved, worst residual {sums.residuals[own].max():.3g}")
+            return NotScored(
+                toss.toss_id, f"0 of {solved.size} transitions solved, worst residual {sums.residuals[own].max():.3g}"
+            )
         return TossInformation(
             toss_id=toss.toss_id,
             body=toss.body,
@@ -133,9 +161,9 @@ class Scorer:
             not_scored=int(solved.size - solved.sum()),
             duration=toss.duration,
             mean_loss=float(sums.losses[own][solved].mean()),
-            block_traces=np.array([diagonal[block.start : block.stop].sum() for block in self.blocks]),
-            score_sum=sums.score_sums[k] @ self.form.chart,
-            factor=factor,
-            centroid=toss.positions.mean(axis=0) / self.body.length_scale,
+            block_traces=np.array([summed.diagonal[block.start : block.stop].sum() for block in self.blocks]),
+            score_sum=summed.score_sum,
+            factor=summed.factor,
+            centroid=summed.centroid,
             tilt_axes=self.form.tilt_axes,
         )
