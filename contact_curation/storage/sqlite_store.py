@@ -1,0 +1,148 @@
+"""A SQLite file that outlives its writer's sudden death and lets other processes read while it is written.
+
+Write-ahead log, one transaction per change. With synchronous=NORMAL a commit hands its bytes to the operating system without
+waiting for the disk: the death of a process loses nothing that was committed, because the system has it; only the
+death of the machine can take the last commits, and it leaves the file consistent (sqlite.org/pragma.html#pragma_synchronous).
+"""
+
+import sqlite3
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from contact_curation.errors import UnreadableInputError
+
+WAIT_FOR_WRITERS = 30.0
+"""[s] until another process's transaction is over."""
+
+
+@dataclass(frozen=True)
+class StoreSchema:
+    """What a store file looks like.
+
+    Attributes:
+        what: its name in errors, e.g. "a toss store".
+        application_id: marks files of this kind, 31 bits.
+        version: of the tables; a file with a higher one is refused.
+        statements: that create the tables.
+    """
+
+    what: str
+    application_id: int
+    version: int
+    statements: tuple[str, ...]
+
+
+class SqliteStore:
+    """The file under a store; may be used from several threads, one at a time in a transaction.
+
+    Args:
+        path: of the file; made when there is none.
+        schema: what it must look like.
+
+    Raises:
+        UnreadableInputError: the file is something else, is of a newer version, or cannot be opened.
+    """
+
+    def __init__(self, path: Path, schema: StoreSchema) -> None:
+        self.path = Path(path)
+        self._lock = threading.RLock()
+        self._depth = 0
+        self._what = schema.what
+        with self._clear_errors():
+            self._connection = sqlite3.connect(
+                self.path, timeout=WAIT_FOR_WRITERS, isolation_level=None, check_same_thread=False
+            )
+        try:
+            with self._clear_errors():
+                self._prepare(schema)
+        except BaseException:
+            self.close()
+            raise
+
+    @contextmanager
+    def transaction(self) -> Iterator[None]:
+        """Everything done inside becomes permanent together, or not at all; may be nested."""
+        with self._lock, self._clear_errors():
+            outermost = self._depth == 0
+            self._depth += 1
+            try:
+                if outermost:
+                    self._connection.execute("BEGIN IMMEDIATE")
+                yield
+                if outermost:
+                    self._connection.execute("COMMIT")
+            except BaseException:
+                if outermost and self._connection.in_transaction:
+                    self._connection.execute("ROLLBACK")
+                raise
+            finally:
+                self._depth -= 1
+
+    def execute(self, statement: str, values: Sequence[Any] = ()) -> int:
+        """Runs a change in a transaction; returns the id of the row it added, if it added one."""
+        with self.transaction():
+            return self._connection.execute(statement, values).lastrowid or 0
+
+    def execute_many(self, statement: str, rows: Sequence[Sequence[Any]]) -> None:
+        """Runs a change for every row, in one transaction."""
+        with self.transaction():
+            self._connection.executemany(statement, rows)
+
+    def rows(self, query: str, values: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
+        """All rows of a query."""
+        with self._lock, self._clear_errors():
+            return self._connection.execute(query, values).fetchall()
+
+    def last_sequence(self, table: str) -> int:
+        """The highest sequence number that `table` ever gave out; deleting rows does not take it back."""
+        rows = self.rows("SELECT seq FROM sqlite_sequence WHERE name = ?", (table,))
+        return int(rows[0][0]) if rows else 0
+
+    def close(self) -> None:
+        self._connection.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    @contextmanager
+    def _clear_errors(self) -> Iterator[None]:
+        """SQLite's errors (no database, disk full, locked for too long) as ours, which name the file."""
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise UnreadableInputError(self.path, f"cannot be used as {self._what}: {error}") from error
+
+    def _prepare(self, schema: StoreSchema) -> None:
+        """Checks the file before anything in it is changed, and makes the tables of a new one."""
+        if self._is_new():
+            with self.transaction():
+                if self._is_new():  # no other process was faster
+                    for statement in schema.statements:
+                        self._connection.execute(statement)
+                    self._connection.execute(f"PRAGMA application_id = {schema.application_id}")
+                    self._connection.execute(f"PRAGMA user_version = {schema.version}")
+        self._check(schema)
+        self._connection.execute("PRAGMA journal_mode = WAL")
+        self._connection.execute("PRAGMA synchronous = NORMAL")
+
+    def _is_new(self) -> bool:
+        (tables,) = self._connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        return int(tables) == 0
+
+    def _check(self, schema: StoreSchema) -> None:
+        (application_id,) = self._connection.execute("PRAGMA application_id").fetchone()
+        (version,) = self._connection.execute("PRAGMA user_version").fetchone()
+        if application_id != schema.application_id:
+            found = f"a database of something else (application id {application_id})"
+            raise UnreadableInputError(self.path, f"is {found}, expected {schema.what}")
+        if version > schema.version:
+            newer = f"version {version}, this package knows versions up to {schema.version}"
+            raise UnreadableInputError(self.path, f"is {schema.what} of {newer}")
