@@ -94,7 +94,7 @@ setup(
         "matplotlib",
         "mcap",
         "mujoco",
-        "numpy>=2",
+        "numpy>=1.26",
         "pyarrow",
         "PyYAML",
         "rerun-sdk",
