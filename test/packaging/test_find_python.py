@@ -69,8 +69,9 @@ def test_pyenv_is_found_in_its_root_too(machine: Path) -> None:
     assert find(machine, PYENV_ROOT=str(machine / "elsewhere")).stdout.strip() == str(hidden)
 
 
-def test_uvs_python_is_taken_when_there_is_no_other(machine: Path) -> None:
-    install(machine / "bin" / "uv", UV_WITH_PYTHON)
+@pytest.mark.parametrize("place", ["bin/uv", ".local/bin/uv"])
+def test_uvs_python_is_taken_when_there_is_no_other(machine: Path, place: str) -> None:
+    install(machine / place, UV_WITH_PYTHON)
     install(machine / "uv-python", COMPLETE)
     assert find(machine).stdout.strip() == str(machine / "uv-python")
 
