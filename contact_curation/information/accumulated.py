@@ -70,7 +70,8 @@ class Accumulated:
 
     def gains(self, factors: Array) -> Gains:
         """What each of the tosses with factors (b, R, P) would add."""
-        return gains_of(factors, self.half_inverse)
+        count, rows, parameters = factors.shape
+        return gains_of_rows((factors.reshape(-1, parameters) @ self.half_inverse).reshape(count, rows, self.dimension))
 
     def joined(self, factors: Array) -> "Accumulated":
         """The kept set with the tosses of factors (b, R, P) added."""
@@ -78,17 +79,16 @@ class Accumulated:
         return Accumulated(self.coordinates, self.matrix + rows.T @ rows)
 
 
-def gains_of(factors: Array, half_inverse: Array) -> Gains:
-    """Gains of tosses with factors (b, R, P), given H (P, p) with A^-1 = H H^T.
+def gains_of_rows(scaled: Array) -> Gains:
+    """Gains from Y (b, R, p) with Y Y^T = Z A^-1 Z^T, i.e. Y = W H.
 
-    Of Y = W H either Y Y^T (R, R) or Y^T Y (p, p) is used, whichever is smaller: both have the same determinant with I added.
+    Either Y Y^T (R, R) or Y^T Y (p, p) is used, whichever is smaller: both have the same determinant with I added.
     """
-    count, rows, parameters = factors.shape
+    count, rows, dimension = scaled.shape
     if rows == 0:
         return Gains(np.zeros(count), np.zeros(count))
-    scaled = (factors.reshape(-1, parameters) @ half_inverse).reshape(count, rows, -1)  # (b, R, p)
     turned = scaled.swapaxes(1, 2)
-    gram = scaled @ turned if rows <= scaled.shape[2] else turned @ scaled  # (b, n, n), n = min(R, p)
+    gram = scaled @ turned if rows <= dimension else turned @ scaled  # (b, n, n), n = min(R, p)
     diagonal = np.einsum("bii->bi", gram)
     leverage = diagonal.sum(axis=1)
     diagonal += 1.0

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.accumulated import gains_of
+from contact_curation.information.accumulated import gains_of_rows
 from contact_curation.information.pool import CHUNK, Indices, Pool
 from contact_curation.information.ranking import Selection, greedy_selection
 from contact_curation.information.ties import ABSOLUTE, RELATIVE, first_of_the_best, tie_floor
@@ -186,8 +186,8 @@ class _Whitened:
         return _smallest(self.matrix + rows.swapaxes(1, 2) @ rows)
 
     def log_det_gains(self, indices: Indices) -> Array:
-        half_inverse = self.coordinates @ (self.vectors / np.sqrt(self.values))
-        return gains_of(self.pool.stacked(indices), half_inverse).log_det
+        half_inverse = self.coordinates @ (self.vectors / np.sqrt(self.values))  # (P, p)
+        return gains_of_rows(self.pool.stacked(indices) @ half_inverse).log_det
 
 
 def _smallest(matrices: Array) -> Array:
