@@ -88,6 +88,13 @@ def test_the_noise_is_that_of_the_real_tosses_in_the_air(real_tosses: list[Toss]
     assert RIG_NOISE.orientation == pytest.approx(orientation, rel=0.05)
 
 
+def test_the_noise_of_the_real_tosses_is_nearly_white(real_tosses: list[Toss]) -> None:
+    bends = [bend for bend, _ in (second_differences(toss) for toss in real_tosses) if len(bend) > 2]
+    earlier, later = (np.concatenate([bend[part] for bend in bends]) for part in (slice(None, -1), slice(1, None)))
+    correlation = np.sum(earlier * later) / np.sqrt(np.sum(earlier**2) * np.sum(later**2))
+    assert correlation == pytest.approx(-0.58, abs=0.02)  # white noise: -4/6
+
+
 def test_the_fit_of_the_noise_finds_the_noise_that_was_put_in() -> None:
     position, orientation = white_noise_of(simulated_tosses(100, seed=8, noise=RIG_NOISE))
     assert position == pytest.approx(RIG_NOISE.position, rel=0.1)
@@ -109,19 +116,21 @@ def in_heading_frame(states: Array) -> Array:
 
 def white_noise_of(tosses: list[Toss] | tuple[Toss, ...]) -> tuple[float, float]:
     """Standard deviations [m, rad] of white noise with the second differences that the poses have in free fall."""
-    position, orientation = [], []
-    for toss in tosses:
-        heights = CONTACTNETS_CUBE.polytope.corner_heights(toss.positions, toss.orientations_wxyz).min(axis=1)
-        air = slice(0, int(np.argmax(heights < 0.008)) - 1)
-        bend = np.diff(toss.positions[air], 2, axis=0)
-        bend[:, 2] += CONTACTNETS_CUBE.gravity * FRAME_PERIOD**2
-        q = toss.orientations_wxyz[air]
-        turns = quaternions.log(quaternions.multiply(quaternions.conjugate(q[:-1]), q[1:]))
-        position.append(bend)
-        orientation.append(np.diff(turns, axis=0))
-    second_difference = np.sqrt(6.0)  # of white noise: 1 + 4 + 1
-    return root_mean_square(position) / second_difference, root_mean_square(orientation) / second_difference
+    positions, orientations = zip(*(second_differences(toss) for toss in tosses), strict=True)
+    of_white_noise = np.sqrt(1.0 + 4.0 + 1.0)
+    return root_mean_square(positions) / of_white_noise, root_mean_square(orientations) / of_white_noise
 
 
-def root_mean_square(parts: list[Array]) -> float:
+def second_differences(toss: Toss) -> tuple[Array, Array]:
+    """Of positions beyond gravity's (T, 3) [m] and of orientations (T, 3) [rad], from release to the first contact."""
+    heights = CONTACTNETS_CUBE.polytope.corner_heights(toss.positions, toss.orientations_wxyz).min(axis=1)
+    air = slice(0, int(np.argmax(heights < 0.008)) - 1)
+    bend = np.diff(toss.positions[air], 2, axis=0)
+    bend[:, 2] += CONTACTNETS_CUBE.gravity * FRAME_PERIOD**2
+    q = toss.orientations_wxyz[air]
+    turns = quaternions.log(quaternions.multiply(quaternions.conjugate(q[:-1]), q[1:]))
+    return bend, np.diff(turns, axis=0)
+
+
+def root_mean_square(parts: tuple[Array, ...]) -> float:
     return float(np.sqrt(np.mean(np.square(np.concatenate(parts)))))
