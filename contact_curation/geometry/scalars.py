@@ -51,6 +51,12 @@ def rotate(q: Quaternion, vector: Vector) -> Vector:
     return vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx
 
 
+def third_row(q: Quaternion) -> Vector:
+    """The third row of R(q): what the body's axes contribute to height."""
+    w, x, y, z = q
+    return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+
+
 def compose(parent: ScalarPose, child: ScalarPose) -> ScalarPose:
     """The pose of `child`, given in `parent`'s frame, in the frame that `parent` is given in."""
     x, y, z = rotate(parent.orientation_wxyz, child.position)

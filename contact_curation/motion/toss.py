@@ -82,3 +82,20 @@ class Toss:
             value = getattr(self, field.name)
             state.update(value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode())
         return state.hexdigest()
+
+
+@dataclass(frozen=True, eq=False)
+class Rejected:
+    """A motion that was kept back, with all that was seen of it.
+
+    Attributes:
+        toss: what was recorded.
+        reasons: at least one, one line each: what was found and what was expected.
+    """
+
+    toss: Toss
+    reasons: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if not self.reasons:
+            raise InvalidValueError(f"reasons to reject toss {self.toss.toss_id}", "none", "at least one")

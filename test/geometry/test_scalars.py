@@ -30,6 +30,7 @@ def test_products_turns_and_poses_agree_with_the_array_forms(seed: int) -> None:
     qa, qb, point = a.orientation_wxyz, b.orientation_wxyz, b.position
     np.testing.assert_allclose(scalars.multiply(qa, qb), quaternions.multiply(qa, qb), atol=1e-15)
     np.testing.assert_allclose(scalars.rotate(qa, point), quaternions.rotate(qa, point), atol=1e-14)
+    np.testing.assert_allclose(scalars.third_row(qa), quaternions.to_matrix(qa)[2], atol=1e-15)
     assert_same(scalars.compose(a, b), as_arrays(a).compose(as_arrays(b)))
     assert_same(scalars.inverse(a), as_arrays(a).inverse())
 

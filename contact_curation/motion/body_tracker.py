@@ -1,0 +1,218 @@
+"""Poses of frames in frames become poses of the body in the board's frame.
+
+    T_board_body = (T_common_board)^-1 T_common_body
+
+where `common` is the nearest frame above both. Boards, cameras and robots may move; the body's own pose is taken as it was
+measured. A body pose waits for the rig's poses around its time, so that what comes out does not hang on the order in which
+topics arrive. What cannot be used comes out with its reason.
+"""
+
+from collections import Counter, deque
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.scalars import ScalarPose, compose, inverse
+from contact_curation.motion.frame_tree import FrameTree, Link, composed
+from contact_curation.motion.pose_stream import BadPose, FramePose
+from contact_curation.motion.toss import NANOSECONDS
+
+
+@dataclass(frozen=True)
+class TrackerConfig:
+    """Which frames matter, and how long to wait for them.
+
+    Attributes:
+        body_frame: the body's.
+        board_frame: the board's, z up, its surface at z = 0; empty where poses are given in it already.
+        clock_jump: stamps that go back by more than this are a clock that jumped, e.g. a bag that loops [s].
+        largest_wait: a body pose waits so long for the rig's poses, by the stamps [s].
+        largest_rig_gap: poses of a moving board, camera or robot are interpolated over at most this [s].
+    """
+
+    body_frame: str
+    board_frame: str = "body_surface"
+    clock_jump: float = 1.0
+    largest_wait: float = 2.0
+    largest_rig_gap: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not self.body_frame or self.body_frame == self.board_frame:
+            raise InvalidValueError("body_frame", repr(self.body_frame), "the name of a frame that is not the board's")
+        for name in ("clock_jump", "largest_wait", "largest_rig_gap"):
+            if not getattr(self, name) > 0.0:
+                raise InvalidValueError(name, getattr(self, name), "a positive number of seconds")
+
+
+@dataclass(frozen=True, slots=True)
+class BodyPose:
+    """The body in the board's frame.
+
+    Attributes:
+        stamp_ns: header stamp, later than that of the pose before unless the clock jumped.
+        pose: body to board [m].
+    """
+
+    stamp_ns: int
+    pose: ScalarPose
+
+
+@dataclass(frozen=True, slots=True)
+class ClockJump:
+    """The stamps went back: what comes now belongs to another run.
+
+    Attributes:
+        stamp_ns: of the first pose after the jump.
+        back: by how much [s].
+    """
+
+    stamp_ns: int
+    back: float
+
+
+TrackerEvent = BodyPose | BadPose | ClockJump
+
+
+class BodyTracker:
+    """Follows one body; remembers the rig's frames and the body poses that wait for them.
+
+    Attributes:
+        config: frames and times.
+        counts: how often something came out: "poses", and the kinds of bad poses.
+    """
+
+    def __init__(self, config: TrackerConfig) -> None:
+        self.config = config
+        self.counts: Counter[str] = Counter()
+        self._tree = FrameTree()
+        self._moving = config.body_frame
+        self._waiting: deque[FramePose] = deque()
+        self._last_ns: int | None = None
+
+    def push(self, measured: FramePose | BadPose) -> tuple[TrackerEvent, ...]:
+        """Takes in a measurement of the body or the rig; gives the body poses that are known now, in order of their stamps."""
+        if isinstance(measured, BadPose):
+            events: list[TrackerEvent] = [measured]
+        elif measured.child == self._moving and not measured.static:
+            events = self._body_measured(measured)
+        else:
+            self._rig_measured(measured)
+            events = self._known()
+        return self._counted(events)
+
+    def flush(self) -> tuple[TrackerEvent, ...]:
+        """Ends the stream: body poses that still wait are given up."""
+        return self._counted(self._give_up(len(self._waiting), "the stream ended"))
+
+    def snapshot(self) -> dict[str, Any]:
+        """The state as plain numbers, lists and names: JSON keeps it exactly."""
+        return {
+            "links": {child: asdict(link) for child, link in self._tree.links.items()},
+            "waiting": [asdict(measured) for measured in self._waiting],
+            "last_ns": self._last_ns,
+            "counts": dict(self.counts),
+        }
+
+    def restore(self, snapshot: Mapping[str, Any]) -> None:
+        """Takes up the state of `snapshot`, which a tracker of the same configuration gave.
+
+        Raises:
+            InvalidValueError: it is no such state.
+        """
+        try:
+            links = {child: _link_of(entry) for child, entry in snapshot["links"].items()}
+            waiting = [_frame_pose_of(entry) for entry in snapshot["waiting"]]
+            last_ns, counts = snapshot["last_ns"], Counter(snapshot["counts"])
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise InvalidValueError("tracker state", repr(snapshot)[:80], "what BodyTracker.snapshot gave") from error
+        self._tree.links, self._waiting, self._last_ns, self.counts = links, deque(waiting), last_ns, counts
+        self._moving = self._tree.moving_ancestor(self.config.body_frame)
+
+    def _body_measured(self, measured: FramePose) -> list[TrackerEvent]:
+        jump: list[TrackerEvent] = []
+        back_ns = 0 if self._last_ns is None else self._last_ns - measured.stamp_ns
+        if back_ns > self.config.clock_jump * NANOSECONDS:
+            jump = [
+                *self._give_up(len(self._waiting), "the clock jumped back"),
+                ClockJump(measured.stamp_ns, back_ns / NANOSECONDS),
+            ]
+            self._tree.forget_after(measured.stamp_ns + int(self.config.clock_jump * NANOSECONDS))
+        elif self._last_ns is not None and back_ns >= 0:
+            how = "stands still" if back_ns == 0 else f"goes back by {back_ns / NANOSECONDS:.6f} s"
+            return [BadPose(measured.stamp_ns, measured.child, f"stamp: found one that {how}, expected a later one", "stamp")]
+        self._last_ns = measured.stamp_ns
+        self._waiting.append(measured)
+        return jump + self._known()
+
+    def _rig_measured(self, measured: FramePose) -> None:
+        link = self._tree.links.get(measured.child)
+        if link is not None and not link.static and link.newest_ns - measured.stamp_ns > self.config.clock_jump * NANOSECONDS:
+            self._tree.forget_after(measured.stamp_ns)
+        self._tree.take(measured)
+        self._moving = self._tree.moving_ancestor(self.config.body_frame)
+
+    def _known(self) -> list[TrackerEvent]:
+        """The body poses, oldest first, that need not wait any longer."""
+        events: list[TrackerEvent] = []
+        while self._waiting:
+            measured = self._waiting[0]
+            found = self._in_board(measured)
+            if isinstance(found, ScalarPose):
+                events.append(BodyPose(measured.stamp_ns, found))
+                self._waiting.popleft()
+            elif self._waiting[-1].stamp_ns - measured.stamp_ns > self.config.largest_wait * NANOSECONDS:
+                events += self._give_up(1, f"none within {self.config.largest_wait:g} s")
+            else:
+                break
+        return events
+
+    def _in_board(self, measured: FramePose) -> ScalarPose | None:
+        """The body in the board's frame by a measurement; None as long as the rig's poses do not tell."""
+        stamp_ns, gap_ns = measured.stamp_ns, self.config.largest_rig_gap * NANOSECONDS
+        on_body = self._tree.path(self.config.body_frame, measured.child)
+        paths = self._paths_to_common(measured.parent)
+        if on_body is None or paths is None:
+            return None
+        body, above, board = (composed(links, stamp_ns, gap_ns) for links in (on_body, *paths))
+        if body is None or above is None or board is None:
+            return None
+        return compose(inverse(board), compose(above, compose(measured.pose, body)))
+
+    def _paths_to_common(self, parent: str) -> tuple[list[Link], list[Link]] | None:
+        """The links from the measurement's parent, and from the board, up to the nearest frame above both."""
+        board_frame = self.config.board_frame or parent
+        for common, _ in self._tree.ancestors(parent):
+            from_board = self._tree.path(board_frame, common)
+            if from_board is not None:
+                return self._tree.path(parent, common) or [], from_board
+        return None
+
+    def _give_up(self, number: int, why: str) -> list[TrackerEvent]:
+        """Lets the oldest waiting body poses go."""
+        lost = [self._waiting.popleft() for _ in range(number)]
+        wanted = f"expected poses that lead from frame '{self.config.board_frame}' to frame"
+        return [
+            BadPose(one.stamp_ns, one.child, f"board: found {why}, {wanted} '{one.parent}' at its time", "frame")
+            for one in lost
+        ]
+
+    def _counted(self, events: list[TrackerEvent]) -> tuple[TrackerEvent, ...]:
+        for event in events:
+            self.counts[
+                "poses" if isinstance(event, BodyPose) else "clock" if isinstance(event, ClockJump) else event.kind
+            ] += 1
+        return tuple(events)
+
+
+def _pose_of(entry: Any) -> ScalarPose:
+    (x, y, z), (w, qx, qy, qz) = entry
+    return ScalarPose((x, y, z), (w, qx, qy, qz))
+
+
+def _link_of(entry: Mapping[str, Any]) -> Link:
+    return Link(entry["parent"], entry["static"], list(entry["stamps_ns"]), [_pose_of(pose) for pose in entry["poses"]])
+
+
+def _frame_pose_of(entry: Mapping[str, Any]) -> FramePose:
+    return FramePose(entry["stamp_ns"], entry["parent"], entry["child"], _pose_of(entry["pose"]), entry["static"])

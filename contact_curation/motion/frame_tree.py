@@ -1,0 +1,116 @@
+"""Where frames stand in each other: a tree of static and moving links, as /tf and odometry tell it.
+
+A link that moves has a history. Asked for a time between two of its poses it is interpolated: only the rig (boards, cameras,
+robots) is looked up here, never the tossed body, which is not interpolated over contact.
+"""
+
+from bisect import bisect_left
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from contact_curation.geometry.scalars import IDENTITY, ScalarPose, between, compose
+from contact_curation.motion.pose_stream import FramePose
+
+HISTORY = 2048
+"""Poses that a moving link remembers; the oldest half goes when it is full."""
+
+
+@dataclass(slots=True)
+class Link:
+    """A child frame in its parent; `stamps_ns` is empty for a static link, which has one pose.
+
+    Attributes:
+        parent: frame.
+        static: holds for all times.
+        stamps_ns: of a moving link, increasing.
+        poses: likewise.
+    """
+
+    parent: str
+    static: bool
+    stamps_ns: list[int] = field(default_factory=list)
+    poses: list[ScalarPose] = field(default_factory=list)
+
+    @property
+    def newest_ns(self) -> int:
+        return self.stamps_ns[-1]
+
+    def at(self, stamp_ns: int, largest_gap_ns: float) -> ScalarPose | None:
+        """The pose at a time; None where two poses around it are missing or too far apart."""
+        if self.static:
+            return self.poses[0]
+        after = bisect_left(self.stamps_ns, stamp_ns)
+        if after < len(self.stamps_ns) and self.stamps_ns[after] == stamp_ns:
+            return self.poses[after]
+        if not 0 < after < len(self.stamps_ns):
+            return None
+        start_ns, end_ns = self.stamps_ns[after - 1], self.stamps_ns[after]
+        if end_ns - start_ns > largest_gap_ns:
+            return None
+        return between(self.poses[after - 1], self.poses[after], (stamp_ns - start_ns) / (end_ns - start_ns))
+
+
+class FrameTree:
+    """The links that are known, by child frame."""
+
+    def __init__(self) -> None:
+        self.links: dict[str, Link] = {}
+
+    def take(self, frame_pose: FramePose) -> bool:
+        """Learns a pose; False when it comes with an older stamp than the link's newest and is left out."""
+        link = self.links.get(frame_pose.child)
+        if frame_pose.static:
+            self.links[frame_pose.child] = Link(frame_pose.parent, True, poses=[frame_pose.pose])
+            return True
+        if link is None or link.static or link.parent != frame_pose.parent:
+            link = self.links[frame_pose.child] = Link(frame_pose.parent, False)
+        if link.stamps_ns and frame_pose.stamp_ns <= link.newest_ns:
+            return False
+        if len(link.stamps_ns) >= HISTORY:
+            del link.stamps_ns[: HISTORY // 2], link.poses[: HISTORY // 2]
+        link.stamps_ns.append(frame_pose.stamp_ns)
+        link.poses.append(frame_pose.pose)
+        return True
+
+    def forget_after(self, stamp_ns: int) -> None:
+        """Drops the moving links that know times after `stamp_ns`: the clock has jumped back."""
+        self.links = {child: link for child, link in self.links.items() if link.static or link.newest_ns <= stamp_ns}
+
+    def ancestors(self, frame: str) -> Iterator[tuple[str, Link | None]]:
+        """The frame and those above it, each with its link to the next; ends where the tree does, or bites its tail."""
+        seen: set[str] = set()
+        while frame not in seen:
+            seen.add(frame)
+            link = self.links.get(frame)
+            yield frame, link
+            if link is None:
+                return
+            frame = link.parent
+
+    def path(self, frame: str, top: str) -> list[Link] | None:
+        """The links from `frame` up to `top`; None where `top` is not above it."""
+        links: list[Link] = []
+        for name, link in self.ancestors(frame):
+            if name == top:
+                return links
+            if link is not None:
+                links.append(link)
+        return None
+
+    def moving_ancestor(self, frame: str) -> str:
+        """The frame whose measurements move `frame`: itself, or the first moving one above its static links."""
+        for name, link in self.ancestors(frame):
+            if link is None or not link.static:
+                return name
+        return frame
+
+
+def composed(links: list[Link], stamp_ns: int, largest_gap_ns: float) -> ScalarPose | None:
+    """The pose of the lowest frame of a path in the topmost, at a time; None where a link does not know that time."""
+    pose = IDENTITY
+    for link in links:
+        step = link.at(stamp_ns, largest_gap_ns)
+        if step is None:
+            return None
+        pose = compose(step, pose)
+    return pose

@@ -1,0 +1,194 @@
+"""What a toss must pass before it is scored, or one bad frame of the tracker looks like the best toss of all (METHOD 0.2, 2.1).
+
+Each gate is a pure function of a toss and needs no model of friction or shape beyond the body's polytope; it gives one line per
+kind of fault, with the worst frame. With g = 9.81 e3, dt the time from a frame to the next, and dv = v' - v + g dt the velocity
+that contact (and nothing else) has given in between:
+
+    impulse   dv_z >= -tol,  |dv_xy| <= mu_max max(dv_z, 0) + tol     a contact pushes up, within a generous friction cone
+    airborne  |dv| <= a_max dt,  |w' - w| <= w_max                    no contact, no push and no twist
+    energy    |v'|^2/2 + g z' <= |v|^2/2 + g z + e_tol                no contact, no work
+    jump      |(p' - p)/dt - v'| <= v_max, and turns likewise         velocities belong to their poses
+    depth     lowest corner >= -depth                                 the board is hard
+
+Stamps and quaternion norms complete the list. The jump gate sees what a filter hid: a median of three takes a spike of a frame
+out of the velocities, but not out of the positions. A flagged toss is kept aside and shown, never deleted.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.polytopes import Polytope
+from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.smoothing import all_around
+from contact_curation.motion.toss import NANOSECONDS, Toss
+
+
+@dataclass(frozen=True)
+class GateConfig:
+    """Bounds, for a body of about 10 cm at 100 to 200 frames a second.
+
+    METHOD 2.1 gives them in half widths of 0.0524 m: tol 3 and depth 0.15. The others lie above what all 570 public tosses show
+    (0.51 g, 0.7 rad/s, 0.04 m^2/s^2, 0.20 m/s, 16 rad/s).
+
+    Attributes:
+        enabled: False lets everything pass.
+        gravity: [m/s^2].
+        largest_friction: mu_max of the cone.
+        impulse_tolerance: tol [m/s].
+        airborne_clearance: a body whose corners are higher than this is in the air [m].
+        airborne_acceleration: a_max [m/s^2].
+        airborne_spin_change: w_max, from frame to frame [rad/s].
+        energy_tolerance: e_tol, per mass [m^2/s^2].
+        jump_velocity: v_max, about 3 mm at 148 Hz [m/s].
+        jump_spin: the same of turns [rad/s].
+        depth: of the lowest corner under the board [m].
+        quaternion_tolerance: on the norm.
+        largest_gap: between frames, in frame periods.
+    """
+
+    enabled: bool = True
+    gravity: float = 9.81
+    largest_friction: float = 0.5
+    impulse_tolerance: float = 3.0 * 0.0524
+    airborne_clearance: float = 0.010
+    airborne_acceleration: float = 0.6 * 9.81
+    airborne_spin_change: float = 2.0
+    energy_tolerance: float = 0.1
+    jump_velocity: float = 0.4
+    jump_spin: float = 25.0
+    depth: float = 0.15 * 0.0524
+    quaternion_tolerance: float = 1e-4
+    largest_gap: float = 1.5
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name != "enabled" and not value > 0.0:
+                raise InvalidValueError(field.name, value, "a positive number")
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """The T - 1 steps between the T frames of a toss, as the gates see them.
+
+    Attributes:
+        toss: T frames.
+        lowest: (T,) height of the lowest corner [m].
+        dt: (T - 1,) [s].
+        contact_velocities: (T - 1, 3) dv [m/s].
+        airborne: (T - 1,) whether the body is in the air in all frames that the velocities at both ends come from.
+    """
+
+    toss: Toss
+    lowest: Array
+    dt: Array
+    contact_velocities: Array
+    airborne: NDArray[np.bool_]
+
+
+def steps_of(toss: Toss, polytope: Polytope, config: GateConfig) -> Steps:
+    """What all gates look at, worked out once."""
+    lowest = polytope.corner_heights(toss.positions, toss.orientations_wxyz).min(axis=1)
+    dt = np.diff(toss.stamps_ns) / NANOSECONDS
+    gained = np.diff(toss.linear_velocities, axis=0) + np.outer(dt, [0.0, 0.0, config.gravity])
+    airborne = all_around(lowest > config.airborne_clearance, 2, 2)[:-1]  # the poses that v and v' come from
+    return Steps(toss, lowest, dt, gained, airborne)
+
+
+def inspect(toss: Toss, polytope: Polytope, config: GateConfig) -> tuple[str, ...]:
+    """Why a toss is kept back, one line per gate that it fails; empty when it passes."""
+    if not config.enabled:
+        return ()
+    steps = steps_of(toss, polytope, config)
+    return tuple(line for gate in GATES if (line := gate(steps, config)))
+
+
+def stamps_gate(steps: Steps, config: GateConfig) -> str:
+    """No frame is missing."""
+    return _worst("time between frames", steps.dt / steps.toss.frame_period, config.largest_gap, "frame periods")
+
+
+def quaternion_gate(steps: Steps, config: GateConfig) -> str:
+    """Orientations are rotations."""
+    off = np.abs(np.linalg.norm(steps.toss.orientations_wxyz, axis=1) - 1.0)
+    return _worst("quaternion norm beside 1", off, config.quaternion_tolerance, "", first=0)
+
+
+def depth_gate(steps: Steps, config: GateConfig) -> str:
+    """The body does not go into the board."""
+    return _worst("depth in the board", -steps.lowest, config.depth, "m", first=0)
+
+
+def impulse_gate(steps: Steps, config: GateConfig) -> str:
+    """What contact gives points up, ..."""
+    return _worst("impulse that pulls down", -steps.contact_velocities[:, 2], config.impulse_tolerance, "m/s")
+
+
+def cone_gate(steps: Steps, config: GateConfig) -> str:
+    """... and stays within the friction cone."""
+    sideways = np.linalg.norm(steps.contact_velocities[:, :2], axis=1)
+    outside = sideways - config.largest_friction * np.maximum(steps.contact_velocities[:, 2], 0.0)
+    return _worst("impulse outside the friction cone", outside, config.impulse_tolerance, "m/s")
+
+
+def airborne_gate(steps: Steps, config: GateConfig) -> str:
+    """Nothing but gravity moves a body in the air."""
+    pushed = np.where(steps.airborne, np.linalg.norm(steps.contact_velocities, axis=1) / steps.dt, 0.0)
+    return _worst("acceleration in the air beyond gravity", pushed, config.airborne_acceleration, "m/s^2")
+
+
+def spin_gate(steps: Steps, config: GateConfig) -> str:
+    """Nothing twists a body in the air."""
+    change = np.linalg.norm(np.diff(steps.toss.angular_velocities, axis=0), axis=1)
+    return _worst("change of spin in the air", np.where(steps.airborne, change, 0.0), config.airborne_spin_change, "rad/s")
+
+
+def energy_gate(steps: Steps, config: GateConfig) -> str:
+    """Nothing lifts or speeds up a body in the air; of its centre of mass, per mass."""
+    energy = 0.5 * (steps.toss.linear_velocities**2).sum(axis=1) + config.gravity * steps.toss.positions[:, 2]
+    gained = np.where(steps.airborne, np.diff(energy), 0.0)
+    return _worst("energy gained in the air", gained, config.energy_tolerance, "m^2/s^2")
+
+
+def jump_gate(steps: Steps, config: GateConfig) -> str:
+    """The body moves by its velocity."""
+    rates = np.diff(steps.toss.positions, axis=0) / steps.dt[:, np.newaxis]
+    off = np.linalg.norm(rates - steps.toss.linear_velocities[1:], axis=1)
+    return _worst("displacement beside the velocity", off, config.jump_velocity, "m/s")
+
+
+def turn_gate(steps: Steps, config: GateConfig) -> str:
+    """The body turns by its angular velocity."""
+    orientations = steps.toss.orientations_wxyz
+    turns = quaternions.log(quaternions.multiply(quaternions.conjugate(orientations[:-1]), orientations[1:]))
+    off = np.linalg.norm(turns / steps.dt[:, np.newaxis] - steps.toss.angular_velocities[1:], axis=1)
+    return _worst("turn beside the angular velocity", off, config.jump_spin, "rad/s")
+
+
+GATES: tuple[Callable[[Steps, GateConfig], str], ...] = (
+    stamps_gate,
+    quaternion_gate,
+    depth_gate,
+    impulse_gate,
+    cone_gate,
+    airborne_gate,
+    spin_gate,
+    energy_gate,
+    jump_gate,
+    turn_gate,
+)
+
+
+def _worst(what: str, values: Array, bound: float, unit: str, first: int = 1) -> str:
+    """The line of the largest value, if it is over the bound; `first` is the frame of the first value."""
+    at = int(np.argmax(values))
+    if values[at] <= bound:
+        return ""
+    return f"{what}: found {values[at]:.4g} {unit} at frame {at + first}, expected at most {bound:.4g} {unit}".replace(
+        "  ", " "
+    )

@@ -1,0 +1,114 @@
+"""The whole way from measured poses to tosses that may be scored: track, segment, gate."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.polytopes import Polytope
+from contact_curation.motion.body_tracker import BodyPose, BodyTracker, ClockJump, TrackerConfig, TrackerEvent
+from contact_curation.motion.gates import GateConfig, inspect
+from contact_curation.motion.pose_stream import BadPose, FramePose
+from contact_curation.motion.segmenter import TossSegmenter
+from contact_curation.motion.segmenter_config import SegmenterConfig
+from contact_curation.motion.toss import Rejected, Toss
+
+IngestEvent = Toss | Rejected | BadPose
+
+
+@dataclass(frozen=True)
+class IngestConfig:
+    """The three stages' configurations.
+
+    Attributes:
+        tracker: frames.
+        segmenter: when a motion is a toss.
+        gates: what a toss must pass.
+    """
+
+    tracker: TrackerConfig
+    segmenter: SegmenterConfig = field(default_factory=SegmenterConfig)
+    gates: GateConfig = field(default_factory=GateConfig)
+
+
+class TossIngest:
+    """Turns the measurements of one body into tosses; the one thing that live nodes and readers of recordings share.
+
+    Args:
+        config: of the stages.
+        polytope: the body's shape.
+        body: its name.
+        source: where the poses come from, e.g. a topic; part of the toss ids.
+
+    Attributes:
+        counts: how often what happened: "poses", "tosses", "rejected", and kinds of bad poses.
+    """
+
+    def __init__(self, config: IngestConfig, polytope: Polytope, *, body: str, source: str) -> None:
+        self.config = config
+        self._polytope = polytope
+        self._tracker = BodyTracker(config.tracker)
+        self._segmenter = TossSegmenter(config.segmenter, polytope, body=body, source=source)
+        self._outcomes: Counter[str] = Counter()
+
+    @property
+    def counts(self) -> Counter[str]:
+        return self._tracker.counts + self._outcomes
+
+    @property
+    def tossing(self) -> bool:
+        """Whether a toss has started and not ended yet."""
+        return self._segmenter.tossing
+
+    def push(self, measured: FramePose | BadPose) -> tuple[IngestEvent, ...]:
+        """Takes in a measurement of the body or the rig; gives what became complete, in order."""
+        return tuple(self._outcome(event) for event in self._followed(self._tracker.push(measured)))
+
+    def flush(self) -> tuple[IngestEvent, ...]:
+        """Ends the stream; a toss that is not at rest is rejected."""
+        ended = [*self._followed(self._tracker.flush()), *self._segmenter.flush()]
+        return tuple(self._outcome(event) for event in ended)
+
+    def snapshot(self) -> dict[str, Any]:
+        """The state as plain numbers, lists and names: JSON keeps it exactly."""
+        return {
+            "tracker": self._tracker.snapshot(),
+            "segmenter": self._segmenter.snapshot(),
+            "outcomes": dict(self._outcomes),
+        }
+
+    def restore(self, snapshot: Mapping[str, Any]) -> None:
+        """Takes up the state of `snapshot`, which an ingest of the same configuration gave.
+
+        Raises:
+            InvalidValueError: it is no such state.
+        """
+        try:
+            tracker, segmenter, outcomes = snapshot["tracker"], snapshot["segmenter"], Counter(snapshot["outcomes"])
+        except (KeyError, TypeError) as error:
+            raise InvalidValueError("ingest state", repr(snapshot)[:80], "what TossIngest.snapshot gave") from error
+        self._tracker.restore(tracker)
+        self._segmenter.restore(segmenter)
+        self._outcomes = outcomes
+
+    def _followed(self, events: Iterable[TrackerEvent]) -> list[IngestEvent]:
+        """What the segmenter makes of the tracker's events."""
+        followed: list[IngestEvent] = []
+        for event in events:
+            if isinstance(event, BodyPose):
+                followed += self._segmenter.push(event.stamp_ns, event.pose.position, event.pose.orientation_wxyz)
+            elif isinstance(event, ClockJump):
+                followed += self._segmenter.reset(f"clock: found a jump back by {event.back:.3f} s, expected stamps that go on")
+            else:
+                followed.append(event)
+        return followed
+
+    def _outcome(self, event: IngestEvent) -> IngestEvent:
+        """The event, a toss after the gates, counted."""
+        if isinstance(event, Toss):
+            reasons = inspect(event, self._polytope, self.config.gates)
+            event = Rejected(event, reasons) if reasons else event
+        if not isinstance(event, BadPose):
+            self._outcomes["rejected" if isinstance(event, Rejected) else "tosses"] += 1
+        return event

@@ -1,0 +1,220 @@
+"""A pose stream becomes tosses, pose by pose: release to rest.
+
+    start   free fall over the board in two successive frames, every corner off the board
+    end     nine successive displacements too small to see, the body flat on a face
+    reject  too short, never touching the board, deep in it, pushed while in the air, or with a frame missing
+
+Velocities look one frame ahead, so a toss comes out one frame after its last. A missing frame is a gap: nothing is interpolated
+over it. One class serves live streams and recordings, and its state can be written down and taken up again.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.polytopes import Polytope
+from contact_curation.geometry.scalars import Quaternion, Vector, third_row
+from contact_curation.motion.free_fall import MEMORY, FallDetector
+from contact_curation.motion.segmenter_config import SegmenterConfig
+from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
+from contact_curation.motion.toss_rules import Frame, Motion, cut, reasons_against
+
+STEPS = 15
+"""So many last stamp differences tell a stream's frame period."""
+
+
+class TossSegmenter:
+    """Cuts one body's poses into tosses.
+
+    Args:
+        config: the rules.
+        polytope: the body's shape.
+        body: its name.
+        source: where the poses come from; part of the toss ids.
+    """
+
+    def __init__(self, config: SegmenterConfig, polytope: Polytope, *, body: str, source: str) -> None:
+        self.config = config
+        self.body = body
+        self.source = source
+        self._polytope = polytope
+        self._corners: list[Vector] = [(x, y, z) for x, y, z in polytope.vertices.tolist()]
+        self._run: list[Frame] = []
+        self._fall = FallDetector()
+        self._steps_ns: list[int] = []
+        self._start: int | None = None
+        self._still = 0
+        self._moved_ns: int | None = None
+        self._outside = False
+
+    @property
+    def tossing(self) -> bool:
+        """Whether a toss has started and not ended yet."""
+        return self._start is not None
+
+    def push(self, stamp_ns: int, position: Vector, orientation_wxyz: Quaternion) -> tuple[Toss | Rejected, ...]:
+        """Takes in the next pose.
+
+        Args:
+            stamp_ns: header stamp, later than the last.
+            position: of the body in the board's frame [m]; finite.
+            orientation_wxyz: body to board, of unit norm (`pose_stream.checked_pose`).
+
+        Returns:
+            What ended with this pose.
+
+        Raises:
+            InvalidValueError: the stamp is not later than the last.
+        """
+        closed = self._closed_by_gap(stamp_ns)
+        self._run.append(Frame(stamp_ns, position, orientation_wxyz))
+        self._fall.push(stamp_ns, position[2])
+        if self._start is None:
+            self._look_for_start()
+            return closed
+        return self._look_for_end()
+
+    def reset(self, why: str) -> tuple[Toss | Rejected, ...]:
+        """Ends the run of frames, e.g. because the clock jumped back; a toss that is not at rest yet is rejected for `why`."""
+        ended = self._close(why)
+        self._steps_ns, self._moved_ns, self._outside = [], None, False
+        return ended
+
+    def flush(self) -> tuple[Toss | Rejected, ...]:
+        """Ends the stream."""
+        return self.reset("end: found the end of the stream, expected the body at rest")
+
+    def snapshot(self) -> dict[str, Any]:
+        """The state as plain numbers, lists and None: JSON keeps it exactly."""
+        return {
+            "run": [[frame.stamp_ns, *frame.position, *frame.orientation_wxyz] for frame in self._run],
+            "steps_ns": list(self._steps_ns),
+            "start": self._start,
+            "still": self._still,
+            "moved_ns": self._moved_ns,
+            "outside": self._outside,
+        }
+
+    def restore(self, snapshot: Mapping[str, Any]) -> None:
+        """Takes up the state of `snapshot`, which a segmenter of the same configuration gave.
+
+        Raises:
+            InvalidValueError: it is no such state.
+        """
+        try:
+            run = [Frame(row[0], (row[1], row[2], row[3]), (row[4], row[5], row[6], row[7])) for row in snapshot["run"]]
+            steps_ns, start, still = list(snapshot["steps_ns"]), snapshot["start"], int(snapshot["still"])
+            moved_ns, outside = snapshot["moved_ns"], bool(snapshot["outside"])
+        except (KeyError, IndexError, TypeError, ValueError) as error:
+            raise InvalidValueError("segmenter state", repr(snapshot)[:80], "what TossSegmenter.snapshot gave") from error
+        self._run, self._steps_ns, self._start, self._still = run, steps_ns, start, still
+        self._moved_ns, self._outside = moved_ns, outside
+        self._fall = FallDetector()
+        for frame in run[-MEMORY:]:
+            self._fall.push(frame.stamp_ns, frame.position[2])
+
+    def _closed_by_gap(self, stamp_ns: int) -> tuple[Toss | Rejected, ...]:
+        """Ends the run where a frame is missing before `stamp_ns`."""
+        if not self._run:
+            return ()
+        step_ns = stamp_ns - self._run[-1].stamp_ns
+        if step_ns <= 0:
+            raise InvalidValueError("stamp of a pose", f"{stamp_ns} ns", f"one after {self._run[-1].stamp_ns} ns")
+        largest_ns = self.config.largest_gap * self._period_ns(step_ns)
+        self._steps_ns = [*self._steps_ns[1 - STEPS :], step_ns]
+        if step_ns <= largest_ns:
+            return ()
+        frame = len(self._run) - (self._start or 0)
+        return self._close(
+            f"gap: found {step_ns / NANOSECONDS:.4g} s before frame {frame}, expected at most {largest_ns / NANOSECONDS:.4g} s"
+        )
+
+    def _period_ns(self, step_ns: int) -> float:
+        """The frame period as configured, or as the steps before `step_ns` say."""
+        if self.config.frame_period is not None:
+            return self.config.frame_period * NANOSECONDS
+        if not self._steps_ns:
+            return step_ns
+        return sorted(self._steps_ns)[(len(self._steps_ns) - 1) // 2]
+
+    def _look_for_start(self) -> None:
+        """Starts a toss at the frame before the last but one, whose acceleration and the next one's are known by now."""
+        del self._run[:-MEMORY]
+        config = self.config
+        if config.bounded and not config.over_board(*self._run[-1].position[:2]):
+            self._outside = True
+        if not self._fall.falls(config.gravity, config.fall_tolerance, config.fall_mean_tolerance):
+            return
+        first, second = self._run[-3], self._run[-2]
+        settled = self._moved_ns is None or first.stamp_ns - self._moved_ns >= config.settle_time * NANOSECONDS
+        if not settled:  # still the motion before: it bounces, or goes on after a gap
+            self._moved_ns = first.stamp_ns
+        elif self._may_start(first, second):
+            self._start, self._still, self._outside = len(self._run) - 3, 0, False
+            self._count_still(first, second)
+            self._count_still(second, self._run[-1])
+
+    def _may_start(self, first: Frame, second: Frame) -> bool:
+        config = self.config
+        return (
+            config.over_board(*first.position[:2])
+            and (self._outside or not config.bounded)
+            and min(self._corner_heights(first)) > config.release_clearance
+            and min(self._corner_heights(second)) > config.release_clearance
+        )
+
+    def _look_for_end(self) -> tuple[Toss | Rejected, ...]:
+        """Ends a toss at the frame before the last when it came to rest there, or gives it up."""
+        if self._still >= self.config.rest_frames:
+            return (self._ended(len(self._run) - 1),)
+        self._count_still(self._run[-2], self._run[-1])
+        frames = len(self._run) - self._motion_start
+        if frames > self.config.most_frames and self._still < self.config.rest_frames:
+            return (self._given_up(f"frames: found {frames} without rest, expected rest within {self.config.most_frames}"),)
+        return ()
+
+    def _count_still(self, before: Frame, after: Frame) -> None:
+        """Counts the successive displacements, up to the newest, of a body at rest."""
+        moved = sum((b - a) * (b - a) for a, b in zip(before.position, after.position))
+        still = (
+            moved <= self.config.rest_displacement**2 and after.position[2] < self.config.rest_height and self._is_flat(after)
+        )
+        self._still = self._still + 1 if still else 0
+
+    def _is_flat(self, frame: Frame) -> bool:
+        heights = sorted(self._corner_heights(frame))
+        return heights[2] - heights[0] <= self.config.flat_tolerance
+
+    def _corner_heights(self, frame: Frame) -> list[float]:
+        a, b, c = third_row(frame.orientation_wxyz)
+        z = frame.position[2]
+        return [a * u + b * v + c * w + z for u, v, w in self._corners]
+
+    def _close(self, why: str) -> tuple[Toss | Rejected, ...]:
+        """Ends the run; its toss is complete if it rests, else rejected."""
+        ended: tuple[Toss | Rejected, ...] = ()
+        if self._start is not None:
+            resting = self._still >= self.config.rest_frames
+            ended = (self._ended(len(self._run)) if resting else self._given_up(why),)
+        self._run, self._fall = [], FallDetector()
+        return ended
+
+    def _ended(self, stop: int) -> Toss | Rejected:
+        motion = self._cut(stop)
+        reasons = reasons_against(motion, self._polytope, self.config)
+        return Rejected(motion.toss, reasons) if reasons else motion.toss
+
+    def _given_up(self, why: str) -> Rejected:
+        return Rejected(self._cut(len(self._run)).toss, (why,))
+
+    @property
+    def _motion_start(self) -> int:
+        return self._start or 0
+
+    def _cut(self, stop: int) -> Motion:
+        """Takes the motion up to frame `stop` out of the run, which goes on with what later velocities need."""
+        motion = cut(self._run, self._motion_start, stop, self.body, self.source, self.config)
+        self._moved_ns = self._run[stop - 1].stamp_ns
+        self._start, self._still = None, 0
+        del self._run[:-MEMORY]
+        return motion

@@ -1,0 +1,81 @@
+"""Velocities and accelerations of tracked poses: backward differences over the true stamps, then a median of three.
+
+The rules by which ContactNets' public tosses were made (arXiv 2009.11193; METHOD 1.0): the difference belongs to the later of
+its two frames, so that p' = p + dt v' before the median, which takes single glitches out of the velocities and keeps the jumps
+of impacts.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.toss import NANOSECONDS
+
+
+@dataclass(frozen=True, eq=False)
+class Kinematics:
+    """Rates of T successive poses without gaps.
+
+    Attributes:
+        linear_velocities: (T, 3) [m/s] in the board's frame.
+        angular_velocities: (T, 3) [rad/s] in the body's frame.
+        accelerations: (T, 3) backward differences of the linear velocities [m/s^2]; the first is the second, repeated.
+    """
+
+    linear_velocities: Array
+    angular_velocities: Array
+    accelerations: Array
+
+
+def median_of_three(values: Array) -> Array:
+    """Each row (T, C) of `values` replaced by the median of itself and its neighbours; the ends see themselves twice."""
+    padded = np.concatenate([values[:1], values, values[-1:]])
+    return np.asarray(np.median(np.stack([padded[:-2], padded[1:-1], padded[2:]]), axis=0))
+
+
+def median_orientations(orientations_wxyz: Array) -> Array:
+    """(T, 4) orientations with the median of three taken over rotation vectors.
+
+    The vectors are those to the neighbours from each frame's own orientation: unlike vectors from a fixed orientation, as in
+    ContactNets' processing, they cannot wrap around.
+    """
+    to_previous = quaternions.log(quaternions.multiply(quaternions.conjugate(orientations_wxyz[1:]), orientations_wxyz[:-1]))
+    to_next = quaternions.log(quaternions.multiply(quaternions.conjugate(orientations_wxyz[:-1]), orientations_wxyz[1:]))
+    none = np.zeros((1, 3))
+    neighbours = np.stack(
+        [np.concatenate([none, to_previous]), np.concatenate([to_next, none]), np.zeros((len(orientations_wxyz), 3))]
+    )
+    return quaternions.multiply(orientations_wxyz, quaternions.exp(np.median(neighbours, axis=0)))
+
+
+def all_around(mask: NDArray[np.bool_], before: int, after: int) -> NDArray[np.bool_]:
+    """Frames (T,) for which `mask` (T,) holds from `before` frames earlier to `after` later, as far as there are any.
+
+    An acceleration comes from the poses of frames i - 3 to i + 1: a body is in the air for it only if it is in all of them, or
+    the median carries the rebound of an impact into the air.
+    """
+    padded = np.concatenate([np.ones(before, dtype=bool), mask, np.ones(after, dtype=bool)])
+    windows = np.lib.stride_tricks.sliding_window_view(padded, before + 1 + after)
+    return np.asarray(windows.all(axis=1))
+
+
+def kinematics(stamps_ns: NDArray[np.int64], positions: Array, orientations_wxyz: Array) -> Kinematics:
+    """Rates of T >= 2 successive poses.
+
+    Args:
+        stamps_ns: (T,) strictly increasing.
+        positions: (T, 3) [m] in the board's frame.
+        orientations_wxyz: (T, 4) body to board.
+    """
+    steps = np.diff(stamps_ns)[:, np.newaxis] / NANOSECONDS  # (T - 1, 1)
+    turns = quaternions.log(quaternions.multiply(quaternions.conjugate(orientations_wxyz[:-1]), orientations_wxyz[1:]))
+    linear = median_of_three(_first_repeated(np.diff(positions, axis=0) / steps))
+    angular = median_of_three(_first_repeated(turns / steps))
+    return Kinematics(linear, angular, _first_repeated(np.diff(linear, axis=0) / steps))
+
+
+def _first_repeated(differences: Array) -> Array:
+    return np.concatenate([differences[:1], differences])

@@ -1,0 +1,65 @@
+"""A toss is checked when it is made, and known by its digest."""
+
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry import quaternions
+from contact_curation.motion.toss import Rejected, Toss, toss_identity
+
+
+def made(**changed: Any) -> Toss:
+    parts: dict[str, Any] = {
+        "toss_id": "7",
+        "body": "cube",
+        "source": "/odom",
+        "frame_period": 1.0 / 148.0,
+        "stamps_ns": np.arange(5) * 6_756_757,
+        "positions": np.ones((5, 3)),
+        "orientations_wxyz": np.tile(quaternions.IDENTITY, (5, 1)),
+        "linear_velocities": np.zeros((5, 3)),
+        "angular_velocities": np.zeros((5, 3)),
+    }
+    return Toss(**(parts | changed))
+
+
+def test_the_identity_depends_on_body_source_and_first_stamp_and_on_nothing_else() -> None:
+    assert toss_identity("cube", "/odom", 5) == toss_identity("cube", "/odom", 5)
+    others = {toss_identity("cube", "/odom", 5), toss_identity("cube", "/odom", 6), toss_identity("cube", "/pose", 5)}
+    assert len(others | {toss_identity("brick", "/odom", 5)}) == 4
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ({"stamps_ns": np.array([0, 1, 1, 2, 3])}, "strictly increasing"),
+        ({"stamps_ns": np.array([0])}, r"\(T,\) with T >= 2"),
+        ({"frame_period": 0.0}, "frame_period: found 0.0"),
+        ({"positions": np.full((5, 3), np.nan)}, "toss positions: found a value that is not finite"),
+        ({"angular_velocities": np.zeros((4, 3))}, r"found shape \(4, 3\), expected \(5, 3\)"),
+        ({"orientations_wxyz": np.full((5, 4), 0.51)}, "quaternion norm"),
+    ],
+)
+def test_what_is_no_toss_is_refused_with_what_was_found(changed: dict[str, Any], why: str) -> None:
+    with pytest.raises(InvalidValueError, match=why):
+        made(**changed)
+
+
+def test_every_field_is_in_the_digest() -> None:
+    toss = made()
+    assert made().digest() == toss.digest()
+    other: dict[str, Any] = {"toss_id": "8", "body": "b", "source": "s", "frame_period": 0.1, "stamps_ns": toss.stamps_ns + 1}
+    for field in fields(Toss):
+        value = getattr(toss, field.name)
+        if field.name not in other:
+            other[field.name] = value + 5e-4 * np.eye(*value.shape)
+        changed = replace(toss, **{field.name: other[field.name]})
+        assert changed.digest() != toss.digest(), field.name
+
+
+def test_a_rejected_toss_has_a_reason() -> None:
+    with pytest.raises(InvalidValueError, match="reasons to reject toss 7: found none"):
+        Rejected(made(), ())

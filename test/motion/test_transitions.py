@@ -1,0 +1,41 @@
+"""Tosses as pairs of successive frames in characteristic units."""
+
+import numpy as np
+import pytest
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import states_of, transitions_of
+from test.motion.streams import CUBE, HALF_WIDTH, stream
+from test.motion.test_segmenter import cut
+
+
+@pytest.fixture(scope="module")
+def toss() -> Toss:
+    (found,) = cut(stream())
+    assert isinstance(found, Toss)
+    return found
+
+
+def test_lengths_are_divided_by_the_characteristic_length_and_turns_are_not(toss: Toss) -> None:
+    states = states_of(toss, HALF_WIDTH)
+    assert states[-1, 2] == pytest.approx(1.0, abs=1e-3), "a cube at rest stands one half width high"
+    np.testing.assert_allclose(states[:, 3:7], toss.orientations_wxyz)
+    np.testing.assert_allclose(states[:, 7:10] * HALF_WIDTH, toss.linear_velocities)
+    np.testing.assert_allclose(states[:, 10:13], toss.angular_velocities)
+
+
+def test_transitions_join_tosses_without_joining_their_ends(toss: Toss) -> None:
+    joined = transitions_of([toss, toss], HALF_WIDTH)
+    steps = toss.frames - 1
+    assert joined.starts.tolist() == [0, steps, 2 * steps]
+    np.testing.assert_array_equal(joined.before[1:steps], joined.after[: steps - 1])
+    np.testing.assert_array_equal(joined.toss_index, [0] * steps + [1] * steps)
+    np.testing.assert_array_equal(joined.index_in_toss, [*range(steps), *range(steps)])
+    np.testing.assert_allclose(joined.dt, toss.frame_period)
+    assert CUBE.corner_heights(toss.positions, toss.orientations_wxyz).min() > -1e-6
+
+
+def test_no_tosses_are_no_transitions() -> None:
+    with pytest.raises(InvalidValueError, match="tosses: found none"):
+        transitions_of([], HALF_WIDTH)
