@@ -1,4 +1,4 @@
-"""Where a toss came from, byte for byte."""
+"""Where a toss and a ranking came from, byte for byte."""
 
 from dataclasses import dataclass
 
@@ -16,3 +16,47 @@ class TossProvenance:
     input: str = ""
     input_sha256: str = ""
     topic: str = ""
+
+
+@dataclass(frozen=True)
+class InputProvenance:
+    """One recording that was read.
+
+    Attributes:
+        path: as given.
+        sha256: of its bytes.
+        losses: what could not be read of it, one line each (`BagReader.losses`).
+    """
+
+    path: str
+    sha256: str
+    losses: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class RunProvenance:
+    """How a ranking was made: with the inputs, enough to make it again.
+
+    Attributes:
+        criterion: of the ranking, e.g. "log-det".
+        estimator: "empirical" or "gauss-newton"; empty where the criterion needs none.
+        influence_bound: losses above this were scaled down to it; inf when unbounded.
+        model: what the parameters parameterise, e.g. "polytope".
+        parameters: where they came from: a file, or how they were set.
+        parameters_version: digest of their values.
+        seed: of everything random.
+        package_version: of this package.
+        command: the command line, word by word; empty when the library was called.
+        inputs: the recordings, in the order they were read.
+    """
+
+    criterion: str
+    estimator: str
+    influence_bound: float
+    model: str
+    parameters: str
+    parameters_version: str
+    seed: int
+    package_version: str
+    command: tuple[str, ...]
+    inputs: tuple[InputProvenance, ...]

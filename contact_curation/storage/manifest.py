@@ -1,0 +1,86 @@
+"""The outcome of a ranking: every toss with its place and the evidence for it; what was kept back, and why."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.storage.provenance import RunProvenance
+
+type Diagnostic = bool | int | float | str | list[Diagnostic] | dict[str, Diagnostic] | None
+
+
+@dataclass(frozen=True)
+class ManifestRow:
+    """One toss.
+
+    Attributes:
+        toss_id: unique in the manifest.
+        kept: among the top k.
+        gated: kept back by a gate, before it was scored.
+        reasons: why it was gated or not scored, one line each.
+        rank: place in the ranking, from 1; None when it was not ranked.
+        score: what the criterion says of it alone; None when it was not ranked.
+        marginal_gain: what it added when it was picked, or would add to the kept ones; None when it was not ranked.
+        trace: of its Fisher sum; None when it was not scored.
+        mean_loss: of its scored transitions; None when it was not scored.
+        transitions: how many it has; None when it was not scored.
+        not_scored: how many of them have no certified impulse; None when it was not scored.
+        frames: how many poses.
+        duration: from first to last frame [s].
+        input: path of the recording it was cut from.
+        input_sha256: of the recording.
+        topic: its pose topic; empty where the input has none.
+        first_stamp_ns: header stamp of its first frame.
+        last_stamp_ns: header stamp of its last frame.
+    """
+
+    toss_id: str
+    kept: bool
+    gated: bool
+    reasons: tuple[str, ...]
+    rank: int | None
+    score: float | None
+    marginal_gain: float | None
+    trace: float | None
+    mean_loss: float | None
+    transitions: int | None
+    not_scored: int | None
+    frames: int
+    duration: float
+    input: str
+    input_sha256: str
+    topic: str
+    first_stamp_ns: int
+    last_stamp_ns: int
+
+    def __post_init__(self) -> None:
+        if self.kept and (self.gated or self.rank is None):
+            raise InvalidValueError(f"kept of toss {self.toss_id}", "True", "False for a toss that is gated or has no rank")
+        if (self.gated or self.rank is None) and not self.reasons:
+            raise InvalidValueError(f"reasons of toss {self.toss_id}", "none", "at least one for a toss that was not ranked")
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """All tosses of the inputs, none left out.
+
+    Attributes:
+        run: how it was made.
+        rows: one per toss, in the order they are to be listed.
+        diagnostics: findings about the whole by name: epsilon, smallest sufficient k, efficiency certificate, block shares.
+    """
+
+    run: RunProvenance
+    rows: tuple[ManifestRow, ...]
+    diagnostics: Mapping[str, Diagnostic] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if len({row.toss_id for row in self.rows}) != len(self.rows):
+            ids = [row.toss_id for row in self.rows]
+            raise InvalidValueError("manifest", f"toss {next(i for i in ids if ids.count(i) > 1)} twice", "each toss once")
+
+    @cached_property
+    def kept(self) -> tuple[ManifestRow, ...]:
+        """The kept tosses, best first."""
+        return tuple(sorted((row for row in self.rows if row.kept), key=lambda row: row.rank or 0))

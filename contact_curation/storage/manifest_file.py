@@ -1,0 +1,60 @@
+"""Manifests on disk: Parquet, CSV or JSON by the file's ending, with the same content in each."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
+from contact_curation.storage.atomic_file import write_atomically
+from contact_curation.storage.manifest import Manifest
+from contact_curation.storage.manifest_csv import from_csv, to_csv
+from contact_curation.storage.manifest_json import from_json, to_json
+from contact_curation.storage.manifest_parquet import from_parquet, to_parquet
+
+
+class _Format(NamedTuple):
+    write: Callable[[Manifest], bytes]
+    read: Callable[[bytes], Manifest]
+
+
+FORMATS = {
+    ".parquet": _Format(to_parquet, from_parquet),
+    ".csv": _Format(to_csv, from_csv),
+    ".json": _Format(to_json, from_json),
+}
+
+
+def write_manifest(manifest: Manifest, path: Path) -> None:
+    """Writes a manifest, whole or not at all; the same manifest always gives the same bytes.
+
+    Raises:
+        InvalidValueError: the ending of `path` is not one of `FORMATS`, it cannot be written, or a name is not Unicode.
+    """
+    write = _format(path).write
+    try:
+        data = write(manifest)
+    except UnicodeEncodeError as error:
+        raise InvalidValueError("manifest", f"{error.object!r}", "names and paths that are Unicode") from error
+    write_atomically(path, data)
+
+
+def read_manifest(path: Path) -> Manifest:
+    """Reads a manifest that `write_manifest` wrote.
+
+    Raises:
+        InvalidValueError: the ending of `path` is not one of `FORMATS`.
+        UnreadableInputError: the file is no manifest, or one of a newer version.
+    """
+    read = _format(path).read
+    try:
+        return read(path.read_bytes())
+    except OSError as error:
+        raise UnreadableInputError(path, f"cannot be read: {error.strerror or error}") from error
+    except (ValueError, LookupError, TypeError, ContactCurationError) as error:
+        raise UnreadableInputError(path, f"is no manifest of this package: {error!r}") from error
+
+
+def _format(path: Path) -> _Format:
+    if path.suffix not in FORMATS:
+        raise InvalidValueError("manifest", path, f"a file ending in {', '.join(FORMATS)}")
+    return FORMATS[path.suffix]
