@@ -109,7 +109,7 @@ class Scorer:
         rows = transitions_of(self._checked(tosses), self.body.length_scale)
         sums = self._sums(rows, self.config.estimator)
         centroids = np.array([toss.positions.mean(axis=0) / self.body.length_scale for toss in tosses])
-        fishers = np.einsum("qp,kqr,rs->kps", self.form.chart, sums.fishers, self.form.chart, optimize=True)
+        fishers = self.form.chart.T @ sums.fishers @ self.form.chart  # one product per toss: the same digits in any batch
         score_sums = sums.score_sums @ self.form.chart
         if self.form.tilt_axes.size:
             fishers, score_sums = about_centroids(fishers, score_sums, self.blocks, centroids @ self.form.tilt_axes.T)
