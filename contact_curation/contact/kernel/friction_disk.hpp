@@ -2,9 +2,10 @@
 //
 //     minimise  1/2 l^T D l + b^T l   subject to  ||l|| <= radius,
 //
-// with D = J_t M^-1 J_t^T (2x2, positive semidefinite) and b the sliding velocity without this impulse. Inside the disk the contact
-// sticks, on its rim it slides against the velocity. The rim is found as in a trust region, by Newton on 1/||l(s)|| = 1/radius
-// with l(s) = -(D + s I)^-1 b (More and Sorensen, SIAM J. Sci. Stat. Comput. 4, 1983), which is monotone from the left.
+// with D = J_t M^-1 J_t^T (2x2, positive semidefinite) and b the sliding velocity without this impulse. Inside the disk the
+// contact sticks, on its rim it slides against the velocity. The rim is found as in a trust region, by Newton on
+// 1/||l(s)|| = 1/radius with l(s) = -(D + s I)^-1 b (More and Sorensen, SIAM J. Sci. Stat.
+// Comput. 4, 1983), monotone from the left.
 #pragma once
 
 #include <algorithm>
@@ -38,8 +39,8 @@ struct FrictionDisk {
             const double square = impulse[0] * impulse[0] + impulse[1] * impulse[1];
             const double excess = std::sqrt(square) / radius - 1.0;
             if (!(excess > rim_tolerance)) break;
-            const double bend = second * impulse[0] * impulse[0] - 2.0 * d01 * impulse[0] * impulse[1] + first * impulse[1] * impulse[1];
-            shift += excess * square * determinant / bend;
+            const double x = impulse[0], y = impulse[1];
+            shift += excess * square * determinant / (second * x * x - 2.0 * d01 * x * y + first * y * y);
         }
     }
 };

@@ -1,4 +1,4 @@
-// Rollouts of a batch of initial states, a trajectory at a time, over threads; plain C entry point (contact/rollout.py calls it).
+// Rollouts of a batch of initial states, over threads; plain C entry point (contact/rollout.py calls it).
 //
 // Trajectory b owns rows offsets[b]..offsets[b + 1] of every output; its first row is its initial state, with zero impulses.
 // After a step that is not finite the trajectory's remaining rows are NaN and carry that status.
@@ -52,9 +52,9 @@ void roll_out_one(TimeStep& step, const Batch& batch, std::int64_t b, std::vecto
 
 }  // namespace
 
-extern "C" void contact_rollout(const contact_curation::stepping::ContactWorld* world, std::int64_t trajectories, const double* initial,
-                                const std::int64_t* offsets, const double* dt, std::int64_t threads, double* states,
-                                double* impulses, std::int32_t* status, double* residual) {
+extern "C" void contact_rollout(const contact_curation::stepping::ContactWorld* world, std::int64_t trajectories,
+                                const double* initial, const std::int64_t* offsets, const double* dt, std::int64_t threads,
+                                double* states, double* impulses, std::int32_t* status, double* residual) {
     const Batch batch{initial, offsets, dt, states, impulses, status, residual};
     std::atomic<std::int64_t> next{0};
     const auto work = [&] {

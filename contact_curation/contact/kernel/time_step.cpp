@@ -4,8 +4,8 @@
 #include <limits>
 
 // Advances `states` (N, 13) by `dt` (N) in place. `impulses` (N, V, 3) holds the guesses and then the answers.
-extern "C" void contact_time_step(const contact_curation::stepping::ContactWorld* world, std::int64_t count, const double* dt, double* states,
-                                  double* impulses, std::int32_t* status, double* residual) {
+extern "C" void contact_time_step(const contact_curation::stepping::ContactWorld* world, std::int64_t count, const double* dt,
+                                  double* states, double* impulses, std::int32_t* status, double* residual) {
     using namespace contact_curation::stepping;
     TimeStep step(*world);
     for (std::int64_t i = 0; i < count; ++i) {

@@ -4,7 +4,7 @@
 //     lambda_t = argmin over ||lambda_t|| <= lambda_n of lambda_t . J_t v'      (Coulomb, friction coefficient inside J_t)
 //     x' = x + dt v',    q' = q * exp(dt omega'),
 //
-// solved for lambda by Gauss-Seidel over the contacts, normal before tangent, each exactly (projected Gauss-Seidel with a true disk).
+// solved for lambda by projected Gauss-Seidel over the contacts with a true disk: normal before tangent, each exactly.
 // A step starts from the impulses of the step before. No contact is dropped: far ones cost one dot product a sweep.
 // As in the loss, there is no gyroscopic term (it vanishes for a cube).
 #pragma once
@@ -149,8 +149,9 @@ private:
             fill_row(world_.tangents + 3, tangent_point, r, contact.row[2], contact.response[2]);
             contact.gap_speed = gap(state, r, normal_point) / dt;
             contact.normal_mobility = dot6(contact.row[0], contact.response[0]);
-            contact.disk = FrictionDisk::of(dot6(contact.row[1], contact.response[1]), dot6(contact.row[1], contact.response[2]),
-                                            dot6(contact.row[2], contact.response[2]));
+            const double* second_response = contact.response[2];
+            contact.disk = FrictionDisk::of(dot6(contact.row[1], contact.response[1]), dot6(contact.row[1], second_response),
+                                            dot6(contact.row[2], second_response));
         }
     }
 
