@@ -1,0 +1,125 @@
+"""Theta from a JSON file: the polytope's parameters in characteristic units, as `rank` and `score` take them.
+
+    {"vertices_normal": Vx3, "normal": 3, "vertices_tangent": Vx3, "tangents": 2x3}        friction is inside the tangents
+
+and, where they differ from the body's, "mass" [kg], "inertia" [kg per squared characteristic length; a number, 3, or 3x3] and
+"length_scale" [m], the characteristic length itself.
+"""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.geometry.quaternions import Array
+
+REQUIRED = ("vertices_normal", "normal", "vertices_tangent", "tangents")
+OPTIONAL = ("mass", "inertia", "length_scale")
+LARGEST_BYTES = 1 << 20
+"""Far more than 32 vertices take."""
+
+
+class Parameters(NamedTuple):
+    """A theta and the body it belongs to."""
+
+    geometry: ContactGeometry
+    body: Body
+
+
+def read_parameters(path: Path, body: Body) -> Parameters:
+    """The parameters in a file.
+
+    Args:
+        path: of the JSON file.
+        body: whose mass, inertia and length scale hold where the file has none.
+
+    Raises:
+        UnreadableInputError: there is no such file, or it holds no JSON object.
+        InvalidValueError: a key is missing or unknown, or its value is not what it should be.
+    """
+    return parameters_from_mapping(_json_object(path), body, str(path))
+
+
+def parameters_from_mapping(data: dict[str, Any], body: Body, name: str) -> Parameters:
+    """As `read_parameters`, from parsed JSON; errors begin with `name`."""
+    _check_keys(data, name)
+    points = (len(body.vertices), 3)
+    vertices_normal, vertices_tangent = (_numbers(data, key, name, points) for key in ("vertices_normal", "vertices_tangent"))
+    normal, tangents = _numbers(data, "normal", name, (3,)), _numbers(data, "tangents", name, (2, 3))
+    if not normal.any():
+        raise InvalidValueError(f"{name}: normal", "the zero vector", "a direction")
+    return Parameters(ContactGeometry(vertices_normal, normal, vertices_tangent, tangents), _body_with(data, body, name))
+
+
+def _json_object(path: Path) -> dict[str, Any]:
+    try:
+        with path.open("rb") as file:
+            text = file.read(LARGEST_BYTES + 1)
+    except OSError as error:
+        raise UnreadableInputError(path, f"cannot be read: {error.strerror}") from error
+    if len(text) > LARGEST_BYTES:
+        raise UnreadableInputError(path, f"holds more than {LARGEST_BYTES} bytes, expected a JSON object with {_accepted()}")
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise UnreadableInputError(path, f"is not JSON: {error}") from error
+    if not isinstance(data, dict):
+        raise UnreadableInputError(path, f"holds a JSON {type(data).__name__}, expected an object with {_accepted()}")
+    return data
+
+
+def _accepted() -> str:
+    return f"the keys {', '.join(REQUIRED)} (optionally {', '.join(OPTIONAL)})"
+
+
+def _check_keys(data: dict[str, Any], name: str) -> None:
+    missing = [key for key in REQUIRED if key not in data]
+    unknown = sorted(set(data) - {*REQUIRED, *OPTIONAL})
+    if missing or unknown:
+        found = [f"no {', '.join(missing)}"] * bool(missing) + [f"unknown {', '.join(unknown)[:80]}"] * bool(unknown)
+        raise InvalidValueError(name, " and ".join(found), _accepted())
+
+
+def _numbers(data: dict[str, Any], key: str, name: str, *shapes: tuple[int, ...]) -> Array:
+    """The array under `key`, of one of the accepted shapes; text and truth values are no numbers."""
+    expected = "finite numbers, " + " or ".join("x".join(map(str, shape)) or "a single one" for shape in shapes)
+    try:
+        array = np.asarray(data[key])
+    except ValueError as error:
+        raise InvalidValueError(f"{name}: {key}", "rows of different lengths", expected) from error
+    if array.dtype.kind not in "iuf":
+        raise InvalidValueError(f"{name}: {key}", repr(data[key])[:60], expected)
+    if array.shape not in shapes:
+        raise InvalidValueError(f"{name}: {key}", f"shape {array.shape}", expected)
+    if not np.isfinite(array).all():
+        raise InvalidValueError(f"{name}: {key}", "a value that is not finite", expected)
+    return array.astype(float)
+
+
+def _body_with(data: dict[str, Any], body: Body, name: str) -> Body:
+    """The body with the mass, inertia and length scale of the file."""
+    mass = _positive(data, "mass", name) if "mass" in data else body.mass
+    length_scale = _positive(data, "length_scale", name) if "length_scale" in data else body.length_scale
+    inertia = _inertia(data, name) * length_scale**2 if "inertia" in data else body.inertia
+    return replace(body, mass=mass, length_scale=length_scale, inertia=inertia)
+
+
+def _positive(data: dict[str, Any], key: str, name: str) -> float:
+    value = float(_numbers(data, key, name, ()))
+    if value <= 0.0:
+        raise InvalidValueError(f"{name}: {key}", value, "a positive number")
+    return value
+
+
+def _inertia(data: dict[str, Any], name: str) -> Array:
+    """(3, 3) in kg per squared characteristic length."""
+    given = _numbers(data, "inertia", name, (), (3,), (3, 3))
+    inertia = given if given.ndim == 2 else np.diag(np.broadcast_to(given, 3))
+    if not np.allclose(inertia, inertia.T) or np.linalg.eigvalsh(inertia).min() <= 0.0:
+        raise InvalidValueError(f"{name}: inertia", given.tolist(), "a positive definite matrix")
+    return inertia

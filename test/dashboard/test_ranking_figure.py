@@ -1,0 +1,75 @@
+"""The ranking's figure: drawn for every criterion and for pools at the edges of what there is."""
+
+import struct
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contact_curation.dashboard.ranking_figure import UNITS, RankingPicture, save_ranking_figure
+from contact_curation.errors import InvalidValueError
+from contact_curation.information.ranker import CRITERIA
+
+
+def picture(count: int = 40, kept: int = 8) -> RankingPicture:
+    rng = np.random.default_rng(0)
+    return RankingPicture(
+        title=f"{count} tosses",
+        criterion="log-det",
+        scores=np.sort(rng.lognormal(size=count))[::-1],
+        gains=np.sort(rng.lognormal(size=count))[::-1],
+        kept=kept,
+        spectrum=rng.uniform(0.01, 0.5, 52),
+        epsilon=0.99,
+        shares={"vertices_normal": (0.8, 0.7), "friction": (0.2, 0.3)},
+        outcomes=(("kept", kept), ("ranked, not kept", count - kept), ("impulse outside the friction cone", 3)),
+    )
+
+
+def size_of_png(path: Path) -> tuple[int, int]:
+    data = path.read_bytes()
+    assert data.startswith(b"\x89PNG")
+    width, height = struct.unpack(">II", data[16:24])
+    return width, height
+
+
+def test_it_is_1600_by_1000(tmp_path: Path) -> None:
+    save_ranking_figure(picture(), tmp_path / "figure.png")
+    assert size_of_png(tmp_path / "figure.png") == (1600, 1000)
+
+
+def test_every_criterion_has_its_unit() -> None:
+    assert set(UNITS) == set(CRITERIA)
+
+
+@pytest.mark.parametrize(
+    "unusual",
+    [
+        picture(1, 1),
+        picture(5, 5),
+        replace(picture(), scores=np.ones(40)),
+        replace(picture(), scores=np.zeros(40), gains=np.zeros(40)),
+        replace(picture(), scores=np.linspace(3.0, -3.0, 40)),
+        replace(picture(), scores=np.geomspace(1e12, 1e-9, 40)),
+        replace(picture(), spectrum=np.zeros(0)),
+        replace(picture(), spectrum=np.array([0.0, 0.0, 1.0]), epsilon=1.0),
+        replace(picture(), shares={}, criterion="longest"),
+    ],
+    ids=["one toss", "all kept", "equal scores", "no gains", "negative", "wide", "no spectrum", "empty directions", "no blocks"],
+)
+def test_unusual_pools_are_drawn_without_a_warning(tmp_path: Path, unusual: RankingPicture) -> None:
+    save_ranking_figure(unusual, tmp_path / "figure.png")
+    assert size_of_png(tmp_path / "figure.png") == (1600, 1000)
+
+
+def test_the_same_picture_gives_the_same_bytes_and_other_numbers_others(tmp_path: Path) -> None:
+    for name, drawn in (("a", picture()), ("b", picture()), ("c", picture(40, 9))):
+        save_ranking_figure(drawn, tmp_path / f"{name}.png")
+    first, second, third = ((tmp_path / f"{name}.png").read_bytes() for name in "abc")
+    assert first == second != third
+
+
+def test_a_path_that_cannot_be_written_is_one_clear_error(tmp_path: Path) -> None:
+    with pytest.raises(InvalidValueError, match="figure"):
+        save_ranking_figure(picture(), tmp_path / "missing" / "figure.png")
