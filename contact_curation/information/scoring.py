@@ -110,7 +110,7 @@ class Scorer:
         sums = self._sums(rows, self.config.estimator)
         centroids = np.array([toss.positions.mean(axis=0) / self.body.length_scale for toss in tosses])
         fishers = self.form.chart.T @ sums.fishers @ self.form.chart  # one product per toss: the same digits in any batch
-        score_sums = sums.score_sums @ self.form.chart
+        score_sums = np.stack([row @ self.form.chart for row in sums.score_sums])
         if self.form.tilt_axes.size:
             fishers, score_sums = about_centroids(fishers, score_sums, self.blocks, centroids @ self.form.tilt_axes.T)
         factors = factors_of_fishers(0.5 * (fishers + fishers.transpose(0, 2, 1)), self.config.compression)
