@@ -1,0 +1,129 @@
+"""ContactNets' public tosses: one PyTorch file each, a float64 tensor (1, T, 19) (arXiv 2009.11193, DAIRLab/contact-nets).
+
+A row is position (3), orientation wxyz (4), linear velocity (3), angular velocity in the body's frame (3), control (6); lengths
+are in half widths of the cube, frames 1/148 s apart. Files are read as plain tensors: nothing in them is ever unpickled.
+"""
+
+import re
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from pickle import UnpicklingError
+
+import numpy as np
+
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
+from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.toss import NANOSECONDS, Toss
+
+FRAME_RATE = 148.0
+"""Frames a second of the public data."""
+
+COLUMNS = 19
+CONTROL = slice(13, 19)
+LARGEST_FILE = 64 * 2**20
+"""Bytes, unpacked; a minute of toss is 1.3 MB."""
+
+SUBFOLDER = "tosses_processed"
+"""Where the public repository keeps the files."""
+
+
+def contactnets_files(path: Path) -> list[Path]:
+    """The `.pt` files of a folder in the order of their numbers, or the file itself.
+
+    Raises:
+        UnreadableInputError: there is none.
+    """
+    if path.is_file():
+        return [path]
+    if not path.is_dir():
+        raise UnreadableInputError(path, "found nothing there, expected a .pt file or a folder of them")
+    folder = path / SUBFOLDER if (path / SUBFOLDER).is_dir() else path
+    files = sorted(folder.glob("*.pt"), key=_natural)
+    if not files:
+        raise UnreadableInputError(path, "found no .pt files, expected ContactNets' N.pt")
+    return files
+
+
+def read_contactnets(path: Path, body: Body = CONTACTNETS_CUBE) -> Iterator[Toss | UnreadableInputError]:
+    """The tosses of a folder or file, one after the other; in place of a file that is none, why not.
+
+    Args:
+        path: a `.pt` file or a folder of them.
+        body: what was tossed; its length scale is the files' unit of length.
+
+    Raises:
+        UnreadableInputError: there are no files.
+    """
+    for file in contactnets_files(path):
+        try:
+            yield read_contactnets_toss(file, body)
+        except UnreadableInputError as error:
+            yield error
+
+
+def read_contactnets_toss(file: Path, body: Body = CONTACTNETS_CUBE) -> Toss:
+    """One toss in SI units, named after its file; stamps count from zero.
+
+    Raises:
+        UnreadableInputError: the file is no such tensor, or no toss.
+    """
+    rows = _rows(file)
+    try:
+        return Toss(
+            toss_id=file.stem,
+            body=body.name,
+            source=file.name,
+            frame_period=1.0 / FRAME_RATE,
+            stamps_ns=np.round(np.arange(len(rows)) * (NANOSECONDS / FRAME_RATE)).astype(np.int64),
+            positions=rows[:, 0:3] * body.length_scale,
+            orientations_wxyz=rows[:, 3:7],
+            linear_velocities=rows[:, 7:10] * body.length_scale,
+            angular_velocities=rows[:, 10:13],
+        )
+    except InvalidValueError as error:
+        raise UnreadableInputError(file, str(error)) from error
+
+
+def _natural(file: Path) -> list[tuple[int, str]]:
+    """Sorts 2.pt before 10.pt."""
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", file.stem)]
+
+
+def _rows(file: Path) -> Array:
+    """The rows (T, 19) of a file."""
+    import torch  # here, for it takes over a second and bags do not need it
+
+    _check_size(file)
+    try:
+        content = torch.load(file, map_location="cpu", weights_only=True)
+    except (UnpicklingError, RuntimeError, EOFError, KeyError, ValueError, OSError) as error:
+        raise UnreadableInputError(file, f"found no plain tensor ({_first_sentence(error)}), expected {_EXPECTED}") from error
+    if not isinstance(content, torch.Tensor):
+        raise UnreadableInputError(file, f"found a {type(content).__name__}, expected {_EXPECTED}")
+    if content.dtype != torch.float64 or content.ndim != 3 or content.shape[0] != 1 or content.shape[2] != COLUMNS:
+        raise UnreadableInputError(file, f"found {content.dtype} of shape {tuple(content.shape)}, expected {_EXPECTED}")
+    rows: Array = content[0].numpy()
+    if rows[:, CONTROL].any():
+        raise UnreadableInputError(file, "found a control that is not zero, expected a body that moves freely")
+    return rows
+
+
+_EXPECTED = f"one float64 tensor of shape (1, T, {COLUMNS})"
+
+
+def _check_size(file: Path) -> None:
+    """Refuses what would unpack to more than any toss."""
+    size = file.stat().st_size
+    if zipfile.is_zipfile(file):
+        with zipfile.ZipFile(file) as archive:
+            size = max(size, sum(entry.file_size for entry in archive.infolist()))
+    if size > LARGEST_FILE:
+        raise UnreadableInputError(file, f"found {size} bytes unpacked, expected at most {LARGEST_FILE}")
+
+
+def _first_sentence(error: Exception) -> str:
+    if isinstance(error, UnpicklingError):
+        return "pickled objects are never unpickled"
+    return str(error).partition("\n")[0].partition(". ")[0] or type(error).__name__

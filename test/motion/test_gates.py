@@ -1,0 +1,182 @@
+"""The gates let good tosses pass and keep glitches back (METHOD 2.1, check 11)."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry import quaternions
+from contact_curation.motion.gates import GateConfig, cone_gate, impulse_gate, inspect, steps_of
+from contact_curation.motion.toss import Toss
+from test.motion.faults import contaminated, spiked
+from test.motion.streams import CUBE, PERIOD_NS, stream
+from test.motion.test_segmenter import cut
+
+CONFIG = GateConfig()
+PERIOD = PERIOD_NS / 1e9
+
+
+@pytest.fixture(scope="module")
+def good() -> Toss:
+    (toss,) = cut(stream())
+    assert isinstance(toss, Toss)
+    return toss
+
+
+def changed(toss: Toss, name: str, frame: int, by: list[float]) -> Toss:
+    """The toss with one row of one field shifted."""
+    values = getattr(toss, name).copy()
+    values[frame] += by
+    return replace(toss, **{name: values})
+
+
+def falling(**given: Any) -> Toss:
+    """Four frames in the air with consistent velocities, to be changed from."""
+    times = PERIOD * np.arange(4)
+    velocities = np.outer(1.0 - 9.81 * times, [0.0, 0.0, 1.0])
+    positions = np.array([0.0, 0.0, 0.3]) + PERIOD * np.cumsum(velocities, axis=0)
+    parts: dict[str, Any] = {
+        "stamps_ns": PERIOD_NS * np.arange(4),
+        "positions": positions,
+        "orientations_wxyz": np.tile(quaternions.IDENTITY, (4, 1)),
+        "linear_velocities": velocities,
+        "angular_velocities": np.zeros((4, 3)),
+    }
+    return Toss("t", "cube", "s", PERIOD, **(parts | given))
+
+
+def pulled(gained: list[float]) -> Toss:
+    """Contact gives the velocity `gained` [m/s] between frames 1 and 2."""
+    toss = falling()
+    velocities = toss.linear_velocities.copy()
+    velocities[2:] += gained
+    return replace(toss, linear_velocities=velocities)
+
+
+def test_a_clean_toss_passes(good: Toss) -> None:
+    assert inspect(good, CUBE, CONFIG) == ()
+    assert inspect(falling(), CUBE, CONFIG) == ()
+
+
+@pytest.mark.parametrize(
+    ("gained", "passes"),
+    [
+        ([0.0, 0.0, -0.156], True),
+        ([0.0, 0.0, -0.158], False),
+        ([0.0, 0.0, 5.0], True),
+        ([0.156, 0.0, 0.0], True),
+        ([0.112, 0.112, 0.0], False),
+        ([0.0, -0.6, 1.0], True),  # 0.157 + 0.5
+        ([0.0, -0.66, 1.0], False),
+        ([0.158, 0.0, -0.1], False),
+    ],
+)
+def test_impulses_point_up_and_stay_in_the_cone_from_both_sides(gained: list[float], passes: bool) -> None:
+    steps = steps_of(pulled(gained), CUBE, CONFIG)
+    assert (not impulse_gate(steps, CONFIG) and not cone_gate(steps, CONFIG)) is passes
+
+
+def test_a_reason_says_what_was_found_where_and_what_was_expected() -> None:
+    steps = steps_of(pulled([0.0, 0.0, -0.3]), CUBE, CONFIG)
+    assert impulse_gate(steps, CONFIG) == "impulse that pulls down: found 0.3 m/s at frame 2, expected at most 0.1572 m/s"
+
+
+@pytest.mark.parametrize(
+    ("toss", "reason"),
+    [
+        (falling(stamps_ns=PERIOD_NS * np.array([0, 10, 26, 36]) // 10), "time between frames: found 1.6"),
+        (
+            falling(orientations_wxyz=1.0002 * np.tile(quaternions.IDENTITY, (4, 1))),
+            "quaternion norm beside 1: found 0.0002 at frame 0",
+        ),
+        (
+            falling(positions=np.array([0.0, 0.0, 0.0524 - 0.0079]) + np.zeros((4, 3))),
+            "depth in the board: found 0.0079 m at frame 0",
+        ),
+        (pulled([0.0, 0.05, 0.0]), "acceleration in the air beyond gravity: found 7.4 m/s^2 at frame 2"),
+        (changed(falling(), "angular_velocities", 2, [2.1, 0.0, 0.0]), "change of spin in the air: found 2.1 rad/s at frame 2"),
+        (pulled([0.0, 0.0, 0.15]), "energy gained in the air: found 0."),
+        (changed(falling(), "positions", 2, [0.003, 0.0, 0.0]), "displacement beside the velocity: found 0.444 m/s"),
+        (
+            changed(falling(), "angular_velocities", 2, [0.0, 26.0, 0.0]),
+            "turn beside the angular velocity: found 26 rad/s at frame 2",
+        ),
+    ],
+)
+def test_each_kind_of_fault_has_its_own_reason(toss: Toss, reason: str) -> None:
+    assert any(line.startswith(reason) for line in inspect(toss, CUBE, CONFIG)), inspect(toss, CUBE, CONFIG)
+
+
+@pytest.mark.parametrize(
+    "toss",
+    [
+        falling(stamps_ns=PERIOD_NS * np.array([0, 10, 24, 34]) // 10),
+        falling(orientations_wxyz=1.00009 * np.tile(quaternions.IDENTITY, (4, 1))),
+        pulled([0.0, 0.03, 0.0]),
+        changed(falling(), "angular_velocities", 2, [1.9, 0.0, 0.0]),
+        changed(falling(), "positions", 2, [0.0025, 0.0, 0.0]),
+    ],
+)
+def test_what_is_just_inside_the_bounds_passes(toss: Toss) -> None:
+    assert inspect(toss, CUBE, CONFIG) == ()
+
+
+def test_a_disabled_gate_lets_everything_pass() -> None:
+    assert inspect(pulled([0.0, 0.0, -3.0]), CUBE, GateConfig(enabled=False)) == ()
+
+
+def test_bounds_that_make_no_sense_are_refused() -> None:
+    with pytest.raises(InvalidValueError, match="impulse_tolerance: found -1"):
+        GateConfig(impulse_tolerance=-1.0)
+
+
+@pytest.mark.parametrize("velocities", ["raw", "filtered", "hidden"])
+@pytest.mark.parametrize("frames", [1, 2, 3])
+def test_a_spike_in_a_synthetic_toss_is_caught_however_the_tracker_filters(good: Toss, velocities: str, frames: int) -> None:
+    rng = np.random.default_rng(7)
+    assert all(inspect(spiked(good, rng, frames=frames, velocities=velocities), CUBE, CONFIG) for _ in range(20))
+
+
+class TestOnTheRealTosses:
+    """Numbers of METHOD 2.1 and check 11; the tosses are ContactNets' 570."""
+
+    def impulse_flags(self, tosses: list[Toss], config: GateConfig) -> set[int]:
+        steps = (steps_of(toss, CONTACTNETS_CUBE.polytope, config) for toss in tosses)
+        return {number for number, step in enumerate(steps) if impulse_gate(step, config) or cone_gate(step, config)}
+
+    def test_no_clean_toss_is_flagged(self, real_tosses: list[Toss]) -> None:
+        flagged = [toss.toss_id for toss in real_tosses if inspect(toss, CONTACTNETS_CUBE.polytope, CONFIG)]
+        assert len(real_tosses) == 570
+        assert flagged == []
+
+    @pytest.mark.parametrize("tolerance", [1.5, 3.0, 6.0])
+    @pytest.mark.parametrize("seed", [0, 1])
+    def test_the_impulse_gate_finds_28_of_28_spikes_without_a_false_alarm(
+        self, real_tosses: list[Toss], tolerance: float, seed: int
+    ) -> None:
+        """In half widths per second, as METHOD has them."""
+        config = GateConfig(impulse_tolerance=tolerance * CONTACTNETS_CUBE.length_scale)
+        tosses, spikes = contaminated(real_tosses, 28, seed)
+        assert self.impulse_flags(tosses, config) == spikes
+
+    def test_with_a_narrow_cone_one_clean_toss_is_flagged(self, real_tosses: list[Toss]) -> None:
+        config = GateConfig(impulse_tolerance=1.5 * CONTACTNETS_CUBE.length_scale, largest_friction=0.3)
+        assert len(self.impulse_flags(real_tosses, config)) == 1
+
+    def test_a_median_hides_spikes_from_the_impulse_gate_but_not_from_the_jump_gate(self, real_tosses: list[Toss]) -> None:
+        tosses, spikes = contaminated(real_tosses, 28, 0, velocities="filtered")
+        assert len(self.impulse_flags(tosses, CONFIG)) <= 1
+        jumps = {
+            number
+            for number, toss in enumerate(tosses)
+            if any(line.startswith("displacement") for line in inspect(toss, CONTACTNETS_CUBE.polytope, CONFIG))
+        }
+        assert jumps == spikes
+
+    @pytest.mark.parametrize("frames", [2, 3])
+    def test_glitches_of_two_and_three_frames_after_filtering_are_caught(self, real_tosses: list[Toss], frames: int) -> None:
+        tosses, spikes = contaminated(real_tosses, 28, 0, frames=frames)
+        assert self.impulse_flags(tosses, CONFIG) == spikes
