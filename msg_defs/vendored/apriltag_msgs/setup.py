@@ -1,4 +1,4 @@
-"""Builds apriltag_msgs where ROS has not installed it; .ci/build_messages.py decides."""
+"""Builds apriltag_msgs where ROS has not installed it; msg_defs/install.py decides."""
 
 import sys
 from pathlib import Path
