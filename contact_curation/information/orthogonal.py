@@ -28,7 +28,7 @@ def toss_scores(pool: Pool, *, centre: bool = False) -> Array:
         pool: K tosses.
         centre: whether every transition's score is taken relative to the pool's mean score.
     """
-    scores = np.stack([info.score_sum for info in pool.infos])
+    scores = pool.toss_scores
     if not centre:
         return scores
     counts = pool.scored_transitions

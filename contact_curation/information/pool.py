@@ -1,6 +1,7 @@
-"""The tosses that are ranked together: all scored at one theta, in the order of their ids.
+"""The tosses that are ranked together: all scored at one theta, in the order of their ids, about one pivot.
 
-Sorting by id first makes every later sum, tie and result independent of the order in which the tosses came.
+Sorting by id first makes every later sum, tie and result independent of the order in which the tosses came. A toss comes with
+the ground's tilt taken about its own centroid; factors and scores that are added to others' are taken about the pool's.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.recentring import pool_centroid, sheared
 from contact_curation.information.record import TossInformation
 
 Indices = NDArray[np.int64]
@@ -29,12 +31,15 @@ class Pool:
     """K tosses scored at one theta; made by `pool_of`.
 
     Attributes:
-        infos: K records in the order of their ids.
+        infos: K records in the order of their ids, as they were scored.
+        pivot: (3,) centroid of the pool, about which the tilt is taken wherever tosses are added.
         gauge: (G, P) directions of theta that no data can tell (METHOD 1.1), as rows; None when there are none.
-        prior: (P, P) positive definite prior information A0 in the units of theta; None for a share of the mean toss's.
+        prior: (P, P) positive definite prior information A0 in the units of theta, the tilt about the pivot; None for a share
+            of the mean toss's.
     """
 
     infos: tuple[TossInformation, ...]
+    pivot: Array
     gauge: Array | None = None
     prior: Array | None = None
 
@@ -61,7 +66,7 @@ class Pool:
         """(P, P) pooled Fisher sum, up to the factors' truncation."""
         pooled = np.zeros((self.parameters, self.parameters))
         for indices in self.chunks():
-            rows = np.concatenate([self.infos[i].factor for i in indices])
+            rows = self.stacked(indices).reshape(-1, self.parameters)
             pooled += rows.T @ rows
         return pooled
 
@@ -71,8 +76,15 @@ class Pool:
             yield np.arange(first, min(first + CHUNK, len(self)))
 
     def stacked(self, indices: Sequence[int] | Indices) -> Array:
-        """Factors (b, R, P) of b tosses; rows of zeros fill up the shorter ones and carry no information."""
-        return stacked_factors([self.infos[i] for i in indices])
+        """Factors (b, R, P) of b tosses about the pivot; rows of zeros fill up the shorter ones and carry no information."""
+        factors = _stacked_factors([self.infos[i] for i in indices])
+        return factors if self._shifts is None else sheared(factors, self.infos[0].blocks, self._shifts[indices, None])
+
+    @cached_property
+    def toss_scores(self) -> Array:
+        """(K, P) sums of each toss's scores, about the pivot."""
+        scores = np.stack([info.score_sum for info in self.infos])
+        return scores if self._shifts is None else sheared(scores, self.infos[0].blocks, self._shifts)
 
     def indices_of(self, toss_ids: Iterable[str]) -> Indices:
         """Where tosses stand in the pool.
@@ -86,6 +98,12 @@ class Pool:
             raise InvalidValueError("toss id", error.args[0], f"one of the {len(self)} tosses of the pool") from error
 
     @cached_property
+    def _shifts(self) -> Array | None:
+        """(K, 2) from each toss's centroid to the pivot along the tilt's axes; None for models without a tilt."""
+        axes = self.infos[0].tilt_axes
+        return (self.pivot - np.array([info.centroid for info in self.infos])) @ axes.T if axes.size else None
+
+    @cached_property
     def _index(self) -> dict[str, int]:
         return {toss_id: index for index, toss_id in enumerate(self.ids)}
 
@@ -96,7 +114,7 @@ def pool_of(infos: Iterable[TossInformation], gauge: Array | None = None, prior:
     Args:
         infos: at least one toss, each id once.
         gauge: (G, P) or (P,) directions of theta that no data can tell.
-        prior: (P, P) prior information A0 in the units of theta.
+        prior: (P, P) prior information A0 in the units of theta, the tilt about the pool's centroid.
 
     Raises:
         InvalidValueError: no toss, an id twice, tosses scored at different thetas, or a gauge or prior of the wrong shape.
@@ -114,7 +132,7 @@ def pool_of(infos: Iterable[TossInformation], gauge: Array | None = None, prior:
         raise InvalidValueError("gauge directions", f"shape {directions.shape}", f"(G, {size})")
     if prior is not None and prior.shape != (size, size):
         raise InvalidValueError("prior information", f"shape {prior.shape}", f"({size}, {size})")
-    return Pool(tuple(ordered), directions, prior)
+    return Pool(tuple(ordered), pool_centroid(ordered), directions, prior)
 
 
 def check_comparable(one: TossInformation, other: TossInformation) -> None:
@@ -125,7 +143,7 @@ def check_comparable(one: TossInformation, other: TossInformation) -> None:
             raise InvalidValueError(f"{name} of the tosses to rank", found, "the same for all")
 
 
-def stacked_factors(infos: Sequence[TossInformation]) -> Array:
+def _stacked_factors(infos: Sequence[TossInformation]) -> Array:
     """Factors (b, R, P) of b >= 1 tosses, R the most rows among them; shorter ones end in rows of zeros."""
     counts = {info.factor.shape[0] for info in infos}
     rows, parameters = max(counts), infos[0].parameters

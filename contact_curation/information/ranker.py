@@ -17,12 +17,12 @@ from contact_curation.information import modular, orthogonal
 from contact_curation.information.log_det import select_by_log_det
 from contact_curation.information.min_eig import select_by_min_eig
 from contact_curation.information.pool import Pool, pool_of
+from contact_curation.information.prior import log_det_prior
 from contact_curation.information.ranking import Ranking, Selection, modular_selection, ranking_of
 from contact_curation.information.record import TossInformation
 from contact_curation.information.subspace import (
     EIGENVALUE_CUT,
     IdentifiableSubspace,
-    coordinates_of_prior,
     identifiable_subspace,
 )
 
@@ -79,7 +79,8 @@ def rank(
         infos: at least one toss, each id once, in any order.
         config: how to rank.
         gauge: (G, P) directions of theta that no data can tell (METHOD 1.1).
-        prior: (P, P) prior information for log-det in the units of theta, instead of `config.prior` of the mean toss.
+        prior: (P, P) prior information for log-det in the units of theta, the tilt about the pool's centroid, instead of
+            `config.prior` of the mean toss.
 
     Raises:
         InvalidValueError: no toss, an id twice, tosses that were scored at different thetas, or no information at all.
@@ -106,27 +107,11 @@ def rank_particles(pools: Sequence[Pool], config: RankingConfig) -> Ranking:
     return ranking_of(config.criterion, pools[0].ids, _select(pools, config))
 
 
-def log_det_coordinates(pool: Pool, prior: float, cut: float = EIGENVALUE_CUT) -> Array:
-    """Coordinates (P, p) in which the prior information A0 of log-det is the identity.
-
-    Args:
-        pool: its own prior is taken where it has one.
-        prior: delta: otherwise A0 is this share of the mean toss, on the identifiable subspace.
-        cut: see `identifiable_subspace`.
-
-    Raises:
-        InvalidValueError: no toss carries information, or the pool's prior is not positive definite.
-    """
-    if pool.prior is not None:
-        return coordinates_of_prior(pool.prior)
-    return np.asarray(_subspace(pool, cut).per_mean_toss(len(pool)) / np.sqrt(prior))
-
-
 def _select(pools: Sequence[Pool], config: RankingConfig) -> Selection:
     first, top = pools[0], config.top
     match config.criterion:
         case "log-det":
-            return select_by_log_det(pools, [log_det_coordinates(pool, config.prior, config.cut) for pool in pools], top)
+            return select_by_log_det(pools, [log_det_prior(pool, config.prior, config.cut).coordinates for pool in pools], top)
         case "min-eig":
             coordinates = [_subspace(pool, config.cut).per_mean_toss(len(pool)) for pool in pools]
             return select_by_min_eig(pools, coordinates, top, config.prior)

@@ -17,8 +17,9 @@ import numpy as np
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.accumulated import Accumulated, gains_of_rows
+from contact_curation.information.prior import LogDetPrior
 from contact_curation.information.record import TossInformation
-from contact_curation.information.streaming import NO_CHANGE, Change, Seen, check_parameters, checked_top, difference
+from contact_curation.information.streaming import NO_CHANGE, Change, Seen, checked_top, difference
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,18 +36,18 @@ class _Sieve:
         room = top - len(self.members)
         return (0.5 * self.guess - self.value) / room if room else np.inf
 
-    def joined(self, info: TossInformation, gain: float) -> "_Sieve":
-        return _Sieve(self.guess, self.state.joined(info.factor[None]), (*self.members, info), self.value + gain)
+    def joined(self, info: TossInformation, rows: Array, gain: float) -> "_Sieve":
+        return _Sieve(self.guess, self.state.joined(rows[None]), (*self.members, info), self.value + gain)
 
 
 class SieveStreaming:
     """Keeps up to k tosses of a large log-det."""
 
-    def __init__(self, coordinates: Array, top: int, epsilon: float = 0.2) -> None:
+    def __init__(self, prior: LogDetPrior, top: int, epsilon: float = 0.2) -> None:
         """Start with nothing kept.
 
         Args:
-            coordinates: (P, p) C with C^T A0 C = I: `log_det_coordinates` of an earlier pool, or `coordinates_of_prior`.
+            prior: `log_det_prior` of an earlier pool, or `prior_of_matrix`.
             top: k.
             epsilon: how fine the guesses are, in (0, 0.5).
 
@@ -57,7 +58,8 @@ class SieveStreaming:
             raise InvalidValueError("epsilon", epsilon, "a number between 0 and 0.5")
         self._top = checked_top(top)
         self._epsilon = epsilon
-        self._nothing = Accumulated.prior_only(coordinates)
+        self._prior = prior
+        self._nothing = Accumulated.prior_only(prior.coordinates)
         self._sieves: dict[int, _Sieve] = {}
         self._best = _Sieve(0.0, self._nothing)
         self._largest_single = 0.0
@@ -69,17 +71,17 @@ class SieveStreaming:
         Raises:
             InvalidValueError: it was scored at another theta than the tosses before, or its parameters are not the prior's.
         """
-        check_parameters(info, self._nothing.coordinates)
+        rows = self._prior.rows(info)
         if not self._seen.is_new(info):
             return NO_CHANGE
-        single = float(self._nothing.gains(info.factor[None]).log_det[0])
+        single = float(self._nothing.gains(rows[None]).log_det[0])
         if single > self._largest_single:
             self._largest_single = single
             self._renew_sieves()
         before = self._best
-        for power, gain in self._gains(info, single).items():
+        for power, gain in self._gains(rows, single).items():
             if gain >= self._sieves[power].demand(self._top):
-                self._sieves[power] = self._sieves[power].joined(info, gain)
+                self._sieves[power] = self._sieves[power].joined(info, rows, gain)
                 self._best = max(self._best, self._sieves[power], key=lambda sieve: sieve.value)
         return difference(before.members, self._best.members)
 
@@ -112,7 +114,7 @@ class SieveStreaming:
             power: self._sieves.get(power) or _Sieve(math.exp(power * base), self._nothing) for power in range(first, last + 1)
         }
 
-    def _gains(self, info: TossInformation, single: float) -> dict[int, float]:
+    def _gains(self, rows: Array, single: float) -> dict[int, float]:
         """What the toss would add to each sieve that may take it: to an empty one its single value, which no gain exceeds."""
         demands = {power: sieve.demand(self._top) for power, sieve in self._sieves.items()}
         willing = [power for power, demand in demands.items() if demand <= single]
@@ -120,5 +122,5 @@ class SieveStreaming:
         filled = [power for power in willing if self._sieves[power].members]
         if filled:
             halves = np.stack([self._sieves[power].state.half_inverse for power in filled])  # (s, P, p)
-            gains.update(zip(filled, gains_of_rows(info.factor @ halves).log_det.tolist()))
+            gains.update(zip(filled, gains_of_rows(rows @ halves).log_det.tolist()))
         return gains

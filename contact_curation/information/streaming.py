@@ -10,7 +10,6 @@ from heapq import heappush, heapreplace
 from typing import Protocol
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.geometry.quaternions import Array
 from contact_curation.information.modular import NORMALISATIONS, toss_trace
 from contact_curation.information.pool import check_comparable
 from contact_curation.information.record import TossInformation
@@ -117,13 +116,6 @@ class TraceHeap:
     def seen(self) -> int:
         """How many different tosses were offered."""
         return len(self._seen)
-
-
-def check_parameters(info: TossInformation, coordinates: Array) -> None:
-    """Raise InvalidValueError when a toss has other parameters than the coordinates (P, p) of the prior."""
-    if info.parameters != coordinates.shape[0]:
-        expected = f"{coordinates.shape[0]}, as in the prior"
-        raise InvalidValueError(f"parameters of toss {info.toss_id}", info.parameters, expected)
 
 
 def difference(before: Sequence[TossInformation], after: Sequence[TossInformation]) -> Change:

@@ -76,20 +76,6 @@ def identifiable_subspace(fisher: Array, cut: float = EIGENVALUE_CUT, gauge: Arr
     return IdentifiableSubspace(whitening=basis / np.sqrt(values[kept]), eigenvalues=values[kept])
 
 
-def coordinates_of_prior(prior: Array) -> Array:
-    """Coordinates (P, P) C with C^T A0 C = I for a prior information matrix A0.
-
-    Raises:
-        InvalidValueError: A0 is not positive definite.
-    """
-    try:
-        lower = np.linalg.cholesky(prior)
-    except np.linalg.LinAlgError as error:
-        found = f"smallest eigenvalue {np.linalg.eigvalsh(prior)[0]:.3g}"
-        raise InvalidValueError("prior information", found, "a positive definite matrix") from error
-    return np.asarray(np.linalg.inv(lower).T)
-
-
 def _free_directions(measured: np.ndarray[tuple[int], np.dtype[np.bool_]], scale: Array, gauge: Array | None) -> Array:
     """Orthonormal columns that span the measured, scaled parameters without the gauge directions."""
     axes = np.eye(len(scale))[:, measured]

@@ -13,10 +13,10 @@ import numpy as np
 
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.accumulated import Accumulated, gains_of_rows
-from contact_curation.information.pool import stacked_factors
+from contact_curation.information.prior import LogDetPrior
 from contact_curation.information.record import TossInformation
 from contact_curation.information.sieve import SieveStreaming
-from contact_curation.information.streaming import NO_CHANGE, Change, Seen, check_parameters, checked_top, difference
+from contact_curation.information.streaming import NO_CHANGE, Change, Seen, checked_top, difference
 from contact_curation.information.ties import tie_floor
 
 
@@ -33,8 +33,8 @@ class _LeaveOneOut:
     half_inverses: Array
 
     @staticmethod
-    def of(members: Sequence[TossInformation], coordinates: Array) -> "_LeaveOneOut":
-        rows = [info.factor @ coordinates for info in members]
+    def of(factors: Sequence[Array], coordinates: Array) -> "_LeaveOneOut":
+        rows = [factor @ coordinates for factor in factors]
         grams = np.stack([np.eye(coordinates.shape[1]), *(r.T @ r for r in rows), np.zeros((coordinates.shape[1],) * 2)])
         earlier = np.cumsum(grams, axis=0)[:-2]  # prior and members before j: sums, so that no digits cancel
         later = np.cumsum(grams[::-1], axis=0)[-3::-1]
@@ -45,18 +45,18 @@ class _LeaveOneOut:
 class SwapStreaming:
     """Keeps k tosses of a large log-det by exchanges."""
 
-    def __init__(self, coordinates: Array, top: int) -> None:
+    def __init__(self, prior: LogDetPrior, top: int) -> None:
         """Start with nothing kept.
 
         Args:
-            coordinates: (P, p) C with C^T A0 C = I: `log_det_coordinates` of an earlier pool, or `coordinates_of_prior`.
+            prior: `log_det_prior` of an earlier pool, or `prior_of_matrix`.
             top: k.
 
         Raises:
             InvalidValueError: `top` is below 1.
         """
         self._top = checked_top(top)
-        self._coordinates = coordinates
+        self._prior = prior
         self._seen = Seen()
         self._members: tuple[TossInformation, ...] = ()
         self._value = 0.0
@@ -68,14 +68,14 @@ class SwapStreaming:
         Raises:
             InvalidValueError: it was scored at another theta than the tosses before, or its parameters are not the prior's.
         """
-        check_parameters(info, self._coordinates)
+        rows = self._prior.rows(info)
         if not self._seen.is_new(info):
             return NO_CHANGE
-        staying = self._members if len(self._members) < self._top else self._best_exchange(info)
+        staying = self._members if len(self._members) < self._top else self._best_exchange(rows)
         if staying is None:
             return NO_CHANGE
         before, self._members = self._members, (*staying, info)
-        self._value = Accumulated.prior_only(self._coordinates).joined(stacked_factors(self._members)).log_det
+        self._value = Accumulated.prior_only(self._prior.coordinates).joined(self._stacked()).log_det
         self._without = None
         return difference(before, self._members)
 
@@ -94,11 +94,15 @@ class SwapStreaming:
         """How many different tosses were offered."""
         return len(self._seen)
 
-    def _best_exchange(self, info: TossInformation) -> tuple[TossInformation, ...] | None:
+    def _stacked(self) -> Array:
+        """(1, rows of all members, P)."""
+        return np.concatenate([self._prior.rows(member) for member in self._members])[None]
+
+    def _best_exchange(self, rows: Array) -> tuple[TossInformation, ...] | None:
         """The members that stay when the toss takes the best place, or None when it is worth no place."""
         if self._without is None:
-            self._without = _LeaveOneOut.of(self._members, self._coordinates)
-        values = self._without.values + gains_of_rows(info.factor @ self._without.half_inverses).log_det  # (k,)
+            self._without = _LeaveOneOut.of([self._prior.rows(member) for member in self._members], self._prior.coordinates)
+        values = self._without.values + gains_of_rows(rows @ self._without.half_inverses).log_det  # (k,)
         leaving = int(values.argmax())
         if tie_floor(float(values[leaving])) <= self._value:
             return None
@@ -108,10 +112,10 @@ class SwapStreaming:
 class GuardedSwap:
     """The better of a sieve and of exchanges, at every time: at least (1/2 - epsilon) of the best set's value."""
 
-    def __init__(self, coordinates: Array, top: int, epsilon: float = 0.2) -> None:
+    def __init__(self, prior: LogDetPrior, top: int, epsilon: float = 0.2) -> None:
         """Start with nothing kept; arguments and errors as in `SieveStreaming`."""
-        self._sieve = SieveStreaming(coordinates, top, epsilon)
-        self._swap = SwapStreaming(coordinates, top)
+        self._sieve = SieveStreaming(prior, top, epsilon)
+        self._swap = SwapStreaming(prior, top)
 
     def offer(self, info: TossInformation) -> Change:
         """Look at one toss; say what changed. Errors as in `SieveStreaming.offer`."""
