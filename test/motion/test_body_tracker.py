@@ -1,0 +1,181 @@
+"""Whatever the frames a tracker measures in, out come poses of the body on the board; what is left out says why."""
+
+import json
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import pytest
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.scalars import ScalarPose, compose, inverse
+from contact_curation.motion.body_tracker import BodyPose, BodyTracker, ClockJump, TrackerConfig, TrackerEvent
+from contact_curation.motion.pose_stream import BadPose, FramePose
+from test.motion.streams import BOARD, PERIOD_NS, board_in_map, in_map, stream, yawed
+
+TRUTH = stream()[:40]
+CONFIG = TrackerConfig("body_cube")
+
+
+def tracked(measured: Iterable[FramePose | BadPose], config: TrackerConfig = CONFIG) -> list[TrackerEvent]:
+    tracker = BodyTracker(config)
+    return [*(event for one in measured for event in tracker.push(one)), *tracker.flush()]
+
+
+def assert_poses(found: Sequence[TrackerEvent], expected: Sequence[BodyPose]) -> None:
+    assert [event.stamp_ns for event in found if isinstance(event, BodyPose)] == [one.stamp_ns for one in expected]
+    for event, one in zip(found, expected, strict=True):
+        assert isinstance(event, BodyPose)
+        np.testing.assert_allclose(event.pose.position, one.pose.position, atol=1e-12)
+        assert quaternions.angle_between(event.pose.orientation_wxyz, one.pose.orientation_wxyz) < 1e-7
+
+
+def test_poses_in_the_map_of_a_static_board_come_out_on_the_board() -> None:
+    assert_poses(tracked([board_in_map(), *in_map(TRUTH)]), TRUTH)
+
+
+def test_poses_given_on_the_board_come_out_as_they_are() -> None:
+    given = [FramePose(one.stamp_ns, "body_surface", "body_cube", one.pose) for one in TRUTH]
+    assert tracked(given) == TRUTH
+
+
+def test_without_a_board_frame_the_parent_of_the_poses_is_the_board() -> None:
+    given = [FramePose(one.stamp_ns, "mocap", "body_cube", one.pose) for one in TRUTH]
+    assert tracked(given, TrackerConfig("body_cube", board_frame="")) == TRUTH
+
+
+def moving_board(number: int) -> ScalarPose:
+    return compose(BOARD, ScalarPose((0.01 * number, 0.0, 0.0), yawed(0.02 * number)))
+
+
+def test_a_board_that_is_measured_with_the_body_may_move_and_may_come_late() -> None:
+    """TagSLAM gives both with one stamp, in either order."""
+    measured: list[FramePose] = []
+    for number, one in enumerate(TRUTH):
+        board = FramePose(one.stamp_ns, "map", "body_surface", moving_board(number))
+        body = FramePose(one.stamp_ns, "map", "body_cube", compose(moving_board(number), one.pose))
+        measured += [body, board] if number % 2 else [board, body]
+    assert_poses(tracked(measured), TRUTH)
+
+
+def test_a_camera_that_moves_between_the_frames_is_interpolated() -> None:
+    """The camera reports at another rate; the board stands still in the map, the body is measured in the camera."""
+    camera = {number: ScalarPose((0.02 * number, 1.0, 0.5), yawed(0.03 * number)) for number in range(-4, 48)}
+    measured: list[FramePose] = [board_in_map()]
+    for number, one in enumerate(TRUTH):
+        measured.append(
+            FramePose(one.stamp_ns, "camera", "body_cube", compose(inverse(camera[number]), compose(BOARD, one.pose)))
+        )
+    for number in range(-4, 48, 3):
+        measured.append(FramePose(TRUTH[0].stamp_ns + number * PERIOD_NS, "map", "camera", camera[number]))
+    assert_poses(tracked(measured), TRUTH)
+
+
+def test_the_body_may_hang_under_a_tag_that_is_measured() -> None:
+    tag_on_body = ScalarPose((0.0, 0.05, 0.0), yawed(1.0))
+    static = FramePose(0, "tag_3", "body_cube", inverse(tag_on_body), static=True)
+    tags = [FramePose(one.stamp_ns, "body_surface", "tag_3", compose(one.pose, tag_on_body)) for one in TRUTH]
+    assert_poses(tracked([static, *tags]), TRUTH)
+
+
+def test_what_comes_out_does_not_depend_on_when_the_static_board_arrives() -> None:
+    body = in_map(TRUTH)
+    assert tracked([*body[:20], board_in_map(), *body[20:]]) == tracked([board_in_map(), *body])
+    assert tracked([*body, board_in_map()]) == tracked([board_in_map(), *body])
+
+
+def test_without_a_board_every_pose_is_counted_and_says_what_is_missing() -> None:
+    tracker = BodyTracker(TrackerConfig("body_cube", largest_wait=0.1))
+    events = [*(event for one in in_map(TRUTH) for event in tracker.push(one)), *tracker.flush()]
+    assert {type(event) for event in events} == {BadPose}
+    assert tracker.counts == {"frame": len(TRUTH)}
+    said = [event.why for event in events if isinstance(event, BadPose)]
+    assert said[0] == (
+        "board: found none within 0.1 s, expected poses that lead from frame 'body_surface' to frame 'map' at its time"
+    )
+    assert "found the stream ended" in said[-1]
+
+
+def test_a_hole_in_a_moving_board_loses_the_poses_in_it_and_no_others() -> None:
+    config = TrackerConfig("body_cube", largest_rig_gap=2.5 * PERIOD_NS / 1e9, largest_wait=0.1)
+    boards = [FramePose(one.stamp_ns, "map", "body_surface", BOARD) for one in TRUTH]
+    measured = [one for pair in zip(boards[:10] + boards[13:], in_map(TRUTH)) for one in pair] + in_map(TRUTH)[37:]
+    found = tracked(measured, config)
+    assert [event.stamp_ns for event in found if isinstance(event, BadPose)] == [one.stamp_ns for one in TRUTH[10:13]]
+    assert_poses([event for event in found if not isinstance(event, BadPose)], TRUTH[:10] + TRUTH[13:])
+
+
+@pytest.mark.parametrize(("back", "why"), [(0, "one that stands still"), (1_000_000, "one that goes back by 0.001000 s")])
+def test_stamps_that_repeat_or_go_back_are_flagged_and_left_out(back: int, why: str) -> None:
+    body = in_map(TRUTH)
+    late = FramePose(body[19].stamp_ns - back, "map", "body_cube", body[19].pose)
+    events = tracked([board_in_map(), *body[:20], late, *body[20:]])
+    (bad,) = [event for event in events if isinstance(event, BadPose)]
+    assert bad.why == f"stamp: found {why}, expected a later one"
+    assert bad.kind == "stamp"
+    assert_poses([event for event in events if event is not bad], TRUTH)
+
+
+@pytest.mark.parametrize(("back", "jumps"), [(1.01, True), (0.99, False)])
+def test_a_clock_that_jumps_far_back_starts_anew(back: float, jumps: bool) -> None:
+    once = in_map(TRUTH)
+    back_ns = int(back * 1e9)
+    again = [
+        FramePose(once[-1].stamp_ns - back_ns + n * PERIOD_NS, one.parent, one.child, one.pose) for n, one in enumerate(once)
+    ]
+    events = tracked([board_in_map(), *once, *again])
+    assert [event.back for event in events if isinstance(event, ClockJump)] == ([pytest.approx(back)] if jumps else [])
+    assert sum(isinstance(event, BodyPose) for event in events) == len(TRUTH) * (2 if jumps else 1)
+
+
+def test_a_looping_bag_with_a_moving_board_gives_the_same_poses_again() -> None:
+    shift = 3_000_000_000
+    both = [
+        one
+        for pair in zip(
+            [FramePose(one.stamp_ns + shift, "map", "body_surface", BOARD) for one in TRUTH],
+            [FramePose(one.stamp_ns + shift, one.parent, one.child, one.pose) for one in in_map(TRUTH)],
+        )
+        for one in pair
+    ]
+    earlier = [FramePose(one.stamp_ns - shift, one.parent, one.child, one.pose) for one in both]
+    events = tracked([*both, *earlier])
+    assert sum(isinstance(event, ClockJump) for event in events) == 1
+    assert_poses([event for event in events[len(TRUTH) :] if not isinstance(event, ClockJump)], TRUTH)
+
+
+def test_a_bad_pose_passes_through_and_is_counted() -> None:
+    tracker = BodyTracker(CONFIG)
+    bad = BadPose(5, "body_cube", "quaternion norm: found 2, expected 1 within 0.001")
+    assert tracker.push(bad) == (bad,)
+    assert tracker.counts == {"pose": 1}
+
+
+@pytest.mark.parametrize("killed_at", [0, 1, 7, 30])
+def test_a_tracker_killed_anywhere_goes_on_from_its_written_state(killed_at: int) -> None:
+    measured = [
+        one
+        for number, truth in enumerate(TRUTH)
+        for one in (
+            FramePose(truth.stamp_ns, "map", "body_cube", compose(moving_board(number), truth.pose)),
+            FramePose(truth.stamp_ns, "map", "body_surface", moving_board(number)),
+        )
+    ]
+    before, after = BodyTracker(CONFIG), BodyTracker(CONFIG)
+    events = [event for one in measured[:killed_at] for event in before.push(one)]
+    after.restore(json.loads(json.dumps(before.snapshot())))
+    events += [event for one in measured[killed_at:] for event in after.push(one)]
+    assert events == tracked(measured)
+    assert after.counts == {"poses": len(TRUTH)}
+
+
+@pytest.mark.parametrize("broken", [{}, {"links": 3}, {"links": {"a": {}}, "waiting": [], "last_ns": 0, "counts": {}}])
+def test_a_state_that_is_none_is_refused(broken: dict[str, object]) -> None:
+    with pytest.raises(InvalidValueError, match="tracker state: found"):
+        BodyTracker(CONFIG).restore(broken)
+
+
+@pytest.mark.parametrize("config", [{"body_frame": ""}, {"body_frame": "body_surface"}, {"body_frame": "b", "clock_jump": 0.0}])
+def test_frames_and_times_that_make_no_sense_are_refused(config: dict[str, object]) -> None:
+    with pytest.raises(InvalidValueError):
+        TrackerConfig(**config)  # type: ignore[arg-type]

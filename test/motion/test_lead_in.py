@@ -1,0 +1,52 @@
+"""Made-up frames around a stored toss let the segmenter cut the same toss out again."""
+
+import numpy as np
+import pytest
+
+from contact_curation.motion.lead_in import surrounded
+from contact_curation.motion.segmenter import TossSegmenter
+from contact_curation.motion.segmenter_config import SegmenterConfig
+from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
+from test.motion.streams import CUBE, Throw, stream
+from test.motion.test_segmenter import cut, tossed
+
+RULES = SegmenterConfig()
+
+
+def cut_again(toss: Toss, before: int = 12, after: int = 3) -> tuple[list[Toss | Rejected], int]:
+    """What the segmenter finds in the toss and its surroundings, and the stamp of the toss's own first frame."""
+    made = surrounded(toss, before, after, RULES)
+    stamps = np.round(1e9 + np.arange(len(made.positions)) * toss.frame_period * NANOSECONDS).astype(np.int64)
+    segmenter = TossSegmenter(RULES, CUBE, body="cube", source="s")
+    rows = zip(stamps.tolist(), made.positions.tolist(), made.orientations_wxyz.tolist())
+    found = [event for stamp, (x, y, z), (w, a, b, c) in rows for event in segmenter.push(stamp, (x, y, z), (w, a, b, c))]
+    return [*found, *segmenter.flush()], int(stamps[made.before])
+
+
+@pytest.mark.parametrize("upward", [-0.5, 0.0, 0.4])
+def test_the_same_frames_with_the_same_velocities_come_out(upward: float) -> None:
+    toss = tossed(cut(stream(Throw(position=(0.1, 0.2, 0.3), velocity=(0.9, 0.3, upward)))))
+    found, first_ns = cut_again(toss)
+    again = tossed(found)
+    assert again.frames == toss.frames
+    assert int(again.stamps_ns[0]) == first_ns, "neither a frame of the lead-in nor one less than the toss"
+    np.testing.assert_array_equal(again.positions, toss.positions)
+    np.testing.assert_allclose(again.linear_velocities, toss.linear_velocities, atol=1e-6)
+    np.testing.assert_allclose(again.angular_velocities, toss.angular_velocities, atol=1e-6)
+
+
+@pytest.mark.parametrize(("before", "after"), [(4, 1), (30, 20)])
+def test_few_and_many_frames_around_it_do(before: int, after: int) -> None:
+    toss = tossed(cut(stream()))
+    assert tossed(cut_again(toss, before, after)[0]).frames == toss.frames
+
+
+def test_the_body_is_carried_to_the_release_and_lies_still_after_the_rest() -> None:
+    toss = tossed(cut(stream()))
+    made = surrounded(toss, 12, 3, RULES)
+    carried = np.diff(made.positions[:12], axis=0)
+    np.testing.assert_allclose(carried, np.tile(carried[0], (11, 1)), atol=1e-12)
+    np.testing.assert_allclose(
+        made.positions[11] + toss.frame_period * toss.linear_velocities[0], toss.positions[0], atol=1e-12
+    )
+    assert (np.diff(made.positions[-3:], axis=0) == 0.0).all()
