@@ -33,20 +33,26 @@ class Certificate:
     subset: float
 
 
-def certificate_of(states: Sequence[Accumulated], gains: Gains, kept: Indices) -> Certificate:
+def certificate_of(states: Sequence[Accumulated], gains: Gains, kept: Indices, upper_bound: float = np.inf) -> Certificate:
     """The certificate of a kept set.
 
     Args:
         states: the information of the kept set, one per parameter particle; log-dets are averaged over them.
         gains: log-det gains (K,) and tr(A^-1 F) (K,) of all tosses of the pool given the kept set, averaged over the particles.
         kept: (k,) which tosses are kept.
+        upper_bound: on the mean log-det of every set of k tosses, where a better one is known (`log_det_bound`).
     """
     dimension = float(np.mean([state.dimension for state in states]))
     own = dimension - float(np.mean([state.prior_leverage for state in states]))  # sum of d over the kept set
     outside = np.delete(gains.log_det, kept)
     weighted_gap = kept.size * float(gains.leverage.max(initial=0.0)) - own
-    subset_gap = min(_sum_of_largest(gains.leverage, kept.size) - own, _sum_of_largest(outside, kept.size), weighted_gap)
-    return Certificate(*(float(np.exp(-max(gap, 0.0) / dimension)) for gap in (weighted_gap, subset_gap)))
+    subset_gaps = (
+        _sum_of_largest(gains.leverage, kept.size) - own,
+        _sum_of_largest(outside, kept.size),
+        upper_bound - float(np.mean([state.log_det for state in states])),
+        weighted_gap,
+    )
+    return Certificate(*(float(np.exp(-max(gap, 0.0) / dimension)) for gap in (weighted_gap, min(subset_gaps))))
 
 
 def _sum_of_largest(values: Array, count: int) -> float:

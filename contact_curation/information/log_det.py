@@ -16,6 +16,7 @@ from contact_curation.information.accumulated import Accumulated, Gains
 from contact_curation.information.certificate import certificate_of
 from contact_curation.information.pool import Indices, Pool
 from contact_curation.information.ranking import Selection, greedy_selection
+from contact_curation.information.relaxation import log_det_bound
 from contact_curation.information.ties import tie_floor
 
 FIRST_BLOCK = 8
@@ -24,13 +25,14 @@ FIRST_BLOCK = 8
 LARGEST_BLOCK = 64
 
 
-def select_by_log_det(pools: Sequence[Pool], coordinates: Sequence[Array], top: int) -> Selection:
+def select_by_log_det(pools: Sequence[Pool], coordinates: Sequence[Array], top: int, certificate_steps: int = 0) -> Selection:
     """The greedy set of up to `top` tosses.
 
     Args:
         pools: the same tosses, once per parameter particle.
         coordinates: per particle (P, p) C with C^T A0 C = I.
         top: how many tosses to keep.
+        certificate_steps: steps of `log_det_bound` that tighten the certificate.
     """
     states = [Accumulated.prior_only(c) for c in coordinates]
     singles = gains_in_pool(pools, states).log_det
@@ -45,7 +47,8 @@ def select_by_log_det(pools: Sequence[Pool], coordinates: Sequence[Array], top: 
         pick_gains.append(gain)
     final = gains_in_pool(pools, states)
     kept = np.array(picks, dtype=np.int64)
-    return greedy_selection(kept, np.array(pick_gains), singles, final.log_det, certificate_of(states, final, kept))
+    certificate = certificate_of(states, final, kept, log_det_bound(pools, states, kept.size, certificate_steps))
+    return greedy_selection(kept, np.array(pick_gains), singles, final.log_det, certificate)
 
 
 def gains_in_pool(pools: Sequence[Pool], states: Sequence[Accumulated]) -> Gains:
