@@ -23,8 +23,9 @@ NAME = MANIFEST.findtext("name", "")
 NODES = ["pose_ingest", "fisher_scorer", "curator", "player"]
 
 KERNEL_FOLDERS = [Path(NAME, "solver", "kernel"), Path(NAME, "contact", "kernel")]
-KERNEL_FLAGS = ["-std=c++17", "-O3", "-fno-math-errno", "-ffp-contract=fast", "-funroll-loops", "-Wall", "-Wextra"]
-KERNEL_FLAGS += ["-fPIC", "-shared", "-pthread", f"-I{HERE / KERNEL_FOLDERS[0]}"]
+KERNEL_FLAGS = ["-std=c++17", "-O3", "-fno-math-errno", "-ffp-contract=fast", "-funroll-loops", "-fvisibility-inlines-hidden"]
+# Vectors wider than a CPU's registers are passed in memory; both ends are in this library, so the psABI note is of no interest.
+KERNEL_FLAGS += ["-Wall", "-Wextra", "-Wno-psabi", "-fPIC", "-shared", "-pthread", f"-I{HERE / KERNEL_FOLDERS[0]}"]
 KERNEL_VARIANTS = {"_kernel_native": ["-march=native"], "_kernel_baseline": []}
 
 
@@ -42,6 +43,10 @@ def cpu_features() -> str:
 
 class BuildKernel(build_ext):
     """Compiles each variant in one call of the C++ compiler; beside the native one it writes the features it needs."""
+
+    def finalize_options(self) -> None:
+        super().finalize_options()
+        self.parallel = len(KERNEL_VARIANTS)
 
     def get_ext_filename(self, fullname: str) -> str:
         return str(Path(*fullname.split("."))) + ".so"
