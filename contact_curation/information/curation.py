@@ -1,0 +1,86 @@
+"""From scored tosses to a curated set and its evidence: what `rank` prints and what the curator publishes.
+
+Beside the ranking stand the spectrum of the kept set's information against the pool's (METHOD 1.9), the efficiencies of METHOD 2.3 and
+each parameter block's share of the trace (METHOD 2.2).
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_curation.geometry.quaternions import Array
+from contact_curation.information.diagnostics import (
+    BlockShare,
+    Efficiency,
+    block_shares,
+    dominance_warnings,
+    efficiency,
+    smallest_sufficient_k,
+    spectral_distance,
+)
+from contact_curation.information.pool import Pool, pool_of
+from contact_curation.information.ranker import RankingConfig, rank_particles
+from contact_curation.information.ranking import Ranking
+from contact_curation.information.record import TossInformation
+from contact_curation.information.subspace import identifiable_subspace
+
+SUFFICIENT_EPSILON = 0.5
+"""The epsilon for which the smallest sufficient k is reported."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curation:
+    """A ranking and what to think of it; with several parameter particles the evidence is that of the first.
+
+    Attributes:
+        ranking: all tosses, the kept ones first.
+        dimension: p, how many directions of theta the pool identifies, of P.
+        spectrum: (p,) of the kept set's information times K / k against the pool's, ascending; all 1 if they agree.
+        epsilon: how far that spectrum reaches from 1.
+        raw_epsilon: the same for the plain sum: the share of the pool's information that is missing in the worst direction.
+        sufficient_k: how many tosses of this ranking bring the plain sum within SUFFICIENT_EPSILON of the pool; None if no
+            number does (METHOD 0.8: it is most of the pool).
+        efficiency: of the kept set per toss, 1 being an average toss.
+        frame_efficiency: of the kept set per scored transition.
+        block_shares: of the pool's trace.
+        warnings: sentences about what to be careful with.
+    """
+
+    ranking: Ranking
+    dimension: int
+    spectrum: Array
+    epsilon: float
+    raw_epsilon: float
+    sufficient_k: int | None
+    efficiency: Efficiency
+    frame_efficiency: Efficiency
+    block_shares: tuple[BlockShare, ...]
+    warnings: tuple[str, ...]
+
+
+def curate(infos: Iterable[TossInformation], config: RankingConfig) -> Curation:
+    """Ranks tosses that were scored at one theta; errors as in `ranker.rank`."""
+    return curate_particles([pool_of(infos)], config)
+
+
+def curate_particles(pools: Sequence[Pool], config: RankingConfig) -> Curation:
+    """Ranks tosses that were scored at several thetas; errors as in `ranker.rank_particles`."""
+    ranking = rank_particles(pools, config)
+    pool, kept = pools[0], ranking.kept_ids
+    subspace = identifiable_subspace(pool.fisher, config.cut, pool.gauge)
+    plain = spectral_distance(pool, subspace, kept)
+    scale = len(pool) / len(kept)
+    shares = block_shares(pool.infos)
+    return Curation(
+        ranking=ranking,
+        dimension=subspace.dimension,
+        spectrum=plain.eigenvalues * scale,
+        epsilon=float(np.abs(plain.eigenvalues * scale - 1.0).max()),
+        raw_epsilon=plain.epsilon,
+        sufficient_k=smallest_sufficient_k(pool, subspace, ranking.ids, SUFFICIENT_EPSILON),
+        efficiency=efficiency(pool, subspace, kept),
+        frame_efficiency=efficiency(pool, subspace, kept, per_transition=True),
+        block_shares=shares,
+        warnings=(*ranking.diagnostics, *dominance_warnings(shares)),
+    )
