@@ -1,14 +1,17 @@
 """Loss, impulses, scores and Fisher matrices of many transitions by the compiled kernel (METHOD 1.2 to 1.5).
 
-The impulses are fixed in the derivative: the slack is eliminated and the inner problem strictly convex, so the envelope theorem holds
-(METHOD E5). A transition whose impulses carry no certificate keeps its status and enters no sum: it is "not scored", never zero.
+Where no kernel can be loaded, torch does the same work, slower (contact/torch_evaluation.py).
+
+The impulses are fixed in the derivative: the slack is eliminated and the inner problem strictly convex, so the envelope theorem
+holds (METHOD E5). A transition whose impulses carry no certificate keeps its status and enters no sum: it is "not scored",
+never zero.
 """
 
 import ctypes
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
-from enum import IntEnum, StrEnum
+from dataclasses import asdict, dataclass, fields
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,19 +19,17 @@ from numpy.typing import ArrayLike, NDArray
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.time_step import checked_states, checked_time_steps
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, MissingDependencyError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.solver.compiled import load_kernel
+from contact_curation.solver.cone_problem import MAX_CONTACTS, ConeWeights
+from contact_curation.solver.cone_problem import Cone as Cone
+from contact_curation.solver.cone_problem import SolveStatus as SolveStatus
 
-MAX_CONTACTS = 32
+PIECE = 256
+"""Transitions that a thread takes at a time, so that one long toss, too, is spread over threads."""
+
 LOSS_TERMS = ("match", "complementarity_n", "complementarity_t", "cone", "penetration")
-
-
-class Cone(StrEnum):
-    """The friction cone: the true one, or ContactNets' eight facets around it."""
-
-    CIRCULAR = "circular"
-    POLYHEDRAL = "polyhedral"
 
 
 class Estimator(StrEnum):
@@ -36,14 +37,6 @@ class Estimator(StrEnum):
 
     EMPIRICAL = "empirical"
     GAUSS_NEWTON = "gauss-newton"
-
-
-class SolveStatus(IntEnum):
-    """How the inner problem of a transition ended."""
-
-    SOLVED = 0
-    NOT_SOLVED = 1
-    NOT_FINITE = 2
 
 
 @dataclass(frozen=True)
@@ -71,14 +64,17 @@ class LossConfig:
     threads: int = 0
 
     def __post_init__(self) -> None:
-        for name in ("match", "penetration", "regularization", "tolerance"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InvalidValueError(f"loss.{name}", getattr(self, name), "a positive number")
-        for name in ("complementarity_normal", "complementarity_tangent", "dissipation"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
-                raise InvalidValueError(f"loss.{name}", getattr(self, name), "a number of at least 0")
-        if self.max_iterations < 1 or self.threads < 0:
-            raise InvalidValueError("loss", f"{self.max_iterations} iterations, {self.threads} threads", "at least 1 and at least 0")
+        _ = self.weights  # checks them
+        if not (np.isfinite(self.tolerance) and self.tolerance > 0.0):
+            raise InvalidValueError("loss.tolerance", self.tolerance, "a positive number")
+        for name, least in (("max_iterations", 1), ("threads", 0)):
+            if getattr(self, name) < least:
+                raise InvalidValueError(f"loss.{name}", getattr(self, name), f"at least {least}")
+
+    @property
+    def weights(self) -> ConeWeights:
+        """What the inner problem needs of them."""
+        return ConeWeights(**{field.name: getattr(self, field.name) for field in fields(ConeWeights)})
 
 
 DEFAULT_LOSS = LossConfig()
@@ -113,7 +109,7 @@ class Evaluation:
     @property
     def solved(self) -> NDArray[np.bool_]:
         """(N,) whether the impulses are certified."""
-        return self.status == SolveStatus.SOLVED
+        return np.asarray(self.status == SolveStatus.SOLVED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +155,6 @@ class _Model(ctypes.Structure):
     )
 
     def __init__(self, geometry: ContactGeometry, body: Body, config: LossConfig) -> None:
-        weights = ("match", "complementarity_normal", "complementarity_tangent", "dissipation", "penetration", "regularization")
         super().__init__(
             contacts=geometry.vertex_count,
             vertices_normal=geometry.vertices_normal.ctypes.data,
@@ -172,7 +167,7 @@ class _Model(ctypes.Structure):
             inverse_inertia=(ctypes.c_double * 9)(*np.linalg.inv(body.scaled_inertia).ravel()),
             gravity=body.scaled_gravity,
             circular=int(config.cone is Cone.CIRCULAR),
-            **{name: getattr(config, name) for name in weights},
+            **asdict(config.weights),
         )
         self.owner = geometry  # ctypes holds bare addresses: keep the arrays alive
 
@@ -218,9 +213,12 @@ def evaluate(
     Raises:
         InvalidValueError: wrong shapes, quaternions not of unit norm, or more than 32 vertices.
     """
-    first, second = checked_states(before), checked_states(after)
-    count = len(first)
-    contacts = geometry.vertex_count
+    first, second, periods = checked_transitions(geometry, before, after, dt)
+    if not _kernel_is_there():
+        from contact_curation.contact.torch_evaluation import evaluate_in_torch  # torch takes seconds to import
+
+        return evaluate_in_torch(geometry, body, first, second, periods, config)
+    count, contacts = len(first), geometry.vertex_count
     result = Evaluation(
         terms=np.empty((count, len(LOSS_TERMS))),
         impulses=np.empty((count, contacts, 3)),
@@ -229,9 +227,9 @@ def evaluate(
         status=np.empty(count, np.int32),
         iterations=np.empty(count, np.int32),
     )
-    pieces = np.unique(np.append(np.arange(0, count, 256), count)).astype(np.int64)  # so that one long toss, too, is spread over threads
+    pieces = np.unique(np.append(np.arange(0, count, PIECE), count)).astype(np.int64)
     _run(
-        geometry, body, config, first, second, dt, pieces,
+        geometry, body, config, first, second, periods, pieces,
         terms=result.terms, impulse=result.impulses, score=result.scores,
         residual=result.residuals, status=result.status, iterations=result.iterations,
     )  # fmt: skip
@@ -260,12 +258,16 @@ def fisher_sums(
     Raises:
         InvalidValueError: as `evaluate`, or starts that do not cover the rows, or a bound that is not positive.
     """
-    first, second = checked_states(before), checked_states(after)
+    first, second, periods = checked_transitions(geometry, before, after, dt)
     edges = np.ascontiguousarray(starts, dtype=np.int64)
     if edges.ndim != 1 or edges.size < 2 or edges[0] != 0 or edges[-1] != len(first) or np.any(np.diff(edges) < 0):
         raise InvalidValueError("starts", f"{edges.size} edges", f"rising edges from 0 to {len(first)}")
     if not influence_bound > 0.0:
         raise InvalidValueError("influence_bound", influence_bound, "a positive number, or inf for none")
+    if not _kernel_is_there():
+        from contact_curation.contact.torch_fisher import fisher_sums_in_torch  # torch takes seconds to import
+
+        return fisher_sums_in_torch(geometry, body, first, second, periods, edges, estimator, influence_bound, config)
     count, tosses, size = len(first), edges.size - 1, 6 * geometry.vertex_count + 10
     terms = np.empty((count, len(LOSS_TERMS)))
     result = FisherSums(
@@ -276,11 +278,23 @@ def fisher_sums(
         status=np.empty(count, np.int32),
     )
     _run(
-        geometry, body, config, first, second, dt, edges, estimator, influence_bound,
+        geometry, body, config, first, second, periods, edges, estimator, influence_bound,
         terms=terms, residual=result.residuals, status=result.status, fisher=result.fishers, score_sum=result.score_sums,
     )  # fmt: skip
     terms.sum(axis=1, out=result.losses)
     return result
+
+
+def checked_transitions(
+    geometry: ContactGeometry, before: ArrayLike, after: ArrayLike, dt: ArrayLike
+) -> tuple[Array, Array, Array]:
+    """States (N, 13) before and after and time steps (N,), checked as `evaluate` says."""
+    first, second = checked_states(before), checked_states(after)
+    if first.shape != second.shape:
+        raise InvalidValueError("states after", f"shape {second.shape}", f"{first.shape}, as before")
+    if geometry.vertex_count > MAX_CONTACTS:
+        raise InvalidValueError("vertices", geometry.vertex_count, f"at most {MAX_CONTACTS}")
+    return first, second, checked_time_steps(dt, len(first))
 
 
 def _run(
@@ -289,17 +303,12 @@ def _run(
     config: LossConfig,
     before: Array,
     after: Array,
-    dt: ArrayLike,
+    periods: Array,
     starts: NDArray[np.int64],
     estimator: Estimator | None = None,
     influence_bound: float = np.inf,
     **outputs: np.ndarray[tuple[int, ...], np.dtype[np.float64]] | NDArray[np.int32],
 ) -> None:
-    if before.shape != after.shape:
-        raise InvalidValueError("states after", f"shape {after.shape}", f"{before.shape}, as before")
-    if geometry.vertex_count > MAX_CONTACTS:
-        raise InvalidValueError("vertices", geometry.vertex_count, f"at most {MAX_CONTACTS}")
-    periods = checked_time_steps(dt, len(before))
     model = _Model(geometry, body, config)
     job = _Job(
         before=before.ctypes.data,
@@ -315,6 +324,14 @@ def _run(
         **{name: value.ctypes.data for name, value in outputs.items()},
     )
     _compiled_evaluation()(ctypes.byref(model), ctypes.byref(job))
+
+
+def _kernel_is_there() -> bool:
+    try:
+        load_kernel()
+    except MissingDependencyError:
+        return False
+    return True
 
 
 def _compiled_evaluation() -> Callable[..., int]:

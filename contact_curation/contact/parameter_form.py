@@ -1,13 +1,13 @@
 """Which numbers theta is made of: a linear map from the kernel's full gradient to the parameters of a form.
 
-The kernel differentiates by everything: vertices_normal (3V), normal (3), vertices_tangent (3V), tangents (6), height (1), in this
-order, Q = 6V + 10 numbers. A form says how these move with its own P parameters, dQ/dtheta, so that scores change as g C and Fisher
-matrices as C^T F C.
+The kernel differentiates by everything: vertices_normal (3V), normal (3), vertices_tangent (3V), tangents (6), height (1), in
+this order, Q = 6V + 10 numbers. A form says how these move with its own P parameters, dQ/dtheta, so that scores change as g C
+and Fisher matrices as C^T F C.
 
-- ``contactnets``: the 57 parameters (V = 8) of ContactNets' polytope. Two of its directions are no information: a turn of the tangents
-  (gauge), and the length of the normal (scale collapse, METHOD 1.1).
-- ``physical``: vertices_normal, vertices_tangent, friction (its logarithm), tilt (2) about a pivot, height. The normal stays a unit
-  vector, friction a number; nothing depends on where the board's origin lies once the pivot is the data's centroid.
+- ``contactnets``: the 57 parameters (V = 8) of ContactNets' polytope. Two of its directions are no information: a turn of the
+  tangents (gauge), and the length of the normal (scale collapse, METHOD 1.1).
+- ``physical``: vertices_normal, vertices_tangent, friction (its logarithm), tilt (2) about a pivot, height. The normal stays a
+  unit vector, friction a number; nothing depends on where the board's origin lies once the pivot is the data's centroid.
 """
 
 from dataclasses import dataclass
@@ -108,7 +108,13 @@ def _contactnets_form(geometry: ContactGeometry) -> ParameterForm:
 
 def _physical_form(geometry: ContactGeometry) -> ParameterForm:
     own = 3 * geometry.vertex_count
-    blocks = (Block("vertices_normal", own), Block("vertices_tangent", own), Block("friction", 1), Block("tilt", 2), Block("height", 1))
+    blocks = (
+        Block("vertices_normal", own),
+        Block("vertices_tangent", own),
+        Block("friction", 1),
+        Block("tilt", 2),
+        Block("height", 1),
+    )
     friction = float(np.linalg.norm(geometry.tangents[0]))
     axes = geometry.tangents / friction
     normal, vertices_tangent, tangents, height = own, own + 3, 2 * own + 3, 2 * own + 9

@@ -8,7 +8,7 @@
 
 namespace contact_curation {
 
-// Plain data, mirrored by ctypes in polytope_kernel.py.
+// Plain data, mirrored by ctypes in contact/evaluation.py.
 struct PolytopeModel {
   int contacts;
   const double *vertices_normal;   // (K, 3)
@@ -111,14 +111,7 @@ struct Transition {
         to_motion(model, row, problem.motion[i][1 + t]);
         slip[i][t] = dot<6>(row, velocity_next);
       }
-      const Lane squared = slip[i][0] * slip[i][0] + slip[i][1] * slip[i][1];
-      slip_speed[i] = square_root(squared);
-      const Lane closed = gap_next[i] * gap_next[i], coned = model.cone_weight * squared;
-      problem.block[i][0] = model.normal_weight * closed + coned;
-      problem.block[i][1] = model.cone_weight * slip_speed[i] * slip[i][0];
-      problem.block[i][2] = model.cone_weight * slip_speed[i] * slip[i][1];
-      problem.block[i][3] = problem.block[i][5] = model.tangent_weight * closed + coned;
-      problem.block[i][4] = broadcast(0.0);
+      slip_speed[i] = set_block(model.normal_weight, model.tangent_weight, model.cone_weight, gap_next[i], slip[i], problem.block[i]);
     }
   }
 

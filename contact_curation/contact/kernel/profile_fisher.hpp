@@ -195,7 +195,8 @@ class ProfileFisher {
     }
   }
 
-  // Basis of the free directions of contact i: all three inside the cone, the ray and the rim's direction on it, none at the apex.
+  // Basis of the free directions of contact i: all three inside the cone, none at the apex; on the circular cone the ray and the rim's
+  // direction, on the polyhedral one those of the facet, or the ray where two facets meet.
   int free_directions(int i, double (*basis)[3]) const {
     const double *l = impulse_[i];
     if (l[0] <= kFreeTolerance) return 0;
@@ -204,12 +205,30 @@ class ProfileFisher {
         for (int c = 0; c < 3; ++c) basis[k][c] = k == c ? 1.0 : 0.0;
       return 3;
     }
+    if (!model_.circular) return facet_directions(l, basis);
     const double radius = std::sqrt(l[1] * l[1] + l[2] * l[2]);
     const double length = std::sqrt(l[0] * l[0] + radius * radius);
     for (int c = 0; c < 3; ++c) basis[0][c] = l[c] / length;
     if (radius == 0.0) return 1;
     basis[1][0] = 0.0, basis[1][1] = -l[2] / radius, basis[1][2] = l[1] / radius;
     return 2;
+  }
+
+  static int facet_directions(const double *l, double (*basis)[3]) {
+    int touching = 0;
+    for (int k = 0; k < kFacets; ++k) {
+      const Facet facet = polyhedral_facet(k);
+      if (facet.row[0] * l[0] + facet.row[1] * l[1] + facet.row[2] * l[2] > kFreeTolerance) continue;
+      if (++touching == 1) {
+        const double half = std::sqrt(0.5);
+        basis[0][0] = half, basis[0][1] = -half * facet.row[1], basis[0][2] = -half * facet.row[2];
+        basis[1][0] = 0.0, basis[1][1] = facet.row[2], basis[1][2] = -facet.row[1];
+      }
+    }
+    if (touching == 1) return 2;
+    const double length = std::sqrt(l[0] * l[0] + l[1] * l[1] + l[2] * l[2]);
+    for (int c = 0; c < 3; ++c) basis[0][c] = l[c] / length;
+    return 1;
   }
 
   // Leaves L^-1 J_l^T J_theta in free_rows_, L the Cholesky factor of J_l^T J_l + eps I; returns the number of rows.

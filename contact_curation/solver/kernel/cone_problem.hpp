@@ -51,6 +51,18 @@ inline Facet polyhedral_facet(int k) {
   return {{1.0, -std::cos(angle), -std::sin(angle)}};
 }
 
+// D_i = phi'^2 diag(w_n, w_t, w_t) + w_c C^T C with C = [s, |s| I]; returns |s|.
+inline Lane set_block(double normal_weight, double tangent_weight, double cone_weight, Lane gap_next, const Lane *slip, Lane *block) {
+  const Lane squared = slip[0] * slip[0] + slip[1] * slip[1], speed = square_root(squared);
+  const Lane closed = gap_next * gap_next, coned = cone_weight * squared;
+  block[0] = normal_weight * closed + coned;
+  block[1] = cone_weight * speed * slip[0];
+  block[2] = cone_weight * speed * slip[1];
+  block[3] = block[5] = tangent_weight * closed + coned;
+  block[4] = broadcast(0.0);
+  return speed;
+}
+
 inline void block_times(const Lane *block, const Lane *x, Lane *y) {
   y[0] = block[0] * x[0] + block[1] * x[1] + block[2] * x[2];
   y[1] = block[1] * x[0] + block[3] * x[1] + block[4] * x[2];

@@ -520,6 +520,9 @@ struct InteriorPoint {
   }
 };
 
+// The larger of two numbers; NaN, which nothing heals, is larger than any.
+inline Lane larger(Lane a, Lane b) { return select((b <= a) | (a != a), a, b); }
+
 // How far an impulse is from optimal, judged by the objective alone and not by the method's own multipliers.
 //
 // Circular cone: the natural residual |l - proj(l - gradient)|_inf, which is zero at the optimum only. Polyhedral cone: the largest of
@@ -536,7 +539,7 @@ Lane certificate(const InteriorPoint<Circular> &method) {
       project_circular(trial, projected);
       for (int c = 0; c < 3; ++c) {
         const Lane off = absolute(method.impulse[i][c] - projected[c]);
-        worst = select(off <= worst, worst, off);  // NaN is never small
+        worst = larger(worst, off);
       }
     } else {
       for (int c = 0; c < 3; ++c)
@@ -545,9 +548,9 @@ Lane certificate(const InteriorPoint<Circular> &method) {
         const double *row = method.facets[k].row;
         const Lane gap = row[0] * method.impulse[i][0] + row[1] * method.impulse[i][1] + row[2] * method.impulse[i][2];
         const Lane off = maximum(absolute(gap * method.facet_dual[i][k]), -minimum(gap, method.facet_dual[i][k]));
-        worst = select(off <= worst, worst, off);
+        worst = larger(worst, off);
       }
-      for (int c = 0; c < 3; ++c) worst = select(absolute(gradient[i][c]) <= worst, worst, absolute(gradient[i][c]));
+      for (int c = 0; c < 3; ++c) worst = larger(worst, absolute(gradient[i][c]));
     }
   }
   return worst;

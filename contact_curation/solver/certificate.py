@@ -1,0 +1,74 @@
+"""How an answer to the inner problem proves itself: by the objective alone, whatever found it.
+
+The natural residual |l - proj(l - gradient)|_inf is zero at the minimum only.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from contact_curation.solver.cone_problem import Array, Cone, ConeProblems, quadratic_form
+
+FACETS = 8
+FACET_ANGLES = 2.0 * np.pi * np.arange(FACETS) / FACETS
+FACET_NORMALS: Array = np.stack([np.ones(FACETS), -np.cos(FACET_ANGLES), -np.sin(FACET_ANGLES)], axis=1)
+"""(8, 3) the polyhedral cone is FACET_NORMALS l >= 0: tangent . d_k <= normal, as in ContactNets' loss, around the disk."""
+
+EDGE_ANGLES = FACET_ANGLES + np.pi / FACETS
+EDGES: Array = np.stack([np.full(FACETS, np.cos(np.pi / FACETS)), np.cos(EDGE_ANGLES), np.sin(EDGE_ANGLES)], axis=1)
+"""(8, 3) where neighbouring facets meet."""
+
+INSIDE = 1e-12
+"""A candidate for a projection may be outside of a facet by this share of its length."""
+
+
+class Objectives(NamedTuple):
+    """Objective (B,), regularisation included, and its gradient (B, K, 3)."""
+
+    values: Array
+    gradients: Array
+
+
+def objectives(problems: ConeProblems, impulses: Array) -> Objectives:
+    """The objective of the inner problem at impulses (B, K, 3)."""
+    form, weights = quadratic_form(problems), problems.weights
+    flat = impulses.reshape(problems.batch, -1)  # (B, 3K)
+    miss = np.einsum("ban,bn->ba", form.motion, flat) - form.target
+    slack = np.minimum(0.0, form.slack_offsets + np.einsum("bkn,bn->bk", form.slack_rows, flat))
+    curved = np.einsum("bkij,bkj->bki", form.blocks, impulses) + weights.regularization * impulses
+    values = weights.match * (miss**2).sum(axis=1) + weights.penetration * (slack**2).sum(axis=1)
+    pull = weights.match * np.einsum("ban,ba->bn", form.motion, miss)
+    pull += weights.penetration * np.einsum("bkn,bk->bn", form.slack_rows, slack)
+    return Objectives(values + (curved * impulses).sum(axis=(1, 2)), 2.0 * (pull.reshape(impulses.shape) + curved))
+
+
+def natural_residuals(problems: ConeProblems, impulses: Array) -> Array:
+    """(B,) natural residual of impulses (B, K, 3); NaN where a number is not finite."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        trial = impulses - objectives(problems, impulses).gradients
+        return np.asarray(np.abs(impulses - project(trial, problems.cone)).max(axis=(1, 2)))
+
+
+def project(points: Array, cone: Cone) -> Array:
+    """The nearest points (..., 3) of the friction cone."""
+    return project_circular(points) if cone is Cone.CIRCULAR else project_polyhedral(points)
+
+
+def project_circular(points: Array) -> Array:
+    """The nearest points of |tangent| <= normal."""
+    normal, radius = points[..., :1], np.linalg.norm(points[..., 1:], axis=-1, keepdims=True)
+    along = 0.5 * (normal + radius)
+    rim = along * np.concatenate([np.ones_like(radius), points[..., 1:] / np.where(radius > 0.0, radius, 1.0)], axis=-1)
+    return np.where(radius <= normal, points, np.where(radius <= -normal, 0.0 * points, rim))
+
+
+def project_polyhedral(points: Array) -> Array:
+    """The nearest points of the polyhedral cone: of the feet on its faces, edges and apex the nearest that lies in it."""
+    on_facets = points[..., None, :] - (points @ FACET_NORMALS.T)[..., None] / 2.0 * FACET_NORMALS  # (..., 8, 3)
+    lengths = np.maximum(0.0, points @ EDGES.T / np.square(EDGES[0]).sum())
+    feet = np.concatenate([points[..., None, :], on_facets, lengths[..., None] * EDGES], axis=-2)  # (..., 17, 3)
+    slack = INSIDE * np.linalg.norm(points, axis=-1)[..., None]
+    outside = (feet @ FACET_NORMALS.T).min(axis=-1) < -slack
+    distance = np.where(outside, np.inf, np.square(feet - points[..., None, :]).sum(axis=-1))
+    nearest = np.take_along_axis(feet, np.argmin(distance, axis=-1)[..., None, None], axis=-2)[..., 0, :]
+    return np.where(np.isfinite(points).all(axis=-1, keepdims=True), nearest, np.nan)
