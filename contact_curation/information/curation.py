@@ -1,7 +1,7 @@
 """From scored tosses to a curated set and its evidence: what `rank` prints and what the curator publishes.
 
-Beside the ranking stand the spectrum of the kept set's information against the pool's (METHOD 1.9), the efficiencies of METHOD 2.3
-and each parameter block's share of the trace (METHOD 2.2).
+Beside the ranking stand the spectrum of the kept set's information against the pool's (METHOD 1.9), the efficiencies of
+METHOD 2.3 and each parameter block's share of the trace (METHOD 2.2).
 """
 
 from collections.abc import Iterable, Sequence
