@@ -1,0 +1,92 @@
+"""The tosses of a bag: topics are found, messages become poses, poses become tosses."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from contact_curation.contact.body import Body
+from contact_curation.motion.body_tracker import TrackerConfig
+from contact_curation.motion.ingest import IngestConfig, IngestEvent, TossIngest
+from contact_curation.motion.pose_stream import BadPose, FramePose
+from contact_curation.motion.toss import NANOSECONDS
+from contact_curation.storage.bag_reader import BagReader
+from contact_curation.storage.bag_records import BagMessage
+from contact_curation.storage.input_records import Found, InputReading, InputsConfig, InputSummary, Problem
+from contact_curation.storage.pose_messages import Measured
+from contact_curation.storage.pose_source import PoseSource, TypedTopic, find_pose_source
+from contact_curation.storage.provenance import TossProvenance
+
+
+def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReading:
+    """The tosses of one bag, as they complete; then what was left out.
+
+    Raises:
+        UnreadableInputError: it is no bag.
+        MissingTopicError: no topic, or several, could tell where the body is.
+    """
+    with BagReader(path) as reader:
+        topics = [TypedTopic(info.name, info.type) for info in reader.topics if info.count != 0]
+        source = find_pose_source(path, topics, body.name, config.poses)
+        tosses = _BagTosses(TossProvenance(str(path), reader.sha256, source.body.name), source, body, config)
+        for message in reader.messages(source.topics):
+            yield from tosses.of(message)
+        yield from tosses.rest()
+        yield from (Problem(str(path), line) for line in tosses.left_out())
+        return tosses.summary(reader.losses)
+
+
+class _BagTosses:
+    """Follows the messages of one bag."""
+
+    def __init__(self, origin: TossProvenance, source: PoseSource, body: Body, config: InputsConfig) -> None:
+        stages = IngestConfig(
+            TrackerConfig(source.body_frame, source.board_frame),
+            replace(config.segmenter, gravity=body.gravity),
+            replace(config.gates, gravity=body.gravity),
+        )
+        self._origin = origin
+        self._source = source
+        self._ingest = TossIngest(stages, body.polytope, body=body.name, source=source.body.name)
+        self._first_ns: int | None = None
+        self._last_ns: int | None = None
+        self._bad: dict[str, BadPose] = {}
+        self._bad_counts: dict[str, int] = {}
+
+    def of(self, message: BagMessage) -> Iterator[Found]:
+        """What became complete with a message."""
+        for measured in self._measured(message):
+            if isinstance(measured, FramePose) and message.topic == self._source.body.name:
+                self._first_ns = measured.stamp_ns if self._first_ns is None else self._first_ns
+                self._last_ns = measured.stamp_ns
+            yield from self._found(self._ingest.push(measured))
+
+    def rest(self) -> Iterator[Found]:
+        """What the end of the bag completes."""
+        yield from self._found(self._ingest.flush())
+
+    def left_out(self) -> Iterator[str]:
+        """A line for each kind of pose that could not be used, and one if no toss was found."""
+        for kind, first in self._bad.items():
+            which = f"the first one, of '{first.child}' at {first.stamp_ns / NANOSECONDS:.6f} s"
+            yield f"{self._bad_counts[kind]} poses were left out, {which}, for this: {first.why}"
+        if not self._ingest.counts["tosses"] + self._ingest.counts["rejected"]:
+            yield f"found no toss in {self._ingest.counts['poses']} poses of {self._source.body.name}"
+
+    def summary(self, losses: tuple[str, ...]) -> InputSummary:
+        origin, counts = self._origin, dict(self._ingest.counts)
+        return InputSummary(origin.input, origin.input_sha256, origin.topic, self._first_ns, self._last_ns, counts, losses)
+
+    def _measured(self, message: BagMessage) -> tuple[Measured, ...]:
+        try:
+            return self._source.measured(message.topic, message.message)
+        except (AttributeError, TypeError) as error:  # a bag may define a well-known type name as it likes
+            why = f"{message.type}: found fields that are not its own ({error}), expected the type of ROS"
+            return (BadPose(message.log_time_ns, message.topic, why, "type"),)
+
+    def _found(self, events: Iterable[IngestEvent]) -> Iterator[Found]:
+        for event in events:
+            if isinstance(event, BadPose):
+                self._bad.setdefault(event.kind, event)
+                self._bad_counts[event.kind] = self._bad_counts.get(event.kind, 0) + 1
+            else:
+                yield Found(event, self._origin)

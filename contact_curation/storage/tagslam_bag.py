@@ -1,0 +1,183 @@
+"""Stored tosses as the bag that a TagSLAM rig would have recorded of them (FIELD 1).
+
+    /tagslam/odom/body_<name>   nav_msgs/Odometry in `map` at the tosses' frame rate: empty twist, filled covariance
+    /tf_static                  the board `body_surface` in `map`, latched; it has no odometry, for it stands still
+
+The board stands somewhere in the map and not level, so that whoever reads the bag has to go through the frames. Stamps are
+even, from a fixed day on, and log times equal them. Tosses follow each other, in their order, with a time without poses in
+between, as if the tracker had been stopped; the frames just before and after each are made up (`motion.lead_in`), for
+ContactNets' files begin at the detected release.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from math import cos, pi, sin
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.typesys import Stores, get_typestore
+
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
+from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.geometry.scalars import ScalarPose, compose, multiply
+from contact_curation.motion.lead_in import surrounded
+from contact_curation.motion.segmenter_config import SegmenterConfig
+from contact_curation.motion.toss import NANOSECONDS, Toss
+from contact_curation.storage.bag_writer import BagWriter
+from contact_curation.storage.contactnets import read_contactnets
+from contact_curation.storage.pose_messages import ODOMETRY, TF
+
+YAW, TILT = 40.0 * pi / 180.0, 3.0 * pi / 180.0
+TURNED = multiply((cos(YAW / 2.0), 0.0, 0.0, sin(YAW / 2.0)), (cos(TILT / 2.0), sin(TILT / 2.0), 0.0, 0.0))
+SLANTED = ScalarPose((0.42, -0.31, 0.27), TURNED)
+"""A board in a map that begins at a camera or somewhere else, and is not level."""
+
+
+@dataclass(frozen=True)
+class TagslamRig:
+    """A rig as TagSLAM sees it.
+
+    Attributes:
+        map_frame: frame of all measurements.
+        board_frame: the board's.
+        board: the board in the map [m].
+        epoch_ns: stamp of the board and, 1 s later, of the first frame; by default 13 September 2020, 12:26:40 UTC.
+        pause: time without poses between tosses [s].
+        lead_in: made-up frames before each toss.
+        lead_out: and after it.
+        position_deviation: of the covariance [m].
+        turn_deviation: of the covariance [rad].
+        rules: what the made-up frames are fitted to.
+    """
+
+    map_frame: str = "map"
+    board_frame: str = "body_surface"
+    board: ScalarPose = SLANTED
+    epoch_ns: int = 1_600_000_000 * NANOSECONDS
+    pause: float = 1.0
+    lead_in: int = 16
+    lead_out: int = 4
+    position_deviation: float = 0.3e-3
+    turn_deviation: float = 5e-3
+    rules: SegmenterConfig = field(default_factory=SegmenterConfig)
+
+
+@dataclass(frozen=True)
+class ImportReport:
+    """What went into a bag.
+
+    Attributes:
+        tosses: how many.
+        frames: of the tosses themselves.
+        skipped: why other files did not, one line each.
+    """
+
+    tosses: int
+    frames: int
+    skipped: tuple[str, ...]
+
+
+def import_contactnets(source: Path, out: Path, body: Body = CONTACTNETS_CUBE, rig: TagslamRig | None = None) -> ImportReport:
+    """Writes ContactNets' tosses as a bag, one after the other.
+
+    Args:
+        source: a folder of `N.pt` files, or one.
+        out: the bag, `*.mcap` or a folder to be.
+        body: what was tossed.
+        rig: what it was tossed over.
+
+    Raises:
+        UnreadableInputError: there is no toss in `source`; no bag is written then.
+        InvalidValueError: `out` cannot be written.
+    """
+    skipped: list[str] = []
+
+    def sound() -> Iterator[Toss]:
+        for item in read_contactnets(source, body):
+            if isinstance(item, Toss):
+                yield item
+            else:
+                skipped.append(str(item))
+
+    with BagWriter(out) as bag:
+        tosses, frames = record(bag, body.name, sound(), rig or TagslamRig())
+        if not tosses:
+            raise UnreadableInputError(source, f"found {len(skipped)} files and no toss, e.g. {skipped[0]}")
+    return ImportReport(tosses, frames, tuple(skipped))
+
+
+def record(bag: BagWriter, body: str, tosses: Iterable[Toss], rig: TagslamRig) -> tuple[int, int]:
+    """Writes tosses of one body to an open bag as the rig would have; returns how many, and their frames.
+
+    Raises:
+        InvalidValueError: a toss of another body.
+    """
+    messages = _Messages(rig, f"body_{body}")
+    bag.write("/tf_static", messages.board(), rig.epoch_ns, latched=True)
+    start_ns, count, frames = rig.epoch_ns + NANOSECONDS, 0, 0
+    for toss in tosses:
+        if toss.body != body:
+            raise InvalidValueError(f"body of toss {toss.toss_id}", toss.body, f"{body}, as of the others")
+        for stamp_ns, pose in _frames(toss, start_ns, rig):
+            bag.write(f"/tagslam/odom/body_{body}", messages.odometry(stamp_ns, compose(rig.board, pose)), stamp_ns)
+        start_ns = stamp_ns + round(rig.pause * NANOSECONDS)
+        count, frames = count + 1, frames + toss.frames
+    return count, frames
+
+
+def _frames(toss: Toss, start_ns: int, rig: TagslamRig) -> Iterator[tuple[int, ScalarPose]]:
+    """Stamps and poses on the board of a toss with its surroundings."""
+    made = surrounded(toss, rig.lead_in, rig.lead_out, rig.rules)
+    for number, ((x, y, z), (w, qx, qy, qz)) in enumerate(zip(made.positions.tolist(), made.orientations_wxyz.tolist())):
+        yield start_ns + round(number * toss.frame_period * NANOSECONDS), ScalarPose((x, y, z), (w, qx, qy, qz))
+
+
+class _Messages:
+    """Makes the rig's messages from the types of ROS 2 Jazzy."""
+
+    def __init__(self, rig: TagslamRig, body_frame: str) -> None:
+        self._rig = rig
+        self._body_frame = body_frame
+        self._types = get_typestore(Stores.ROS2_JAZZY).types
+        deviations = np.repeat([rig.position_deviation, rig.turn_deviation], 3)
+        self._covariance = np.diag(deviations**2).ravel()
+        zero = self._make("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
+        still = self._make("geometry_msgs/msg/Twist", linear=zero, angular=zero)
+        self._no_twist = self._make("geometry_msgs/msg/TwistWithCovariance", twist=still, covariance=np.zeros(36))
+
+    def odometry(self, stamp_ns: int, pose: ScalarPose) -> Any:
+        (x, y, z), turn = pose
+        place = self._make("geometry_msgs/msg/Point", x=x, y=y, z=z)
+        placed = self._make("geometry_msgs/msg/Pose", position=place, orientation=self._quaternion(turn))
+        with_covariance = self._make("geometry_msgs/msg/PoseWithCovariance", pose=placed, covariance=self._covariance)
+        return self._make(
+            ODOMETRY,
+            header=self._header(stamp_ns),
+            child_frame_id=self._body_frame,
+            pose=with_covariance,
+            twist=self._no_twist,
+        )
+
+    def board(self) -> Any:
+        (x, y, z), turn = self._rig.board
+        place = self._make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
+        transform = self._make("geometry_msgs/msg/Transform", translation=place, rotation=self._quaternion(turn))
+        stamped = self._make(
+            "geometry_msgs/msg/TransformStamped",
+            header=self._header(self._rig.epoch_ns),
+            child_frame_id=self._rig.board_frame,
+            transform=transform,
+        )
+        return self._make(TF, transforms=[stamped])
+
+    def _quaternion(self, wxyz: tuple[float, float, float, float]) -> Any:
+        w, x, y, z = wxyz
+        return self._make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
+
+    def _header(self, stamp_ns: int) -> Any:
+        stamp = self._make("builtin_interfaces/msg/Time", sec=stamp_ns // NANOSECONDS, nanosec=stamp_ns % NANOSECONDS)
+        return self._make("std_msgs/msg/Header", stamp=stamp, frame_id=self._rig.map_frame)
+
+    def _make(self, type_name: str, **fields: Any) -> Any:
+        return self._types[type_name](**fields)
