@@ -1,0 +1,120 @@
+"""One door: the same tosses give the same ranking, in any order and, where promised, in any units (METHOD check 17)."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.information.pool import pool_of
+from contact_curation.information.ranker import CRITERIA, RankingConfig, rank, rank_particles
+from test.information.pools import rescaled, toss, tosses
+
+SCALE = 10.0 ** np.random.default_rng(0).uniform(-3.0, 3.0, 12)
+
+
+@settings(deadline=None, max_examples=15)
+@given(st.permutations(range(24)), st.sampled_from(CRITERIA))
+def test_the_order_in_which_tosses_come_changes_no_digit(order: list[int], criterion: str) -> None:
+    infos = tosses(20, 6, 4, seed=1)
+    infos += [toss(f"copy-{k}", infos[3].factor, duration=infos[3].duration) for k in range(4)]
+    config = RankingConfig(criterion, top=9)
+    assert rank([infos[i] for i in order], config) == rank(infos, config)
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_every_toss_is_ranked_once_and_the_first_are_kept(criterion: str) -> None:
+    infos = tosses(70, 6, 4, seed=2)
+    ranking = rank(infos, RankingConfig(criterion, top=11))
+    assert sorted(ranking.ids) == [info.toss_id for info in infos]
+    assert [entry.rank for entry in ranking.entries] == list(range(1, 71))
+    assert [entry.kept for entry in ranking.entries] == [True] * 11 + [False] * 59
+    assert ranking.kept_ids == ranking.ids[:11]
+    assert ranking.criterion == criterion
+    assert (ranking.certificate is not None) == (criterion == "log-det")
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_a_short_pool_is_kept_whole(criterion: str) -> None:
+    ranking = rank(tosses(3, 4, 4, seed=3), RankingConfig(criterion, top=10))
+    assert len(ranking.kept_ids) == 3
+    assert len(rank(tosses(1, 4, 4, seed=3), RankingConfig(criterion, top=10)).kept_ids) == 1
+
+
+@pytest.mark.parametrize("criterion", ["log-det", "min-eig", "leverage"])
+@pytest.mark.parametrize("seed", range(5))
+def test_units_of_the_parameters_change_neither_order_nor_scores(criterion: str, seed: int) -> None:
+    infos = tosses(60, 12, 5, seed)
+    config = RankingConfig(criterion, top=20)
+    here, there = rank(infos, config), rank([rescaled(info, SCALE) for info in infos], config)
+    assert here.ids == there.ids
+    np.testing.assert_allclose([e.score for e in here.entries], [e.score for e in there.entries], rtol=1e-6)
+
+
+def test_units_of_the_parameters_do_change_the_trace_ranking() -> None:
+    infos = tosses(60, 12, 5, seed=4)
+    config = RankingConfig("trace", top=20)
+    assert rank(infos, config).kept_ids != rank([rescaled(info, SCALE) for info in infos], config).kept_ids
+
+
+def test_a_gauge_direction_takes_no_part() -> None:
+    """A direction that is declared to be gauge is out, whatever the scores say of it."""
+    infos = tosses(40, 5, 4, seed=5)
+    loud = [toss(info.toss_id, info.factor * np.array([1e3, 1.0, 1.0, 1.0, 1.0])) for info in infos]
+    without = [toss(info.toss_id, info.factor[:, 1:]) for info in infos]
+    for criterion in ("log-det", "leverage", "min-eig"):
+        config = RankingConfig(criterion, top=10)
+        assert rank(loud, config, gauge=np.eye(5)[0]).ids == rank(without, config).ids
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+def test_a_particle_many_times_is_that_particle(criterion: str) -> None:
+    pool = pool_of(tosses(30, 5, 4, seed=6))
+    config = RankingConfig(criterion, top=8)
+    assert rank_particles([pool] * 3, config).ids == rank_particles([pool], config).ids
+
+
+@pytest.mark.parametrize("criterion", ["trace", "orthogonal", "leverage"])
+def test_no_particle_outweighs_another_by_its_units(criterion: str) -> None:
+    one, other = tosses(30, 5, 4, seed=7), tosses(30, 5, 4, seed=8)
+    loud = [rescaled(info, np.full(5, 1e4)) for info in one]
+    config = RankingConfig(criterion, top=8)
+    plain = rank_particles([pool_of(one), pool_of(other)], config)
+    assert rank_particles([pool_of(loud), pool_of(other)], config).ids == plain.ids
+    assert plain.kept_ids != rank(loud, config).kept_ids
+
+
+def test_particles_must_hold_the_same_tosses() -> None:
+    with pytest.raises(InvalidValueError, match="different tosses"):
+        rank_particles([pool_of(tosses(3, 2, 2, 0)), pool_of(tosses(4, 2, 2, 0))], RankingConfig())
+    with pytest.raises(InvalidValueError, match="particles: found none"):
+        rank_particles([], RankingConfig())
+
+
+@pytest.mark.parametrize("criterion", ["log-det", "min-eig", "leverage"])
+def test_a_pool_that_tells_nothing_cannot_be_ranked_by_what_it_tells(criterion: str) -> None:
+    with pytest.raises(InvalidValueError, match="pooled information: found zero"):
+        rank([toss("a", np.zeros((2, 3)))], RankingConfig(criterion))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("criterion", "fisher"),
+        ("normalisation", "max"),
+        ("variant", "qr"),
+        ("top", 0),
+        ("seed", -1),
+        ("certificate_steps", -1),
+        ("prior", 0.0),
+        ("prior", np.inf),
+        ("prior", np.nan),
+        ("cut", 0.0),
+        ("cut", 1.0),
+    ],
+)
+def test_configurations_out_of_range_are_refused(name: str, value: Any) -> None:
+    with pytest.raises(InvalidValueError, match=f"ranking.{name}: found {value}"):
+        RankingConfig(**{name: value})
