@@ -48,8 +48,8 @@ class RankingPicture:
         scores: (K,) of all ranked tosses, best first.
         gains: (K,) marginal gains, likewise.
         kept: how many are kept.
-        spectrum: (p,) eigenvalues of the kept set's information relative to the pool's.
-        epsilon: the distance that this spectrum amounts to (METHOD 1.9).
+        spectrum: (p,) eigenvalues of the kept set's information per toss relative to the pool's.
+        epsilon: how far that spectrum reaches from 1 (METHOD 1.9).
         shares: by block of parameters, its share of the trace in the pool and in the kept set.
         outcomes: how many tosses went which way, in the order they are listed; only the first is drawn as kept.
     """
@@ -150,20 +150,17 @@ def _draw_outcomes(axes: "Axes", picture: RankingPicture) -> None:
 
 
 def _draw_spectrum(axes: "Axes", picture: RankingPicture) -> None:
-    """How much of the pool's information on each direction the kept set holds."""
+    """How much a kept toss knows of each direction, an average toss of the pool knowing 1."""
     values = np.sort(picture.spectrum)
-    axes.semilogy(np.arange(1, values.size + 1), values, "o-", color=KEPT, markersize=4, label="kept set, by direction")
-    axes.axhline(1.0, color=LINE, linewidth=1.0, label="pool")
-    if values.size:
-        axes.axhline(
-            max(1.0 - picture.epsilon, values[0]), color=WARNING, linestyle="--", label=f"worst, ε = {picture.epsilon:.3g}"
-        )
+    shown = values[values > 0.0]  # a logarithmic axis has no place for nothing
+    axes.semilogy(np.arange(values.size - shown.size, values.size) + 1, shown, "o-", color=KEPT, markersize=4, label="kept")
+    axes.axhline(1.0, color=LINE, linewidth=1.0, linestyle="--", label="pool")
     axes.set(
-        title="Information against the pool's",
-        xlabel="direction of the parameters, worst first",
-        ylabel="share of the pool's information",
+        title=f"Information per toss, ε = {picture.epsilon:.3g}",
+        xlabel="direction of theta, worst first",
+        ylabel="relative to the pool",
     )
-    axes.legend(frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=3, columnspacing=1.0)
+    axes.legend(frameon=False, loc="lower right")
 
 
 def _draw_shares(axes: "Axes", picture: RankingPicture) -> None:

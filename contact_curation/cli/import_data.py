@@ -1,0 +1,38 @@
+"""`import contactnets DIR --out BAG.mcap`: public data as the bag that a rig would have recorded of it."""
+
+import argparse
+from dataclasses import asdict
+from pathlib import Path
+
+from contact_curation.cli.body_option import add_body_option, chosen_body
+from contact_curation.cli.report import add_json_option, print_json, warn
+
+
+def add_options(verb: argparse.ArgumentParser) -> None:
+    """Adds the verb's options to its parser."""
+    sources = verb.add_subparsers(title="data", metavar="DATA", required=True)
+    parser = sources.add_parser(
+        "contactnets",
+        help="ContactNets' tosses (.pt files) as a TagSLAM bag",
+        description="Writes ContactNets' tosses as the bag that a TagSLAM rig would have recorded of them: odometry of the "
+        "body in the map, and the board's place. The frames just before and after each toss are made up and belong to no toss.",
+    )
+    parser.add_argument("input", type=Path, metavar="DIR", help="folder of N.pt files, or one file")
+    parser.add_argument("--out", type=Path, required=True, metavar="BAG.mcap", help="the bag; without .mcap a folder")
+    add_body_option(parser)
+    add_json_option(parser)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Writes the bag and says what went into it."""
+    from contact_curation.storage.tagslam_bag import import_contactnets
+
+    report = import_contactnets(arguments.input, arguments.out, chosen_body(arguments))
+    for line in report.skipped:
+        warn(f"skipped {line}")
+    if arguments.json:
+        print_json({"out": str(arguments.out), **asdict(report)})
+    else:
+        print(f"{arguments.out}: {report.tosses} tosses, {report.frames} frames, {len(report.skipped)} files skipped")
+    return 0

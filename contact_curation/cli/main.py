@@ -1,0 +1,64 @@
+"""The door of the command line: finds the verb, runs it, and turns errors into one line and an exit status.
+
+0 done, 1 an error, 2 bad usage, 130 interrupted.
+"""
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from contact_curation import __version__
+from contact_curation.errors import ContactCurationError
+
+NAME = "contact-curation"
+INTERRUPTED = 130
+VERBS = {
+    "import": ("import_data", "public data as the bag that a rig would have recorded of it"),
+    "rank": ("rank", "a ranked manifest of the tosses in recordings; nothing is deleted"),
+    "score": ("score", "loss terms, impulses and scores of every transition, as an .npz file"),
+    "play": ("play", "a bag as live topics"),
+}
+"""By their names: the module in this package, which has `add_options` and `run`, and what it does."""
+
+
+def build_parser(words: Sequence[str]) -> argparse.ArgumentParser:
+    """The parser of a command line; only the verbs among its `words` are imported, so that help comes at once."""
+    parser = argparse.ArgumentParser(
+        prog=NAME,
+        description="Says how much each recorded toss teaches about an object's shape and friction, and keeps the best set.",
+        epilog="Exit status: 0 done, 1 a clear one-line error, 2 bad usage. VERB --help lists a verb's options.",
+    )
+    parser.add_argument("--version", action="version", version=f"{NAME} {__version__}")
+    verbs = parser.add_subparsers(title="verbs", metavar="VERB", required=True)
+    for verb, (module, purpose) in VERBS.items():
+        own = verbs.add_parser(verb, help=purpose)
+        if verb in words:
+            import_module(f"contact_curation.cli.{module}").add_options(own)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs the command line; returns its exit status."""
+    words = sys.argv[1:] if argv is None else list(argv)
+    arguments = build_parser(words).parse_args(words)
+    arguments.command = (NAME, *words)
+    try:
+        status: int = arguments.run(arguments)
+        sys.stdout.flush()
+    except ContactCurationError as error:
+        print(f"{NAME}: error: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print(f"{NAME}: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:
+        # Whoever read our output has gone; without this the interpreter would complain of it once more when it ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

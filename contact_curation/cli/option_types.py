@@ -1,0 +1,61 @@
+"""What options may be: argparse refuses the rest as bad usage."""
+
+import argparse
+import math
+from pathlib import Path
+
+
+def positive_integer(text: str) -> int:
+    """A whole number of at least 1."""
+    return _at_least(text, 1)
+
+
+def natural_number(text: str) -> int:
+    """A whole number of at least 0."""
+    return _at_least(text, 0)
+
+
+def positive_number(text: str) -> float:
+    """A finite number above 0."""
+    number = _number(text)
+    if not (math.isfinite(number) and number > 0.0):
+        raise argparse.ArgumentTypeError(f"found {text}, expected a number above 0")
+    return number
+
+
+def number_from_zero(text: str) -> float:
+    """A finite number of at least 0."""
+    number = _number(text)
+    if not (math.isfinite(number) and number >= 0.0):
+        raise argparse.ArgumentTypeError(f"found {text}, expected a number of at least 0")
+    return number
+
+
+class PathEndingIn:
+    """A path with one of some endings."""
+
+    def __init__(self, *endings: str) -> None:
+        self._endings = endings
+
+    def __call__(self, text: str) -> Path:
+        path = Path(text)
+        if path.suffix not in self._endings:
+            raise argparse.ArgumentTypeError(f"found {text}, expected a name ending in {' or '.join(self._endings)}")
+        return path
+
+
+def _at_least(text: str, least: int) -> int:
+    try:
+        number = int(text)
+    except ValueError:
+        number = least - 1
+    if number < least:
+        raise argparse.ArgumentTypeError(f"found {text}, expected a whole number of at least {least}")
+    return number
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan

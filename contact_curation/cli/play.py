@@ -1,0 +1,64 @@
+"""`play BAG`: a bag as live topics. The process becomes the player node, for only nodes know ROS; so signals reach it."""
+
+import argparse
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any, Never
+
+from contact_curation.cli.option_types import number_from_zero, positive_number
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the verb's options to its parser."""
+    parser.description = (
+        "Publishes a bag's messages at the times they were recorded. The node's services pause, resume and seek."
+    )
+    parser.add_argument("bag", type=Path, metavar="BAG", help="an MCAP file, a rosbag2 folder or a ROS 1 bag")
+    parser.add_argument("--rate", type=positive_number, default=1.0, metavar="R", help="times real time (default 1)")
+    parser.add_argument("--loop", action="store_true", help="begin again at the end")
+    parser.add_argument("--start-offset", type=number_from_zero, default=0.0, metavar="S", help="skip so many seconds")
+    parser.add_argument("--clock", type=positive_number, default=0.0, metavar="HZ", help="publish /clock at this rate")
+    parser.add_argument("--topics", nargs="+", action="extend", default=[], metavar="TOPIC", help="only these topics")
+    parser.add_argument(
+        "--remap", nargs="+", action="extend", default=[], type=_remapping, metavar="OLD:=NEW", help="rename topics"
+    )
+    parser.add_argument("--start-paused", action="store_true", help="wait for the resume service")
+    parser.add_argument("--as-fast-as-possible", action="store_true", help="do not wait between messages")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> Never:
+    """Becomes the player node; its exit status is the command's."""
+    command = player_command(arguments)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os.execv(command[0], command)
+
+
+def player_command(arguments: argparse.Namespace) -> list[str]:
+    """The player node with the options as ROS parameters of the same names."""
+    parameters: dict[str, Any] = {
+        "bag": str(arguments.bag),
+        "rate": arguments.rate,
+        "loop": arguments.loop,
+        "start_offset": arguments.start_offset,
+        "clock": arguments.clock,
+        "start_paused": arguments.start_paused,
+        "as_fast_as_possible": arguments.as_fast_as_possible,
+    }
+    for name in ("topics", "remap"):
+        if getattr(arguments, name):  # ROS cannot tell the type of an empty list
+            parameters[name] = getattr(arguments, name)
+    command = [sys.executable, "-m", "contact_curation.nodes.player", "--ros-args"]
+    for name, value in parameters.items():
+        command += ["-p", f"{name}:={json.dumps(value)}"]  # JSON is YAML: words stay words
+    return command
+
+
+def _remapping(text: str) -> str:
+    old, arrow, new = text.partition(":=")
+    if not (old and arrow and new):
+        raise argparse.ArgumentTypeError(f"found {text}, expected OLD:=NEW")
+    return text

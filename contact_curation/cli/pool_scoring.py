@@ -1,0 +1,172 @@
+"""From recordings to scored tosses: each is read, gated, scored and forgotten; what stays is a few kB a toss.
+
+Recordings are worked on one after the other or, several of them, in processes. A recording is scored in batches of its own, so
+that the result is the same for any number of processes. A bound on the influence of single transitions is a quantile over the
+whole pool: then the tosses wait in temporary stores until all losses are known.
+"""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import batched
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from contact_curation.cli.reading import InputReader, Reading, ReadingConfig
+from contact_curation.cli.workers import Advance, each
+from contact_curation.geometry.quaternions import Array
+from contact_curation.information.record import TossInformation
+from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig
+from contact_curation.motion.toss import Toss
+from contact_curation.storage.parameters_file import Parameters
+from contact_curation.storage.toss_store import TossStore
+
+BATCH = 64
+"""Tosses scored in one call: enough to keep every thread busy, 1 MB of states."""
+
+BOUND_QUANTILE = 0.985
+"""Losses above this quantile of the pool's count as this much (METHOD 2.1: 98 to 99 %)."""
+
+Scores = tuple[TossInformation | NotScored, ...]
+"""What one toss teaches, once per theta."""
+
+
+@dataclass(frozen=True, eq=False)
+class PoolConfig:
+    """How a pool is made.
+
+    Attributes:
+        reading: how recordings become tosses.
+        thetas: parameter particles, at least one.
+        scoring: how tosses are scored.
+        bound_influence: whether the bound on losses is taken from the pool.
+    """
+
+    reading: ReadingConfig
+    thetas: tuple[Parameters, ...]
+    scoring: ScoringConfig
+    bound_influence: bool = False
+
+    def scorers(self, bounds: Sequence[float], jobs: int) -> tuple[Scorer, ...]:
+        """One per theta, each with its own bound on losses; the processors are shared between `jobs` processes."""
+        loss = replace(self.scoring.loss, threads=max(1, (os.cpu_count() or 1) // jobs))
+        configs = [replace(self.scoring, influence_bound=bound, loss=loss) for bound in bounds]
+        return tuple(Scorer(theta.geometry, theta.body, config) for theta, config in zip(self.thetas, configs, strict=True))
+
+    @property
+    def fixed_bounds(self) -> tuple[float, ...]:
+        return (self.scoring.influence_bound,) * len(self.thetas)
+
+
+@dataclass(frozen=True, eq=False)
+class ScoredInput:
+    """One recording, read and scored.
+
+    Attributes:
+        reading: what was found in it.
+        scores: by toss id, of the tosses that passed the gates.
+    """
+
+    reading: Reading
+    scores: dict[str, Scores]
+
+
+@dataclass(frozen=True, eq=False)
+class ScoredPool:
+    """All recordings in the order they were given.
+
+    Attributes:
+        inputs: one each.
+        bounds: on losses, one per theta; inf where there is none.
+    """
+
+    inputs: tuple[ScoredInput, ...]
+    bounds: tuple[float, ...]
+
+
+def score_pool(paths: Sequence[Path], config: PoolConfig, jobs: int, advance: Advance) -> ScoredPool:
+    """Reads and scores recordings.
+
+    Args:
+        paths: at least one.
+        config: how.
+        jobs: how many processes; with one, everything happens in this one.
+        advance: told how many tosses more are done.
+    """
+    if not config.bound_influence:
+        scored = each(partial(_score_input, config, jobs), paths, jobs, advance)
+        return ScoredPool(tuple(scored), config.fixed_bounds)
+    with TemporaryDirectory(prefix="contact-curation-") as folder:
+        places = [(path, Path(folder) / f"{place}.sqlite") for place, path in enumerate(paths)]
+        waiting = tuple(each(partial(_store_input, config, jobs), places, jobs, advance))
+        bounds = tuple(_bound([one.losses[k] for one in waiting]) for k in range(len(config.thetas)))
+        return ScoredPool(tuple(each(partial(_score_waiting, config, jobs, bounds), waiting, jobs, advance)), bounds)
+
+
+@dataclass(frozen=True, eq=False)
+class _Waiting:
+    """A recording whose tosses are stored until the bounds are known.
+
+    Attributes:
+        reading: what was found in it.
+        store: where its tosses are.
+        losses: of their transitions, one array per theta.
+    """
+
+    reading: Reading
+    store: Path
+    losses: tuple[Array, ...]
+
+
+def _score_input(config: PoolConfig, jobs: int, path: Path, advance: Advance) -> ScoredInput:
+    scorers = config.scorers(config.fixed_bounds, jobs)
+    reader = InputReader(path, config.reading)
+    scores: dict[str, Scores] = {}
+    for tosses in batched(reader.tosses(), BATCH):
+        scores.update(_scored(scorers, tosses))
+        advance(len(tosses))
+    return ScoredInput(reader.reading(), scores)
+
+
+def _store_input(config: PoolConfig, jobs: int, place: tuple[Path, Path], advance: Advance) -> _Waiting:
+    path, store_path = place
+    scorers = config.scorers(config.fixed_bounds, jobs)
+    reader = InputReader(path, config.reading)
+    losses: list[list[Array]] = [[] for _ in scorers]
+    with TossStore(store_path) as store:
+        for tosses in batched(reader.tosses(), BATCH):
+            with store.transaction():
+                for toss in tosses:
+                    store.add(toss)
+            for own, scorer in zip(losses, scorers):
+                own.append(scorer.losses(tosses))
+            advance(len(tosses))
+    return _Waiting(reader.reading(), store_path, tuple(np.concatenate([np.zeros(0), *own]) for own in losses))
+
+
+def _score_waiting(
+    config: PoolConfig, jobs: int, bounds: tuple[float, ...], waiting: _Waiting, advance: Advance
+) -> ScoredInput:
+    scorers = config.scorers(bounds, jobs)
+    scores: dict[str, Scores] = {}
+    with TossStore(waiting.store) as store:
+        sequence = 0
+        while stored := store.after(sequence, BATCH):
+            scores.update(_scored(scorers, [one.toss for one in stored]))
+            sequence = stored[-1].sequence
+            advance(len(stored))
+    return ScoredInput(waiting.reading, scores)
+
+
+def _scored(scorers: Sequence[Scorer], tosses: Sequence[Toss]) -> dict[str, Scores]:
+    by_theta = [scorer.score(tosses) for scorer in scorers]
+    return {toss.toss_id: scores for toss, scores in zip(tosses, zip(*by_theta, strict=True), strict=True)}
+
+
+def _bound(losses: Sequence[Array]) -> float:
+    """The bound on losses that a pool's own losses suggest; inf where there are none."""
+    together = np.concatenate(losses)
+    return float(np.quantile(together, BOUND_QUANTILE)) if together.size else np.inf

@@ -1,0 +1,107 @@
+"""`rank INPUT...`: how much each toss teaches, which to keep, and why."""
+
+import argparse
+import os
+from pathlib import Path
+
+from contact_curation import __version__
+from contact_curation.cli.pool_scoring import ScoredPool, score_pool
+from contact_curation.cli.progress import Progress
+from contact_curation.cli.rank_options import RankConfig, add_rank_options, rank_config
+from contact_curation.cli.rank_report import RankReport, diagnostics_of, json_report, picture_of, print_report
+from contact_curation.cli.rank_rows import TossPool, manifest_rows, pool_of_inputs
+from contact_curation.cli.report import print_json, warn
+from contact_curation.dashboard.ranking_figure import save_ranking_figure
+from contact_curation.errors import InvalidValueError
+from contact_curation.information.curation import Curation, curate_particles
+from contact_curation.information.diagnostics import BlockShare, block_shares
+from contact_curation.information.pool import pool_of
+from contact_curation.storage.manifest import Manifest
+from contact_curation.storage.manifest_file import write_manifest
+from contact_curation.storage.provenance import InputProvenance, RunProvenance
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the verb's options to its parser."""
+    parser.description = (
+        "Scores every toss that passes the gates, ranks them, and says what to think of the result. An input that "
+        "cannot be read is a line on standard error, and the others are ranked; the exit status is 1 only if none could be."
+    )
+    add_rank_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Reads, scores, ranks, writes, and says what came out.
+
+    Raises:
+        InvalidValueError: nothing could be ranked, or an output cannot be written.
+    """
+    config = rank_config(arguments)
+    jobs = min(arguments.jobs or os.cpu_count() or 1, len(arguments.inputs))
+    with Progress("scoring", "tosses") as progress:
+        scored = score_pool(arguments.inputs, config.pool, jobs, progress.advance)
+    pool = pool_of_inputs(scored.inputs)
+    warnings = (*(line for one in scored.inputs for line in one.reading.warnings), *pool.left_out)
+    for line in warnings:
+        warn(line)
+    curation = curated(pool, config) if pool.rankable else None
+    report = RankReport(manifest_of(arguments, config, scored, pool, curation), warnings, arguments.out, _figure(arguments))
+    if report.out:
+        write_manifest(report.manifest, report.out)
+    if curation is None:
+        reasons = "; ".join(f"{count} {name}" for name, count in report.outcomes.items() if count)
+        raise InvalidValueError("inputs", f"no toss that could be ranked ({reasons or 'no toss at all'})", "at least one")
+    if report.figure:
+        save_ranking_figure(picture_of(report, curation, kept_shares(pool, curation)), report.figure)
+    if arguments.json:
+        print_json(json_report(report))
+    else:
+        print_report(report, curation)
+    return 0
+
+
+def curated(pool: TossPool, config: RankConfig) -> Curation:
+    """The ranking of the tosses that were scored at every theta."""
+    tosses = pool.rankable
+    forms = [scorer.form for scorer in config.pool.scorers(config.pool.fixed_bounds, jobs=1)]
+    particles = [
+        pool_of((toss.informations[k] for toss in tosses), form.gauge if form.gauge.size else None)
+        for k, form in enumerate(forms)
+    ]
+    return curate_particles(particles, config.ranking)
+
+
+def kept_shares(pool: TossPool, curation: Curation) -> tuple[BlockShare, ...]:
+    """The parameter blocks' shares of the trace of the kept tosses, at the first theta."""
+    kept = set(curation.ranking.kept_ids)
+    return block_shares([toss.informations[0] for toss in pool.rankable if toss.seen.toss_id in kept])
+
+
+def manifest_of(
+    arguments: argparse.Namespace, config: RankConfig, scored: ScoredPool, pool: TossPool, curation: Curation | None
+) -> Manifest:
+    """Every toss, and how the ranking was made."""
+    scorers = config.pool.scorers(scored.bounds, jobs=1)
+    readings = [one.reading for one in scored.inputs]
+    run = RunProvenance(
+        criterion=config.ranking.criterion,
+        estimator=config.pool.scoring.estimator.value,
+        influence_bound=scored.bounds[0],
+        model=arguments.model,
+        parameters=config.parameters,
+        parameters_version="+".join(scorer.version for scorer in scorers),
+        seed=config.ranking.seed,
+        package_version=__version__,
+        command=arguments.command,
+        inputs=tuple(InputProvenance(reading.path, reading.sha256, reading.warnings) for reading in readings),
+    )
+    rows = manifest_rows(pool, curation.ranking if curation else None)
+    return Manifest(run, rows, diagnostics_of(curation, config.pool.scoring.form) if curation else {})
+
+
+def _figure(arguments: argparse.Namespace) -> Path | None:
+    """Where the figure goes: where it is wanted, or beside the manifest."""
+    if arguments.no_figure or arguments.figure or arguments.out is None:
+        return None if arguments.no_figure else arguments.figure
+    return Path(arguments.out).with_suffix(".png")

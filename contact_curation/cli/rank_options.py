@@ -1,0 +1,146 @@
+"""The options of `rank`, and what they ask for."""
+
+import argparse
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from contact_curation.cli.body_option import chosen_body
+from contact_curation.cli.option_types import PathEndingIn, natural_number, positive_integer, positive_number
+from contact_curation.cli.pool_scoring import PoolConfig
+from contact_curation.cli.reading import ReadingConfig
+from contact_curation.cli.reading_options import add_reading_options, stages_of
+from contact_curation.cli.report import add_json_option
+from contact_curation.contact.evaluation import DEFAULT_LOSS, Estimator
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.parameter_form import Form, is_physical
+from contact_curation.information.orthogonal import VARIANTS
+from contact_curation.information.ranker import CRITERIA, RankingConfig
+from contact_curation.information.scoring import ScoringConfig
+from contact_curation.storage.inputs import InputsConfig
+from contact_curation.storage.parameters_file import Parameters, read_parameters
+
+STAGES = ("poses", "segmenter", "gates", "loss", "ranking")
+LATER_MODELS = ("deep", "deepvertex", "end_to_end")
+FORMATS = (".parquet", ".csv", ".json")
+
+
+def add_rank_options(parser: argparse.ArgumentParser) -> None:
+    """Adds all options."""
+    add_reading_options(parser, STAGES)
+    _add_model_options(parser)
+    _add_ranking_options(parser)
+    _add_output_options(parser)
+
+
+def _add_model_options(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("what the tosses teach about")
+    group.add_argument("--model", type=_model, default="polytope", metavar="polytope", help="the model (default polytope)")
+    group.add_argument(
+        "--params",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="theta, a JSON file; given several times, the ranking averages over them (default: the object as described)",
+    )
+    group.add_argument(
+        "--form",
+        choices=[form.value for form in Form],
+        help="how theta is parameterised (default: physical where theta allows it, else contactnets)",
+    )
+    group.add_argument(
+        "--estimator",
+        choices=[estimator.value for estimator in Estimator],
+        default=Estimator.GAUSS_NEWTON.value,
+        help="of the Fisher matrix (default gauss-newton)",
+    )
+    bounds = group.add_mutually_exclusive_group()
+    bounds.add_argument(
+        "--bound-influence",
+        action="store_true",
+        help="scale scores down where the loss is above the pool's 98.5 %% quantile; reads in two passes",
+    )
+    bounds.add_argument(
+        "--influence-bound", type=positive_number, default=np.inf, metavar="LOSS", help="the same with a bound of your own"
+    )
+    group.add_argument("--no-gate", action="store_true", help="score what the gates would keep back, too")
+
+
+def _add_ranking_options(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("how they are ranked")
+    group.add_argument("--criterion", choices=CRITERIA, default="log-det", help="(default log-det)")
+    group.add_argument("--variant", choices=VARIANTS, default="pivoted", help="of criterion orthogonal (default pivoted)")
+    group.add_argument("--top", type=positive_integer, default=32, metavar="K", help="how many are kept (default 32)")
+    group.add_argument("--seed", type=natural_number, default=0, metavar="N", help="of criterion random (default 0)")
+
+
+def _add_output_options(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("output")
+    group.add_argument("--out", type=PathEndingIn(*FORMATS), metavar="MANIFEST", help="a .parquet, .csv or .json file")
+    figures = group.add_mutually_exclusive_group()
+    figures.add_argument("--figure", type=PathEndingIn(".png"), metavar="FILE.png", help="(default: beside the manifest)")
+    figures.add_argument("--no-figure", action="store_true", help="draw none")
+    group.add_argument(
+        "--jobs", type=positive_integer, metavar="N", help="read so many inputs at once (default: one per processor)"
+    )
+    add_json_option(parser)
+
+
+def _model(name: str) -> str:
+    if name in LATER_MODELS:
+        raise argparse.ArgumentTypeError(f"{name} comes with a later version; this one has polytope")
+    if name != "polytope":
+        raise argparse.ArgumentTypeError(f"found {name}, expected polytope")
+    return name
+
+
+@dataclass(frozen=True, eq=False)
+class RankConfig:
+    """What the options ask for.
+
+    Attributes:
+        pool: how recordings become scored tosses.
+        ranking: how these are ranked.
+        parameters: where theta comes from, for the manifest.
+    """
+
+    pool: PoolConfig
+    ranking: RankingConfig
+    parameters: str
+
+
+def rank_config(arguments: argparse.Namespace) -> RankConfig:
+    """The options' configuration.
+
+    Raises:
+        ContactCurationError: a file that an option names cannot be used, or a setting is not accepted.
+    """
+    body = chosen_body(arguments)
+    ranking = RankingConfig(arguments.criterion, arguments.top, arguments.seed, variant=arguments.variant)
+    stages = stages_of(arguments, {"loss": DEFAULT_LOSS, "ranking": ranking})
+    gates = replace(stages["gates"], enabled=stages["gates"].enabled and not arguments.no_gate)
+    thetas = tuple(read_parameters(path, body) for path in arguments.params) or (
+        Parameters(ContactGeometry.of_body(body), body),
+    )
+    pool = PoolConfig(
+        reading=ReadingConfig(body, InputsConfig(stages["poses"], stages["segmenter"], gates)),
+        thetas=thetas,
+        scoring=ScoringConfig(
+            estimator=Estimator(arguments.estimator),
+            influence_bound=arguments.influence_bound,
+            form=_form(arguments.form, thetas),
+            loss=stages["loss"],
+        ),
+        bound_influence=arguments.bound_influence,
+    )
+    pool.scorers(pool.fixed_bounds, jobs=1)  # so that a theta that does not fit its form is refused before anything is read
+    return RankConfig(pool, stages["ranking"], ", ".join(map(str, arguments.params)) or f"body {body.name}")
+
+
+def _form(wanted: str | None, thetas: tuple[Parameters, ...]) -> Form:
+    """The form that was asked for, or the physical one where every theta has it."""
+    if wanted is not None:
+        return Form(wanted)
+    return Form.PHYSICAL if all(is_physical(theta.geometry) for theta in thetas) else Form.CONTACTNETS

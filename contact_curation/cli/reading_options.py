@@ -1,0 +1,44 @@
+"""Options of all verbs that read recordings: inputs, the object, topics and frames, and any field of the stages."""
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from contact_curation.cli.body_option import add_body_option
+from contact_curation.cli.settings import add_settings, with_settings
+
+
+def add_reading_options(parser: argparse.ArgumentParser, stages: tuple[str, ...]) -> None:
+    """Adds the options; `stages` are those whose fields `--set` may change."""
+    parser.add_argument(
+        "inputs",
+        nargs="+",
+        type=Path,
+        metavar="INPUT",
+        help="MCAP file, rosbag2 folder or its storage file, ROS 1 bag, folder of ContactNets .pt files or one of them",
+    )
+    add_body_option(parser)
+    group = parser.add_argument_group("where the poses are (found by themselves in TagSLAM bags)")
+    group.add_argument("--topic", default="", help="topic with the object's poses")
+    group.add_argument("--body-frame", default="", metavar="FRAME", help="the object's frame (default body_NAME)")
+    group.add_argument("--board-frame", metavar="FRAME", help="the board's frame, z up (default body_surface)")
+    add_settings(parser, stages)
+
+
+def stages_of(arguments: argparse.Namespace, others: Mapping[str, Any]) -> dict[str, Any]:
+    """The stages `poses`, `segmenter` and `gates` and the `others`, as the options want them.
+
+    Raises:
+        InvalidValueError: a setting that no stage accepts.
+    """
+    from contact_curation.motion.gates import GateConfig
+    from contact_curation.motion.segmenter_config import SegmenterConfig
+    from contact_curation.storage.pose_source import PoseTopicConfig
+
+    poses = PoseTopicConfig(topic=arguments.topic, body_frame=arguments.body_frame)
+    if arguments.board_frame is not None:
+        poses = replace(poses, board_frame=arguments.board_frame)
+    stages = {"poses": poses, "segmenter": SegmenterConfig(), "gates": GateConfig(), **others}
+    return with_settings(stages, arguments.settings)

@@ -1,0 +1,139 @@
+"""`score INPUT... --params FILE --out FILE.npz`: everything the loss says of each transition."""
+
+import argparse
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, fields, replace
+from itertools import batched, pairwise
+from pathlib import Path
+
+from contact_curation.cli.body_option import chosen_body
+from contact_curation.cli.known_tosses import KnownTosses
+from contact_curation.cli.option_types import PathEndingIn
+from contact_curation.cli.progress import Progress
+from contact_curation.cli.reading import InputReader, ReadingConfig
+from contact_curation.cli.reading_options import add_reading_options, stages_of
+from contact_curation.cli.report import add_json_option, print_json, warn
+from contact_curation.contact.evaluation import Cone, Evaluation, LossConfig, SolveStatus, evaluate
+from contact_curation.contact.parameter_form import Form, parameter_form
+from contact_curation.errors import InvalidValueError
+from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import Transitions, transitions_of
+from contact_curation.storage.inputs import InputsConfig
+from contact_curation.storage.parameters_file import Parameters, read_parameters
+from contact_curation.storage.score_file import ScoreFileWriter
+
+BATCH = 64
+"""Tosses scored in one call."""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the verb's options to its parser."""
+    parser.description = (
+        "Writes what the loss says of every transition of every toss. No gate is applied. A transition whose "
+        "impulses carry no certificate is written as it is, with its status, and counted."
+    )
+    add_reading_options(parser, ("poses", "segmenter", "loss"))
+    parser.add_argument("--params", type=Path, required=True, metavar="FILE", help="theta, a JSON file (docs/commands.md)")
+    parser.add_argument("--cone", choices=[cone.value for cone in Cone], default=Cone.CIRCULAR.value, help="friction cone")
+    parser.add_argument("--out", type=PathEndingIn(".npz"), required=True, metavar="FILE.npz", help="the arrays")
+    add_json_option(parser)
+    parser.set_defaults(run=run)
+
+
+@dataclass
+class Tally:
+    """What was scored so far.
+
+    Attributes:
+        tosses: how many.
+        statuses: how many transitions ended with which `SolveStatus`.
+        loss: sum over the solved ones.
+        rejected: motions that were no tosses.
+        repeated: tosses that came before.
+        failed: inputs that could not be read.
+    """
+
+    tosses: int = 0
+    statuses: Counter[int] = field(default_factory=Counter)
+    loss: float = 0.0
+    rejected: int = 0
+    repeated: int = 0
+    failed: int = 0
+
+    def add(self, tosses: int, evaluation: Evaluation) -> None:
+        self.tosses += tosses
+        self.statuses.update(evaluation.status.tolist())
+        self.loss += float(evaluation.losses[evaluation.solved].sum())
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Scores all inputs and says how it went."""
+    body = chosen_body(arguments)
+    theta = read_parameters(arguments.params, body)
+    stages = stages_of(arguments, {"loss": LossConfig(cone=Cone(arguments.cone))})
+    inputs = InputsConfig(stages["poses"], stages["segmenter"], replace(stages["gates"], enabled=False))
+    tally = Tally()
+    names = parameter_form(theta.geometry, Form.CONTACTNETS).names()
+    with ScoreFileWriter(arguments.out, names) as writer, Progress("scoring", "tosses") as progress:
+        tosses = _tosses(arguments.inputs, ReadingConfig(body, inputs), tally)
+        for batch in batched(tosses, BATCH):
+            tally.add(len(batch), _score(batch, theta, stages["loss"], writer))
+            progress.advance(len(batch))
+        if not tally.statuses:
+            raise InvalidValueError("inputs", "no toss", "at least one that can be scored")
+    _report(arguments, tally)
+    return 0
+
+
+def _tosses(paths: Sequence[Path], config: ReadingConfig, tally: Tally) -> Iterator[Toss]:
+    """The tosses of all inputs, each once; what was left out is warned of."""
+    known = KnownTosses()
+    for path in paths:
+        reader = InputReader(path, config)
+        for toss in reader.tosses():
+            if line := known.why_not(toss.toss_id, toss.digest(), str(path)):
+                tally.repeated += 1
+                warn(f"{path}: {line}")
+            else:
+                yield toss
+        reading = reader.reading()
+        tally.rejected += sum(bool(seen.reasons) for seen in reading.seen)
+        tally.failed += not reading.complete
+        for line in reading.warnings:
+            warn(line)
+
+
+def _score(tosses: Sequence[Toss], theta: Parameters, config: LossConfig, writer: ScoreFileWriter) -> Evaluation:
+    """Scores a batch and writes it, toss by toss."""
+    rows: Transitions = transitions_of(tosses, theta.body.length_scale)
+    evaluation = evaluate(theta.geometry, theta.body, rows.before, rows.after, rows.dt, config)
+    numbers = rows.index_in_toss
+    for toss_id, (start, stop) in zip(rows.toss_ids, pairwise(rows.starts.tolist())):
+        part = {each.name: getattr(evaluation, each.name)[start:stop] for each in fields(evaluation)}
+        writer.add(toss_id, numbers[start:stop], Evaluation(**part))
+    return evaluation
+
+
+def _report(arguments: argparse.Namespace, tally: Tally) -> None:
+    total, solved = tally.statuses.total(), tally.statuses[SolveStatus.SOLVED]
+    content = {
+        "out": str(arguments.out),
+        "params": str(arguments.params),
+        "cone": arguments.cone,
+        "tosses": tally.tosses,
+        "transitions": total,
+        "not_solved": total - solved,
+        "mean_loss": tally.loss / max(solved, 1),
+        "rejected": tally.rejected,
+        "repeated": tally.repeated,
+        "inputs": len(arguments.inputs),
+        "failed_inputs": tally.failed,
+    }
+    if arguments.json:
+        print_json(content)
+        return
+    print(f"{arguments.out}: {total} transitions of {tally.tosses} tosses, mean loss {content['mean_loss']:.6g}")
+    print(f"not solved: {total - solved} transitions; they are written with their status")
+    if tally.rejected or tally.repeated or tally.failed:
+        print(f"left out: {tally.rejected} motions that are no tosses, {tally.repeated} repeated tosses, {tally.failed} inputs")
