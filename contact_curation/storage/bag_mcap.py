@@ -27,7 +27,8 @@ def open_mcap(file: BagFile, limits: BagLimits, losses: Losses) -> ChunkedStorag
     stop = walk.follow(len(MCAP_MAGIC))
     if summary is not None:
         stop = _gone_on(walk, stop, summary, name, losses)
-    chunks = [_surveyed(file, chunk, declarations, limits, summary is None) for chunk in walk.chunks]
+    count = summary is None or any(chunk.counts is not None for chunk in walk.chunks)
+    chunks = [_surveyed(file, chunk, declarations, limits, count) for chunk in walk.chunks]
     _compare(chunks, stop, summary, file, losses)
 
     def parse(data: bytes, topics: Collection[str] | None) -> ParsedChunk:
@@ -49,16 +50,20 @@ def _summary_if_sound(file: BagFile, declarations: McapDeclarations, limits: Bag
 def _gone_on(walk: McapWalk, stop: Stop, summary: McapSummary, name: str, losses: Losses) -> Stop:
     """Follows the records again from every chunk that the index names and damage kept from being met."""
     for offset in summary.chunk_offsets:
-        if offset not in walk.heads:
-            why = f"byte {stop.offset} is damaged ({stop.why})" if stop.why else f"records before byte {offset} are damaged"
+        if offset in walk.heads:
+            continue
+        before, stop = stop, walk.follow(offset)
+        if offset in walk.heads:
+            why = (
+                f"byte {before.offset} is damaged ({before.why})" if before.why else f"records before byte {offset} are damaged"
+            )
             losses.say((name, "gap", offset), f"{name}: {why}; read on at byte {offset}, where the index names a chunk")
-            stop = walk.follow(offset)
     return stop
 
 
-def _surveyed(file: BagFile, chunk: Chunk, declarations: McapDeclarations, limits: BagLimits, no_summary: bool) -> Chunk:
-    """The chunk, unpacked once if only that tells its channels and how many messages it has."""
-    uncounted = chunk.counts is None and no_summary
+def _surveyed(file: BagFile, chunk: Chunk, declarations: McapDeclarations, limits: BagLimits, count: bool) -> Chunk:
+    """The chunk, unpacked once if only that tells its channels and, when those count, how many messages it has."""
+    uncounted = chunk.counts is None and count
     if not uncounted and all(number in declarations.channels for number in chunk.counts or {}):
         return chunk
     try:

@@ -70,7 +70,7 @@ class McapWalk:
         if opcode == 0:
             raise DamagedBagError("no record begins there")
         if opcode == Opcode.CHUNK:
-            self._take_chunk(offset, length)
+            self._take_chunk(offset)
         if length > self._file.size - start:
             raise DamagedBagError(f"a record of {length} bytes, of which the file holds {self._file.size - start}")
         if opcode == Opcode.MESSAGE:
@@ -82,7 +82,7 @@ class McapWalk:
         elif opcode in DECLARATIONS:
             self._declarations.declare(opcode, self._file.read(start, length))
 
-    def _take_chunk(self, offset: int, length: int) -> None:
+    def _take_chunk(self, offset: int) -> None:
         """A chunk, or what the file holds of it."""
         self._end_loose_run()
         start = offset + RECORD_HEAD.size
@@ -93,10 +93,9 @@ class McapWalk:
         compression = self._file.read(name_at, name_length).decode(errors="replace")
         (stored,) = SIZE.unpack(self._file.read(name_at + name_length, SIZE.size))
         data_at = name_at + name_length + SIZE.size
-        whole = start + length <= self._file.size
         held = min(stored, self._file.size - data_at)
         self.heads.add(offset)
-        self.chunks.append(Chunk(data_at, held, compression, unpacked, crc, first, last, None, whole))
+        self.chunks.append(Chunk(data_at, held, compression, unpacked, crc, first, last, None, whole=held == stored))
 
     def _take_index(self, start: int) -> None:
         """Messages per channel of the chunk before it."""

@@ -16,6 +16,9 @@ from contact_curation.storage.bag_records import Channel, StoredMessage
 SQLITE_MAGIC = b"SQLite format 3\0"
 LARGEST_ROW = 1_000_000_000
 """SQLite's own bound."""
+TABLES = ("topics", "messages")
+SQLITE_ERRORS = (sqlite3.Error, UnicodeDecodeError)
+"""Of damaged files, even SQLite's messages can be no text."""
 UNFINISHED = ("-wal", "-journal")
 """What SQLite leaves beside a database whose writer was killed: part of the messages is still in there."""
 
@@ -37,8 +40,9 @@ class SqliteStorage:
         self._stack = ExitStack()
         try:
             self._connection = self._opened(file.path)
+            self._check_tables()
             self._channels = self._declared()
-        except sqlite3.Error as error:
+        except SQLITE_ERRORS as error:
             self._stack.close()
             raise UnreadableInputError(file.path, f"is no readable rosbag2 database: {error}") from error
 
@@ -55,7 +59,7 @@ class SqliteStorage:
         """First and last log time; zeros when the table is damaged."""
         try:
             first, last = self._connection.execute("SELECT min(timestamp), max(timestamp) FROM messages").fetchone()
-        except sqlite3.Error:
+        except SQLITE_ERRORS:
             return 0, 0
         return (first, last) if isinstance(first, int) and isinstance(last, int) else (0, 0)
 
@@ -63,7 +67,7 @@ class SqliteStorage:
         """Messages per channel; None when the table is damaged."""
         try:
             rows = dict(self._connection.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id").fetchall())
-        except sqlite3.Error:
+        except SQLITE_ERRORS:
             return None
         return {channel: rows.get(number, 0) for number, channel in self._channels.items()}
 
@@ -80,7 +84,7 @@ class SqliteStorage:
                     yield StoredMessage(time_ns, time_ns, self._channels[number], data)
                 else:
                     malformed += 1
-        except sqlite3.Error as error:
+        except SQLITE_ERRORS as error:
             line = f"{self.name}: damaged behind {read} messages, the rest is lost: {error}"
             self._losses.say((self.name, "damaged"), line)
         if malformed:
@@ -99,9 +103,26 @@ class SqliteStorage:
             immutable = ""
         connection = sqlite3.connect(f"{path.absolute().as_uri()}{immutable}", uri=True, check_same_thread=False)
         self._stack.callback(connection.close)
+        connection.text_factory = lambda text: text.decode(errors="replace")
         size = sum(_beside(path, ending).stat().st_size for ending in ("", *UNFINISHED) if _beside(path, ending).exists())
         connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(size, LARGEST_ROW))  # no row is larger than its file
         return connection
+
+    def _check_tables(self) -> None:
+        """Makes sure that topics and messages are plain tables; a database that is cut short is opened nevertheless.
+
+        SQLite refuses a file that is shorter than it should be, unless it was told to repair it (writable_schema).
+        """
+        query = "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name IN (?, ?)"
+        self._connection.execute("PRAGMA trusted_schema = OFF")
+        try:
+            (tables,) = self._connection.execute(query, TABLES).fetchone()
+        except SQLITE_ERRORS as error:
+            self._connection.execute("PRAGMA writable_schema = ON")
+            (tables,) = self._connection.execute(query, TABLES).fetchone()
+            self._losses.say((self.name, "cut"), f"{self.name}: damaged or cut short, read as far as it goes: {error}")
+        if tables != len(TABLES):
+            raise sqlite3.DatabaseError(f"it has no tables {' and '.join(TABLES)}")
 
     def _copy(self, path: Path) -> Path:
         folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory()))

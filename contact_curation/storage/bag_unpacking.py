@@ -13,7 +13,17 @@ import zstandard
 from contact_curation.storage.bag_errors import DamagedBagError
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-COPY_BYTES = 1 << 20
+STEP = 1 << 22
+"""Bytes unpacked at a time."""
+
+
+def _in_steps(read: Callable[[int], bytes], most: int) -> bytes:
+    """At most `most` bytes of a stream; what is allocated follows what is there, not what is asked for."""
+    parts: list[bytes] = []
+    while most > 0 and (part := read(min(most, STEP))):
+        parts.append(part)
+        most -= len(part)
+    return b"".join(parts)
 
 
 def _plain(data: bytes, most: int) -> bytes:
@@ -22,11 +32,13 @@ def _plain(data: bytes, most: int) -> bytes:
 
 def _zstd(data: bytes, most: int) -> bytes:
     with zstandard.ZstdDecompressor().stream_reader(data) as reader:
-        return reader.read(most)
+        return _in_steps(reader.read, most)
 
 
 def _lz4(data: bytes, most: int) -> bytes:
-    return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=most))
+    unpacker = lz4.frame.LZ4FrameDecompressor()
+    rest = iter([data])
+    return _in_steps(lambda step: b"" if unpacker.eof else bytes(unpacker.decompress(next(rest, b""), step)), most)
 
 
 def _bz2(data: bytes, most: int) -> bytes:
@@ -87,7 +99,7 @@ def unpack_file(source: Path, target: Path, limit: int) -> None:
     unpacker = zstandard.ZstdDecompressor()
     with source.open("rb") as packed, target.open("wb") as out, unpacker.stream_reader(packed) as reader:
         try:
-            while part := reader.read(COPY_BYTES):
+            while part := reader.read(STEP):
                 written += len(part)
                 if written > limit:
                     raise DamagedBagError(f"holds more than {limit} bytes")

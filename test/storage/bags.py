@@ -22,6 +22,7 @@ STRING = "std_msgs/msg/String"
 CUBE = "/tagslam/odom/body_cube"
 NOTE = "/note"
 STEP_NS = 6_756_757
+CHUNK_BYTES = 100_000
 START_NS = 1_700_000_000_000_000_000
 
 
@@ -90,7 +91,7 @@ def write_mcap(
         options: of mcap's writer.
     """
     with path.open("wb") as file:
-        writer = Writer(file, **{"chunk_size": 100_000, "compression": CompressionType.ZSTD, **options})
+        writer = Writer(file, **{"chunk_size": CHUNK_BYTES, "compression": CompressionType.ZSTD, **options})
         writer.start("ros2", "test")
         channels: dict[str, int] = {}
         for one in sent:
@@ -144,6 +145,7 @@ def transient_local() -> Qos:
 def write_ros1(path: Path, sent: Iterable[Sent], compression: str = "none", latched: Sequence[str] = ()) -> Path:
     """A ROS 1 bag by rosbags; the messages are NOETIC's."""
     writer = Ros1Writer(path)
+    writer.chunk_threshold = CHUNK_BYTES
     if compression != "none":
         writer.set_compression(Ros1Writer.CompressionFormat[compression.upper()])
     with writer:
