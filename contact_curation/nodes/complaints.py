@@ -1,0 +1,35 @@
+"""What went wrong with single messages: counted, and logged once per reason with a pause before it is said again."""
+
+from collections import Counter
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from contact_curation.motion.toss import NANOSECONDS
+
+PAUSE = 30.0
+"""[s] of the steady clock until the same kind of fault is logged again."""
+
+
+class Complaints:
+    """Counts faults by kind; `node` logs them."""
+
+    def __init__(self, node: Node) -> None:
+        self._logger = node.get_logger()
+        self._counts: Counter[str] = Counter()
+        self._said: dict[str, int] = {}
+        self._clock = Clock(clock_type=ClockType.STEADY_TIME)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How often each kind was seen."""
+        return dict(self._counts)
+
+    def note(self, kind: str, what: str) -> None:
+        """Counts a fault, and says what it was if that kind was not said lately."""
+        self._counts[kind] += 1
+        last, now = self._said.get(kind), self._clock.now().nanoseconds
+        if last is None or now - last >= PAUSE * NANOSECONDS:
+            self._said[kind] = now
+            again = f" ({self._counts[kind]} times so far)" if last is not None else ""
+            self._logger.warning(f"{kind}: {what}{again}; dropped")

@@ -1,0 +1,134 @@
+"""curator: scored tosses in, the kept set out."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import fields
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from contact_curation_msgs.msg import CuratedBuffer
+from contact_curation_msgs.msg import TossInformation as TossInformationMessage
+from contact_curation_msgs.srv import GetInformation, SaveBuffer
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.parameter import Parameter
+
+from contact_curation.errors import ContactCurationError, InvalidValueError
+from contact_curation.information.ranker import RankingConfig
+from contact_curation.nodes.buffer_manifest import manifest_of
+from contact_curation.nodes.catch_up import CatchUp, Cursor, Source
+from contact_curation.nodes.complaints import Complaints
+from contact_curation.nodes.curation_stage import Buffer, CurationConfig, CurationStage
+from contact_curation.nodes.door import StageNode, run
+from contact_curation.nodes.health import Health, HealthReport
+from contact_curation.nodes.messages.curated_buffer import buffer_message
+from contact_curation.nodes.messages.headers import stamped_of
+from contact_curation.nodes.messages.toss_information import information_of
+from contact_curation.nodes.parameters import declare, declare_config, with_values
+from contact_curation.nodes.qos import kept
+from contact_curation.nodes.worker import Latest, Worker
+from contact_curation.storage.information_store import InformationStore
+from contact_curation.storage.manifest_file import write_manifest
+from contact_curation.storage.state_store import StateStore
+
+INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
+
+
+class Curator(StageNode):
+    """Ranks all that came, at every change, and publishes the best."""
+
+    def __init__(self) -> None:
+        super().__init__("curator")
+        self._body = declare(self, "body", "cube", "name of the body whose tosses are kept")
+        ranking = declare_config(self, RankingConfig(), fixed=False)
+        config = declare_config(self, CurationConfig())
+        store = Path(declare(self, "store", "buffer.sqlite", "file that the buffer and all information are kept in"))
+        self._informations = InformationStore(store)
+        self._states = StateStore(store.with_name(f"{store.name}.state"))
+        self._stage = CurationStage(ranking, config, self._informations, self._states)
+        self._complaints = Complaints(self)
+        self._buffer: Buffer | None = None
+        self._publisher = self.create_publisher(CuratedBuffer, "curated_buffer", kept(1))
+        self._worker = Worker(self.fail)
+        self._curating = Latest(self._worker, self._curate)
+        self.create_service(SaveBuffer, "save_buffer", self._save)
+        self.add_on_set_parameters_callback(self._parameters_set)
+        self._information = CatchUp(self, self._worker, INFORMATION, self._stage.cursor, self._take)
+        self._curating.want()
+        HealthReport(self, self._health)
+
+    def close(self) -> None:
+        self._worker.stop()
+        self._informations.close()
+        self._states.close()
+
+    def _take(self, messages: Sequence[Any], cursor: Cursor) -> None:
+        """On the worker's thread."""
+        for message in messages:
+            try:
+                if message.body != self._body:
+                    raise InvalidValueError(f"body of toss {message.toss_id}", message.body, self._body)
+                self._stage.add(information_of(message), *stamped_of(message.header))
+            except InvalidValueError as error:
+                self._complaints.note("bad information", str(error))
+        self._stage.advance(cursor)
+        self._curating.want()
+
+    def _curate(self) -> None:
+        """On the worker's thread, after everything that came: the newest state, once."""
+        try:
+            self._buffer = self._stage.buffer()
+        except ContactCurationError as error:
+            self._complaints.note("not ranked", str(error))
+            return
+        if self._buffer is not None:
+            self._publisher.publish(buffer_message(self._buffer))
+
+    def _parameters_set(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Ranks by the new criterion from now on, if it is one."""
+        names = {field.name for field in fields(RankingConfig)}
+        changed = {one.name: one.value for one in parameters if one.name in names}
+        try:
+            ranking = with_values(self._stage.ranking, changed)
+            self._stage.check(ranking)
+        except InvalidValueError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        if ranking != self._stage.ranking:
+            self._worker.do(partial(self._rank_by, ranking))
+        return SetParametersResult(successful=True)
+
+    def _rank_by(self, ranking: RankingConfig) -> None:
+        """On the worker's thread."""
+        self._stage.rank_by(ranking)
+        self._curating.want()
+
+    def _save(self, request: Any, response: Any) -> Any:
+        buffer = self._buffer
+        if buffer is None:
+            response.message = "found no scored toss, expected at least one"
+            return response
+        try:
+            write_manifest(manifest_of(buffer, self._stage.last_stamp_ns), Path(request.path))
+        except ContactCurationError as error:
+            response.message = str(error)
+            return response
+        response.success, response.path = True, str(Path(request.path).absolute())
+        response.tosses = len(buffer.curation.ranking.kept_ids)
+        response.message = f"{response.tosses} of {buffer.seen} tosses kept"
+        return response
+
+    def _health(self) -> Health:
+        buffer = self._buffer
+        kept_now = 0 if buffer is None else len(buffer.curation.ranking.kept_ids)
+        seen = 0 if buffer is None else buffer.seen
+        values = {"kept": kept_now, "seen": seen, "queue": self._worker.waiting, **self._complaints.counts}
+        return Health(f"{kept_now} of {seen} tosses kept", values)
+
+
+def main() -> int:
+    """Runs the node."""
+    return run(Curator, "curator")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

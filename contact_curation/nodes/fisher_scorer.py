@@ -1,0 +1,130 @@
+"""fisher_scorer: tosses in, what each of them teaches out. Information is stored before it is announced."""
+
+import sys
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from contact_curation_msgs.msg import ModelParameters
+from contact_curation_msgs.msg import Toss as TossMessage
+from contact_curation_msgs.msg import TossInformation as TossInformationMessage
+from contact_curation_msgs.srv import GetInformation, GetTosses
+
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.errors import InvalidValueError
+from contact_curation.information.scoring import ScoringConfig
+from contact_curation.motion.toss import Toss
+from contact_curation.nodes.body_parameter import declared_body
+from contact_curation.nodes.catch_up import CatchUp, Cursor, Source
+from contact_curation.nodes.complaints import Complaints
+from contact_curation.nodes.door import StageNode, run
+from contact_curation.nodes.health import Health, HealthReport
+from contact_curation.nodes.messages.model_parameters import geometry_of
+from contact_curation.nodes.messages.toss import toss_of
+from contact_curation.nodes.messages.toss_information import information_message
+from contact_curation.nodes.parameters import declare, declare_config
+from contact_curation.nodes.qos import RESULTS_KEPT, kept
+from contact_curation.nodes.scoring_stage import Announcement, ScoringStage, checked_body
+from contact_curation.nodes.worker import Worker
+from contact_curation.storage.information_store import InformationStore
+from contact_curation.storage.parameters_file import read_parameters
+from contact_curation.storage.state_store import StateStore
+
+TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16)
+
+LARGEST_PAGE = 64
+"""Records in one answer of `get_information`."""
+
+
+class FisherScorer(StageNode):
+    """Scores tosses at the newest theta; at a new one, all of them again."""
+
+    def __init__(self) -> None:
+        super().__init__("fisher_scorer")
+        self._body = declared_body(self)
+        config = declare_config(self, ScoringConfig())
+        parameters = declare(self, "params", "", "JSON file with theta to begin with; empty: the body as described")
+        store = Path(declare(self, "store", "information.sqlite", "file that information is kept in"))
+        geometry = ContactGeometry.of_body(self._body)
+        if parameters:
+            geometry, self._body = read_parameters(Path(parameters), self._body)
+        self._informations = InformationStore(store)
+        self._states = StateStore(store.with_name(f"{store.name}.state"))
+        self._stage = ScoringStage(self._body, config, self._informations, self._states, geometry)
+        self._complaints = Complaints(self)
+        self._publisher = self.create_publisher(TossInformationMessage, "toss_information", kept(RESULTS_KEPT))
+        while missed := self._stage.unannounced(LARGEST_PAGE):
+            self._announce(missed)
+        self._worker = Worker(self.fail)
+        self.create_service(GetInformation, "get_information", self._get_information)
+        self.create_subscription(ModelParameters, "model_parameters", self._parameters_came, kept(1))
+        self._tosses = CatchUp(self, self._worker, TOSSES, self._stage.cursor, self._score)
+        HealthReport(self, self._health)
+
+    def close(self) -> None:
+        self._worker.stop()
+        self._informations.close()
+        self._states.close()
+
+    def _score(self, messages: Sequence[Any], cursor: Cursor) -> None:
+        """On the worker's thread."""
+        tosses = [toss for toss in map(self._translated, messages) if toss is not None]
+        batch = self._stage.score(tosses, {message.toss_id: message.header.frame_id for message in messages})
+        self._announce(batch.new)
+        self._stage.advance(cursor)
+        for one in batch.not_scored:
+            self._complaints.note("not scored", f"toss {one.toss_id}: {one.reason}")
+
+    def _translated(self, message: Any) -> Toss | None:
+        try:
+            return checked_body(toss_of(message), self._body)
+        except InvalidValueError as error:
+            self._complaints.note("bad toss", str(error))
+            return None
+
+    def _announce(self, batch: Sequence[Announcement]) -> None:
+        for one in batch:
+            self._publisher.publish(information_message(one.information, one.sequence, one.stamped))
+        self._stage.announced(batch)
+
+    def _parameters_came(self, message: Any) -> None:
+        self._worker.do(partial(self._renew, message))
+
+    def _renew(self, message: Any) -> None:
+        """On the worker's thread: everything is scored again, if theta is another one."""
+        try:
+            if message.body != self._body.name:
+                raise InvalidValueError("body of the parameters", message.body, self._body.name)
+            renewed = self._stage.renew(geometry_of(message))
+        except InvalidValueError as error:
+            self._complaints.note("bad parameters", str(error))
+            return
+        if renewed:
+            self.get_logger().info(f"scoring at theta {self._stage.version} from now on")
+            self._tosses.restart()
+
+    def _get_information(self, request: Any, response: Any) -> Any:
+        response.last_sequence = self._stage.last_sequence
+        page = self._stage.after(request.after_sequence, min(request.limit or LARGEST_PAGE, LARGEST_PAGE))
+        response.information = [information_message(one.information, one.sequence, one.stamped) for one in page]
+        return response
+
+    def _health(self) -> Health:
+        values = {
+            "stored": self._stage.last_sequence,
+            "toss": self._tosses.cursor.sequence,
+            "queue": self._worker.waiting,
+            "parameters_version": self._stage.version,
+            **self._complaints.counts,
+        }
+        return Health(f"{self._stage.last_sequence} records at theta {self._stage.version}", values)
+
+
+def main() -> int:
+    """Runs the node."""
+    return run(FisherScorer, "fisher_scorer")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Translation between ROS messages and the library's records, one file per message."""

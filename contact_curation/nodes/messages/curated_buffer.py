@@ -1,0 +1,31 @@
+"""CuratedBuffer, from the curator's record."""
+
+from contact_curation_msgs.msg import CuratedBuffer
+
+from contact_curation.nodes.curation_stage import Buffer
+from contact_curation.nodes.messages.headers import Stamped, header_message
+
+
+def buffer_message(buffer: Buffer) -> CuratedBuffer:
+    """The kept set as it is published, best first."""
+    curation, sample = buffer.curation, buffer.candidates[0]
+    kept = [entry for entry in curation.ranking.entries if entry.kept]
+    certificate = curation.ranking.certificate
+    return CuratedBuffer(
+        header=header_message(Stamped(buffer.newest_stamp_ns, buffer.frame_id)),
+        body=sample.body,
+        revision=buffer.revision,
+        criterion=curation.ranking.criterion,
+        capacity=buffer.ranking.top,
+        model=sample.model,
+        parameters_version=sample.parameters_version,
+        tosses_seen=buffer.seen,
+        toss_ids=[entry.toss_id for entry in kept],
+        scores=[float(entry.score) for entry in kept],
+        marginal_gains=[float(entry.marginal_gain) for entry in kept],
+        log_det=buffer.log_det,
+        efficiency_bound=0.0 if certificate is None else certificate.kiefer_wolfowitz,
+        epsilon=curation.epsilon,
+        block_names=[share.name for share in curation.block_shares],
+        block_shares=[share.share for share in curation.block_shares],
+    )

@@ -1,0 +1,41 @@
+"""Stamps and frames of messages; nanoseconds inside."""
+
+from typing import Any, NamedTuple
+
+from builtin_interfaces.msg import Time
+from std_msgs.msg import Header
+
+from contact_curation.motion.toss import NANOSECONDS
+
+
+class Stamped(NamedTuple):
+    """What a header says.
+
+    Attributes:
+        stamp_ns: time.
+        frame_id: frame.
+    """
+
+    stamp_ns: int
+    frame_id: str
+
+
+def time_message(stamp_ns: int) -> Time:
+    """A stamp as a message."""
+    seconds, nanoseconds = divmod(int(stamp_ns), NANOSECONDS)
+    return Time(sec=seconds, nanosec=nanoseconds)
+
+
+def nanoseconds_of(time: Any) -> int:
+    """A message's stamp."""
+    return int(time.sec) * NANOSECONDS + int(time.nanosec)
+
+
+def header_message(stamped: Stamped) -> Header:
+    """A header."""
+    return Header(stamp=time_message(stamped.stamp_ns), frame_id=stamped.frame_id)
+
+
+def stamped_of(header: Any) -> Stamped:
+    """What a message's header says."""
+    return Stamped(nanoseconds_of(header.stamp), str(header.frame_id))

@@ -1,0 +1,78 @@
+"""TossInformation, record and message."""
+
+from itertools import accumulate, pairwise
+from typing import Any
+
+import numpy as np
+from contact_curation_msgs.msg import TossInformation as TossInformationMessage
+from geometry_msgs.msg import Point
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.information.record import ParameterBlock, TossInformation
+from contact_curation.nodes.messages.headers import Stamped, header_message
+
+
+def information_message(information: TossInformation, sequence: int, stamped: Stamped) -> TossInformationMessage:
+    """A scored toss as it is announced.
+
+    Args:
+        information: the record.
+        sequence: its place in the scorer's store, from 1.
+        stamped: stamp of the toss's last frame, and frame of the board.
+    """
+    x, y, z = information.centroid.tolist()
+    return TossInformationMessage(
+        header=header_message(stamped),
+        toss_id=information.toss_id,
+        body=information.body,
+        sequence=sequence,
+        model=information.model,
+        parameters_version=information.parameters_version,
+        estimator=information.estimator,
+        influence_bound=float(information.influence_bound),
+        block_names=[block.name for block in information.blocks],
+        block_sizes=[block.stop - block.start for block in information.blocks],
+        block_traces=information.block_traces.tolist(),
+        transitions=information.transitions,
+        not_scored=information.not_scored,
+        duration=information.duration,
+        mean_loss=information.mean_loss,
+        centroid=Point(x=x, y=y, z=z),
+        score_sum=information.score_sum.tolist(),
+        factor_rows=information.factor.shape[0],
+        factor=information.factor.ravel().tolist(),
+        tilt_axes=information.tilt_axes.ravel().tolist(),
+    )
+
+
+def information_of(message: Any) -> TossInformation:
+    """The record that a message carries, bit for bit.
+
+    Raises:
+        InvalidValueError: arrays that do not fit together.
+    """
+    sizes, names, rows = list(message.block_sizes), list(message.block_names), int(message.factor_rows)
+    parameters = sum(sizes)
+    if len(sizes) != len(names) or len(message.factor) != rows * parameters:
+        found = f"{len(names)} names, {len(sizes)} sizes and a factor of {len(message.factor)} numbers"
+        raise InvalidValueError(f"blocks of toss {message.toss_id}", found, f"{rows} rows of the blocks' parameters")
+    edges = pairwise(accumulate(sizes, initial=0))
+    tilt = np.array(message.tilt_axes, dtype=float)
+    return TossInformation(
+        toss_id=message.toss_id,
+        body=message.body,
+        model=message.model,
+        parameters_version=message.parameters_version,
+        estimator=message.estimator,
+        influence_bound=message.influence_bound,
+        blocks=tuple(ParameterBlock(name, *edge) for name, edge in zip(names, edges)),
+        transitions=int(message.transitions),
+        not_scored=int(message.not_scored),
+        duration=message.duration,
+        mean_loss=message.mean_loss,
+        block_traces=np.array(message.block_traces, dtype=float),
+        score_sum=np.array(message.score_sum, dtype=float),
+        factor=np.array(message.factor, dtype=float).reshape(rows, parameters),
+        centroid=np.array([message.centroid.x, message.centroid.y, message.centroid.z]),
+        tilt_axes=tilt.reshape(-1, 3) if tilt.size % 3 == 0 else tilt,
+    )

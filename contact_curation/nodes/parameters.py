@@ -1,0 +1,117 @@
+"""A config dataclass as ROS parameters: field paths are parameter names, docstrings descriptions, the class judges the values.
+
+A field that is itself a config gives names with dots (`gates.depth`). A field that may be None takes 0.0 for None, because a
+ROS parameter has one type.
+"""
+
+import inspect
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
+from enum import Enum
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+
+from contact_curation.errors import InvalidValueError
+
+_ATTRIBUTE = re.compile(r"^    (\w+(?:, \w+)*): (.+(?:\n {8,}.+)*)", re.MULTILINE)
+
+
+def declare(
+    node: Node,
+    name: str,
+    default: Any,
+    description: str,
+    *,
+    bounds: tuple[float, float] | None = None,
+    choices: Sequence[str] = (),
+    fixed: bool = True,
+) -> Any:
+    """Declares a parameter and gives its value.
+
+    Args:
+        node: whose.
+        name: with dots between its parts.
+        default: also says the type.
+        description: for `ros2 param describe`.
+        bounds: smallest and largest accepted number.
+        choices: accepted words; empty for any.
+        fixed: cannot be changed while the node runs.
+
+    Raises:
+        InvalidValueError: a word that is not among the choices.
+        rclpy.exceptions.ParameterException: a value of another type, or out of bounds.
+    """
+    descriptor = ParameterDescriptor(description=description, read_only=fixed)
+    if choices:
+        descriptor.additional_constraints = f"one of {', '.join(choices)}"
+    if bounds is not None and isinstance(default, int):
+        descriptor.integer_range = [IntegerRange(from_value=int(bounds[0]), to_value=int(bounds[1]))]
+    elif bounds is not None:
+        descriptor.floating_point_range = [FloatingPointRange(from_value=bounds[0], to_value=bounds[1])]
+    value = node.declare_parameter(name, default, descriptor).value
+    if choices and value not in choices:
+        raise InvalidValueError(f"parameter {name}", repr(value), descriptor.additional_constraints)
+    return value
+
+
+def declare_config[Config](node: Node, default: Config, prefix: str = "", *, fixed: bool = True) -> Config:
+    """Declares every field of a config as a parameter and gives the config of their values.
+
+    Args:
+        node: whose parameters.
+        default: a frozen dataclass.
+        prefix: what its names begin with, dot included.
+        fixed: the parameters cannot be changed while the node runs.
+
+    Raises:
+        InvalidValueError: the config does not accept a value.
+        rclpy.exceptions.ParameterException: a value has another type.
+    """
+    described = attribute_descriptions(type(default))
+    values: dict[str, Any] = {}
+    for field in fields(default):  # type: ignore[arg-type]
+        held, name = getattr(default, field.name), prefix + field.name
+        if is_dataclass(held):
+            values[field.name] = declare_config(node, held, f"{name}.", fixed=fixed)
+        else:
+            choices = [str(member.value) for member in type(held)] if isinstance(held, Enum) else ()
+            plain = declare(node, name, as_parameter(held), described.get(field.name, ""), choices=choices, fixed=fixed)
+            values[field.name] = as_field(plain, held)
+    return replace(default, **values)  # type: ignore[type-var]
+
+
+def with_values[Config](config: Config, values: Mapping[str, Any]) -> Config:
+    """The config with some parameters changed; names without its prefix.
+
+    Raises:
+        InvalidValueError: the config does not accept a value.
+    """
+    changed = {name: as_field(value, getattr(config, name)) for name, value in values.items()}
+    return replace(config, **changed)  # type: ignore[type-var]
+
+
+def as_parameter(value: Any) -> Any:
+    """A field's value as a ROS parameter has it."""
+    if value is None:
+        return 0.0
+    if isinstance(value, Enum):
+        return value.value
+    return list(value) if isinstance(value, tuple) else value
+
+
+def as_field(value: Any, like: Any) -> Any:
+    """A parameter's value as the field that holds `like` has it."""
+    if like is None:
+        return value or None
+    if isinstance(like, Enum):
+        return type(like)(value)
+    return tuple(value) if isinstance(like, tuple) else value
+
+
+def attribute_descriptions(config: type) -> dict[str, str]:
+    """What a config's docstring says of its attributes."""
+    section = inspect.getdoc(config).partition("Attributes:\n")[2]  # type: ignore[union-attr]
+    return {name: " ".join(text.split()) for names, text in _ATTRIBUTE.findall(section) for name in names.split(", ")}

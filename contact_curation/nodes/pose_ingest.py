@@ -1,0 +1,146 @@
+"""pose_ingest: poses of a tracker in, tosses out. A toss is stored before it is announced."""
+
+import sys
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from contact_curation_msgs.msg import Toss as TossMessage
+from contact_curation_msgs.msg import TossRejected
+from contact_curation_msgs.srv import GetTosses
+from rclpy.clock import Clock, ClockType
+
+from contact_curation.contact.body import Body
+from contact_curation.motion.body_tracker import TrackerConfig
+from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.ingest import IngestConfig, TossIngest
+from contact_curation.motion.segmenter_config import SegmenterConfig
+from contact_curation.nodes.body_parameter import declared_body
+from contact_curation.nodes.complaints import Complaints
+from contact_curation.nodes.door import StageNode, run
+from contact_curation.nodes.health import Health, HealthReport, Rate
+from contact_curation.nodes.ingest_journal import Arrival, IngestJournal
+from contact_curation.nodes.messages.toss import rejected_message, toss_message
+from contact_curation.nodes.parameters import declare, declare_config
+from contact_curation.nodes.pose_topics import PoseTopics
+from contact_curation.nodes.qos import RESULTS_KEPT, kept
+from contact_curation.nodes.worker import Latest, Worker
+from contact_curation.storage.pose_messages import Measured
+from contact_curation.storage.pose_source import PoseTopicConfig
+from contact_curation.storage.toss_store import StoredRejected, StoredToss, TossStore
+
+LOOK_PERIOD = 0.2
+"""[s] between looks at the graph."""
+
+LARGEST_PAGE = 32
+"""Tosses in one answer of `get_tosses`."""
+
+
+class PoseIngest(StageNode):
+    """Stores and announces the tosses of one body."""
+
+    def __init__(self) -> None:
+        super().__init__("pose_ingest")
+        self._body = declared_body(self)
+        self._poses = declare_config(self, PoseTopicConfig())
+        self._config = declared_ingest(self, self._body, self._poses)
+        self._source = declare(self, "source", "", "name of the recording in toss ids; empty: the pose topic")
+        type_name = declare(self, "type", "", "ROS type of the pose topic; empty: as its publisher says")
+        depth = declare(self, "queue_depth", 32768, "poses kept until they are taken", bounds=(296, 1 << 20))
+        self._store = TossStore(Path(declare(self, "store", "tosses.sqlite", "file that tosses are kept in")))
+        self._complaints = Complaints(self)
+        self._arrivals: deque[Arrival] = deque()
+        self._received = Rate()
+        self._journal: IngestJournal | None = None
+        self._ingest: TossIngest | None = None
+        self._worker = Worker(self.fail)
+        self._taking = Latest(self._worker, self._take)
+        self._tosses = self.create_publisher(TossMessage, "toss", kept(RESULTS_KEPT))
+        self._rejected = self.create_publisher(TossRejected, "toss_rejected", kept(RESULTS_KEPT))
+        self.create_service(GetTosses, "get_tosses", self._get_tosses)
+        self._topics = PoseTopics(self, self._body.name, self._poses, type_name, depth, self._found, self._arrived)
+        self.create_timer(LOOK_PERIOD, self._topics.follow, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        HealthReport(self, self._health)
+
+    def close(self) -> None:
+        self._worker.stop()
+        self._store.close()
+
+    def _found(self, topic: str) -> dict[str, int]:
+        """Takes up the work of an earlier run on this topic; what was left unannounced is announced."""
+        source = self._source or topic
+        self.get_logger().info(f"poses of {self._body.name} from {topic}")
+        self._ingest = TossIngest(self._config, self._body.polytope, body=self._body.name, source=source)
+        made_of = f"{self._config} {self._body.name} {self._body.vertices.tolist()} {source}"
+        self._journal = IngestJournal(self._ingest, self._store, made_of, topic)
+        while any(missed := self._journal.unannounced()):
+            self._announce(*missed)
+        return self._journal.newest
+
+    def _arrived(self, topic: str, published_ns: int, measured: tuple[Measured, ...]) -> None:
+        self._arrivals.extend(Arrival(topic, published_ns, one) for one in measured)
+        self._received.count += 1
+        self._taking.want()
+
+    def _take(self) -> None:
+        """Everything that has arrived, on the worker's thread."""
+        arrivals = [self._arrivals.popleft() for _ in range(len(self._arrivals))]
+        if self._journal is None or not arrivals:
+            return
+        happened = self._journal.take(arrivals)
+        self._announce(happened.tosses, happened.rejected)
+        for bad in happened.bad:
+            self._complaints.note(f"bad {bad.kind}", f"{bad.child} at {bad.stamp_ns} ns: {bad.why}")
+        for conflict in happened.conflicts:
+            self._complaints.note("conflict", conflict)
+
+    def _announce(self, tosses: Sequence[StoredToss], rejected: Sequence[StoredRejected]) -> None:
+        for kept_back in rejected:
+            self._rejected.publish(rejected_message(kept_back.rejected, self._poses.board_frame))
+            self.get_logger().info(f"rejected {kept_back.rejected.toss.toss_id}: {'; '.join(kept_back.rejected.reasons)}")
+        for stored in tosses:
+            self._tosses.publish(toss_message(stored.toss, stored.sequence, self._poses.board_frame))
+        if self._journal is not None and (tosses or rejected):
+            last = tosses[-1].sequence if tosses else 0
+            self._journal.announced(last, rejected[-1].sequence if rejected else 0)
+
+    def _get_tosses(self, request: Any, response: Any) -> Any:
+        wanted = list(request.toss_ids)
+        response.last_sequence = self._store.last_sequence
+        limit = min(request.limit or LARGEST_PAGE, LARGEST_PAGE)
+        stored = self._store.get(wanted[:limit]) if wanted else self._store.after(request.after_sequence, limit)
+        response.tosses = [toss_message(one.toss, one.sequence, self._poses.board_frame) for one in stored]
+        response.unknown_ids = sorted(set(wanted[:limit]) - {one.toss.toss_id for one in stored})
+        return response
+
+    def _health(self) -> Health:
+        offers = {topic: str(offer) for topic, offer in self._topics.offers.items()}
+        counts = {} if self._ingest is None else self._ingest.counts
+        rate = self._received.per_second()
+        values = {
+            "messages": self._received.count, "rate_hz": f"{rate:.1f}", "queue": len(self._arrivals),
+            "tosses_stored": self._store.last_sequence, "rejected_stored": self._store.last_rejected_sequence,
+            **counts, **self._complaints.counts, **offers,
+        }  # fmt: skip
+        if self._topics.source is None:
+            return Health(f"waiting for poses: {self._topics.waiting_for or 'none yet'}", values, warning=True)
+        return Health(f"{rate:.0f} messages/s from {self._topics.source.body.name}", values, warning=rate == 0.0)
+
+
+def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> IngestConfig:
+    """The stages' configuration; gravity is the body's, as in offline ranking."""
+    segmenter = declare_config(node, replace(SegmenterConfig(), gravity=body.gravity), "segmenter.")
+    gates = declare_config(node, replace(GateConfig(), gravity=body.gravity), "gates.")
+    tracker = TrackerConfig(poses.body_frame or f"body_{body.name}", poses.board_frame)
+    return IngestConfig(tracker, segmenter, gates)
+
+
+def main() -> int:
+    """Runs the node."""
+    return run(PoseIngest, "pose_ingest")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

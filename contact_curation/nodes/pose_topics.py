@@ -1,0 +1,140 @@
+"""Subscriptions to the topics that tell where a body is, as the graph has them: found, and matched to their publishers.
+
+A reliable subscriber hears nothing from a best-effort publisher, and only a transient local one gets what was published before
+it came. So the publishers are looked at again and again, and a topic whose publishers changed is subscribed to anew. What a
+publisher then sends a second time is known by its time of publication.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rclpy.subscription import Subscription
+
+from contact_curation.errors import MissingTopicError
+from contact_curation.nodes.message_types import message_class
+from contact_curation.nodes.qos import profile
+from contact_curation.storage.pose_messages import POSE_TYPES, TF, Measured
+from contact_curation.storage.pose_source import PoseSource, PoseTopicConfig, TypedTopic, find_pose_source
+
+RIG = (TypedTopic("/tf", TF), TypedTopic("/tf_static", TF))
+
+
+class Offer(NamedTuple):
+    """What all publishers of a topic offer.
+
+    Attributes:
+        type: ROS type name.
+        reliable: none of them is best effort.
+        latched: all of them keep messages for late subscribers.
+    """
+
+    type: str
+    reliable: bool
+    latched: bool
+
+
+class PoseTopics:
+    """Follows the topics of one body.
+
+    Args:
+        node: that subscribes.
+        body: name of the body.
+        config: which topics.
+        type_name: of the body's topic, where the graph has several under its name; empty for any.
+        depth: samples kept per topic until they are taken.
+        found: called once, with the body's topic when it is found; gives per topic the time of publication up to which
+            everything is known already [ns].
+        arrived: called with topic, time of publication [ns] and what a message says.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        body: str,
+        config: PoseTopicConfig,
+        type_name: str,
+        depth: int,
+        found: Callable[[str], Mapping[str, int]],
+        arrived: Callable[[str, int, tuple[Measured, ...]], None],
+    ) -> None:
+        self._node = node
+        self._body = body
+        self._config = config
+        self._type_name = type_name
+        self._depth = depth
+        self._found = found
+        self._newest: dict[str, int] = {}
+        self._arrived = arrived
+        self._subscriptions: dict[str, tuple[Offer, Subscription]] = {}
+        self.source: PoseSource | None = None
+        self.waiting_for = ""
+
+    @property
+    def offers(self) -> dict[str, Offer]:
+        """What is subscribed to, by topic."""
+        return {topic: offer for topic, (offer, _) in self._subscriptions.items()}
+
+    def follow(self) -> None:
+        """Looks at the graph and subscribes to what is new or has changed; cheap, to be called often."""
+        try:
+            source = self._fitting()
+        except MissingTopicError as error:
+            self.waiting_for = str(error)
+            return
+        if self.source is None:
+            self._newest = dict(self._found(source.body.name))
+            self._config = replace(self._config, topic=source.body.name)
+        self.source = source
+        for topic in self.source.topics:
+            offer = self._offer(topic)
+            known = self._subscriptions.get(topic)
+            if offer is not None and (known is None or known[0] != offer):
+                self._subscribe(topic, offer)
+
+    def _fitting(self) -> PoseSource:
+        """The topics that fit; the body's own has to be there, TF is listened to in any case."""
+        present = [
+            TypedTopic(name, kind)
+            for name, kinds in self._node.get_topic_names_and_types()
+            for kind in kinds
+            if kind in POSE_TYPES and self._node.count_publishers(name) and self._accepted(name, kind)
+        ]
+        if self._config.topic in [one.name for one in RIG]:
+            return find_pose_source("graph", [*present, *RIG], self._body, self._config)
+        chosen = find_pose_source("graph", present, self._body, self._config).body
+        return find_pose_source("graph", [*present, *RIG], self._body, replace(self._config, topic=chosen.name))
+
+    def _accepted(self, name: str, kind: str) -> bool:
+        return not self._type_name or name != self._config.topic or kind == self._type_name
+
+    def _offer(self, topic: str) -> Offer | None:
+        """What the publishers of a topic offer; None while there are none of the right type."""
+        wanted = {one.name: one.type for one in (*RIG, *self._bodies())}[topic]
+        offered = [info.qos_profile for info in self._node.get_publishers_info_by_topic(topic) if info.topic_type == wanted]
+        if not offered:
+            return None
+        reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
+        return Offer(wanted, reliable, all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered))
+
+    def _bodies(self) -> tuple[TypedTopic, ...]:
+        if self.source is None:
+            return ()
+        return (self.source.body,) if self.source.board is None else (self.source.body, self.source.board)
+
+    def _subscribe(self, topic: str, offer: Offer) -> None:
+        after_ns = self._newest.get(topic, 0)
+
+        def on_message(message: Any, info: Mapping[str, int]) -> None:
+            published_ns = info["source_timestamp"]
+            if self.source is not None and not 0 < published_ns <= after_ns:
+                self._newest[topic] = published_ns
+                self._arrived(topic, published_ns, self.source.measured(topic, message))
+
+        if topic in self._subscriptions:
+            self._node.destroy_subscription(self._subscriptions[topic][1])
+        qos = profile(self._depth, reliable=offer.reliable, latched=offer.latched)
+        subscription = self._node.create_subscription(message_class(offer.type), topic, on_message, qos)
+        self._subscriptions[topic] = offer, subscription

@@ -1,0 +1,102 @@
+"""What a curator keeps in memory of a stream of scored tosses: all of them, or a bounded number.
+
+`exact` keeps everything and ranks it all: the kept set is that of `contact-curation rank` on the same tosses. `streaming` keeps
+what one pass can: the k largest traces, exactly; or for log-det a sieve that is proven to reach nearly half of the best set's
+value, whose prior comes from the first tosses.
+"""
+
+from typing import Protocol
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.information.pool import pool_of
+from contact_curation.information.prior import log_det_prior
+from contact_curation.information.ranker import RankingConfig
+from contact_curation.information.record import TossInformation
+from contact_curation.information.sieve import SieveStreaming
+from contact_curation.information.streaming import Selector, TraceHeap
+
+SELECTIONS = ("exact", "streaming")
+
+
+class Selection(Protocol):
+    """The candidates for the buffer, of tosses scored at one theta."""
+
+    def add(self, information: TossInformation) -> None:
+        """Looks at a toss."""
+
+    @property
+    def candidates(self) -> tuple[TossInformation, ...]:
+        """What the buffer is chosen from."""
+
+    @property
+    def seen(self) -> int:
+        """How many different tosses were added."""
+
+
+class ExactSelection:
+    """Everything."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, TossInformation] = {}
+
+    def add(self, information: TossInformation) -> None:
+        self._known.setdefault(information.toss_id, information)
+
+    @property
+    def candidates(self) -> tuple[TossInformation, ...]:
+        return tuple(self._known.values())
+
+    @property
+    def seen(self) -> int:
+        return len(self._known)
+
+
+class StreamingSelection:
+    """What a streaming selector keeps; all of the first `warm_up` tosses until they have given log-det its prior.
+
+    Args:
+        config: with criterion trace or log-det.
+        warm_up: how many tosses the prior is taken from.
+
+    Raises:
+        InvalidValueError: another criterion, which no pass over a stream can keep to.
+    """
+
+    def __init__(self, config: RankingConfig, warm_up: int) -> None:
+        if config.criterion not in ("trace", "log-det"):
+            raise InvalidValueError("criterion of a streaming selection", config.criterion, "trace or log-det")
+        self._config = config
+        self._warm_up = warm_up
+        self._first: dict[str, TossInformation] = {}
+        self._selector: Selector | None = None
+        if config.criterion == "trace":
+            self._selector = TraceHeap(config.top, config.normalisation)
+
+    def add(self, information: TossInformation) -> None:
+        if self._selector is not None:
+            self._selector.offer(information)
+            return
+        self._first.setdefault(information.toss_id, information)
+        if len(self._first) == self._warm_up:
+            prior = log_det_prior(pool_of(self._first.values()), self._config.prior, self._config.cut)
+            self._selector = SieveStreaming(prior, self._config.top)
+            for first in self._first.values():
+                self._selector.offer(first)
+            self._first = {}
+
+    @property
+    def candidates(self) -> tuple[TossInformation, ...]:
+        return tuple(self._first.values()) if self._selector is None else self._selector.selected
+
+    @property
+    def seen(self) -> int:
+        return len(self._first) if self._selector is None else self._selector.seen
+
+
+def selection_of(kind: str, config: RankingConfig, warm_up: int) -> Selection:
+    """A fresh selection of one of `SELECTIONS`.
+
+    Raises:
+        InvalidValueError: the criterion cannot be kept to in one pass.
+    """
+    return ExactSelection() if kind == "exact" else StreamingSelection(config, warm_up)

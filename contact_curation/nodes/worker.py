@@ -1,0 +1,65 @@
+"""One thread for the heavy work of a node, so that its callbacks return at once and no pose is dropped."""
+
+import threading
+from collections.abc import Callable
+from queue import SimpleQueue
+
+
+class Worker:
+    """Does jobs one after the other, in the order they came, on a thread of its own.
+
+    Args:
+        fail: called on the worker's thread with what a job raised; the worker then ends, because its state is not known.
+    """
+
+    def __init__(self, fail: Callable[[BaseException], None]) -> None:
+        self._fail = fail
+        self._jobs: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        self._thread = threading.Thread(target=self._work, name="worker", daemon=True)
+        self._thread.start()
+
+    def do(self, job: Callable[[], None]) -> None:
+        """Puts a job in the queue."""
+        self._jobs.put(job)
+
+    @property
+    def waiting(self) -> int:
+        """How many jobs are in the queue."""
+        return self._jobs.qsize()
+
+    def stop(self) -> None:
+        """Lets the worker finish the jobs it has, and waits for that."""
+        self._jobs.put(None)
+        self._thread.join()
+
+    def _work(self) -> None:
+        while (job := self._jobs.get()) is not None:
+            try:
+                job()
+            except BaseException as error:  # noqa: BLE001  (the door of the thread: passed on, never swallowed)
+                self._fail(error)
+                return
+
+
+class Latest:
+    """A job that always works on the newest state: asked for again while it waits, it is done once.
+
+    Args:
+        worker: that does it.
+        job: what to do.
+    """
+
+    def __init__(self, worker: Worker, job: Callable[[], None]) -> None:
+        self._worker = worker
+        self._job = job
+        self._wanted = threading.Event()
+
+    def want(self) -> None:
+        """Has the job done after everything that is in the queue now."""
+        if not self._wanted.is_set():
+            self._wanted.set()
+            self._worker.do(self._do)
+
+    def _do(self) -> None:
+        self._wanted.clear()
+        self._job()
