@@ -5,10 +5,12 @@ are in half widths of the cube, frames 1/148 s apart. Files are read as plain te
 """
 
 import re
+import warnings
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from pickle import UnpicklingError
+from struct import error as StructError
 
 import numpy as np
 
@@ -24,6 +26,26 @@ COLUMNS = 19
 CONTROL = slice(13, 19)
 LARGEST_FILE = 64 * 2**20
 """Bytes, unpacked; a minute of toss is 1.3 MB."""
+
+LARGEST_VALUE = 1e6
+"""In the files' units, far over what any tracker measures and far under what would overflow."""
+
+NO_TENSOR = (
+    AssertionError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    NotImplementedError,
+    OSError,
+    RuntimeError,
+    StructError,
+    TypeError,
+    UnpicklingError,
+    UserWarning,
+    ValueError,
+    zipfile.BadZipFile,
+)
+"""What torch's reader of plain tensors and zipfile raise on other bytes: they leave the checks to whatever fails."""
 
 SUBFOLDER = "tosses_processed"
 """Where the public repository keeps the files."""
@@ -95,22 +117,27 @@ def _rows(file: Path) -> Array:
     """The rows (T, 19) of a file."""
     import torch  # here, for it takes over a second and bags do not need it
 
-    _check_size(file)
     try:
-        content = torch.load(file, map_location="cpu", weights_only=True)
-    except (UnpicklingError, RuntimeError, EOFError, KeyError, ValueError, OSError) as error:
+        _check_size(file)
+        with warnings.catch_warnings(action="error"):  # a pickle of a version that torch does not know
+            content = torch.load(file, map_location="cpu", weights_only=True)
+    except NO_TENSOR as error:
         raise UnreadableInputError(file, f"found no plain tensor ({_first_sentence(error)}), expected {_EXPECTED}") from error
     if not isinstance(content, torch.Tensor):
         raise UnreadableInputError(file, f"found a {type(content).__name__}, expected {_EXPECTED}")
-    if content.dtype != torch.float64 or content.ndim != 3 or content.shape[0] != 1 or content.shape[2] != COLUMNS:
+    batch, frames, columns = content.shape if content.ndim == 3 else (0, 0, 0)
+    if content.dtype != torch.float64 or batch != 1 or frames < 2 or columns != COLUMNS:
         raise UnreadableInputError(file, f"found {content.dtype} of shape {tuple(content.shape)}, expected {_EXPECTED}")
     rows: Array = content[0].numpy()
     if rows[:, CONTROL].any():
         raise UnreadableInputError(file, "found a control that is not zero, expected a body that moves freely")
+    largest = np.abs(rows).max()
+    if not largest <= LARGEST_VALUE:
+        raise UnreadableInputError(file, f"found a value of {largest:.3g}, expected at most {LARGEST_VALUE:g}")
     return rows
 
 
-_EXPECTED = f"one float64 tensor of shape (1, T, {COLUMNS})"
+_EXPECTED = f"one float64 tensor of shape (1, T, {COLUMNS}) with T >= 2"
 
 
 def _check_size(file: Path) -> None:
@@ -124,6 +151,6 @@ def _check_size(file: Path) -> None:
 
 
 def _first_sentence(error: Exception) -> str:
-    if isinstance(error, UnpicklingError):
+    if isinstance(error, UnpicklingError | UserWarning):
         return "pickled objects are never unpickled"
     return str(error).partition("\n")[0].partition(". ")[0] or type(error).__name__

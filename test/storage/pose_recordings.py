@@ -1,0 +1,69 @@
+"""Recordings of made-up streams in every pose message there is, for ROS 2 (rosbags) and ROS 1."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from rosbags.typesys import get_types_from_msg
+
+from contact_curation.geometry.scalars import Quaternion, ScalarPose, Vector
+from contact_curation.motion.pose_stream import FramePose
+from contact_curation.storage.pose_messages import ODOMETRY, POSE, POSE_ARRAY, POSE_WITH_COVARIANCE, TF
+from test.storage.bags import JAZZY, NOETIC, Sent
+
+NOETIC.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))  # rosbags' set for ROS 1 lacks it
+
+LOG_OFFSET_NS = 86_400_000_000_000
+"""Log times are a day after header stamps: nobody may look at them."""
+
+
+def recorded(topic: str, type_name: str, poses: Sequence[FramePose], store: Any = JAZZY) -> list[Sent]:
+    """Each pose as a message of its own on `topic`, late in the log by a day."""
+    return [Sent(topic, LOG_OFFSET_NS + one.stamp_ns, message(type_name, one, store)) for one in poses]
+
+
+def message(type_name: str, one: FramePose, store: Any = JAZZY) -> Any:
+    types, pose = store.types, _pose(one.pose, store)
+    head = _header(one.stamp_ns, one.parent, store)
+    if type_name == POSE:
+        return types[POSE](head, pose)
+    if type_name == POSE_ARRAY:
+        other = _pose(ScalarPose((9.0, 9.0, 9.0), (1.0, 0.0, 0.0, 0.0)), store)
+        return types[POSE_ARRAY](head, [other, pose])
+    if type_name == TF:
+        return transforms([one], store)
+    with_covariance = types["geometry_msgs/msg/PoseWithCovariance"](pose, np.zeros(36))
+    if type_name == POSE_WITH_COVARIANCE:
+        return types[POSE_WITH_COVARIANCE](head, with_covariance)
+    assert type_name == ODOMETRY
+    zero = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
+    twist = types["geometry_msgs/msg/TwistWithCovariance"](types["geometry_msgs/msg/Twist"](zero, zero), np.zeros(36))
+    return types[ODOMETRY](head, one.child, with_covariance, twist)
+
+
+def transforms(poses: Sequence[FramePose], store: Any = JAZZY) -> Any:
+    types = store.types
+    stamped = []
+    for one in poses:
+        turn = _quaternion(one.pose.orientation_wxyz, store)
+        transform = types["geometry_msgs/msg/Transform"](types["geometry_msgs/msg/Vector3"](*one.pose.position), turn)
+        head = _header(one.stamp_ns, one.parent, store)
+        stamped.append(types["geometry_msgs/msg/TransformStamped"](head, one.child, transform))
+    return types[TF](stamped)
+
+
+def _header(stamp_ns: int, frame: str, store: Any) -> Any:
+    stamp = store.types["builtin_interfaces/msg/Time"](*divmod(stamp_ns, 10**9))
+    return store.types["std_msgs/msg/Header"](*((0,) if store is NOETIC else ()), stamp, frame)
+
+
+def _pose(pose: ScalarPose, store: Any) -> Any:
+    place: Vector = pose.position
+    return store.types["geometry_msgs/msg/Pose"](
+        store.types["geometry_msgs/msg/Point"](*place), _quaternion(pose.orientation_wxyz, store)
+    )
+
+
+def _quaternion(wxyz: Quaternion, store: Any) -> Any:
+    w, x, y, z = wxyz
+    return store.types["geometry_msgs/msg/Quaternion"](x, y, z, w)
