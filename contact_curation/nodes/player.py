@@ -6,7 +6,7 @@ killed gets again what it missed.
 
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +57,7 @@ class Player(StageNode):
         self._history = declare(self, "history", 30000, "messages kept per topic for late subscribers; 0: as recorded",
                                 bounds=(0, 1 << 20))  # fmt: skip
         wanted = [name for name in declare(self, "topics", [""], "topics to play; empty: all") if name]
+        renamed = [pair for pair in declare(self, "remap", [""], "topics to rename, as old:=new") if pair]
         hertz = declare(self, "clock", 0.0, "rate of /clock [Hz]; 0: none", bounds=(0.0, 1e4))
         self._pace = Pace(rate, declare(self, "start_paused", False, "wait for ~/resume"))
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -66,7 +67,7 @@ class Player(StageNode):
         if not path:
             raise InvalidValueError("parameter bag", "nothing", "the path of a recording")
         self._reader = BagReader(Path(path))
-        self._outlets = self._advertised(wanted)
+        self._outlets = self._advertised(wanted, new_names(renamed))
         self._triggers()
         if hertz:
             self._clock_topic = self.create_publisher(ClockMessage, "/clock", profile(1, reliable=True, latched=False))
@@ -82,7 +83,7 @@ class Player(StageNode):
         self._worker.stop()
         self._reader.close()
 
-    def _advertised(self, wanted: list[str]) -> dict[str, Publisher]:
+    def _advertised(self, wanted: list[str], renamed: Mapping[str, str]) -> dict[str, Publisher]:
         """A publisher per topic whose type is installed."""
         available = [info.name for info in self._reader.topics]
         missing = sorted(set(wanted) - set(available))
@@ -93,7 +94,8 @@ class Player(StageNode):
             if wanted and info.name not in wanted:
                 continue
             try:
-                publishers[info.name] = self.create_publisher(message_class(info.type), info.name, self._qos(info.name))
+                name = renamed.get(info.name, info.name)
+                publishers[info.name] = self.create_publisher(message_class(info.type), name, self._qos(info.name))
             except MissingDependencyError as error:
                 self.get_logger().warning(f"{info.name} is left out: {error}")
         return publishers
@@ -210,6 +212,21 @@ class Player(StageNode):
 
     def _now(self) -> int:
         return int(self._steady.now().nanoseconds)
+
+
+def new_names(pairs: Sequence[str]) -> dict[str, str]:
+    """Topics by their recorded names, from `old:=new`.
+
+    Raises:
+        InvalidValueError: a pair is not of this form.
+    """
+    names: dict[str, str] = {}
+    for pair in pairs:
+        old, arrow, new = pair.partition(":=")
+        if not (old and arrow and new):
+            raise InvalidValueError("remap", repr(pair), "old:=new")
+        names[f"/{old.lstrip('/')}"] = new
+    return names
 
 
 def main() -> int:

@@ -40,6 +40,7 @@ class NodeProcess:
     ) -> None:
         self.name = name
         self.log_path = log_path
+        self._asked = False
         arguments = [f"-r{old}:={new}" for old, new in (remappings or {}).items()]
         arguments += [f"-p{key}:={parameter_text(value)}" for key, value in parameters.items()]
         settings = {"ROS_DOMAIN_ID": str(domain_id), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
@@ -77,13 +78,18 @@ class NodeProcess:
 
     def stop(self, how: signal.Signals = signal.SIGINT) -> int:
         """Asks the node to end, insists after a while, and gives its exit status."""
-        if self._process.poll() is None:
+        self.ask_to_end(how)
+        try:
+            return self._process.wait(GRACE)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            return self._process.wait()
+
+    def ask_to_end(self, how: signal.Signals = signal.SIGINT) -> None:
+        """Sends a signal and does not wait; once, for a second one would interrupt the ending."""
+        if self._process.poll() is None and not self._asked:
             self._process.send_signal(how)
-            try:
-                self._process.wait(GRACE)
-            except subprocess.TimeoutExpired:
-                self.kill()
-        return self._process.wait()
+        self._asked = True
 
     def log(self) -> str:
         """What it has said so far."""

@@ -1,0 +1,29 @@
+"""A graph of real processes, each test in its own ROS domain."""
+
+import itertools
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from test.graph.graph import Graph
+
+GOLDEN = Path(__file__).resolve().parents[2] / "bags" / "golden.mcap"
+
+_numbers = itertools.count()
+
+
+@pytest.fixture
+def golden_bag() -> Path:
+    return GOLDEN
+
+
+@pytest.fixture
+def graph(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Graph]:
+    """Nodes and listeners that hear nobody else; all are stopped at the end."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "ros_logs"))
+    domain = 1 + (7 * os.getpid() + next(_numbers)) % 100  # above 101 the ports may be taken by others
+    with Graph(tmp_path, domain) as made:
+        yield made

@@ -1,0 +1,60 @@
+"""A recording through four processes gives what the library gives."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from contact_curation_msgs.srv import SaveBuffer
+
+from contact_curation.storage.manifest_file import read_manifest
+from test.graph.graph import Graph
+from test.graph.offline import assert_same_buffer, curated, tosses_of
+
+TOP = 6
+RATE = 20.0
+LONG = 60.0
+
+
+def test_the_same_bag_gives_the_same_ranking_through_the_nodes_and_through_the_library(graph: Graph, golden_bag: Path) -> None:
+    tosses, rejected, buffers = graph.tosses(), graph.rejected(), graph.buffers()
+    for stage in ("pose_ingest", "fisher_scorer"):
+        graph.start(stage)
+    graph.start("curator", top=TOP)
+    graph.start("player", bag=golden_bag, rate=RATE, wait_for=10.0, stay=True)
+
+    expected = tosses_of(golden_bag)
+    graph.until(lambda: buffers and buffers[-1].tosses_seen == len(expected), LONG, "every toss to be curated")
+    assert [toss.toss_id for toss in tosses] == [toss.toss_id for toss in expected]
+    assert [toss.sequence for toss in tosses] == list(range(1, len(expected) + 1))
+    assert len(rejected) == 3
+    assert_same_buffer(buffers[-1], curated(golden_bag, TOP))
+
+    answer = graph.listener.call(SaveBuffer, "/save_buffer", SaveBuffer.Request(path=str(graph.folder / "kept.csv")))
+    assert answer.success, answer.message
+    kept = read_manifest(graph.folder / "kept.csv").kept
+    assert [row.toss_id for row in kept] == list(buffers[-1].toss_ids)
+    first = {toss.toss_id: int(toss.stamps_ns[0]) for toss in expected}
+    assert [row.first_stamp_ns for row in kept] == [first[row.toss_id] for row in kept]
+
+
+KILLS = ["pose_ingest", pytest.param("fisher_scorer", marks=pytest.mark.slow), pytest.param("curator", marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("victim", KILLS)
+def test_a_node_that_is_killed_in_mid_stream_and_comes_back_changes_nothing(
+    graph: Graph, golden_bag: Path, victim: str
+) -> None:
+    tosses, information, buffers = graph.tosses(), graph.information(), graph.buffers()
+    parameters: dict[str, dict[str, Any]] = {"pose_ingest": {}, "fisher_scorer": {}, "curator": {"top": TOP}}
+    nodes = {stage: graph.start(stage, **parameters[stage]) for stage in parameters}
+    graph.start("player", bag=golden_bag, rate=RATE, wait_for=10.0, stay=True)
+
+    graph.until(lambda: len(information) >= 4, LONG, "the first tosses")
+    nodes[victim].kill()
+    graph.start(victim, **parameters[victim])
+
+    expected = tosses_of(golden_bag)
+    graph.until(lambda: buffers and buffers[-1].tosses_seen == len(expected), LONG, "every toss to be curated")
+    assert_same_buffer(buffers[-1], curated(golden_bag, TOP))
+    assert sorted({toss.toss_id for toss in tosses}) == [toss.toss_id for toss in expected]
+    assert len({toss.sequence for toss in tosses}) == len(expected)
