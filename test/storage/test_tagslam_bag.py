@@ -154,7 +154,7 @@ def test_by_the_published_rules_all_570_real_tosses_come_back_frame_by_frame(imp
     angular = differences(again, imported.stored, "angular_velocities")
     assert np.mean([rows.mean() for rows in linear]) / HALF_WIDTH == pytest.approx(0.0294, abs=5e-4)
     assert np.mean([rows.mean() for rows in angular]) == pytest.approx(0.0060, abs=2e-4)
-    assert sum(rows[0].max() > 1e-6 for rows in linear) == 3, "the first velocity is the file's own, but for three tosses"
+    assert sum(rows[0].max() > 1e-6 for rows in linear) == 4, "the first velocity is the file's own, but for four tosses"
 
 
 def test_by_the_default_rules_ten_real_tosses_end_where_the_cube_first_lies_still(imported: Imported) -> None:
