@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> Never:
 
 
 def player_command(arguments: argparse.Namespace) -> list[str]:
-    """The player node with the options as ROS parameters of the same names."""
+    """The player node: options are ROS parameters of the same names, renamed topics are ROS's own remappings."""
     parameters: dict[str, Any] = {
         "bag": str(arguments.bag),
         "rate": arguments.rate,
@@ -48,12 +48,13 @@ def player_command(arguments: argparse.Namespace) -> list[str]:
         "start_paused": arguments.start_paused,
         "as_fast_as_possible": arguments.as_fast_as_possible,
     }
-    for name in ("topics", "remap"):
-        if getattr(arguments, name):  # ROS cannot tell the type of an empty list
-            parameters[name] = getattr(arguments, name)
+    if arguments.topics:  # ROS cannot tell the type of an empty list
+        parameters["topics"] = arguments.topics
     command = [sys.executable, "-m", "contact_curation.nodes.player", "--ros-args"]
     for name, value in parameters.items():
         command += ["-p", f"{name}:={json.dumps(value)}"]  # JSON is YAML: words stay words
+    for remapping in arguments.remap:
+        command += ["-r", remapping]
     return command
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from contact_curation.cli.report import counted
 from contact_curation.contact.parameter_form import Form
 from contact_curation.dashboard.ranking_figure import RankingPicture
 from contact_curation.information.curation import SUFFICIENT_EPSILON, Curation
@@ -113,7 +114,8 @@ def _print_totals(report: RankReport) -> None:
     scored = [row for row in rows if row.rank is not None]
     transitions, not_scored = (sum(getattr(row, name) or 0 for row in scored) for name in ("transitions", "not_scored"))
     run = report.manifest.run
-    print(f"{len(rows)} tosses of {len(run.inputs)} inputs: {ranked} ranked by {run.criterion}, {report.outcomes['kept']} kept")
+    where = counted(len(run.inputs), "input")
+    print(f"{len(rows)} tosses of {where}: {ranked} ranked by {run.criterion}, {report.outcomes['kept']} kept")
     print(f"scored with {run.estimator} at {run.parameters}: {transitions} transitions, {not_scored} not solved")
     if run.influence_bound != np.inf:
         print(f"losses above {run.influence_bound:.4g} count as that much")
@@ -130,8 +132,8 @@ def _print_evidence(report: RankReport, curation: Curation) -> None:
     print(f"tosses of this ranking that come within epsilon {SUFFICIENT_EPSILON:g} of the pool: {enough} enough")
     per_toss, per_transition = curation.efficiency, curation.frame_efficiency
     print(
-        f"D-efficiency {per_toss.determinant:.3g} per toss, {per_transition.determinant:.3g} per transition (1 is the average); "
-        f"E-efficiency {per_toss.smallest:.3g}"
+        f"D-efficiency {per_toss.determinant:.3g} per toss, {per_transition.determinant:.3g} per transition; "
+        f"E-efficiency {per_toss.smallest:.3g} per toss (1 is the average toss)"
     )
     certificate = curation.ranking.certificate
     if certificate:

@@ -18,6 +18,11 @@ def print_json(content: Mapping[str, Any]) -> None:
     print(json.dumps(_plain(content), ensure_ascii=False, allow_nan=False))
 
 
+def counted(count: int, thing: str) -> str:
+    """``1 input``, ``2 inputs``."""
+    return f"{count} {thing}{'' if count == 1 else 's'}"
+
+
 def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {str(name): _plain(part) for name, part in value.items()}

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 KEPT, OTHER, WARNING, LINE = "#0072B2", "#B8B8B8", "#D55E00", "#222222"
 WIDTH, HEIGHT, DOTS = 16.0, 10.0, 100
 BINS = 60
+FEWEST_BARS = 5
+"""Room for so many bars, that a few do not become blocks."""
+
 LABEL_WIDTH = 20
 """Letters in a line of a long label."""
 
@@ -128,7 +131,10 @@ def _draw_gains(axes: "Axes", picture: RankingPicture) -> None:
         ylabel=_gain_unit(picture.criterion),
         xlim=(0.3, kept.size + 0.7),
     )
-    axes.set_ylim(top=1.18 * max(float(picture.gains.max()), 1e-12))
+    if kept.min() > 0.0 and kept.max() > LARGEST_LINEAR_RATIO * kept.min():
+        axes.set_yscale("log")
+    else:
+        axes.set_ylim(top=1.18 * max(float(picture.gains.max()), 1e-12))
     axes.locator_params(axis="x", integer=True)
     axes.legend(frameon=False, loc="upper right")
 
@@ -144,7 +150,7 @@ def _draw_outcomes(axes: "Axes", picture: RankingPicture) -> None:
     colours = [KEPT, OTHER, *[WARNING] * len(names)][: len(names)]
     bars = axes.barh(names, counts, color=colours)
     axes.bar_label(bars, padding=4)
-    axes.invert_yaxis()
+    axes.set_ylim(max(len(names), FEWEST_BARS) - 0.5, -0.5)
     axes.set(title="Where the tosses went", xlabel="tosses", xlim=(0, 1.15 * max([*counts, 1])))
     axes.locator_params(axis="x", integer=True)
 
