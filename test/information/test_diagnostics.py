@@ -66,10 +66,11 @@ def test_horvitz_thompson_weights_are_right_on_average() -> None:
 
 
 @pytest.mark.parametrize("rescale", [False, True])
-@pytest.mark.parametrize("epsilon", [0.9, 0.5, 0.2, 0.05])
-def test_the_smallest_sufficient_set_is_the_first_that_is_near_enough(epsilon: float, rescale: bool) -> None:
+@pytest.mark.parametrize("epsilon", [3.0, 0.9, 0.45, 0.3, 0.2, 0.05])
+@pytest.mark.parametrize("criterion", ["leverage", "random"])
+def test_the_smallest_sufficient_set_is_the_first_that_is_near_enough(epsilon: float, criterion: str, rescale: bool) -> None:
     assert len(POOL) > CHUNK
-    order = rank(INFOS, RankingConfig("leverage")).ids
+    order = rank(INFOS, RankingConfig(criterion)).ids
     found = smallest_sufficient_k(POOL, SUBSPACE, order, epsilon, rescaled=rescale)
     distances = [spectral_distance(POOL, SUBSPACE, order[:k], 90 / k if rescale else 1.0).epsilon for k in range(1, 91)]
     assert found == 1 + next(i for i, distance in enumerate(distances) if distance <= epsilon)

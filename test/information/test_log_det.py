@@ -118,6 +118,24 @@ def test_the_certificate_is_below_the_true_efficiency(seed: int, steps: int) -> 
     assert 0.0 < ranking.certificate.kiefer_wolfowitz <= ranking.certificate.subset <= truth + 1e-9
 
 
+@pytest.mark.parametrize(("share", "rows", "tightest"), [(1.0, 3, 1), (1e-4, 1, 2)])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_certificate_is_the_best_of_its_bounds(seed: int, share: float, rows: int, tightest: int) -> None:
+    infos = tosses(40, 8, rows, seed)
+    prior = share * mean_toss(infos)
+    ranking = by_log_det(infos, 6, prior)
+    kept = [info for info in infos if info.toss_id in ranking.kept_ids]
+    inverse = np.linalg.inv(prior + sum(info.fisher() for info in kept))
+    slopes = sorted((float(np.trace(inverse @ info.fisher())) for info in infos), reverse=True)
+    own = sum(float(np.trace(inverse @ info.fisher())) for info in kept)
+    gains = sorted((entry.marginal_gain for entry in ranking.entries if not entry.kept), reverse=True)
+    gaps = [6 * slopes[0] - own, sum(slopes[:6]) - own, sum(gains[:6])]
+    assert int(np.argmin(gaps)) == tightest
+    assert ranking.certificate is not None
+    assert ranking.certificate.kiefer_wolfowitz == pytest.approx(np.exp(-gaps[0] / 8), rel=1e-6)
+    assert ranking.certificate.subset == pytest.approx(np.exp(-min(gaps) / 8), rel=1e-6)
+
+
 def test_more_steps_tighten_the_certificate_and_nothing_else() -> None:
     infos = tosses(200, 8, 4, seed=5)
     plain, tight = by_log_det(infos, 16), by_log_det(infos, 16, certificate_steps=10)

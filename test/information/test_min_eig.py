@@ -52,6 +52,13 @@ def test_more_directions_than_the_tighter_bound_looks_at() -> None:
     assert list(ranking.kept_ids) == full_search([whitened(infos)], 12)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_winner_whose_first_bound_is_not_among_the_largest_is_found(seed: int) -> None:
+    infos = tosses(100, 3, 1, seed, spread=0.0)
+    ranking = rank(infos, RankingConfig("min-eig", top=10, prior=DELTA))
+    assert list(ranking.kept_ids) == full_search([whitened(infos)], 10)
+
+
 def test_scores_and_gains_are_smallest_eigenvalues_of_sets() -> None:
     infos = tosses(15, 4, 6, seed=1)
     prior = DELTA * np.eye(4)

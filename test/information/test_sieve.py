@@ -10,8 +10,9 @@ from contact_curation.information.ranker import RankingConfig, rank
 from contact_curation.information.record import TossInformation
 from contact_curation.information.sieve import SieveStreaming
 from contact_curation.information.swap import GuardedSwap, SwapStreaming
-from test.information.oracles import log_det_value, mean_toss
+from test.information.oracles import log_det_value, mean_toss, sieve_streaming
 from test.information.pools import toss, tosses
+from test.information.test_recentring import scored
 
 TOP = 12
 EPSILON = 0.2
@@ -50,6 +51,17 @@ def test_the_guarantee_holds_in_every_order(name: str) -> None:
     assert len(sieve.selected) <= TOP
     if name.startswith("random"):
         assert sieve.value > 0.85 * greedy
+
+
+@pytest.mark.parametrize("epsilon", [0.4, 0.1])
+@pytest.mark.parametrize("top", [1, 6])
+@pytest.mark.parametrize("seed", range(4))
+def test_sieves_made_when_needed_do_what_all_sieves_from_the_start_would(seed: int, top: int, epsilon: float) -> None:
+    infos = sorted(tosses(40, 5, 2, seed, spread=2.0), key=lambda info: info.trace)
+    sieve = SieveStreaming(prior_of_matrix(np.eye(5), np.zeros(3)), top, epsilon)
+    for info in infos:
+        sieve.offer(info)
+    assert sieve.value == pytest.approx(sieve_streaming(infos, np.eye(5), top, epsilon), rel=1e-8)
 
 
 @pytest.mark.parametrize("kind", [SieveStreaming, SwapStreaming, GuardedSwap])
@@ -124,8 +136,6 @@ def test_an_exchange_is_the_best_one_there_is() -> None:
 
 
 def test_tosses_of_a_stream_are_taken_about_the_priors_pivot() -> None:
-    from test.information.test_recentring import scored
-
     infos = [scored(f"toss-{k:02d}", k) for k in range(30)]
     pivot = pool_of(infos).pivot
     about_it = [scored(f"toss-{k:02d}", k, pivot=pivot) for k in range(30)]

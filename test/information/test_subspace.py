@@ -65,8 +65,21 @@ def test_units_of_the_parameters_change_nothing(exponents: list[float], seed: in
     gauge = np.random.default_rng(seed).standard_normal(SIZE)
     fisher, scores = fisher_without(gauge, seed), np.random.default_rng(seed + 1).standard_normal((3, SIZE))
     here = identifiable_subspace(fisher)
-    there = identifiable_subspace(scale[:, None] * fisher * scale)
+    scaled = scale[:, None] * fisher * scale
+    there = identifiable_subspace(scaled)
     assert here.dimension == there.dimension == SIZE - 1
+    one, other = scores @ here.whitening, (scores * scale) @ there.whitening
+    np.testing.assert_allclose(one @ one.T, other @ other.T, rtol=1e-6, atol=1e-9)
+
+
+@given(st.lists(st.floats(-3.0, 3.0), min_size=SIZE, max_size=SIZE), st.integers(0, 50))
+def test_units_do_not_change_what_a_gauge_direction_takes_away(exponents: list[float], seed: int) -> None:
+    scale = 10.0 ** np.array(exponents)
+    gauge = np.random.default_rng(seed).standard_normal((1, SIZE))
+    fisher = fisher_without(gauge[0], seed) + np.outer(gauge, gauge)
+    scores = np.random.default_rng(seed + 1).standard_normal((3, SIZE))
+    here = identifiable_subspace(fisher, gauge=gauge)
+    there = identifiable_subspace(scale[:, None] * fisher * scale, gauge=gauge / scale)
     one, other = scores @ here.whitening, (scores * scale) @ there.whitening
     np.testing.assert_allclose(one @ one.T, other @ other.T, rtol=1e-6, atol=1e-9)
 
