@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from contact_curation.solver.central_path import follow_central_path
 from contact_curation.solver.certificate import EDGES, FACET_NORMALS, natural_residuals
 from contact_curation.solver.cone_problem import (
     DEFAULT_TOLERANCE,
@@ -26,8 +27,8 @@ from contact_curation.solver.cone_problem import (
 MAX_ITERATIONS = 30
 """Newton steps at a time."""
 
-PROXIMAL_WEIGHTS = (0.0, *(10.0**-k for k in range(1, 9)), 0.0)
-"""Nearly all end at the first; what does not is led to the last."""
+PROXIMAL_WEIGHTS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
+"""Of |x - before|^2 / 2: they keep Newton's method near the end of the central path while it finds the last digits."""
 
 CHUNK = 4096
 """Problems solved at a time."""
@@ -79,7 +80,7 @@ def solve_in_torch(
     Args:
         problems: what to solve.
         tolerance: largest natural residual that counts as solved.
-        max_iterations: Newton steps at a time.
+        max_iterations: Newton steps before the central path is asked for help.
         device: where torch works, in float64.
     """
     impulses = np.empty((problems.batch, problems.contacts, 3))
@@ -97,6 +98,7 @@ def solve_in_torch(
     return ConeSolutions(impulses, residuals, status.astype(np.int32), iterations)
 
 
+@np.errstate(invalid="ignore", over="ignore")  # what is not finite becomes a status
 def _quadratic(problems: ConeProblems, device: str | torch.device) -> _Quadratic:
     form = [torch.as_tensor(value, device=device) for value in quadratic_form(problems)]
     motion, target, blocks, slack_rows, offsets = form
@@ -128,19 +130,18 @@ def _scaled(hessian: Tensor, linear: Tensor, contacts: int) -> _Quadratic:
 def _minimise(given: _Quadratic, cone: Cone, max_iterations: int) -> tuple[Tensor, Tensor]:
     """Minimisers (B, n) in the problem's own units, and Newton steps (B,) taken.
 
-    Where Newton's method is held up between kinks, it is led by proximal terms rho |x - before|^2 / 2 of falling weight.
+    The few problems in which Newton's method creeps along a curved rim start again from near the end of the central path.
     """
-    x = torch.zeros_like(given.linear)
-    steps = torch.zeros(len(x), dtype=torch.int32, device=x.device)
-    working = torch.arange(len(x), device=x.device)
-    for weight in PROXIMAL_WEIGHTS:
-        nearer, taken, finished = _descend(given.rows(working).near(x[working], weight), cone, x[working], max_iterations)
-        x[working] = nearer
-        steps[working] += taken
-        if weight == 0.0:
-            working = working[~finished]
-        if not len(working):
-            break
+    x, steps, finished = _descend(given, cone, torch.zeros_like(given.linear), max_iterations)
+    left = torch.nonzero(~finished)[:, 0]
+    if len(left):
+        hard = given.rows(left)
+        nearer, taken = follow_central_path(hard.hessian, hard.linear, cone)
+        steps[left] += taken
+        for weight in PROXIMAL_WEIGHTS:
+            nearer, more, _ = _descend(hard.near(nearer, weight), cone, nearer, max_iterations)
+            steps[left] += more
+        x[left] = nearer
     # The projection of the last forward step is in the cone to the last digit.
     return _project_all(_forward(given, x), cone).point * given.units, steps
 

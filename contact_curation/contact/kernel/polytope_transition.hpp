@@ -148,7 +148,7 @@ struct Outcome {
         cone[i][t] = l[0] * at.slip[i][t] + at.slip_speed[i] * l[1 + t];
         terms[3] += model.cone_weight * cone[i][t] * cone[i][t];
       }
-      slack[i] = minimum(problem.slack_offset[i] + dot<6>(problem.slack_row[i], change), broadcast(0.0));
+      slack[i] = negative_part(problem.slack_offset[i] + dot<6>(problem.slack_row[i], change));
       terms[4] += model.slack_weight * slack[i] * slack[i];
     }
     loss = terms[0] + terms[1] + terms[2] + terms[3] + terms[4];

@@ -83,7 +83,7 @@ inline void objective_gradient(const ConeProblem &problem, const Lane (*impulse)
   velocity_change(problem, impulse, change);
   for (int k = 0; k < 6; ++k) pull[k] = 2.0 * problem.match_weight * (change[k] - problem.target[k]);
   for (int j = 0; j < problem.contacts; ++j) {
-    const Lane slack = minimum(problem.slack_offset[j] + dot<6>(problem.slack_row[j], change), broadcast(0.0));
+    const Lane slack = negative_part(problem.slack_offset[j] + dot<6>(problem.slack_row[j], change));
     for (int k = 0; k < 6; ++k) pull[k] += 2.0 * problem.slack_weight * slack * problem.slack_row[j][k];
   }
   for (int i = 0; i < problem.contacts; ++i) {

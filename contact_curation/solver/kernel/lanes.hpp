@@ -14,6 +14,8 @@ inline Lane broadcast(double value) { return Lane{} + value; }
 inline Lane select(LaneMask mask, Lane yes, Lane no) { return mask ? yes : no; }
 inline Lane minimum(Lane a, Lane b) { return a < b ? a : b; }
 inline Lane maximum(Lane a, Lane b) { return a > b ? a : b; }
+// min(0, a), and NaN of NaN: what is not a number must never pass for an open contact.
+inline Lane negative_part(Lane a) { return a >= 0.0 ? Lane{} : a; }
 inline Lane absolute(Lane a) { return a < 0.0 ? -a : a; }
 
 inline Lane square_root(Lane a) {
