@@ -212,9 +212,8 @@ class TossSegmenter:
         return self._start or 0
 
     def _cut(self, stop: int) -> Motion:
-        """Takes the motion up to frame `stop` out of the run, which goes on with what later velocities need."""
+        """The motion up to frame `stop`; the run goes on without it."""
         motion = cut(self._run, self._motion_start, stop, self.body, self.source, self.config)
         self._moved_ns = self._run[stop - 1].stamp_ns
         self._start, self._still = None, 0
-        del self._run[:-MEMORY]
         return motion

@@ -144,6 +144,20 @@ def test_a_looping_bag_with_a_moving_board_gives_the_same_poses_again() -> None:
     assert_poses([event for event in events[len(TRUTH) :] if not isinstance(event, ClockJump)], TRUTH)
 
 
+def test_after_a_clock_jump_the_board_is_not_where_it_was_at_those_times_before() -> None:
+    """The same times are played again with the board elsewhere; the body's pose comes first."""
+    elsewhere = ScalarPose((2.0, 0.0, 0.0), yawed(0.3))
+    late = FramePose(TRUTH[-1].stamp_ns + 2_000_000_000, "map", "body_cube", BOARD)
+    measured: list[FramePose] = []
+    for board in (BOARD, elsewhere):
+        for one in TRUTH:
+            measured.append(FramePose(one.stamp_ns, "map", "body_cube", compose(board, one.pose)))
+            measured.append(FramePose(one.stamp_ns, "map", "body_surface", board))
+        measured += [late, FramePose(late.stamp_ns, "map", "body_surface", BOARD)][: 2 * (board is BOARD)]
+    events = [event for event in tracked(measured) if isinstance(event, BodyPose)]
+    assert_poses(events[-len(TRUTH) :], TRUTH)
+
+
 def test_a_bad_pose_passes_through_and_is_counted() -> None:
     tracker = BodyTracker(CONFIG)
     bad = BadPose(5, "body_cube", "quaternion norm: found 2, expected 1 within 0.001")

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from contact_curation.errors import InvalidValueError
+from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import box
 from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.body_tracker import BodyPose
@@ -250,6 +251,30 @@ def test_a_body_carried_about_is_no_toss() -> None:
 def test_a_drop_from_under_the_release_clearance_is_no_toss() -> None:
     low = Throw(position=(0.0, 0.0, 0.0524 + 0.010), velocity=(0.9, 0.3, 0.0))
     assert cut(stream(low)) == []
+
+
+@pytest.mark.parametrize(("height", "starts"), [(0.036, True), (0.028, False)])
+def test_every_corner_must_be_clear_of_the_board_in_both_first_frames(height: float, starts: bool) -> None:
+    """From 28 mm the first frame that is seen to fall has its corners 13 mm up, and the next one 6 mm."""
+    thrown_down = Throw(position=(0.0, 0.0, 0.0524 + height), velocity=(0.9, 0.3, -1.0))
+    assert bool(cut(stream(thrown_down))) is starts
+
+
+def test_an_earlier_gap_does_not_hide_a_missing_frame() -> None:
+    poses = stream()
+    late = [BodyPose(one.stamp_ns + (NANOSECONDS if number > 15 else 0), one.pose) for number, one in enumerate(poses)]
+    assert "gap: found 0.01351 s" in reasons(cut(late[:26] + late[27:]))
+
+
+def test_orientations_of_a_raw_tracker_can_be_filtered_before_anything_else() -> None:
+    poses = stream()
+    glitch = ScalarPose(poses[60].pose.position, (0.9987503, 0.0499792, 0.0, 0.0))
+    glitched = [*poses[:60], BodyPose(poses[60].stamp_ns, glitch), *poses[61:]]
+    raw, clean = tossed(cut(glitched)), tossed(cut(poses))
+    filtered = tossed(cut(glitched, SegmenterConfig(filter_orientations=True)))
+    frame = 60 - number_of(clean, poses)
+    assert quaternions.angle_between(raw.orientations_wxyz[frame], clean.orientations_wxyz[frame]) > 0.09
+    assert quaternions.angle_between(filtered.orientations_wxyz[frame], clean.orientations_wxyz[frame]) < 0.01
 
 
 def test_inside_a_region_a_toss_needs_the_body_to_have_been_outside_before() -> None:

@@ -154,6 +154,7 @@ def test_by_the_published_rules_all_570_real_tosses_come_back_frame_by_frame(imp
     angular = differences(again, imported.stored, "angular_velocities")
     assert np.mean([rows.mean() for rows in linear]) / HALF_WIDTH == pytest.approx(0.0294, abs=5e-4)
     assert np.mean([rows.mean() for rows in angular]) == pytest.approx(0.0060, abs=2e-4)
+    assert np.mean([rows[-1].max() for rows in linear]) < 5e-4, "m/s: the frames behind a toss let its last velocity be"
     assert sum(rows[0].max() > 1e-6 for rows in linear) == 4, "the first velocity is the file's own, but for four tosses"
 
 
