@@ -1,0 +1,75 @@
+import numpy as np
+import pytest
+from contact_curation_msgs.msg import ModelParameters
+from rclpy.serialization import deserialize_message, serialize_message
+
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.errors import InvalidValueError
+from contact_curation.nodes.messages.headers import Stamped, stamped_of
+from contact_curation.nodes.messages.model_parameters import geometry_of, parameters_message
+from contact_curation.nodes.messages.toss import toss_message, toss_of
+from contact_curation.nodes.messages.toss_information import information_message, information_of
+from test.graph.offline import scored
+from test.simulated import RIG_NOISE, simulated_tosses
+
+
+def test_a_toss_comes_back_from_the_wire_bit_for_bit() -> None:
+    (toss,) = simulated_tosses(1, seed=3, noise=RIG_NOISE)
+    message = toss_message(toss, 7, "body_surface")
+    heard = deserialize_message(serialize_message(message), type(message))
+    assert toss_of(heard).digest() == toss.digest()
+    assert (heard.sequence, heard.header.frame_id) == (7, "body_surface")
+    assert stamped_of(heard.header).stamp_ns == toss.stamps_ns[0]
+    w, x, y, z = toss.orientations_wxyz[5]
+    turn = heard.poses[5].orientation
+    assert (turn.w, turn.x, turn.y, turn.z) == (w, x, y, z)
+
+
+def test_a_toss_message_with_a_pose_missing_is_refused() -> None:
+    (toss,) = simulated_tosses(1, seed=3)
+    message = toss_message(toss, 1, "body_surface")
+    message.poses = list(message.poses)[:-1]
+    with pytest.raises(InvalidValueError, match="positions"):
+        toss_of(message)
+
+
+def test_information_comes_back_from_the_wire_bit_for_bit() -> None:
+    (information,) = scored(simulated_tosses(1, seed=3))
+    message = information_message(information, 3, Stamped(5_000_000_001, "board"))
+    heard = information_of(deserialize_message(serialize_message(message), type(message)))
+    for name in ("block_traces", "score_sum", "factor", "centroid", "tilt_axes"):
+        assert np.array_equal(getattr(heard, name), getattr(information, name)), name
+    for name in ("toss_id", "blocks", "parameters_version", "estimator", "influence_bound", "transitions", "mean_loss"):
+        assert getattr(heard, name) == getattr(information, name), name
+
+
+def test_information_whose_factor_does_not_fit_its_blocks_is_refused() -> None:
+    (information,) = scored(simulated_tosses(1, seed=3))
+    message = information_message(information, 3, Stamped(0, ""))
+    message.factor_rows += 1
+    with pytest.raises(InvalidValueError, match="factor"):
+        information_of(message)
+
+
+def test_theta_comes_back_from_safetensors_bit_for_bit() -> None:
+    cube = ContactGeometry.of_body(CONTACTNETS_CUBE)
+    theta = ContactGeometry(
+        cube.vertices_normal * 1.01, cube.normal, cube.vertices_tangent, cube.tangents, np.array([0.1, 0.2, 0.3]), 0.02
+    )
+    heard = geometry_of(parameters_message(theta, "cube", "v"))
+    for name in ("vertices_normal", "normal", "vertices_tangent", "tangents", "pivot", "height"):
+        assert np.array_equal(getattr(heard, name), getattr(theta, name)), name
+
+
+@pytest.mark.parametrize(
+    ("message", "why"),
+    [
+        (ModelParameters(model="deep"), "expected polytope"),
+        (ModelParameters(model="polytope", safetensors=b"\x80\x04pickle"), "no safetensors"),
+        (ModelParameters(model="polytope", safetensors=bytes(2 << 20)), "at most"),
+    ],
+)
+def test_parameters_that_are_no_polytope_are_refused_with_a_reason(message: ModelParameters, why: str) -> None:
+    with pytest.raises(InvalidValueError, match=why):
+        geometry_of(message)

@@ -1,0 +1,29 @@
+"""All public tosses at twenty times real time: none is lost."""
+
+from pathlib import Path
+
+import pytest
+
+from contact_curation.storage.tagslam_bag import import_contactnets
+from test.graph.graph import Graph
+from test.graph.offline import assert_same_buffer, curated, tosses_of
+
+
+@pytest.mark.slow
+def test_570_real_tosses_at_20_times_real_time_are_all_scored_and_ranked_as_offline(
+    graph: Graph, contactnets_folder: Path
+) -> None:
+    bag = graph.folder / "real.mcap"
+    report = import_contactnets(contactnets_folder, bag)
+    assert report.tosses == 570
+    expected = tosses_of(bag)
+    buffers, information, rejected = graph.buffers(), graph.information(), graph.rejected()
+    for stage in ("pose_ingest", "fisher_scorer"):
+        graph.start(stage)
+    graph.start("curator", top=32)
+    graph.start("player", bag=bag, rate=20.0, wait_for=10.0, stay=True)
+
+    graph.until(lambda: buffers and buffers[-1].tosses_seen == len(expected), 240.0, "every toss to be curated")
+    assert {one.toss_id for one in information} == {toss.toss_id for toss in expected}
+    assert len(expected) + len(rejected) == 570
+    assert_same_buffer(buffers[-1], curated(bag, 32))

@@ -1,0 +1,195 @@
+"""Scoring and curating that die and come back; no node is spun."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.errors import InvalidValueError
+from contact_curation.information.curation import curate
+from contact_curation.information.ranker import RankingConfig
+from contact_curation.information.record import TossInformation
+from contact_curation.information.scoring import ScoringConfig
+from contact_curation.nodes.catch_up import Cursor
+from contact_curation.nodes.curation_stage import CurationConfig, CurationStage
+from contact_curation.nodes.scoring_stage import ScoringStage, checked_body
+from contact_curation.nodes.selection import StreamingSelection
+from contact_curation.storage.information_store import InformationStore
+from contact_curation.storage.state_store import StateStore
+from test.graph.offline import scored
+from test.simulated import simulated_tosses
+
+TOSSES = simulated_tosses(8, seed=11)
+FRAMES = {toss.toss_id: "board" for toss in TOSSES}
+CUBE = ContactGeometry.of_body(CONTACTNETS_CUBE)
+LARGER = replace(CUBE, vertices_normal=CUBE.vertices_normal * 1.01)
+
+
+@contextmanager
+def stores(folder: Path) -> Iterator[tuple[InformationStore, StateStore]]:
+    with ExitStack() as stack:
+        yield (
+            stack.enter_context(InformationStore(folder / "information")),
+            stack.enter_context(StateStore(folder / "states")),
+        )
+
+
+@contextmanager
+def scoring(folder: Path) -> Iterator[ScoringStage]:
+    with stores(folder) as (informations, states):
+        yield ScoringStage(CONTACTNETS_CUBE, ScoringConfig(), informations, states, CUBE)
+
+
+@contextmanager
+def curating(folder: Path, top: int = 3, config: CurationConfig | None = None) -> Iterator[CurationStage]:
+    with stores(folder) as (informations, states):
+        yield CurationStage(RankingConfig(top=top), config or CurationConfig(), informations, states)
+
+
+def added(stage: CurationStage, informations: list[TossInformation], first_stamp_ns: int = 0) -> None:
+    for place, information in enumerate(informations):
+        stage.add(information, first_stamp_ns + place, "board")
+
+
+def test_a_toss_is_scored_once_however_often_it_comes(tmp_path: Path) -> None:
+    with scoring(tmp_path) as stage:
+        first = stage.score(TOSSES[:3], FRAMES)
+        again = stage.score(TOSSES[:4], FRAMES)
+    assert [one.sequence for one in first.new] == [1, 2, 3]
+    assert [one.information.toss_id for one in again.new] == [TOSSES[3].toss_id]
+
+
+def test_what_was_scored_and_not_announced_is_announced_after_a_death(tmp_path: Path) -> None:
+    with scoring(tmp_path) as stage:
+        batch = stage.score(TOSSES[:3], FRAMES)
+        stage.announced(batch.new[:1])
+    with scoring(tmp_path) as stage:
+        missed = stage.unannounced(10)
+    assert [one.sequence for one in missed] == [2, 3]
+    assert missed[0].stamped == (int(TOSSES[1].stamps_ns[-1]), "board")
+    assert np.array_equal(missed[0].information.factor, batch.new[1].information.factor)
+
+
+def test_a_new_theta_is_kept_over_a_death_and_begins_anew(tmp_path: Path) -> None:
+    with scoring(tmp_path) as stage:
+        stage.score(TOSSES[:2], FRAMES)
+        stage.advance(Cursor(2, TOSSES[1].toss_id))
+        before = stage.version
+        assert stage.cursor == Cursor(2, TOSSES[1].toss_id)
+        assert not stage.renew(CUBE)
+        assert stage.renew(LARGER)
+        assert stage.cursor == Cursor()
+    with scoring(tmp_path) as stage:
+        assert stage.version != before
+        again = stage.score(TOSSES[:2], FRAMES)
+    assert [one.information.parameters_version for one in again.new] == [stage.version] * 2
+
+
+def test_a_toss_of_another_body_is_refused() -> None:
+    with pytest.raises(InvalidValueError, match="found bottle, expected cube"):
+        checked_body(replace(TOSSES[0], body="bottle"), CONTACTNETS_CUBE)
+
+
+def test_the_buffer_is_the_ranking_of_all_that_came_in_any_order(tmp_path: Path) -> None:
+    informations = scored(TOSSES)
+    with curating(tmp_path) as stage:
+        added(stage, informations[::-1])
+        buffer = stage.buffer()
+    assert buffer is not None
+    assert buffer.curation.ranking == curate(informations, RankingConfig(top=3)).ranking
+    gains = [entry.marginal_gain for entry in buffer.curation.ranking.entries if entry.kept]
+    assert buffer.log_det == pytest.approx(sum(gains), rel=1e-9)
+
+
+def test_a_curator_that_died_has_its_buffer_revision_and_place_back(tmp_path: Path) -> None:
+    informations = scored(TOSSES)
+    with curating(tmp_path) as stage:
+        added(stage, informations, first_stamp_ns=100)
+        stage.advance(Cursor(8, TOSSES[-1].toss_id))
+        before = stage.buffer()
+    with curating(tmp_path) as stage:
+        after = stage.buffer()
+        assert stage.cursor == Cursor(8, TOSSES[-1].toss_id)
+        assert stage.last_stamp_ns(TOSSES[2].toss_id) == 102
+    assert before is not None
+    assert after is not None
+    assert after.curation.ranking == before.curation.ranking
+    assert (after.revision, after.newest_stamp_ns, after.frame_id) == (before.revision, 107, "board")
+
+
+def test_the_revision_counts_changes_of_the_kept_set_alone(tmp_path: Path) -> None:
+    informations = scored(TOSSES)
+    with curating(tmp_path, top=2) as stage:
+        revisions = []
+        kept = []
+        for information in informations:
+            added(stage, [information])
+            buffer = stage.buffer()
+            assert buffer is not None
+            revisions.append(buffer.revision)
+            kept.append(buffer.curation.ranking.kept_ids)
+    changes = [1] + [int(one != other) for one, other in zip(kept[1:], kept)]
+    assert revisions == np.cumsum(changes).tolist()
+    assert 0 in changes
+
+
+def test_thetas_are_never_mixed_and_a_new_one_takes_over_when_it_knows_enough(tmp_path: Path) -> None:
+    old, new = scored(TOSSES), scored(TOSSES, LARGER)
+    with curating(tmp_path) as stage:
+        added(stage, old)
+        added(stage, new[:7])  # 7 of 8 are less than 90 %
+        before = stage.buffer()
+        added(stage, new[7:])
+        after = stage.buffer()
+    assert before is not None
+    assert after is not None
+    assert {one.parameters_version for one in before.candidates} == {old[0].parameters_version}
+    assert {one.parameters_version for one in after.candidates} == {new[0].parameters_version}
+    assert after.curation.ranking == curate(new, RankingConfig(top=3)).ranking
+
+
+def test_another_criterion_ranks_what_is_there_already(tmp_path: Path) -> None:
+    informations = scored(TOSSES)
+    with curating(tmp_path) as stage:
+        added(stage, informations)
+        stage.rank_by(RankingConfig(criterion="trace", top=2))
+        buffer = stage.buffer()
+    assert buffer is not None
+    traces = {one.toss_id: one.trace for one in buffer.candidates}
+    assert len(buffer.curation.ranking.kept_ids) == 2
+    assert buffer.curation.ranking == curate(informations, RankingConfig(criterion="trace", top=2)).ranking
+    assert len(traces) == 8
+
+
+def test_a_streaming_trace_keeps_the_same_tosses_with_bounded_memory(tmp_path: Path) -> None:
+    informations = scored(TOSSES)
+    config = RankingConfig(criterion="trace", top=3)
+    selection = StreamingSelection(config, warm_up=4)
+    for information in informations:
+        selection.add(information)
+    assert selection.seen == 8
+    assert len(selection.candidates) == 3
+    largest = sorted(informations, key=lambda one: one.trace, reverse=True)[:3]
+    assert {one.toss_id for one in selection.candidates} == {one.toss_id for one in largest}
+
+
+def test_a_streaming_log_det_takes_its_prior_from_the_first_tosses(tmp_path: Path) -> None:
+    selection = StreamingSelection(RankingConfig(top=3), warm_up=4)
+    sizes = []
+    for information in scored(TOSSES):
+        selection.add(information)
+        sizes.append(len(selection.candidates))
+    assert sizes[:3] == [1, 2, 3]
+    assert selection.seen == 8
+    assert 1 <= sizes[-1] <= 3
+
+
+def test_a_stream_cannot_keep_to_every_criterion(tmp_path: Path) -> None:
+    config = CurationConfig(selection="streaming")
+    with stores(tmp_path) as (informations, states), pytest.raises(InvalidValueError, match="trace or log-det"):
+        CurationStage(RankingConfig(criterion="orthogonal"), config, informations, states)
