@@ -136,9 +136,8 @@ def print_table(timings: list[Timing], top: int) -> None:
     print(f"{'what':34}  tosses    seconds      cpu s  us per toss  log-det / greedy's")
     for row in timings:
         value = "" if row.relative_log_det is None else f"{row.relative_log_det:18.3f}"
-        print(
-            f"{row.what:34}  {row.tosses:6d}  {row.seconds:9.4f}  {row.cpu_seconds:9.4f}  {1e6 * row.seconds / row.tosses:11.1f}  {value}"
-        )
+        times = f"{row.seconds:9.4f}  {row.cpu_seconds:9.4f}  {1e6 * row.seconds / row.tosses:11.1f}"
+        print(f"{row.what:34}  {row.tosses:6d}  {times}  {value}")
 
 
 if __name__ == "__main__":
