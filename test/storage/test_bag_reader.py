@@ -221,7 +221,7 @@ def test_qos_is_read_in_the_form_of_every_release() -> None:
     assert qos_from("- {durability: 2, reliability: 1}\n- {durability: 1, reliability: 2}") == OfferedQos(latched=True)
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", "- 1", "\x00", "[[[[", "a: [", "- {durability: []}" * 100_000, "&a [*a]"])
+@pytest.mark.parametrize("text", ["", "[]", "{}", "- 1", "\x00", "[[[[", "a: [", "- {durability: 1}\n" * 10_000, "&a [*a]"])
 def test_qos_that_cannot_be_read_is_none(text: str) -> None:
     assert qos_from(text) is None
 

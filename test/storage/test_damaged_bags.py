@@ -115,6 +115,18 @@ def test_topics_and_counts_of_a_truncated_mcap_are_those_that_are_left(tmp_path:
     assert topics == {name: sum(m.topic == name for m in found) for name in (NOTE, CUBE)}
 
 
+def test_a_cut_within_the_index_of_a_chunk_costs_none_of_its_messages(tmp_path: Path) -> None:
+    path = write_mcap(tmp_path / "bag.mcap", SENT)
+    offset, length = chunk_offsets(path)[1]
+    (index_size,) = struct.unpack_from("<Q", path.read_bytes(), offset + length + 1)
+    os.truncate(path, offset + length + 9 + index_size)  # behind the index of the first of two channels
+    with BagReader(path) as reader:
+        topics = {topic.name: topic.count for topic in reader.topics}
+        found = [Sent(m.topic, m.log_time_ns, m.message) for m in reader.messages()]
+    assert_same(found, SENT[: len(found)])
+    assert topics == {name: sum(one.topic == name for one in found) for name in (NOTE, CUBE)}
+
+
 def test_an_mcap_file_filled_up_with_zeros_is_read_up_to_them(tmp_path: Path) -> None:
     path = write_mcap(tmp_path / "bag.mcap", SENT)
     size = path.stat().st_size

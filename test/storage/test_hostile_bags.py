@@ -17,6 +17,8 @@ from mcap.writer import CompressionType
 from rosbags.rosbag2 import StoragePlugin
 
 from contact_curation.errors import UnreadableInputError
+from contact_curation.storage.bag_errors import DamagedBagError
+from contact_curation.storage.bag_file import BagFile
 from contact_curation.storage.bag_limits import BagLimits
 from contact_curation.storage.bag_reader import BagReader
 from test.storage.bags import (
@@ -165,6 +167,16 @@ def test_the_limit_of_that_test_is_felt(tmp_path: Path) -> None:
     command = [sys.executable, "-c", code, str(tmp_path), str(SPARE_BYTES)]
     ended = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120, check=False)
     assert "MemoryError" in ended.stderr
+
+
+def test_a_file_gives_no_more_bytes_than_it_has(tmp_path: Path) -> None:
+    (tmp_path / "small").write_bytes(b"abcdef")
+    file = BagFile(tmp_path / "small")
+    assert file.read(4, 2) == b"ef"
+    for offset, length in ((4, 3), (0, 2**62), (2**62, 1), (7, 0)):
+        with pytest.raises(DamagedBagError, match=f"{length} bytes are declared at byte {offset}"):
+            file.read(offset, length)
+    file.close()
 
 
 SMALL = recording(12)

@@ -105,6 +105,15 @@ def test_any_text_and_number_comes_back_from_every_format(
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("word", ["NaN", "Infinity", "-Infinity", "null", "nan", "true", ""])
+def test_words_that_mean_numbers_elsewhere_stay_text(tmp_path: Path, ending: str, word: str) -> None:
+    row = replace(RANKED, toss_id=word, topic=word, input=word, mean_loss=None, kept=False, reasons=(word,))
+    manifest = Manifest(replace(RUN, model=word, command=(word,)), (row,))
+    write_manifest(manifest, tmp_path / f"m{ending}")
+    assert_equal(read_manifest(tmp_path / f"m{ending}"), manifest)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
 def test_the_same_manifest_gives_the_same_bytes(tmp_path: Path, ending: str) -> None:
     paths = [tmp_path / f"{name}{ending}" for name in "ab"]
     for path in paths:

@@ -173,6 +173,17 @@ def test_other_processes_read_while_a_toss_is_being_stored(path: Path) -> None:
         assert reader.last_sequence == 2
 
 
+def test_a_reader_that_takes_its_time_does_not_hold_up_the_writer(path: Path) -> None:
+    with TossStore(path) as store:
+        store.add(toss(1))
+        slow = sqlite3.connect(path, isolation_level=None)
+        slow.execute("BEGIN")
+        assert slow.execute("SELECT count(*) FROM tosses").fetchone() == (1,)
+        assert store.add(toss(2)).added
+        assert slow.execute("SELECT count(*) FROM tosses").fetchone() == (1,)
+        slow.close()
+
+
 @pytest.mark.parametrize("delay", [0.0, 0.03, 0.1])
 def test_a_killed_writer_loses_nothing_that_it_had_stored(path: Path, delay: float) -> None:
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
