@@ -5,7 +5,6 @@ tilt: d/dtilt_a becomes d/dtilt_a + (b_a . d) d/dheight, b_a the direction in wh
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -17,32 +16,6 @@ def pool_centroid(infos: Sequence[TossInformation]) -> Array:
     """Mean position (3,) over all transitions of a pool [characteristic lengths]."""
     weights = np.array([info.transitions for info in infos], dtype=float)
     return np.asarray(weights @ np.array([info.centroid for info in infos]) / weights.sum())
-
-
-def recentred(infos: Sequence[TossInformation]) -> tuple[TossInformation, ...]:
-    """The same information about the centroid of these tosses; models without tilt and height come back as they are.
-
-    The sum runs over ids in order, so that the centroid is the same to the last digit however the tosses are ordered.
-    """
-    if not infos or infos[0].tilt_axes.shape[0] == 0:
-        return tuple(infos)
-    centroid = pool_centroid(sorted(infos, key=lambda info: info.toss_id))
-    return tuple(recentred_on(info, centroid) for info in infos)
-
-
-def recentred_on(info: TossInformation, pivot: Array) -> TossInformation:
-    """The same information about `pivot` (3,), which becomes its centroid, so that recentring twice is recentring once.
-
-    Block traces change by what the factor says. What was cut off the factor is a share of the trace below 1e-3 (METHOD 2.3),
-    so a trace about another point is off by less than that, and blocks other than the tilt not at all.
-    """
-    shift = info.tilt_axes @ (pivot - info.centroid)
-    factor, score_sum = (sheared(rows, info.blocks, shift) for rows in (info.factor, info.score_sum))
-    gained = np.square(factor).sum(axis=0) - np.square(info.factor).sum(axis=0)
-    moved = np.array([gained[block.start : block.stop].sum() for block in info.blocks])
-    return replace(
-        info, factor=factor, score_sum=score_sum, block_traces=np.maximum(info.block_traces + moved, 0.0), centroid=pivot
-    )
 
 
 def about_centroids(fishers: Array, score_sums: Array, blocks: Sequence[ParameterBlock], shifts: Array) -> tuple[Array, Array]:

@@ -36,7 +36,7 @@ class TossInformation:
         block_traces: (blocks,) exact trace of the Fisher sum, per block.
         score_sum: (P,) sum of the scores g_t.
         factor: (R, P) W with F = W^T W the Fisher sum, up to truncation at R rows.
-        centroid: (3,) mean position, characteristic lengths; once recentred, that of the pool.
+        centroid: (3,) mean position, characteristic lengths.
         tilt_axes: (2, 3) directions in which block "tilt" moves the ground's normal, the pivot being the centroid;
             (0, 3) where the model has no tilt and height.
     """
