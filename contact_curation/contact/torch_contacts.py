@@ -38,9 +38,9 @@ class Theta(NamedTuple):
 
     def vector(self) -> Tensor:
         """(..., 6V + 10) in the order of the kernel's scores: vertices_normal, normal, vertices_tangent, tangents, height."""
-        return torch.cat(
-            [*(value.flatten(-2) if value.ndim > 1 else value for value in self[:4]), self.height[..., None]], dim=-1
-        )
+        matrices = (self.vertices_normal, self.vertices_tangent, self.tangents)
+        first, second, third = (matrix.flatten(-2) for matrix in matrices)
+        return torch.cat([first, self.normal, second, third, self.height[..., None]], dim=-1)
 
     def with_vector(self, vector: Tensor) -> "Theta":
         """Another theta from vectors (..., 6V + 10)."""

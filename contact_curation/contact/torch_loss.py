@@ -9,12 +9,11 @@ from typing import Any
 
 import torch
 from torch import Tensor
-from torch.autograd.function import once_differentiable
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.evaluation import DEFAULT_LOSS, LossConfig, SolveStatus, evaluate
 from contact_curation.contact.torch_contacts import Contacts, Frames, Theta
-from contact_curation.errors import MissingDependencyError
+from contact_curation.errors import InvalidValueError, MissingDependencyError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.solver.compiled_solver import solve_compiled
 from contact_curation.solver.cone_problem import ConeProblems, ConeSolutions, ConeWeights
@@ -116,8 +115,8 @@ class _ContactLoss(torch.autograd.Function):
         return torch.where(solved, losses.detach(), torch.nan), solved
 
     @staticmethod
-    @once_differentiable
     def backward(ctx: Any, weight: Tensor, _: Tensor) -> tuple[Tensor | None, ...]:
+        _refuse_second_derivative()
         solved, *slopes = ctx.saved_tensors
         return (*(_weighted(slope, weight, solved) for slope in slopes), None, None)
 
@@ -136,10 +135,16 @@ class _PolytopeLoss(torch.autograd.Function):
         return torch.where(solved, losses, torch.nan), solved
 
     @staticmethod
-    @once_differentiable
     def backward(ctx: Any, weight: Tensor, _: Tensor) -> tuple[Tensor | None, ...]:
+        _refuse_second_derivative()
         solved, scores = ctx.saved_tensors
         return (_weighted(-2.0 * scores, weight, solved).sum(dim=0), *[None] * 6)
+
+
+def _refuse_second_derivative() -> None:
+    """Autograd records the backward pass only when a derivative of the derivative is wanted."""
+    if torch.is_grad_enabled():
+        raise InvalidValueError("create_graph", True, "False: the loss has no second derivative, since its impulses stay fixed")
 
 
 def _weighted(slopes: Tensor, weight: Tensor, solved: Tensor) -> Tensor:

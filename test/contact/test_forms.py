@@ -1,0 +1,81 @@
+"""Forms of theta: their charts against finite differences of the geometry, their gauge, their names."""
+
+import numpy as np
+import pytest
+
+from contact_curation.contact.evaluation import evaluate
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.parameter_form import Form, is_physical, parameter_form
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.quaternions import Array
+from test.contact.cases import CUBE, DT, TRUE, full_vector, noisy_geometry, rows_of_kind
+
+FRICTION, TILT, HEIGHT = 48, slice(49, 51), 51
+
+
+def tilted_cube() -> ContactGeometry:
+    """A physical geometry with nothing special about it."""
+    turn = quaternions.to_matrix(quaternions.exp([0.2, -0.1, 0.7]))
+    corners = CUBE.scaled_vertices + 0.05 * np.random.default_rng(1).standard_normal((8, 3))
+    return ContactGeometry(corners, turn[2], 0.9 * corners, 0.31 * turn[:2], np.array([0.5, -2.0, 0.3]), 0.07)
+
+
+def moved(geometry: ContactGeometry, step: Array) -> ContactGeometry:
+    """A physical geometry after a step (52,) in its own parameters: corners, log friction, a turn of the plane, height."""
+    axes = geometry.tangents / np.linalg.norm(geometry.tangents[0])
+    # A turn about axis b moves the normal towards axis a, one about -a towards b.
+    turn = quaternions.to_matrix(quaternions.exp(step[TILT][0] * axes[1] - step[TILT][1] * axes[0]))
+    return ContactGeometry(
+        geometry.vertices_normal + step[:24].reshape(8, 3),
+        turn @ geometry.normal,
+        geometry.vertices_tangent + step[24:48].reshape(8, 3),
+        np.exp(step[FRICTION]) * geometry.tangents @ turn.T,
+        geometry.pivot,
+        geometry.height + step[HEIGHT],
+    )
+
+
+@pytest.mark.parametrize("geometry", [TRUE, tilted_cube()], ids=["true", "tilted"])
+def test_the_physical_chart_is_the_derivative_of_the_geometry(geometry: ContactGeometry) -> None:
+    chart = parameter_form(geometry, Form.PHYSICAL).chart
+    for k in range(52):
+        step = 1e-6 * (np.arange(52) == k)
+        slope = (full_vector(moved(geometry, step)) - full_vector(moved(geometry, -step))) / 2e-6
+        np.testing.assert_allclose(chart[:, k], slope, atol=1e-9)
+
+
+def test_a_step_in_the_physical_form_stays_physical() -> None:
+    step = 0.1 * np.random.default_rng(2).standard_normal(52)
+    assert is_physical(moved(tilted_cube(), step))
+
+
+def test_the_contactnets_chart_leaves_the_height_out_and_changes_nothing_else() -> None:
+    chart = parameter_form(noisy_geometry(1), Form.CONTACTNETS).chart
+    np.testing.assert_array_equal(chart, np.eye(58)[:, :57])
+
+
+def test_scores_have_nothing_along_the_gauge() -> None:
+    """METHOD 6.5: a turn of the tangents leaves a circular cone's loss as it is."""
+    geometry = noisy_geometry(4)
+    gauge = parameter_form(geometry, Form.CONTACTNETS).gauge[0]
+    assert np.linalg.norm(gauge) == pytest.approx(1.0)
+    for kind in ("impact", "sliding"):
+        rows = rows_of_kind(kind)
+        scores = evaluate(geometry, CUBE, rows.before, rows.after, DT).scores[:, :57]
+        assert (np.square(scores @ gauge) / np.square(scores).sum(axis=1)).max() < 1e-12
+
+
+def test_the_names_of_the_physical_form_say_what_they_count() -> None:
+    form = parameter_form(TRUE, Form.PHYSICAL)
+    names = form.names()
+    assert len(names) == form.size == 52
+    assert names[47:] == ("vertices_tangent[7][2]", "friction", "tilt[0]", "tilt[1]", "height")
+
+
+def test_a_geometry_that_is_not_physical_has_no_physical_form() -> None:
+    assert not is_physical(noisy_geometry(5))
+    with pytest.raises(InvalidValueError, match="contactnets form"):
+        parameter_form(noisy_geometry(5), Form.PHYSICAL)
+    slippery = ContactGeometry(TRUE.vertices_normal, TRUE.normal, TRUE.vertices_tangent, np.zeros((2, 3)))
+    assert not is_physical(slippery)
