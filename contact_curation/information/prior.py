@@ -39,11 +39,9 @@ class LogDetPrior:
         if info.parameters != self.coordinates.shape[0]:
             expected = f"{self.coordinates.shape[0]}, as in the prior"
             raise InvalidValueError(f"parameters of toss {info.toss_id}", info.parameters, expected)
-        return (
-            sheared(info.factor, info.blocks, info.tilt_axes @ (self.pivot - info.centroid))
-            if info.tilt_axes.size
-            else info.factor
-        )
+        if not info.tilt_axes.size:
+            return info.factor
+        return sheared(info.factor, info.blocks, info.tilt_axes @ (self.pivot - info.centroid))
 
 
 def log_det_prior(pool: Pool, share: float, cut: float = EIGENVALUE_CUT) -> LogDetPrior:
