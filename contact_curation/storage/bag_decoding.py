@@ -136,7 +136,7 @@ def _stay_apart(fields: list[tuple[str, FieldDesc]]) -> bool:
 
 
 def _refuse_long_arrays(types: Typesdict, limits: BagLimits) -> None:
-    """For rosbags writes a line of code per element of a fixed-size array."""
+    """Refuses what no message has: rosbags writes a line of code per element of a fixed-size array."""
     for name, (_, fields) in types.items():
         for field, (kind, detail) in fields:
             if kind == Nodetype.ARRAY and int(detail[1]) > limits.fixed_array_length:
