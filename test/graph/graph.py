@@ -11,12 +11,13 @@ from typing import Any, Self
 import rclpy
 from contact_curation_msgs.msg import CuratedBuffer, TossInformation, TossRejected
 from contact_curation_msgs.msg import Toss as TossMessage
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
 from contact_curation.nodes.processes import NodeProcess, spawn_node
-from contact_curation.nodes.qos import kept
+from contact_curation.nodes.qos import kept, profile
 
 STORES = {"pose_ingest": "tosses.sqlite", "fisher_scorer": "information.sqlite", "curator": "buffer.sqlite"}
 POLL = 0.02
@@ -91,11 +92,12 @@ class Graph:
             self._stack.callback(self._listener.close)
         return self._listener
 
-    def start(self, name: str, remappings: Mapping[str, str] | None = None, **parameters: Any) -> NodeProcess:
-        """A node; a stage keeps its store in the folder, so that a second one goes on where the first was."""
+    def start(self, name: str, remappings: Mapping[str, str] | None = None, label: str = "", **parameters: Any) -> NodeProcess:
+        """A node; a stage keeps its store in the folder, so that a second one of its label goes on where the first was."""
         if name in STORES:
-            parameters.setdefault("store", self.folder / STORES[name])
-        process = spawn_node(name, parameters, self.domain, self.folder / f"{name}.log", remappings)
+            parameters.setdefault("store", self.folder / f"{label}{STORES[name]}")
+        log_path = self.folder / f"{label or name}.log"
+        process = spawn_node(name, parameters, self.domain, log_path, remappings)
         self.processes.append(process)
         return process
 
@@ -103,11 +105,17 @@ class Graph:
         """What all nodes said."""
         return "\n".join(f"== {path.name}\n{path.read_text()}" for path in sorted(self.folder.glob("*.log")))
 
-    def tosses(self) -> list[Any]:
-        return self.listener.listen(TossMessage, "/toss")
+    def tosses(self, topic: str = "/toss") -> list[Any]:
+        return self.listener.listen(TossMessage, topic)
 
     def rejected(self) -> list[Any]:
         return self.listener.listen(TossRejected, "/toss_rejected")
+
+    def diagnostics(self) -> list[Any]:
+        heard = self.listener.heard.setdefault("/diagnostics", [])
+        qos = profile(100, reliable=True, latched=False)
+        self.listener.node.create_subscription(DiagnosticArray, "/diagnostics", heard.append, qos)
+        return heard
 
     def information(self) -> list[Any]:
         return self.listener.listen(TossInformation, "/toss_information")

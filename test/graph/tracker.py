@@ -4,7 +4,7 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from geometry_msgs.msg import Point, Pose, PoseArray, PoseStamped, PoseWithCovarianceStamped, Quaternion, TransformStamped
+from geometry_msgs.msg import Point, Pose, PoseArray, PoseStamped, Quaternion, TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
@@ -12,6 +12,7 @@ from tf2_msgs.msg import TFMessage
 
 from contact_curation.motion.pose_stream import FramePose
 from contact_curation.nodes.messages.headers import Stamped, header_message
+from contact_curation.nodes.qos import kept
 from test.graph.graph import Listener, until
 
 PERIOD = 0.001
@@ -50,7 +51,7 @@ class Tracker:
 
     def __init__(self, listener: Listener, board: Sequence[FramePose]) -> None:
         self._node = listener.node
-        latched = self._node.create_publisher(TFMessage, "/tf_static", _latched())
+        latched = self._node.create_publisher(TFMessage, "/tf_static", kept(10))
         latched.publish(TFMessage(transforms=[message_of(TFMessage, one).transforms[0] for one in board]))
 
     def topic(self, kind: type, name: str, qos: QoSProfile) -> Publisher:
@@ -66,12 +67,3 @@ def publish(publishers: Sequence[Publisher], poses: Sequence[FramePose]) -> None
         for publisher in publishers:
             publisher.publish(message_of(publisher.msg_type, pose))
         time.sleep(PERIOD)
-
-
-def _latched() -> QoSProfile:
-    from contact_curation.nodes.qos import kept
-
-    return kept(10)
-
-
-WITH_POSE = (Odometry, PoseWithCovarianceStamped)

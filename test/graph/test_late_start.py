@@ -1,0 +1,104 @@
+"""Whoever comes late misses nothing; a new theta ranks everything anew."""
+
+import signal
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from contact_curation_msgs.msg import ModelParameters
+from contact_curation_msgs.srv import GetInformation, GetTosses
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters
+
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.information.curation import curate
+from contact_curation.information.ranker import RankingConfig
+from contact_curation.nodes.messages.model_parameters import parameters_message
+from contact_curation.nodes.messages.toss import toss_of
+from contact_curation.nodes.messages.toss_information import information_of
+from contact_curation.nodes.qos import kept
+from test.graph.graph import Graph
+from test.graph.offline import assert_same_buffer, curated, scored, tosses_of
+
+TOP = 5
+LONG = 40.0
+
+
+def set_criterion(graph: Graph, criterion: str) -> Any:
+    value = ParameterValue(type=4, string_value=criterion)
+    request = SetParameters.Request(parameters=[Parameter(name="criterion", value=value)])
+    return graph.listener.call(SetParameters, "/curator/set_parameters", request).results[0]
+
+
+def test_scorer_and_curator_that_come_late_and_a_new_theta_and_criterion(graph: Graph, golden_bag: Path) -> None:
+    tosses = graph.tosses()
+    expected = tosses_of(golden_bag)
+    graph.start("pose_ingest")
+    player = graph.start("player", bag=golden_bag, rate=40.0, wait_for=10.0)
+    graph.until(lambda: len(tosses) == len(expected), LONG, "the tosses")
+    assert player.wait(10.0) == 0
+
+    graph.start("fisher_scorer")
+    graph.start("curator", top=TOP)
+    buffers = graph.buffers()
+    graph.until(lambda: buffers and buffers[-1].tosses_seen == len(expected), LONG, "every toss to be curated")
+    assert_same_buffer(buffers[-1], curated(golden_bag, TOP))
+
+    stored = graph.listener.call(GetTosses, "/get_tosses", GetTosses.Request(after_sequence=2, limit=3))
+    assert [toss_of(toss).digest() for toss in stored.tosses] == [toss.digest() for toss in expected[2:5]]
+    named = graph.listener.call(GetTosses, "/get_tosses", GetTosses.Request(toss_ids=[expected[7].toss_id, "nobody"]))
+    assert [toss.sequence for toss in named.tosses] == [8]
+    assert named.unknown_ids == ["nobody"]
+
+    cube = ContactGeometry.of_body(CONTACTNETS_CUBE)
+    theta = replace(cube, vertices_normal=cube.vertices_normal * 1.005, tangents=cube.tangents * 1.2)
+    parameters = graph.listener.node.create_publisher(ModelParameters, "/model_parameters", kept(1))
+    parameters.publish(parameters_message(theta, "cube", "theta"))
+    new = curated(golden_bag, TOP, theta)
+    version = scored(expected[:1], theta)[0].parameters_version
+    graph.until(lambda: buffers[-1].parameters_version == version and buffers[-1].tosses_seen == len(expected), LONG, "theta")
+    assert_same_buffer(buffers[-1], new)
+
+    assert set_criterion(graph, "trace").successful
+    graph.until(lambda: buffers[-1].criterion == "trace", LONG, "another criterion")
+    page = graph.listener.call(GetInformation, "/get_information", GetInformation.Request(after_sequence=len(expected)))
+    informations = [information_of(message) for message in page.information]
+    assert_same_buffer(buffers[-1], curate(informations, RankingConfig(criterion="trace", top=TOP)))
+    refused = set_criterion(graph, "beauty")
+    assert not refused.successful
+    assert "log-det" in refused.reason
+
+
+WRONG: dict[str, tuple[str, dict[str, Any], str]] = {
+    "no body": ("pose_ingest", {"body_file": "/nowhere/body.yaml"}, "/nowhere/body.yaml"),
+    "a word for a number": ("pose_ingest", {"gates.depth": "deep"}, "gates.depth"),
+    "out of bounds": ("pose_ingest", {"queue_depth": 5}, "queue_depth"),
+    "not positive": ("pose_ingest", {"segmenter.shortest": -1.0}, "shortest: found -1.0, expected a positive number"),
+    "no such word": ("fisher_scorer", {"estimator": "guess"}, "one of empirical, gauss-newton"),
+    "no store": ("fisher_scorer", {"store": "/nowhere/store"}, "/nowhere/store"),
+    "no criterion": ("curator", {"criterion": "beauty"}, "criterion: found beauty"),
+    "no bag": ("player", {}, "the path of a recording"),
+    "no topic": ("player", {"topics": ["/nothing"]}, "expected /nothing"),
+}
+
+
+def test_a_wrong_parameter_ends_a_node_with_one_line_and_status_1(graph: Graph, golden_bag: Path) -> None:
+    for label, (name, parameters, _) in WRONG.items():
+        bag = {"bag": golden_bag} if "topics" in parameters else {}
+        graph.start(name, None, label, **parameters, **bag)
+    for process, (label, (_, _, line)) in zip(graph.processes, WRONG.items()):
+        assert process.wait(LONG) == 1, label
+        said = process.log().strip().splitlines()
+        assert len(said) == 1, process.log()
+        assert line in said[0]
+
+
+def test_nodes_end_quietly_when_asked_to(graph: Graph) -> None:
+    for name in ("pose_ingest", "fisher_scorer", "curator"):
+        graph.start(name)
+    expected = {process.name for process in graph.processes}
+    graph.until(lambda: expected <= set(graph.listener.node.get_node_names()), LONG, "the nodes")
+    for process, how in zip(graph.processes, (signal.SIGINT, signal.SIGTERM, signal.SIGTERM)):
+        assert process.stop(how) == 0
+        assert process.log() == ""

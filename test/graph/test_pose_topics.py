@@ -1,0 +1,137 @@
+"""pose_ingest takes poses as they come: types, qualities of service, bad ones, clocks that jump."""
+
+import math
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+from geometry_msgs.msg import PoseArray, PoseStamped
+from nav_msgs.msg import Odometry
+from tf2_msgs.msg import TFMessage
+
+from contact_curation.motion.pose_stream import FramePose
+from contact_curation.nodes.qos import kept, profile
+from test.graph.graph import Graph
+from test.graph.measured import measured_of, tosses_in
+from test.graph.tracker import Tracker, publish
+
+MESSAGES = 900
+"""Two tosses, and what follows until the third."""
+
+LONG = 30.0
+BEST_EFFORT = profile(1000, reliable=False, latched=False)
+
+
+@pytest.fixture
+def rig(golden_bag: Path) -> tuple[FramePose, ...]:
+    return tuple(one for one in measured_of(golden_bag) if one.static)
+
+
+@pytest.fixture
+def poses(golden_bag: Path) -> tuple[FramePose, ...]:
+    return tuple(one for one in measured_of(golden_bag)[:MESSAGES] if not one.static)
+
+
+def _two(messages: list[Any]) -> bool:
+    return len(messages) >= 2
+
+
+def ids(messages: list[Any]) -> list[str]:
+    return [message.toss_id for message in messages]
+
+
+def values_of(diagnostics: list[Any], node: str) -> dict[str, str]:
+    """The newest details that a node reported."""
+    reports = [status for array in diagnostics for status in array.status if status.name == node]
+    return {value.key: value.value for value in reports[-1].values} if reports else {}
+
+
+def test_every_type_of_pose_topic_gives_the_same_tosses(
+    graph: Graph, rig: tuple[FramePose, ...], poses: tuple[FramePose, ...]
+) -> None:
+    tracker = Tracker(graph.listener, rig)
+    kinds: dict[str, tuple[type, Any]] = {
+        "/odometry": (Odometry, BEST_EFFORT),
+        "/pose": (PoseStamped, kept(10)),
+        "/poses": (PoseArray, profile(1000, reliable=True, latched=False)),
+        "/tf": (TFMessage, profile(1000, reliable=True, latched=False)),
+    }
+    heard = {}
+    for topic in kinds:
+        label = topic.strip("/")
+        heard[topic] = graph.tosses(f"/{label}/toss")
+        graph.start("pose_ingest", {"__ns": f"/{label}"}, label, topic=topic, array_index=1, source="tracker")
+    publish([tracker.topic(kind, topic, qos) for topic, (kind, qos) in kinds.items()], poses)
+    expected = [toss.toss_id for toss in tosses_in((*rig, *poses), "tracker")]
+    assert len(expected) == 2
+    for topic, tosses in heard.items():
+        graph.until(partial(_two, tosses), LONG, f"the tosses of {topic}")
+        assert ids(tosses) == expected
+
+
+def test_bad_poses_are_counted_and_said_once_and_cost_no_toss(
+    graph: Graph, rig: tuple[FramePose, ...], poses: tuple[FramePose, ...]
+) -> None:
+    tosses, diagnostics = graph.tosses(), graph.diagnostics()
+    graph.start("pose_ingest", topic="/odometry")
+    tracker = Tracker(graph.listener, rig)
+    publisher = tracker.topic(Odometry, "/odometry", kept(10))
+    broken = []
+    for place, one in enumerate(poses):
+        broken.append(one)
+        if place % 100 == 50:
+            nowhere = one.pose._replace(position=(math.nan, 0.0, 0.0))
+            tilted = one.pose._replace(orientation_wxyz=(0.9, 0.0, 0.0, 0.0))
+            broken += [replace(one, pose=nowhere), replace(one, pose=tilted)]
+        if place == 300:  # in the middle of the first toss
+            broken.append(replace(one, parent="elsewhere", stamp_ns=one.stamp_ns + 1000))
+    publish([publisher], broken)
+    graph.until(lambda: len(tosses) >= 2, LONG, "the tosses")
+    assert ids(tosses) == [toss.toss_id for toss in tosses_in((*rig, *poses), "/odometry")]
+    graph.until(lambda: values_of(diagnostics, "/pose_ingest").get("bad pose") == "18", 5.0, "the count of bad poses")
+    log = graph.processes[0].log()
+    assert log.count("expected finite numbers") + log.count("quaternion norm") == 1
+    assert "bad frame: body_cube" in log
+    assert "elsewhere" in log
+
+
+def test_a_clock_that_jumps_back_ends_the_toss_and_the_same_tosses_come_once(
+    graph: Graph, rig: tuple[FramePose, ...], poses: tuple[FramePose, ...]
+) -> None:
+    tosses, rejected = graph.tosses(), graph.rejected()
+    graph.start("pose_ingest", topic="/odometry")
+    tracker = Tracker(graph.listener, rig)
+    publisher = tracker.topic(Odometry, "/odometry", kept(10))
+    expected = tosses_in((*rig, *poses), "/odometry")
+    middle = int(expected[1].stamps_ns[expected[1].frames // 2])
+    publish([publisher], [one for one in poses if one.stamp_ns < middle])
+    publish([publisher], poses)
+    publish([publisher], poses)
+    graph.until(lambda: len(tosses) >= 2 and rejected, LONG, "the tosses")
+    assert ids(tosses) == [toss.toss_id for toss in expected]
+    assert ids(rejected) == [expected[1].toss_id]
+    assert "clock: found a jump back" in rejected[0].reasons[0]
+
+
+def test_what_a_live_tracker_sends_while_the_node_is_dead_shows_as_a_gap(
+    graph: Graph, rig: tuple[FramePose, ...], poses: tuple[FramePose, ...]
+) -> None:
+    tosses, rejected = graph.tosses(), graph.rejected()
+    node = graph.start("pose_ingest", topic="/odometry")
+    tracker = Tracker(graph.listener, rig)
+    live = profile(1000, reliable=True, latched=False)
+    publisher = tracker.topic(Odometry, "/odometry", live)
+    expected = tosses_in((*rig, *poses), "/odometry")
+    middle = int(expected[0].stamps_ns[expected[0].frames // 2])
+    publish([publisher], [one for one in poses if one.stamp_ns < middle])
+    node.kill()
+    graph.start("pose_ingest", topic="/odometry")
+    # DDS believes in the dead subscriber for a while longer
+    graph.until(lambda: publisher.get_subscription_count() == 2, LONG, "the node to come back")
+    publish([publisher], [one for one in poses if one.stamp_ns > middle + 50_000_000])
+    graph.until(lambda: tosses and rejected, LONG, "the second toss")
+    assert ids(tosses) == [expected[1].toss_id]
+    assert ids(rejected) == [expected[0].toss_id]
+    assert rejected[0].reasons[0].startswith("gap: found")
