@@ -29,8 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
     from contact_curation.storage.tagslam_bag import import_contactnets
 
     report = import_contactnets(arguments.input, arguments.out, chosen_body(arguments))
-    for line in report.skipped:
-        warn(f"skipped {line}")
+    warn([f"skipped {line}" for line in report.skipped])
     if arguments.json:
         print_json({"out": str(arguments.out), **asdict(report)})
     else:

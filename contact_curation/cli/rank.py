@@ -10,9 +10,8 @@ from contact_curation.cli.progress import Progress
 from contact_curation.cli.rank_options import RankConfig, add_rank_options, rank_config
 from contact_curation.cli.rank_report import RankReport, diagnostics_of, json_report, picture_of, print_report
 from contact_curation.cli.rank_rows import TossPool, manifest_rows, pool_of_inputs
-from contact_curation.cli.report import print_json, warn
+from contact_curation.cli.report import nothing_found, print_json, warn
 from contact_curation.dashboard.ranking_figure import save_ranking_figure
-from contact_curation.errors import InvalidValueError
 from contact_curation.information.curation import Curation, curate_particles
 from contact_curation.information.diagnostics import BlockShare, block_shares
 from contact_curation.information.pool import pool_of
@@ -43,15 +42,16 @@ def run(arguments: argparse.Namespace) -> int:
         scored = score_pool(arguments.inputs, config.pool, jobs, progress.advance)
     pool = pool_of_inputs(scored.inputs)
     warnings = (*(line for one in scored.inputs for line in one.reading.warnings), *pool.left_out)
-    for line in warnings:
-        warn(line)
     curation = curated(pool, config) if pool.rankable else None
     report = RankReport(manifest_of(arguments, config, scored, pool, curation), warnings, arguments.out, _figure(arguments))
     if report.out:
         write_manifest(report.manifest, report.out)
     if curation is None:
         reasons = "; ".join(f"{count} {name}" for name, count in report.outcomes.items() if count)
-        raise InvalidValueError("inputs", f"no toss that could be ranked ({reasons or 'no toss at all'})", "at least one")
+        raise nothing_found(
+            arguments.inputs, warnings, f"no toss that could be ranked ({reasons or 'no toss at all'})", "at least one"
+        )
+    warn(warnings)
     if report.figure:
         save_ranking_figure(picture_of(report, curation, kept_shares(pool, curation)), report.figure)
     if arguments.json:

@@ -4,8 +4,14 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
+
+from contact_curation.errors import ContactCurationError, InvalidValueError
+
+MOST_CAUSES = 3
+"""Of one error that fit a line."""
 
 
 def add_json_option(parser: argparse.ArgumentParser) -> None:
@@ -33,6 +39,16 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def warn(line: str) -> None:
-    """One line of warning on stderr."""
-    print(f"contact-curation: warning: {line}", file=sys.stderr, flush=True)
+def warn(lines: Sequence[str]) -> None:
+    """Lines of warning on stderr."""
+    for line in lines:
+        print(f"contact-curation: warning: {line}", file=sys.stderr, flush=True)
+
+
+def nothing_found(paths: Sequence[Path], warnings: Sequence[str], found: str, expected: str) -> ContactCurationError:
+    """The error where no input gave anything: what went wrong with the only one, or a summary behind a line for each cause."""
+    if len(paths) == 1 and 1 <= len(warnings) <= MOST_CAUSES:
+        others = [line.removeprefix(f"{paths[0]}: ") for line in warnings[1:]]
+        return ContactCurationError("; ".join([warnings[0], *others]))
+    warn(warnings)
+    return InvalidValueError("inputs", found, expected)

@@ -13,10 +13,9 @@ from contact_curation.cli.option_types import PathEndingIn
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.reading import InputReader, ReadingConfig
 from contact_curation.cli.reading_options import add_reading_options, stages_of
-from contact_curation.cli.report import add_json_option, print_json, warn
+from contact_curation.cli.report import add_json_option, nothing_found, print_json, warn
 from contact_curation.contact.evaluation import Cone, Evaluation, LossConfig, SolveStatus, evaluate
 from contact_curation.contact.parameter_form import Form, parameter_form
-from contact_curation.errors import InvalidValueError
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
 from contact_curation.storage.inputs import InputsConfig
@@ -52,6 +51,7 @@ class Tally:
         rejected: motions that were no tosses.
         repeated: tosses that came before.
         failed: inputs that could not be read.
+        warnings: what was left out or lost, one line each.
     """
 
     tosses: int = 0
@@ -60,6 +60,7 @@ class Tally:
     rejected: int = 0
     repeated: int = 0
     failed: int = 0
+    warnings: list[str] = field(default_factory=list)
 
     def add(self, tosses: int, evaluation: Evaluation) -> None:
         self.tosses += tosses
@@ -81,27 +82,27 @@ def run(arguments: argparse.Namespace) -> int:
             tally.add(len(batch), _score(batch, theta, stages["loss"], writer))
             progress.advance(len(batch))
         if not tally.statuses:
-            raise InvalidValueError("inputs", "no toss", "at least one that can be scored")
+            raise nothing_found(arguments.inputs, tally.warnings, "no toss that could be scored", "at least one")
+    warn(tally.warnings)
     _report(arguments, tally)
     return 0
 
 
 def _tosses(paths: Sequence[Path], config: ReadingConfig, tally: Tally) -> Iterator[Toss]:
-    """The tosses of all inputs, each once; what was left out is warned of."""
+    """The tosses of all inputs, each once; what was left out is noted."""
     known = KnownTosses()
     for path in paths:
         reader = InputReader(path, config)
         for toss in reader.tosses():
             if line := known.why_not(toss.toss_id, toss.digest(), str(path)):
                 tally.repeated += 1
-                warn(f"{path}: {line}")
+                tally.warnings.append(f"{path}: {line}")
             else:
                 yield toss
         reading = reader.reading()
         tally.rejected += sum(bool(seen.reasons) for seen in reading.seen)
         tally.failed += not reading.complete
-        for line in reading.warnings:
-            warn(line)
+        tally.warnings += reading.warnings
 
 
 def _score(tosses: Sequence[Toss], theta: Parameters, config: LossConfig, writer: ScoreFileWriter) -> Evaluation:
@@ -129,6 +130,7 @@ def _report(arguments: argparse.Namespace, tally: Tally) -> None:
         "repeated": tally.repeated,
         "inputs": len(arguments.inputs),
         "failed_inputs": tally.failed,
+        "warnings": tally.warnings,
     }
     if arguments.json:
         print_json(content)

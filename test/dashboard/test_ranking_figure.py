@@ -56,7 +56,7 @@ def test_every_criterion_has_its_unit() -> None:
         replace(picture(), spectrum=np.array([0.0, 0.0, 1.0]), epsilon=1.0),
         replace(picture(), shares={}, criterion="longest"),
     ],
-    ids=["one toss", "all kept", "equal scores", "no gains", "negative", "wide", "no spectrum", "empty directions", "no blocks"],
+    ids=["one toss", "all kept", "equal", "no gains", "negative", "wide", "no spectrum", "empty directions", "no blocks"],
 )
 def test_unusual_pools_are_drawn_without_a_warning(tmp_path: Path, unusual: RankingPicture) -> None:
     save_ranking_figure(unusual, tmp_path / "figure.png")

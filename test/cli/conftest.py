@@ -1,0 +1,35 @@
+"""The command line, run in this process."""
+
+from pathlib import Path
+
+import pytest
+
+from contact_curation.cli.main import main
+from test.cli.commands import Cli, Outcome, write_parameters
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def cli(capsys: pytest.CaptureFixture[str]) -> Cli:
+    """Runs a command line, word by word."""
+
+    def run(*words: object) -> Outcome:
+        try:
+            status = main([str(word) for word in words])
+        except SystemExit as end:
+            status = int(end.code or 0)
+        return Outcome(status, *capsys.readouterr())
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def golden() -> Path:
+    """The recording of 24 tosses, 3 of which must be kept back, that comes with the repository."""
+    return REPOSITORY / "bags" / "golden.mcap"
+
+
+@pytest.fixture
+def true_parameters(tmp_path: Path) -> Path:
+    return write_parameters(tmp_path / "true.json")

@@ -1,0 +1,45 @@
+"""`import contactnets`: the bag gives the tosses back."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from test.cli.commands import Cli
+
+
+@pytest.fixture
+def folder(contactnets_folder: Path, tmp_path: Path) -> Path:
+    """Three real tosses, and a file that is none."""
+    own = tmp_path / "few"
+    own.mkdir()
+    for number in (0, 1, 2):
+        (own / f"{number}.pt").write_bytes((contactnets_folder / f"{number}.pt").read_bytes())
+    (own / "3.pt").write_bytes(b"no tensor")
+    return own
+
+
+def test_the_bag_holds_the_tosses_and_says_what_was_skipped(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    done = cli("import", "contactnets", folder, "--out", tmp_path / "few.mcap", "--json")
+    assert done.status == 0
+    assert done.json["tosses"] == 3
+    assert len(done.json["skipped"]) == 1
+    assert [line for line in done.err_lines if "3.pt" in line and "warning" in line]
+    ranked = cli("rank", tmp_path / "few.mcap", "--json").json
+    assert ranked["outcomes"]["kept"] == 3
+    lengths = sorted(row["frames"] for row in ranked["tosses"])
+    direct = sorted(row["frames"] for row in cli("rank", folder, "--json").json["tosses"])
+    assert np.abs(np.subtract(lengths, direct)).max() <= 25  # the rest at the end is cut off earlier, METHOD 3
+
+
+def test_people_are_told_in_one_line(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    done = cli("import", "contactnets", folder, "--out", tmp_path / "few.mcap")
+    assert done.out.startswith(f"{tmp_path / 'few.mcap'}: 3 tosses")
+    assert done.out.count("\n") == 1
+
+
+def test_a_folder_without_tosses_is_one_clear_error_and_leaves_no_bag(cli: Cli, tmp_path: Path) -> None:
+    done = cli("import", "contactnets", tmp_path, "--out", tmp_path / "none.mcap")
+    assert (done.status, done.out) == (1, "")
+    assert done.err == f"contact-curation: error: {tmp_path}: found no .pt files, expected ContactNets' N.pt\n"
+    assert list(tmp_path.iterdir()) == []

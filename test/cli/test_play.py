@@ -1,0 +1,53 @@
+"""`play`: options become the player's ROS parameters; the process becomes the node."""
+
+import os
+import sys
+
+import pytest
+
+from contact_curation.cli.main import build_parser
+from contact_curation.cli.play import player_command
+from test.cli.commands import Cli
+
+
+def command(*words: str) -> list[str]:
+    return player_command(build_parser(["play"]).parse_args(["play", *words]))
+
+
+def test_options_become_parameters_of_the_same_names() -> None:
+    words = command(
+        "a bag.mcap", "--rate", "2", "--loop", "--start-offset", "1.5", "--clock", "50", "--topics", "/tf", "/odom",
+        "--remap", "/odom:=/pose", "--start-paused", "--as-fast-as-possible",
+    )  # fmt: skip
+    assert words[:4] == [sys.executable, "-m", "contact_curation.nodes.player", "--ros-args"]
+    given = {value for flag, value in zip(words[4::2], words[5::2]) if flag == "-p"}
+    assert given == {
+        'bag:="a bag.mcap"',
+        "rate:=2.0",
+        "loop:=true",
+        "start_offset:=1.5",
+        "clock:=50.0",
+        'topics:=["/tf", "/odom"]',
+        "start_paused:=true",
+        "as_fast_as_possible:=true",
+    }
+    assert words[-2:] == ["-r", "/odom:=/pose"]
+
+
+def test_without_options_the_player_plays_everything_as_it_was_recorded() -> None:
+    words = command("a.mcap")
+    assert "rate:=1.0" in words
+    assert "loop:=false" in words
+    assert not any(word.startswith("topics") for word in words)
+
+
+def test_the_process_becomes_the_node(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
+    became: list[list[str]] = []
+
+    def execv(program: str, words: list[str]) -> None:
+        became.append([program, *words])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "execv", execv)
+    cli("play", "a.mcap")
+    assert became[0][:4] == [sys.executable, sys.executable, "-m", "contact_curation.nodes.player"]
