@@ -14,6 +14,7 @@ from contact_curation.storage.bag_errors import Losses
 from contact_curation.storage.bag_file import file_sha256
 from contact_curation.storage.bag_folder import compare, storage_files
 from contact_curation.storage.bag_limits import BagLimits
+from contact_curation.storage.bag_notes import recorded_note
 from contact_curation.storage.bag_records import BagMessage, Channel, OfferedQos, RawMessage, TopicInfo
 from contact_curation.storage.bag_storage import merged, open_storage
 
@@ -95,6 +96,10 @@ class BagReader:
             reliable=any(qos.reliable for qos in offered),
             depth=max(qos.depth for qos in offered),
         )
+
+    def note(self, name: str) -> dict[str, str]:
+        """A note about the whole recording that `BagWriter.note` left; empty where there is none or its place was cut off."""
+        return {key: value for file in self._folder.files for key, value in recorded_note(file, name).items()}
 
     @property
     def losses(self) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from contact_curation.storage.input_records import Found, InputReading, InputsCo
 from contact_curation.storage.pose_messages import Measured
 from contact_curation.storage.pose_source import PoseSource, TypedTopic, find_pose_source
 from contact_curation.storage.provenance import TossProvenance
+from contact_curation.storage.recorded_rules import NOTE, with_recorded_rules
 
 
 def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReading:
@@ -27,7 +28,9 @@ def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReadin
     with BagReader(path) as reader:
         topics = [TypedTopic(info.name, info.type) for info in reader.topics if info.count != 0]
         source = find_pose_source(path, topics, body.name, config.poses)
-        tosses = _BagTosses(TossProvenance(str(path), reader.sha256, source.body.name), source, body, config)
+        rules = with_recorded_rules(config.segmenter, reader.note(NOTE))
+        origin = TossProvenance(str(path), reader.sha256, source.body.name)
+        tosses = _BagTosses(origin, source, body, replace(config, segmenter=rules))
         for message in reader.messages(source.topics):
             yield from tosses.of(message)
         yield from tosses.rest()

@@ -3,6 +3,7 @@
 import fcntl
 import os
 import shutil
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -119,6 +120,10 @@ class BagWriter:
         self._first_ns, self._last_ns = min(self._first_ns, log_time_ns), max(self._last_ns, log_time_ns)
         published = log_time_ns if publish_time_ns is None else publish_time_ns
         self._writer.add_message(stream.channel, log_time=log_time_ns, data=data, publish_time=published)
+
+    def note(self, name: str, values: Mapping[str, str]) -> None:
+        """Adds a named note about the whole recording, as MCAP metadata; `BagReader.note` gives it back."""
+        self._writer.add_metadata(name, dict(values))
 
     def close(self) -> None:
         """Completes the bag and gives it its name."""
