@@ -4,8 +4,8 @@ The kernel differentiates by everything: vertices_normal (3V), normal (3), verti
 this order, Q = 6V + 10 numbers. A form says how these move with its own P parameters, dQ/dtheta, so that scores change as g C
 and Fisher matrices as C^T F C.
 
-- ``contactnets``: the 57 parameters (V = 8) of ContactNets' polytope. Two of its directions are no information: a turn of the
-  tangents (gauge), and the length of the normal (scale collapse, METHOD 1.1).
+- ``contactnets``: the 57 parameters (V = 8) of ContactNets' polytope. A turn of the tangents (gauge) changes neither loss nor
+  motion (METHOD 1.1): it is projected out, so that no estimator, Gauss-Newton's least of all, finds information in it.
 - ``physical``: vertices_normal, vertices_tangent, friction (its logarithm), tilt (2) about a pivot, height. The normal stays a
   unit vector, friction a number; nothing depends on where the board's origin lies once the pivot is the data's centroid.
 """
@@ -103,7 +103,9 @@ def _contactnets_form(geometry: ContactGeometry) -> ParameterForm:
     size = 2 * own + 9
     turn = np.zeros((1, size))
     turn[0, -6:] = np.concatenate([geometry.tangents[1], -geometry.tangents[0]])
-    return ParameterForm(Form.CONTACTNETS, blocks, np.eye(size + 1)[:, :size], turn / np.linalg.norm(turn), np.zeros((0, 3)))
+    turn /= np.linalg.norm(turn)
+    chart = np.eye(size + 1)[:, :size] @ (np.eye(size) - turn.T @ turn)
+    return ParameterForm(Form.CONTACTNETS, blocks, chart, turn, np.zeros((0, 3)))
 
 
 def _physical_form(geometry: ContactGeometry) -> ParameterForm:

@@ -50,9 +50,15 @@ def test_a_step_in_the_physical_form_stays_physical() -> None:
     assert is_physical(moved(tilted_cube(), step))
 
 
-def test_the_contactnets_chart_leaves_the_height_out_and_changes_nothing_else() -> None:
-    chart = parameter_form(noisy_geometry(1), Form.CONTACTNETS).chart
-    np.testing.assert_array_equal(chart, np.eye(58)[:, :57])
+def test_the_contactnets_chart_leaves_out_the_height_and_the_gauge_and_changes_nothing_else() -> None:
+    form = parameter_form(noisy_geometry(1), Form.CONTACTNETS)
+    steps = np.random.default_rng(0).standard_normal((5, 57))
+    along = steps @ form.gauge.T
+    np.testing.assert_allclose(
+        (steps - along * form.gauge) @ form.chart.T, np.pad(steps - along * form.gauge, ((0, 0), (0, 1))), atol=1e-14
+    )
+    np.testing.assert_allclose(form.chart @ form.gauge.T, 0.0, atol=1e-15)
+    np.testing.assert_array_equal(form.chart[57], 0.0)
 
 
 def test_scores_have_nothing_along_the_gauge() -> None:
