@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from contact_curation_msgs.msg import Toss as TossMessage
 from contact_curation_msgs.msg import TossInformation as TossInformationMessage
 from contact_curation_msgs.srv import GetInformation, GetTosses
 
+from contact_curation.contact.evaluation import DEFAULT_LOSS
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.scoring import ScoringConfig
@@ -43,7 +45,7 @@ class FisherScorer(StageNode):
     def __init__(self) -> None:
         super().__init__("fisher_scorer")
         self._body = declared_body(self)
-        config = declare_config(self, ScoringConfig())
+        config = declare_config(self, ScoringConfig(loss=replace(DEFAULT_LOSS, threads=1)))
         parameters = declare(self, "params", "", "JSON file with theta to begin with; empty: the body as described")
         store = Path(declare(self, "store", "information.sqlite", "file that information is kept in"))
         geometry = ContactGeometry.of_body(self._body)
