@@ -1,4 +1,4 @@
-"""Which public tosses are the same recording twice, but for the board's heading; and how many of them leak into the held-out ids.
+"""Which public tosses are one recording under two headings of the board, and how many of them leak into the held-out ids.
 
 Heights and body-frame velocities do not depend on the heading. The tosses are found through CONTACTNETS_DATA.
 
