@@ -74,6 +74,9 @@ inline Lane step_to_zero(Lane x, Lane d) {
   return select(falling, x / select(falling, -d, broadcast(1.0)), broadcast(1e30));
 }
 
+// A predictor that gets less far than this says nothing about the second order; correcting with it can hold the method up for good.
+constexpr double kTrusted = 0.3;
+
 // Everything an iteration holds; member arrays are per contact.
 template <bool Circular>
 struct InteriorPoint {
@@ -384,25 +387,26 @@ struct InteriorPoint {
     }
   }
 
-  // One Newton direction; `corrected` adds centring and Mehrotra's second-order term from the predictor's step.
-  void direction(bool corrected, Lane centre) {
+  // One Newton direction; `corrected` adds centring and, as far as `trust` says, Mehrotra's second-order term from
+  // the predictor's step.
+  void direction(bool corrected, Lane centre, Lane trust) {
     Lane push[kMaxContacts][3], slack_push[kMaxContacts], target[kMaxContacts][3];
     Lane facet_push[Circular ? 1 : kMaxContacts][kFacets];
     for (int i = 0; i < contacts; ++i) {
       slack_push[i] = -slack_gap[i] * slack_dual[i];
-      if (corrected) slack_push[i] += centre - slack_step[i] * slack_dual_step[i];
+      if (corrected) slack_push[i] += centre - trust * slack_step[i] * slack_dual_step[i];
       Lane wanted[3];
       for (int c = 0; c < 3; ++c) wanted[c] = -stationarity[i][c];
       if constexpr (!Circular)
         for (int k = 0; k < kFacets; ++k) {
           facet_push[i][k] = -facet_gap[i][k] * facet_dual[i][k];
-          if (corrected) facet_push[i][k] += centre - facet_step[i][k] * facet_dual_step[i][k];
+          if (corrected) facet_push[i][k] += centre - trust * facet_step[i][k] * facet_dual_step[i][k];
           for (int c = 0; c < 3; ++c) wanted[c] += facets[k].row[c] * facet_push[i][k] / facet_gap[i][k];
         }
       into_basis(i, wanted, push[i]);
       if constexpr (Circular) {
         Lane aimed[3], back[3];
-        aim(i, corrected, centre, aimed);
+        aim(i, corrected, centre, trust, aimed);
         into_basis(i, aimed, target[i]);
         inverse_scale(i, target[i], back);
         for (int c = 0; c < 3; ++c) push[i][c] += back[c];
@@ -432,14 +436,14 @@ struct InteriorPoint {
   }
 
   // scaled \ d: where the linearised complementarity wants scaled step and scaled dual step to sum to.
-  void aim(int i, bool corrected, Lane centre, Lane *target) const {
+  void aim(int i, bool corrected, Lane centre, Lane trust, Lane *target) const {
     const Lane *v = scaled[i];
     for (int c = 0; c < 3; ++c) target[c] = -v[c];
     if (!corrected) return;
     const Lane *a = scaled_step[i], *b = scaled_dual_step[i];
-    const Lane d0 = centre - dot<3>(a, b);
-    const Lane d1 = -a[0] * b[1] - b[0] * a[1];
-    const Lane d2 = -a[0] * b[2] - b[0] * a[2];
+    const Lane d0 = centre - trust * dot<3>(a, b);
+    const Lane d1 = -trust * (a[0] * b[1] + b[0] * a[1]);
+    const Lane d2 = -trust * (a[0] * b[2] + b[0] * a[2]);
     const Lane divided = (v[0] * d0 - v[1] * d1 - v[2] * d2) / determinant(v);
     target[0] += divided;
     target[1] += (d1 - divided * v[1]) / v[0];
@@ -499,7 +503,7 @@ struct InteriorPoint {
   }
 
   int run() {
-    const Lane zero = broadcast(0.0);
+    const Lane zero = broadcast(0.0), one = broadcast(1.0);
     start();
     LaneMask open = zero == zero;
     for (int iteration = 0;; ++iteration) {
@@ -509,10 +513,10 @@ struct InteriorPoint {
       open = open & ~((centre <= tolerance) & (worst <= options.stationarity_tolerance));
       if (!any(open) || iteration == options.max_iterations) return iteration;
       factorize();
-      direction(false, zero);
+      direction(false, zero, zero);
       const Lane reach = minimum(longest_step(), broadcast(1.0));
       const Lane ratio = complementarity_after(reach) / centre;
-      direction(true, maximum(ratio * ratio * ratio, broadcast(1e-12)) * centre);
+      direction(true, maximum(ratio * ratio * ratio, broadcast(1e-12)) * centre, select(reach < kTrusted, zero, one));
       const Lane length = minimum(0.995 * longest_step(), broadcast(1.0));
       open = open & (length > 1e-9);  // a lane that no longer moves, or met a value that is not finite, keeps what it has
       advance(open, length);
