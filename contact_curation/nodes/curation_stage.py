@@ -30,7 +30,8 @@ class CurationConfig:
     """How the buffer is kept.
 
     Attributes:
-        selection: exact: ranks all tosses; streaming: bounded memory, criteria trace and log-det only.
+        selection: exact: ranks all tosses; streaming: bounded memory, criteria trace and log-det only; sieve: the same with
+            the sieve alone, log-det only.
         warm_up: tosses that a streaming log-det takes its prior from.
         coverage: a new theta takes over once this share of the known tosses is scored at it.
     """

@@ -31,14 +31,14 @@ from contact_curation.storage.bag_reader import BagReader
 from contact_curation.storage.bag_records import RawMessage
 
 FOREVER = 1e9
-LONGEST_NAP = 0.5
-"""[s] between looks at whether subscribers are there."""
+NAP = Duration(seconds=0.1)
+"""Between looks at whether subscribers are there, have got everything, or the player is to stop."""
 
 BURST = 1000
 """Messages between acknowledgements when playing as fast as possible."""
 
-PATIENCE = Duration(seconds=10)
-"""For acknowledgements."""
+PATIENCE = 10
+"""[s] for acknowledgements."""
 
 
 class Player(StageNode):
@@ -134,7 +134,7 @@ class Player(StageNode):
             publisher.publish(message.data)
             published += 1
             if self._fast and published % BURST == 0:
-                publisher.wait_for_all_acked(PATIENCE)
+                self._acknowledged(publisher)
 
     def _messages(self) -> Iterator[RawMessage]:
         return self._reader.raw_messages(list(self._outlets))
@@ -159,7 +159,7 @@ class Player(StageNode):
         end_ns = self._now() + int(self._wait * NANOSECONDS)
         with self._changed:
             while not self._stopped and self._now() < end_ns and not self._heard():
-                self._changed.wait(min(LONGEST_NAP, self._wait) / 10.0)
+                self._changed.wait(NAP.nanoseconds / NANOSECONDS)
 
     def _heard(self) -> bool:
         return any(publisher.get_subscription_count() for publisher in self._outlets.values())
@@ -171,9 +171,15 @@ class Player(StageNode):
             return
         self.get_logger().info(f"played {self._reader.path}")
         for publisher in self._outlets.values():
-            publisher.wait_for_all_acked(PATIENCE)
+            self._acknowledged(publisher)
         if not self._stay:
             self.context.try_shutdown()
+
+    def _acknowledged(self, publisher: Publisher) -> None:
+        """Waits until all subscribers have got everything; not for ever, because one may have died, nor once it is to stop."""
+        end_ns = self._now() + PATIENCE * NANOSECONDS
+        while not (self._stopped or publisher.wait_for_all_acked(NAP)) and self._now() < end_ns:
+            pass
 
     def _triggers(self) -> None:
         """The services; rosbag2_interfaces, whose types `ros2 bag play` uses, is not needed for them."""

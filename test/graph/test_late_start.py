@@ -5,10 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import yaml
 from contact_curation_msgs.msg import ModelParameters
 from contact_curation_msgs.srv import GetInformation, GetTosses
 from rcl_interfaces.msg import Parameter, ParameterValue
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParameters
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
@@ -21,6 +22,7 @@ from contact_curation.nodes.qos import kept
 from test.graph.graph import Graph
 from test.graph.offline import assert_same_buffer, curated, scored, tosses_of
 
+NODES_YAML = Path(__file__).resolve().parents[2] / "contact_curation" / "config" / "nodes.yaml"
 TOP = 5
 LONG = 40.0
 
@@ -94,11 +96,23 @@ def test_a_wrong_parameter_ends_a_node_with_one_line_and_status_1(graph: Graph, 
         assert line in said[0]
 
 
-def test_nodes_end_quietly_when_asked_to(graph: Graph) -> None:
+def assert_described(graph: Graph, name: str) -> None:
+    """A node knows all parameters of config/nodes.yaml and describes each of its own."""
+    listed = graph.listener.call(ListParameters, f"/{name}/list_parameters", ListParameters.Request()).result.names
+    own = [parameter for parameter in listed if parameter not in ("use_sim_time", "start_type_description_service")]
+    request = DescribeParameters.Request(names=own)
+    described = graph.listener.call(DescribeParameters, f"/{name}/describe_parameters", request).descriptors
+    assert [one.name for one in described if not one.description] == []
+    assert set(yaml.safe_load(NODES_YAML.read_text())[f"/**/{name}"]["ros__parameters"]) <= set(own)
+
+
+def test_nodes_describe_their_parameters_and_end_quietly_when_asked_to(graph: Graph) -> None:
     for name in ("pose_ingest", "fisher_scorer", "curator"):
         graph.start(name)
     expected = {process.name for process in graph.processes}
     graph.until(lambda: expected <= set(graph.listener.node.get_node_names()), LONG, "the nodes")
+    for process in graph.processes:
+        assert_described(graph, process.name)
     for process, how in zip(graph.processes, (signal.SIGINT, signal.SIGTERM, signal.SIGTERM)):
         assert process.stop(how) == 0
         assert process.log() == ""

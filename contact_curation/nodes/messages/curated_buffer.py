@@ -10,7 +10,6 @@ def buffer_message(buffer: Buffer) -> CuratedBuffer:
     """The kept set as it is published, best first."""
     curation, sample = buffer.curation, buffer.candidates[0]
     kept = [entry for entry in curation.ranking.entries if entry.kept]
-    certificate = curation.ranking.certificate
     return CuratedBuffer(
         header=header_message(Stamped(buffer.newest_stamp_ns, buffer.frame_id)),
         body=sample.body,
@@ -24,8 +23,14 @@ def buffer_message(buffer: Buffer) -> CuratedBuffer:
         scores=[float(entry.score) for entry in kept],
         marginal_gains=[float(entry.marginal_gain) for entry in kept],
         log_det=buffer.log_det,
-        efficiency_bound=0.0 if certificate is None else certificate.kiefer_wolfowitz,
+        efficiency_bound=_efficiency_bound(buffer),
         epsilon=curation.epsilon,
         block_names=[share.name for share in curation.block_shares],
         block_shares=[share.share for share in curation.block_shares],
     )
+
+
+def _efficiency_bound(buffer: Buffer) -> float:
+    """What is proven of the kept set against every other of its size; nothing is of tosses that were seen and let go."""
+    certificate = buffer.curation.ranking.certificate
+    return certificate.subset if certificate and buffer.seen == len(buffer.candidates) else 0.0

@@ -1,0 +1,57 @@
+"""A recording through the whole graph: player, pose_ingest, fisher_scorer, curator.
+
+    ros2 launch contact_curation replay.launch.py bag:=session.mcap rate:=5.0 folder:=results
+
+With your own tracker instead of a recording, leave `bag` empty.
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import LaunchConfigurationNotEquals
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+PACKAGE = "contact_curation"
+STORES = {"pose_ingest": "tosses.sqlite", "fisher_scorer": "information.sqlite", "curator": "buffer.sqlite"}
+
+
+def generate_launch_description() -> LaunchDescription:
+    """The nodes, their parameter file, and where they keep what they know."""
+    default_file = PathJoinSubstitution([FindPackageShare(PACKAGE), "config", "nodes.yaml"])
+    arguments = [
+        DeclareLaunchArgument("bag", default_value="", description="recording to play; empty: poses come live"),
+        DeclareLaunchArgument("rate", default_value="1.0", description="recorded seconds a second"),
+        DeclareLaunchArgument("folder", default_value=".", description="folder that the stores are kept in"),
+        DeclareLaunchArgument("params_file", default_value=default_file, description="parameters of the nodes"),
+    ]
+    stages = [
+        Node(
+            package=PACKAGE,
+            executable=name,
+            name=name,
+            output="screen",
+            parameters=[
+                LaunchConfiguration("params_file"),
+                {"store": PathJoinSubstitution([LaunchConfiguration("folder"), store])},
+            ],
+        )
+        for name, store in STORES.items()
+    ]
+    player = Node(
+        package=PACKAGE,
+        executable="player",
+        name="player",
+        output="screen",
+        condition=LaunchConfigurationNotEquals("bag", ""),
+        parameters=[
+            {
+                "bag": LaunchConfiguration("bag"),
+                "rate": ParameterValue(LaunchConfiguration("rate"), value_type=float),
+                "wait_for": 10.0,
+                "stay": True,
+            }
+        ],
+    )
+    return LaunchDescription([*arguments, *stages, player])
