@@ -1,0 +1,74 @@
+"""`make demo`: nodes and library agree, and no process is left behind however it ends."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from contact_curation.cli.demo import main
+from contact_curation.cli.node_process import NodeProcess
+
+COMMAND = [sys.executable, "-m", "contact_curation.cli.demo", "--out"]
+
+
+def nodes_of(folder: Path) -> list[int]:
+    """Processes of nodes whose stores are below a folder."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                words = (entry / "cmdline").read_bytes().decode(errors="replace")
+            except OSError:
+                continue
+            if "contact_curation.nodes." in words and str(folder) in words:
+                found.append(int(entry.name))
+    return found
+
+
+def wait_until(holds: Callable[[], bool], seconds: float = 60.0) -> None:
+    end = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < end, "waited too long"
+        time.sleep(0.1)
+
+
+@pytest.mark.slow
+def test_nodes_and_library_agree_on_the_golden_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--out", str(tmp_path / "demo")]) == 0
+    said = capsys.readouterr().out
+    assert "Nodes and library agree: the same 8 tosses in the same order, the same 3 kept back." in said
+    for reason in ("gap: found", "displacement beside the velocity: found", "lowest corner of the toss: found"):
+        assert reason in said
+    assert (tmp_path / "demo" / "manifest.parquet").exists()
+    assert (tmp_path / "demo" / "manifest.png").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_no_node_outlives_the_demo(tmp_path: Path, how: signal.Signals) -> None:
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    demo = subprocess.Popen([*COMMAND, str(tmp_path / "demo")], env=environment, stdout=subprocess.DEVNULL)
+    wait_until(lambda: len(nodes_of(tmp_path)) == 4)
+    demo.send_signal(how)
+    assert demo.wait(30) == (-9 if how is signal.SIGKILL else 130)
+    wait_until(lambda: not nodes_of(tmp_path))
+
+
+def test_data_that_is_not_there_is_one_line(tmp_path: Path) -> None:
+    command = [*COMMAND, str(tmp_path / "demo"), "--data", str(tmp_path / "none")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.startswith("demo: error: ")
+
+
+def test_a_node_that_cannot_start_says_why_in_its_last_words(tmp_path: Path) -> None:
+    with NodeProcess("player", {"bag": str(tmp_path / "none.mcap")}, 1, tmp_path / "player.log") as node:
+        wait_until(lambda: node.status is not None)
+        assert node.status == 1
+        assert "none.mcap" in node.last_words()
