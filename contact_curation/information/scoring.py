@@ -112,7 +112,8 @@ class Scorer:
         fishers = self.form.chart.T @ sums.fishers @ self.form.chart  # one product per toss: the same digits in any batch
         score_sums = np.stack([row @ self.form.chart for row in sums.score_sums])
         if self.form.tilt_axes.size:
-            fishers, score_sums = about_centroids(fishers, score_sums, self.blocks, centroids @ self.form.tilt_axes.T)
+            shifts = (centroids - self.geometry.pivot) @ self.form.tilt_axes.T
+            fishers, score_sums = about_centroids(fishers, score_sums, self.blocks, shifts)
         factors = factors_of_fishers(0.5 * (fishers + fishers.transpose(0, 2, 1)), self.config.compression)
         return tuple(
             self._information(

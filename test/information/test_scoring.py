@@ -1,0 +1,107 @@
+"""A toss becomes information: what is summed, about which point, at which theta, and what if nothing can be scored."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.evaluation import Estimator, LossConfig, evaluate
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.parameter_form import Form, parameter_form
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.information.factors import Compression
+from contact_curation.information.record import TossInformation
+from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig, parameters_version
+from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import transitions_of
+from test.simulated import RIG_NOISE, simulated_tosses
+
+CUBE = CONTACTNETS_CUBE
+TRUE = ContactGeometry.of_body(CUBE)
+TOSSES = simulated_tosses(3, seed=21, noise=RIG_NOISE)
+EMPIRICAL = ScoringConfig(estimator=Estimator.EMPIRICAL, compression=Compression(max_rows=60))
+
+
+def scored(geometry: ContactGeometry, config: ScoringConfig, tosses: tuple[Toss, ...] = TOSSES) -> list[TossInformation]:
+    found = Scorer(geometry, CUBE, config).score(tosses)
+    assert all(isinstance(info, TossInformation) for info in found)
+    return [info for info in found if isinstance(info, TossInformation)]
+
+
+def scores_about_the_centroid(toss: Toss) -> Array:
+    """(T, 52) scores in the physical form, the tilt about the toss's mean position."""
+    rows = transitions_of([toss], CUBE.length_scale)
+    centroid = toss.positions.mean(axis=0) / CUBE.length_scale
+    centred = replace(TRUE, pivot=centroid, height=float(TRUE.normal @ -centroid))  # the same plane
+    return evaluate(centred, CUBE, rows.before, rows.after, rows.dt).scores @ parameter_form(centred, Form.PHYSICAL).chart
+
+
+def test_information_is_summed_from_scores_about_the_tosss_own_centroid() -> None:
+    for toss, info in zip(TOSSES, scored(TRUE, EMPIRICAL), strict=True):
+        scores = scores_about_the_centroid(toss)
+        fisher = scores.T @ scores
+        np.testing.assert_allclose(info.fisher(), fisher, atol=1e-9 * np.trace(fisher))
+        np.testing.assert_allclose(info.score_sum, scores.sum(axis=0), atol=1e-8)
+        assert info.trace == pytest.approx(np.trace(fisher), rel=1e-9)
+        assert [block.name for block in info.blocks] == ["vertices_normal", "vertices_tangent", "friction", "tilt", "height"]
+
+
+@pytest.mark.parametrize("estimator", list(Estimator))
+def test_it_does_not_matter_about_which_point_the_plane_is_written(estimator: Estimator) -> None:
+    pivot = np.array([3.0, -2.0, 0.4])
+    elsewhere = replace(TRUE, pivot=pivot, height=float(TRUE.normal @ -pivot))
+    config = replace(EMPIRICAL, estimator=estimator)
+    for one, other in zip(scored(TRUE, config), scored(elsewhere, config), strict=True):
+        np.testing.assert_allclose(one.fisher(), other.fisher(), atol=1e-8 * one.trace)
+
+
+def test_a_toss_is_scored_alike_alone_and_among_others() -> None:
+    together, alone = scored(TRUE, ScoringConfig()), [scored(TRUE, ScoringConfig(), (toss,))[0] for toss in TOSSES]
+    for one, other in zip(together, alone, strict=True):
+        np.testing.assert_array_equal(one.factor, other.factor)
+        np.testing.assert_array_equal(one.score_sum, other.score_sum)
+        assert one.mean_loss == other.mean_loss
+
+
+def test_a_record_says_what_it_was_made_with() -> None:
+    info = scored(TRUE, replace(EMPIRICAL, influence_bound=0.3, form=Form.CONTACTNETS))[0]
+    assert (info.estimator, info.influence_bound, info.model, info.body) == ("empirical", 0.3, "polytope", "cube")
+    assert info.parameters == 57
+    assert info.tilt_axes.shape == (0, 3)
+    assert info.transitions == TOSSES[0].frames - 1
+    assert info.not_scored == 0
+    assert info.duration == TOSSES[0].duration
+
+
+def test_every_number_of_theta_and_body_is_in_the_version() -> None:
+    versions = {parameters_version(TRUE, CUBE)}
+    for name in ("vertices_normal", "normal", "vertices_tangent", "tangents", "pivot"):
+        versions.add(parameters_version(replace(TRUE, **{name: getattr(TRUE, name) + 1e-12}), CUBE))
+    versions.add(parameters_version(replace(TRUE, height=1e-12), CUBE))
+    for name in ("mass", "gravity", "length_scale"):
+        versions.add(parameters_version(TRUE, replace(CUBE, **{name: getattr(CUBE, name) * 1.001})))
+    assert len(versions) == 10
+    assert parameters_version(TRUE, CUBE) in versions
+
+
+def test_a_toss_without_a_solved_transition_is_not_scored_and_says_why() -> None:
+    hurried = ScoringConfig(loss=LossConfig(max_iterations=1))
+    found = Scorer(TRUE, CUBE, hurried).score(TOSSES[:1])[0]
+    assert isinstance(found, NotScored)
+    assert found.toss_id == TOSSES[0].toss_id
+    assert found.reason.startswith(f"0 of {TOSSES[0].frames - 1} transitions solved")
+
+
+def test_a_toss_of_another_body_is_refused() -> None:
+    with pytest.raises(InvalidValueError, match="expected cube"):
+        Scorer(TRUE, CUBE, ScoringConfig()).score([replace(TOSSES[0], body="brick")])
+
+
+def test_losses_are_those_that_a_bound_is_chosen_from() -> None:
+    losses = Scorer(TRUE, CUBE, EMPIRICAL).losses(TOSSES)
+    assert losses.shape == (sum(toss.frames - 1 for toss in TOSSES),)
+    bound = float(np.quantile(losses, 0.985))
+    free, held = (sum(info.trace for info in scored(TRUE, replace(EMPIRICAL, influence_bound=b))) for b in (np.inf, bound))
+    assert held < 0.9 * free
