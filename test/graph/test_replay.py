@@ -1,8 +1,10 @@
 """A recording through four processes gives what the library gives."""
 
+import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from contact_curation_msgs.srv import SaveBuffer
 
@@ -37,17 +39,20 @@ def test_the_same_bag_gives_the_same_ranking_through_the_nodes_and_through_the_l
     assert [row.first_stamp_ns for row in kept] == [first[row.toss_id] for row in kept]
 
 
-KILLS = ["pose_ingest", pytest.param("fisher_scorer", marks=pytest.mark.slow), pytest.param("curator", marks=pytest.mark.slow)]
+STAGES: dict[str, dict[str, Any]] = {"pose_ingest": {}, "fisher_scorer": {}, "curator": {"top": TOP}}
 
 
-@pytest.mark.parametrize("victim", KILLS)
+def slow(victim: str) -> Any:
+    return pytest.param(victim, marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize("victim", ["pose_ingest", slow("fisher_scorer"), slow("curator"), slow("player")])
 def test_a_node_that_is_killed_in_mid_stream_and_comes_back_changes_nothing(
     graph: Graph, golden_bag: Path, victim: str
 ) -> None:
     tosses, information, buffers = graph.tosses(), graph.information(), graph.buffers()
-    parameters: dict[str, dict[str, Any]] = {"pose_ingest": {}, "fisher_scorer": {}, "curator": {"top": TOP}}
-    nodes = {stage: graph.start(stage, **parameters[stage]) for stage in parameters}
-    graph.start("player", bag=golden_bag, rate=RATE, wait_for=10.0, stay=True)
+    parameters = STAGES | {"player": {"bag": golden_bag, "rate": 10.0, "wait_for": 10.0, "stay": True}}
+    nodes = {name: graph.start(name, **chosen) for name, chosen in parameters.items()}
 
     graph.until(lambda: len(information) >= 4, LONG, "the first tosses")
     nodes[victim].kill()
@@ -58,3 +63,23 @@ def test_a_node_that_is_killed_in_mid_stream_and_comes_back_changes_nothing(
     assert_same_buffer(buffers[-1], curated(golden_bag, TOP))
     assert sorted({toss.toss_id for toss in tosses}) == [toss.toss_id for toss in expected]
     assert len({toss.sequence for toss in tosses}) == len(expected)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_nodes_that_are_killed_again_and_again_at_random_change_nothing(graph: Graph, golden_bag: Path, seed: int) -> None:
+    draw = np.random.default_rng(seed)
+    nodes = {name: graph.start(name, **chosen) for name, chosen in STAGES.items()}
+    player = graph.start("player", bag=golden_bag, rate=3.0, wait_for=10.0, stay=True)
+    tosses = graph.tosses()
+    graph.until(lambda: tosses, LONG, "a toss")
+    while "played" not in player.log():
+        time.sleep(draw.uniform(0.1, 3.0))
+        victim = str(draw.choice(list(STAGES)))
+        nodes[victim].kill()
+        nodes[victim] = graph.start(victim, **STAGES[victim])
+
+    buffers = graph.buffers()
+    expected = tosses_of(golden_bag)
+    graph.until(lambda: buffers and buffers[-1].tosses_seen == len(expected), LONG, "every toss to be curated")
+    assert_same_buffer(buffers[-1], curated(golden_bag, TOP))
