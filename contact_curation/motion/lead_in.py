@@ -2,36 +2,32 @@
 
 ContactNets' public files start at the detected release and end at rest; what the tracker saw before and after was not
 published. These frames are synthetic and belong to no toss: a body carried at constant velocity that is let go one frame before
-the toss, and one that lies still after it.
+the toss, and one that lies still after it. The filter looks at them, so they are chosen to make the first and the last velocity
+the file's own. With r_k the raw rate of the step into frame k, and a_0 the acceleration that the start rule wants of frame 0
+(-g on average over frames 0 and 1),
 
-With the median of three, the filtered velocity of frame 0 is the toss's own v_0 when the difference quotient of frame 0 is v_0
-and the one before it is not below it in z:
+    v_0 = median(r_-1, r_0, r_1),  v_1 = median(r_0, r_1, r_2),  v_T-1 = median(r_T-2, r_T-1, r_T)
+    r_0 = v_0, or where v_1 wants another, that;   r_-1 = r_-2 = .. = v_0 - a_0 dt;   r_T = v_T-1
 
-    p_-1 = p_0 - v_0 dt,    p_-k-1 = p_-k - (v_0 - a_0 dt) dt,    q_-k = q_0 exp(-k w_0 dt)
-
-where the acceleration a_0 of frame 0 is the one that the start rule wants: -g on average over frames 0 and 1. Even stamps are
-not those of the tracker, so a few tosses would not be seen to fall from their own v_0: these get a velocity nearer to that of
-the next frame.
+The true r_0 made v_0 and v_1 both, so with the tracker's stamps (`recovered_timing`) there is such a one.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.smoothing import median_of_three
-from contact_curation.motion.toss import Toss
+from contact_curation.motion.toss import NANOSECONDS, Toss
 
 FALL_MARGIN = 0.05
 """By how much the first accelerations keep the bounds of the rules [m/s^2]."""
 
-SHARES = np.linspace(0.0, 1.0, 9)
-"""How far the release velocity may go from the toss's own to that of the next frame."""
-
-SEEN = 5
-"""The first accelerations that the release velocity has a part in, and some more, hang on so many positions."""
+SAME_RATE = 4e-7
+"""Rates that differ less are equal (relative): stamps are rounded to nanoseconds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,78 +36,94 @@ class Surroundings:
 
     Attributes:
         before: number of made-up frames in front.
+        stamps_ns: (before + T + after,) from zero on; those of the toss are its own, those around it even.
         positions: (before + T + after, 3) [m].
         orientations_wxyz: (before + T + after, 4).
     """
 
     before: int
+    stamps_ns: NDArray[np.int64]
     positions: Array
     orientations_wxyz: Array
 
 
 def surrounded(toss: Toss, before: int, after: int, config: SegmenterConfig) -> Surroundings:
-    """A toss with made-up frames around it, for even stamps `toss.frame_period` apart.
+    """A toss with made-up frames around it, `toss.frame_period` apart.
 
     Args:
-        toss: at least `SEEN` frames.
+        toss: T frames.
         before: frames in front, at least 4: what the start rule looks at.
         after: frames behind, at least 1: what the last velocity looks at.
         config: whose rules the first frames shall meet.
     """
     dt = toss.frame_period
-    release = _release_velocity(toss, config)
-    held = release - np.array([0.0, 0.0, dt * _first_acceleration(toss, release, config)])
-    steps = dt * np.concatenate([np.tile(held, (before - 1, 1)), release[np.newaxis]])  # (before, 3), the last leads to frame 0
-    ahead = toss.positions[0] - np.cumsum(steps[::-1], axis=0)[::-1]
-    turns = quaternions.exp(-dt * np.arange(before, 0, -1)[:, np.newaxis] * toss.angular_velocities[0])
-    rest = toss.positions[-1] + dt * toss.linear_velocities[-1]
-    turned = quaternions.multiply(toss.orientations_wxyz[-1], quaternions.exp(dt * toss.angular_velocities[-1]))
+    own, raw = _rates(toss)
+    release = _release_rate(own, raw)
+    held = own[0].copy()
+    held[2] -= dt * _first_acceleration(toss, release, raw, config)
+    steps = dt * np.concatenate([np.tile(held, (before - 1, 1)), release[np.newaxis]])  # (before, 6), the last leads to frame 0
     return Surroundings(
         before,
-        np.concatenate([ahead, toss.positions, np.tile(rest, (after, 1))]),
+        _stamps(toss, before, after),
         np.concatenate(
-            [quaternions.multiply(toss.orientations_wxyz[0], turns), toss.orientations_wxyz, np.tile(turned, (after, 1))]
+            [
+                toss.positions[0] - np.cumsum(steps[::-1, :3], axis=0)[::-1],
+                toss.positions,
+                np.tile(toss.positions[-1] + dt * own[-1, :3], (after, 1)),
+            ]
+        ),
+        np.concatenate(
+            [
+                _turned_to(toss.orientations_wxyz[0], steps[:, 3:]),
+                toss.orientations_wxyz,
+                np.tile(quaternions.multiply(toss.orientations_wxyz[-1], quaternions.exp(dt * own[-1, 3:])), (after, 1)),
+            ]
         ),
     )
 
 
-def _release_velocity(toss: Toss, config: SegmenterConfig) -> Array:
-    """The velocity of frame 0 (3,) nearest to the toss's own from which it is seen to fall freely; its own if none is."""
-    own: Array = toss.linear_velocities[0]
-    following: Array = (toss.positions[1] - toss.positions[0]) / toss.frame_period + np.array(
-        [0.0, 0.0, config.gravity * toss.frame_period]
-    )
-    for share in SHARES:
-        release = own + share * (following - own)
-        if _falls_freely(_accelerations(toss, release, config), config):
-            return release
-    return own
+def _rates(toss: Toss) -> tuple[Array, Array]:
+    """The velocities of a toss (T, 6), linear and angular, and the raw rates of its first two steps (2, 6)."""
+    own = np.concatenate([toss.linear_velocities, toss.angular_velocities], axis=1)
+    seconds = np.diff(toss.stamps_ns[:3])[:, np.newaxis] / NANOSECONDS
+    orientations = toss.orientations_wxyz[:3]
+    turned = quaternions.multiply(quaternions.conjugate(orientations[:-1]), orientations[1:])
+    raw = np.concatenate([np.diff(toss.positions[:3], axis=0), quaternions.log(turned)], axis=1) / seconds
+    return own, raw if len(raw) == 2 else np.concatenate([raw, own[-1:]])
 
 
-def _falls_freely(accelerations: Array, config: SegmenterConfig) -> bool:
-    """Whether frames 0 and 1 start a toss, and they and frame 2 move as a body in the air."""
-    excess = np.linalg.norm(accelerations + np.array([0.0, 0.0, config.gravity]), axis=1)
-    starting = accelerations[:2, 2]
-    return bool(
-        excess.max() < config.airborne_acceleration - FALL_MARGIN
-        and starting.max() < config.fall_tolerance - FALL_MARGIN - config.gravity + 1e-9
-        and abs(starting.mean() + config.gravity) < config.fall_mean_tolerance
-    )
+def _release_rate(own: Array, raw: Array) -> Array:
+    """The raw rate of frame 0 (6,) that makes the first two velocities `own` (T, 6) out of `raw` (2, 6), as nearly as can be.
+
+    The error of both is piecewise linear in it, so the least is at one of its corners: the velocities and the raw rates.
+    """
+    tried = np.stack([own[0], own[1], raw[0], raw[1]])  # (4, 6)
+    first = np.clip(own[0], np.minimum(tried, raw[0]), np.maximum(tried, raw[0]))
+    second = np.clip(tried, raw.min(axis=0), raw.max(axis=0))
+    error = np.abs(first - own[0]) + np.abs(second - own[1])
+    best = np.argmax(error <= error.min(axis=0) + SAME_RATE * np.abs(tried).max(axis=0), axis=0)  # (6,)
+    return np.asarray(tried[best, np.arange(6)])
 
 
-def _accelerations(toss: Toss, release: Array, config: SegmenterConfig) -> Array:
-    """Of frames 0 to 2, as the segmenter will see them (3, 3) [m/s^2]."""
-    first = np.array([0.0, 0.0, _first_acceleration(toss, release, config)])
-    return np.concatenate([first[np.newaxis], np.diff(_first_velocities(toss, release), axis=0)[:2] / toss.frame_period])
-
-
-def _first_acceleration(toss: Toss, release: Array, config: SegmenterConfig) -> float:
+def _first_acceleration(toss: Toss, release: Array, raw: Array, config: SegmenterConfig) -> float:
     """Upward acceleration of frame 0: the mean over frames 0 and 1 is -g where the bound on each allows it [m/s^2]."""
-    second = (_first_velocities(toss, release)[1, 2] - release[2]) / toss.frame_period
+    velocity = median_of_three(np.concatenate([release[np.newaxis], raw]))[1, 2]
+    second = (velocity - toss.linear_velocities[0, 2]) / (toss.stamps_ns[1] - toss.stamps_ns[0]) * NANOSECONDS
     return min(-2.0 * config.gravity - float(second), config.fall_tolerance - FALL_MARGIN - config.gravity)
 
 
-def _first_velocities(toss: Toss, release: Array) -> Array:
-    """Filtered velocities of the first frames, when frame 0 has the velocity `release` (SEEN - 1, 3) [m/s]."""
-    quotients = np.diff(toss.positions[:SEEN], axis=0) / toss.frame_period
-    return median_of_three(np.concatenate([release[np.newaxis], quotients]))[: SEEN - 1]
+def _turned_to(orientation_wxyz: Array, turns: Array) -> Array:
+    """Orientations (N, 4) from which successive turns (N, 3) lead to `orientation_wxyz`."""
+    orientations = []
+    for turn in turns[::-1]:
+        orientation_wxyz = quaternions.multiply(orientation_wxyz, quaternions.exp(-turn))
+        orientations.append(orientation_wxyz)
+    return np.array(orientations[::-1])
+
+
+def _stamps(toss: Toss, before: int, after: int) -> NDArray[np.int64]:
+    """Stamps of a toss and the frames around it, from zero on."""
+    period_ns = toss.frame_period * NANOSECONDS
+    ahead, behind = np.round(np.arange(before) * period_ns), np.round(np.arange(1, after + 1) * period_ns)
+    own = round(before * period_ns) + toss.stamps_ns - toss.stamps_ns[0]
+    return np.concatenate([ahead.astype(np.int64), own, own[-1] + behind.astype(np.int64)])

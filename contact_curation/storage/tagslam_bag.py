@@ -4,13 +4,15 @@
     /tf_static                  the board `body_surface` in `map`, latched; it has no odometry, for it stands still
 
 The board stands somewhere in the map and not level, so that whoever reads the bag has to go through the frames. Stamps are
-even, from a fixed day on, and log times equal them. Tosses follow each other, in their order, with a time without poses in
-between, as if the tracker had been stopped; the frames just before and after each are made up (`motion.lead_in`), for
-ContactNets' files begin at the detected release.
+those of the tracker, recovered from the velocities, and each toss is turned back onto the board that it was tracked on
+(`motion.recovered_timing`): who takes the bag's differences and medians finds the files' velocities. The day is made up, and
+log times equal the stamps. Tosses follow each other, in their order, with a time without poses in between, as if the tracker
+had been stopped; the frames just before and after each are made up (`motion.lead_in`), for ContactNets' files begin at the
+detected release.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import cos, pi, sin
 from pathlib import Path
 from typing import Any
@@ -22,11 +24,16 @@ from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.geometry.scalars import ScalarPose, compose, multiply
 from contact_curation.motion.lead_in import surrounded
-from contact_curation.motion.segmenter_config import SegmenterConfig
+from contact_curation.motion.restored_toss import RestoredToss, restored
+from contact_curation.motion.segmenter_config import CONTACTNETS_RULES, SegmenterConfig
 from contact_curation.motion.toss import NANOSECONDS, Toss
 from contact_curation.storage.bag_writer import BagWriter
 from contact_curation.storage.contactnets import read_contactnets
 from contact_curation.storage.pose_messages import ODOMETRY, TF
+from contact_curation.storage.recorded_rules import NOTE, note_of_rules
+
+EXACT = 1e-5
+"""Velocities that differ by no more are equal [m/s, rad/s]."""
 
 YAW, TILT = 40.0 * pi / 180.0, 3.0 * pi / 180.0
 TURNED = multiply((cos(YAW / 2.0), 0.0, 0.0, sin(YAW / 2.0)), (cos(TILT / 2.0), sin(TILT / 2.0), 0.0, 0.0))
@@ -48,7 +55,7 @@ class TagslamRig:
         lead_out: and after it.
         position_deviation: of the covariance [m].
         turn_deviation: of the covariance [rad].
-        rules: what the made-up frames are fitted to.
+        rules: what the tosses were cut by; the made-up frames are fitted to them, and the bag says them.
     """
 
     map_frame: str = "map"
@@ -60,7 +67,7 @@ class TagslamRig:
     lead_out: int = 4
     position_deviation: float = 0.3e-3
     turn_deviation: float = 5e-3
-    rules: SegmenterConfig = field(default_factory=SegmenterConfig)
+    rules: SegmenterConfig = CONTACTNETS_RULES
 
 
 @dataclass(frozen=True)
@@ -70,11 +77,17 @@ class ImportReport:
     Attributes:
         tosses: how many.
         frames: of the tosses themselves.
-        skipped: why other files did not, one line each.
+        steps: between them.
+        timed_steps: whose time is the tracker's for certain; the others' is within the bounds that the velocities set.
+        inexact: whose velocities no stamps give, one line each.
+        skipped: why other files did not go in, one line each.
     """
 
     tosses: int
     frames: int
+    steps: int
+    timed_steps: int
+    inexact: tuple[str, ...]
     skipped: tuple[str, ...]
 
 
@@ -92,11 +105,17 @@ def import_contactnets(source: Path, out: Path, body: Body = CONTACTNETS_CUBE, r
         InvalidValueError: `out` cannot be written.
     """
     skipped: list[str] = []
+    inexact: list[str] = []
+    steps = timed = 0
 
     def sound() -> Iterator[Toss]:
+        nonlocal steps, timed
         for item in read_contactnets(source, body):
             if isinstance(item, Toss):
-                yield item
+                original = restored(item)
+                steps, timed = steps + item.frames - 1, timed + original.timed_steps
+                inexact.extend(_misfit(original))
+                yield original.toss
             else:
                 skipped.append(str(item))
 
@@ -104,7 +123,17 @@ def import_contactnets(source: Path, out: Path, body: Body = CONTACTNETS_CUBE, r
         tosses, frames = record(bag, body.name, sound(), rig or TagslamRig())
         if not tosses:
             raise UnreadableInputError(source, f"found {len(skipped)} files and no toss, e.g. {skipped[0]}")
-    return ImportReport(tosses, frames, tuple(skipped))
+    return ImportReport(tosses, frames, steps, timed, tuple(inexact), tuple(skipped))
+
+
+def _misfit(original: RestoredToss) -> list[str]:
+    """A line if no stamps give a toss's velocities."""
+    if original.timing is None:
+        return [f"{original.toss.source}: found {original.toss.frames} frames, expected more to recover stamps from"]
+    linear, angular = original.timing.linear_residuals.max(), original.timing.angular_residuals.max()
+    if linear <= EXACT and angular <= EXACT:
+        return []
+    return [f"{original.toss.source}: found velocities off by {linear:.2g} m/s and {angular:.2g} rad/s at best, expected none"]
 
 
 def record(bag: BagWriter, body: str, tosses: Iterable[Toss], rig: TagslamRig) -> tuple[int, int]:
@@ -114,6 +143,7 @@ def record(bag: BagWriter, body: str, tosses: Iterable[Toss], rig: TagslamRig) -
         InvalidValueError: a toss of another body.
     """
     messages = _Messages(rig, f"body_{body}")
+    bag.note(NOTE, note_of_rules(rig.rules))
     bag.write("/tf_static", messages.board(), rig.epoch_ns, latched=True)
     start_ns, count, frames = rig.epoch_ns + NANOSECONDS, 0, 0
     for toss in tosses:
@@ -129,8 +159,9 @@ def record(bag: BagWriter, body: str, tosses: Iterable[Toss], rig: TagslamRig) -
 def _frames(toss: Toss, start_ns: int, rig: TagslamRig) -> Iterator[tuple[int, ScalarPose]]:
     """Stamps and poses on the board of a toss with its surroundings."""
     made = surrounded(toss, rig.lead_in, rig.lead_out, rig.rules)
-    for number, ((x, y, z), (w, qx, qy, qz)) in enumerate(zip(made.positions.tolist(), made.orientations_wxyz.tolist())):
-        yield start_ns + round(number * toss.frame_period * NANOSECONDS), ScalarPose((x, y, z), (w, qx, qy, qz))
+    rows = zip(made.stamps_ns.tolist(), made.positions.tolist(), made.orientations_wxyz.tolist())
+    for stamp_ns, (x, y, z), (w, qx, qy, qz) in rows:
+        yield start_ns + stamp_ns, ScalarPose((x, y, z), (w, qx, qy, qz))
 
 
 class _Messages:
