@@ -50,6 +50,9 @@ class ScoringStage:
         informations: where results are kept.
         states: where theta and the place in the stream are kept.
         geometry: theta where no newer one is kept.
+
+    Raises:
+        InvalidValueError: the store holds results of the same theta that were made in another way.
     """
 
     def __init__(
@@ -60,7 +63,7 @@ class ScoringStage:
         self._informations = informations
         self._states = states
         known = states.load(PARAMETERS)
-        self._scorer = Scorer(geometry if known is None else geometry_of_bytes(known), body, config)
+        self._scorer = self._checked(Scorer(geometry if known is None else geometry_of_bytes(known), body, config))
 
     @property
     def version(self) -> str:
@@ -74,8 +77,12 @@ class ScoringStage:
         return Cursor(*kept["cursor"]) if kept.get("version") == self.version else Cursor()
 
     def renew(self, geometry: ContactGeometry) -> bool:
-        """Goes on with another theta; False when it is the same."""
-        scorer = Scorer(geometry, self._body, self._config)
+        """Goes on with another theta; False when it is the same.
+
+        Raises:
+            InvalidValueError: the form cannot have this theta, or the store holds results of it that were made in another way.
+        """
+        scorer = self._checked(Scorer(geometry, self._body, self._config))
         if scorer.version == self.version:
             return False
         self._states.save({PARAMETERS: bytes_of_geometry(geometry)})
@@ -89,9 +96,6 @@ class ScoringStage:
         Args:
             tosses: of this body.
             frames: by toss id, the frame that its poses are given in.
-
-        Raises:
-            InvalidValueError: the store holds results of the same theta that were made in another way.
         """
         fresh = [toss for toss in tosses if self._informations.get(toss.toss_id, self.version) is None]
         results = self._scorer.score(fresh) if fresh else ()
@@ -122,6 +126,22 @@ class ScoringStage:
     def last_sequence(self) -> int:
         """The newest number; 0 while there is none."""
         return self._informations.last_sequence
+
+    def _checked(self, scorer: Scorer) -> Scorer:
+        """The scorer, if results of its theta that are kept already are like its own."""
+        stored = next(iter(self._informations.all_of(scorer.version)), None)
+        if stored is None:
+            return scorer
+        known = stored.information
+        own = {
+            "estimator": self._config.estimator.value,
+            "influence_bound": self._config.influence_bound,
+            "blocks": scorer.blocks,
+        }
+        for name, value in own.items():
+            if value != getattr(known, name):
+                raise InvalidValueError(name, value, f"{getattr(known, name)}, as in the store, or another store")
+        return scorer
 
     def _with_header(self, sequence: int, information: TossInformation) -> Announcement:
         header = json.loads(self._states.load(_header_key(information.toss_id)) or b'[0, ""]')

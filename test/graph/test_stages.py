@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.curation import curate
@@ -88,6 +89,14 @@ def test_a_new_theta_is_kept_over_a_death_and_begins_anew(tmp_path: Path) -> Non
         assert stage.version != before
         again = stage.score(TOSSES[:2], FRAMES)
     assert [one.information.parameters_version for one in again.new] == [stage.version] * 2
+
+
+def test_results_made_in_two_ways_do_not_go_into_one_store(tmp_path: Path) -> None:
+    with scoring(tmp_path) as stage:
+        stage.score(TOSSES[:1], FRAMES)
+    other = ScoringConfig(estimator=Estimator.EMPIRICAL)
+    with stores(tmp_path) as (informations, states), pytest.raises(InvalidValueError, match="expected gauss-newton"):
+        ScoringStage(CONTACTNETS_CUBE, other, informations, states, CUBE)
 
 
 def test_a_toss_of_another_body_is_refused() -> None:
