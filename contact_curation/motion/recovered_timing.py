@@ -1,16 +1,16 @@
 """The tracker's own stamps, and the board it measured on, read out of the velocities that were made with them.
 
-ContactNets' files hold poses and filtered velocities, but no stamps: those of the tracker jitter, and the poses were turned about
-the vertical by one random angle after the filter. Both can be undone. With theta_j the step of one channel (three of position,
+ContactNets' files hold poses and filtered velocities, but no stamps: those of the tracker jitter, and after the filter the poses
+were turned about the vertical by a random angle. Both can be undone. With theta_j the step of one channel (three of position,
 three of rotation) into frame j, and dt_j its time,
 
     v_k = median(theta_k-1 / dt_k-1, theta_k / dt_k, theta_k+1 / dt_k+1)
 
-so v_k is one of the three, exactly, and dt_j is among the nine ratios theta_j / v_k, k = j - 1 .. j + 1, of nearly every channel.
+so v_k is exactly one of the three, and dt_j is among the ratios theta_j / v_k, k = j - 1 .. j + 1, of nearly every channel.
 Witnesses tell which: several channels that give the same period to rounding, or one that gives a multiple of 2^-22 s, as every
-difference of Unix times in float64 seconds is (from 2004 to 2038; 238 ns apart, against ratios good to 1e-5 ns).
+difference of Unix times in float64 seconds is (from 2004 to 2038; 238 ns apart, against ratios good to 1e-4 ns).
 
-The yaw is found likewise. Where the medians of x and y come from different frames, v_k - theta_j / dt_j is along one axis of the
+The yaw is found likewise. Where the medians of x and y come from different frames, v_k - theta_j / dt_j is along an axis of the
 board that the medians were taken on; those directions agree, up to the quarter turns that medians cannot tell apart.
 
 Limits: a period that no median took leaves no trace but the bounds it kept. It is chosen within these, nearest to the typical
@@ -35,8 +35,14 @@ JITTER = 0.06
 ROUNDING = 16.0 * float(np.finfo(float).eps)
 """Of a step, relative to the values it is the difference of; what the public files show is a tenth."""
 
-COARSEST = 1e-8
+COARSEST = 1e-6
 """Ratios that rounding makes coarser than this say nothing (relative)."""
+
+RESOLVED = 1e-8
+"""And those coarser than this may be multiples of the resolution by chance."""
+
+SAME_RATE = 1e-8
+"""Rates that differ less, in units of a toss's typical one, are equal."""
 
 WITNESSES = 2
 """So many make a period certain."""
@@ -138,7 +144,7 @@ def _witnessed(ratios: Array, slack: Array) -> tuple[Array, NDArray[np.int64]]:
     """The period of each frame (T,) with the most witnesses, and their number (T,): channels that agree, and the resolution."""
     frames = len(ratios)
     multiples = np.round(ratios / RESOLUTION) * RESOLUTION
-    resolved = np.abs(ratios - multiples) <= slack * ratios
+    resolved = (slack < RESOLVED) & (np.abs(ratios - multiples) <= slack * ratios)
     periods = np.where(resolved, multiples, ratios).reshape(frames, -1)  # (T, 3C)
     slack = np.where(resolved, ROUNDING, slack)
     apart = np.abs(periods[:, :, np.newaxis, np.newaxis] - periods.reshape(ratios.shape)[:, np.newaxis])  # (T, 3C, 3, C)
@@ -180,7 +186,7 @@ def _yaw(steps: Array, rates: Array, periods: Array) -> float:
 def _completed(periods: Array, steps: Array, rates: Array, ratios: Array) -> Array:
     """Periods (T,) with those that are nan chosen so that the medians are the stored rates, as nearly as can be.
 
-    A rate turns from fitting to not fitting only at the ratios: these, and one period between each two, are all there is to try.
+    A rate starts or ceases to fit only at the ratios: these, and one period between each two, are all there is to try.
     """
     typical = float(np.nanmedian(periods))
     open_steps = np.flatnonzero(np.isnan(periods[1:])) + 1
@@ -193,7 +199,7 @@ def _completed(periods: Array, steps: Array, rates: Array, ratios: Array) -> Arr
             tried = np.repeat(completed[np.newaxis], len(options), axis=0)  # (N, T)
             tried[:, step] = options
             misfit = (np.abs(_medians(steps / tried[:, :, np.newaxis], rates) - rates) / scale).sum(axis=(1, 2))
-            completed[step] = options[int(np.argmax(misfit <= misfit.min() + COARSEST))]
+            completed[step] = options[int(np.argmax(misfit <= misfit.min() + SAME_RATE))]
         if (completed == before).all():
             break
     return completed

@@ -17,7 +17,8 @@ class RestoredToss:
     """What a file's toss was before it was turned and lost its stamps.
 
     Attributes:
-        toss: T frames; the first stamp is zero, the others are rounded to nanoseconds, which moves a velocity by 1e-7 of itself.
+        toss: T frames; the first stamp is zero, and all are rounded to nanoseconds, which moves a velocity by up to 1.5e-7 of
+            itself.
         timing: how it was found; None of a toss too short for it, which is left as it was.
     """
 
