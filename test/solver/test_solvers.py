@@ -93,6 +93,7 @@ def test_a_number_that_is_not_finite_is_noticed_wherever_it_stands(cone: Cone, f
         solutions = solver(replace(problems, **{field: numbers}))
         unsolved = solutions.status != SolveStatus.SOLVED
         assert unsolved.tolist() == [n == 4 for n in range(9)], solver.__name__
+        assert not np.isnan(value) or solutions.status[4] == SolveStatus.NOT_FINITE, solver.__name__
 
 
 @SOLVERS
