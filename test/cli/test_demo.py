@@ -17,15 +17,15 @@ COMMAND = [sys.executable, "-m", "contact_curation.cli.demo", "--out"]
 
 
 def nodes_of(folder: Path) -> list[int]:
-    """Processes of nodes whose stores are below a folder."""
+    """Processes of nodes whose temporary files are in a folder."""
     found = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:
-                words = (entry / "cmdline").read_bytes().decode(errors="replace")
+                words, variables = ((entry / name).read_bytes().decode(errors="replace") for name in ("cmdline", "environ"))
             except OSError:
                 continue
-            if "contact_curation.nodes." in words and str(folder) in words:
+            if "contact_curation.nodes." in words and f"TMPDIR={folder}\0" in variables:
                 found.append(int(entry.name))
     return found
 
@@ -52,10 +52,13 @@ def test_nodes_and_library_agree_on_the_golden_bag(tmp_path: Path, capsys: pytes
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_no_node_outlives_the_demo(tmp_path: Path, how: signal.Signals) -> None:
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
-    demo = subprocess.Popen([*COMMAND, str(tmp_path / "demo")], env=environment, stdout=subprocess.DEVNULL)
-    wait_until(lambda: len(nodes_of(tmp_path)) == 4)
-    demo.send_signal(how)
-    assert demo.wait(30) == (-9 if how is signal.SIGKILL else 130)
+    with subprocess.Popen([*COMMAND, str(tmp_path / "demo")], env=environment, stdout=subprocess.DEVNULL) as demo:
+        try:
+            wait_until(lambda: len(nodes_of(tmp_path)) == 4)
+            demo.send_signal(how)
+            assert demo.wait(30) == (-9 if how is signal.SIGKILL else 130)
+        finally:
+            demo.kill()
     wait_until(lambda: not nodes_of(tmp_path))
 
 
