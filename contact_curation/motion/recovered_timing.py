@@ -1,14 +1,15 @@
 """The tracker's own stamps, and the board it measured on, read out of the velocities that were made with them.
 
-ContactNets' files hold poses and filtered velocities, but no stamps: those of the tracker jitter, and after the filter the poses
-were turned about the vertical by a random angle. Both can be undone. With theta_j the step of one channel (three of position,
-three of rotation) into frame j, and dt_j its time,
+ContactNets' files hold poses and filtered velocities, but no stamps: those of the tracker jitter, and after the filter the
+poses were turned about the vertical by a random angle. Both can be undone. With theta_j the step of one channel (three of
+position, three of rotation) into frame j, and dt_j its time,
 
     v_k = median(theta_k-1 / dt_k-1, theta_k / dt_k, theta_k+1 / dt_k+1)
 
 so v_k is exactly one of the three, and dt_j is among the ratios theta_j / v_k, k = j - 1 .. j + 1, of nearly every channel.
 Witnesses tell which: several channels that give the same period to rounding, or one that gives a multiple of 2^-22 s, as every
-difference of Unix times in float64 seconds is (from 2004 to 2038; 238 ns apart, against ratios good to 1e-4 ns).
+difference of Unix times in float64 seconds is (from 2004 to 2038; 238 ns apart, against ratios good to 1e-4 ns). Witnesses
+that contradict each other tell nothing: a body that slides straight on makes every neighbour's ratio one.
 
 The yaw is found likewise. Where the medians of x and y come from different frames, v_k - theta_j / dt_j is along an axis of the
 board that the medians were taken on; those directions agree, up to the quarter turns that medians cannot tell apart.
@@ -141,7 +142,10 @@ def _ratios(steps: Array, rates: Array, rounding: Array, nominal_period: float) 
 
 
 def _witnessed(ratios: Array, slack: Array) -> tuple[Array, NDArray[np.int64]]:
-    """The period of each frame (T,) with the most witnesses, and their number (T,): channels that agree, and the resolution."""
+    """The period of each frame (T,) with the most witnesses, and their number (T,): channels that agree, and the resolution.
+
+    Where two periods have enough of them, the number is 0.
+    """
     frames = len(ratios)
     multiples = np.round(ratios / RESOLUTION) * RESOLUTION
     resolved = (slack < RESOLVED) & (np.abs(ratios - multiples) <= slack * ratios)
@@ -153,7 +157,9 @@ def _witnessed(ratios: Array, slack: Array) -> tuple[Array, NDArray[np.int64]]:
     witnesses = agree.any(axis=2).sum(axis=2) + resolved.reshape(frames, -1)  # (T, 3C)
     best = np.argmax(witnesses - 0.5 * np.minimum(flat_slack / COARSEST, 1.0), axis=1)  # of equals the most exact
     rows = np.arange(frames)
-    return periods[rows, best], witnesses[rows, best].astype(np.int64)
+    others = ~agree[rows, best].reshape(frames, -1)
+    contradicted = (others & (witnesses >= WITNESSES)).any(axis=1)
+    return periods[rows, best], np.where(contradicted, 0, witnesses[rows, best]).astype(np.int64)
 
 
 def _yaw(steps: Array, rates: Array, periods: Array) -> float:
@@ -171,16 +177,18 @@ def _yaw(steps: Array, rates: Array, periods: Array) -> float:
     if not told.any():
         return 0.0
     off, lengths = off[told], lengths[told]
-    angles = np.mod(np.arctan2(off[:, 1], off[:, 0]), 0.5 * np.pi)
-    ordered = np.sort(angles)
+    angles = np.arctan2(off[:, 1], off[:, 0])
+    ordered = np.sort(np.mod(angles, 0.5 * np.pi))
     ordered = np.concatenate([ordered, ordered + 0.5 * np.pi])
     agreeing = np.searchsorted(ordered, ordered[: len(angles)] + SAME_DIRECTION, side="right") - np.arange(len(angles))
-    most = int(np.argmax(agreeing))
-    if agreeing[most] <= WITNESSES:
-        return 0.0
-    beyond = np.mod(angles - ordered[most] + SAME_DIRECTION, 0.5 * np.pi) - SAME_DIRECTION
+    most = ordered[np.argmax(agreeing)]
+    quarters = np.round((angles - most) / (0.5 * np.pi))
+    beyond = angles - most - 0.5 * np.pi * quarters
     cluster = np.abs(beyond) <= SAME_DIRECTION
-    return float(np.mod(ordered[most] + np.average(beyond[cluster], weights=lengths[cluster] ** 2), 0.5 * np.pi))
+    along_y = np.count_nonzero(quarters[cluster] % 2)
+    if min(along_y, np.count_nonzero(cluster) - along_y) < WITNESSES:
+        return 0.0  # a body that moves straight on shows its own direction
+    return float(np.mod(most + np.average(beyond[cluster], weights=lengths[cluster] ** 2), 0.5 * np.pi))
 
 
 def _completed(periods: Array, steps: Array, rates: Array, ratios: Array) -> Array:
