@@ -124,13 +124,17 @@ def test_alone_it_is_an_error_that_says_why(cli: Cli, golden: Path, tmp_path: Pa
     assert not (tmp_path / "s.npz").exists()
 
 
-@bad_inputs
-def test_good_data_beside_it_is_still_ranked(cli: Cli, golden: Path, tmp_path: Path, make: Make, says: str) -> None:
-    path = make(tmp_path, golden)
-    done = cli("rank", path, golden, "--jobs", "1", "--json")
+def test_good_data_beside_all_of_it_is_still_ranked(cli: Cli, golden: Path, tmp_path: Path) -> None:
+    paths = []
+    for make, _ in BAD:
+        own = tmp_path / make.__name__
+        own.mkdir()
+        paths.append(make(own, golden))
+    done = cli("rank", *paths, golden, "--jobs", "1", "--json")
     assert done.status == 0
     assert done.json["outcomes"]["kept"] == 21
-    assert [line for line in done.json["warnings"] if says in line]
+    for path, (_, says) in zip(paths, BAD, strict=True):
+        assert [line for line in done.json["warnings"] if line.startswith(str(path)) and says in line]
     clean = cli("rank", golden, "--json").json
     assert [row["score"] for row in done.json["tosses"][:21]] == [row["score"] for row in clean["tosses"][:21]]
 
