@@ -43,8 +43,8 @@ class RankingConfig:
         whiten: whether toss scores are whitened by the pooled information before orthogonal selection.
         centre: whether toss scores are taken relative to the pool's mean score there.
         cut: eigenvalues of the pooled information below this share of the largest are not identifiable.
-        certificate_steps: passes over the pool that tighten the certificate of log-det; 0 for none. Ten bring most of what there
-            is and cost about as much as the selection, whatever the size of the pool: a small share of scoring it.
+        certificate_steps: passes over the pool that tighten the certificate of log-det; 0 for none. Ten bring most of what
+            there is and cost about as much as the selection, whatever the size of the pool: a small share of scoring it.
     """
 
     criterion: str = "log-det"

@@ -2,8 +2,8 @@
 
 `exact` keeps everything and ranks it all: the kept set is that of `contact-curation rank` on the same tosses. `streaming` keeps
 what one pass can: the k largest traces, exactly; or for log-det the better of exchanges, which come out near `exact`, and of a
-sieve, which is proven to reach nearly half of the best set's value. `sieve` is that sieve alone, for the record: on real tosses
-it is hardly better than keeping the first k. The prior of log-det comes from the first tosses.
+sieve, which is proven to reach nearly half of the best set's value. `sieve` is that sieve alone: on real tosses it is little
+better than keeping the first k. The prior of log-det comes from the first tosses.
 """
 
 from collections.abc import Callable
