@@ -1,39 +1,38 @@
 """Ranks ContactNets' real tosses at the true cube and at noisy ones: how much the kept sets know, and how well that is proven.
 
 The judge is the Gauss-Newton information at the true parameters, whitened so that an average toss is 1 in every direction
-(METHOD 2.3). Each design ranks with its own information; "both" averages two noisy initialisations (METHOD 2.4). The tosses
-are found through CONTACTNETS_DATA.
+(METHOD 2.3). Each design ranks with its own information; "both" averages two noisy initialisations (METHOD 2.4). Streams are
+compared with keeping the first k tosses that come. The tosses are found through CONTACTNETS_DATA.
 
     python -m benchmarks.selection [--json]
 """
 
 import argparse
 import json
-import os
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 
+from benchmarks._data import contactnets_folder
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.parameter_form import Form
+from contact_curation.information.accumulated import Accumulated
 from contact_curation.information.diagnostics import efficiency, smallest_sufficient_k
-from contact_curation.information.pool import Pool, pool_of
+from contact_curation.information.pool import Indices, Pool, pool_of
 from contact_curation.information.prior import log_det_prior
 from contact_curation.information.ranker import RankingConfig, rank_particles
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import Scorer, ScoringConfig
 from contact_curation.information.sieve import SieveStreaming
 from contact_curation.information.subspace import identifiable_subspace
-from contact_curation.information.swap import SwapStreaming
+from contact_curation.information.swap import GuardedSwap, SwapStreaming
 from contact_curation.motion.toss import Toss
 from contact_curation.storage.contactnets import read_contactnets
 
-BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data" / "contactnets"
 SIZES = (8, 16, 32)
 SEEDS = range(20)
 STREAMS = range(5)
@@ -58,11 +57,13 @@ class Design:
 
 @dataclass(frozen=True)
 class Streamed:
-    """Log-det of a streamed set over that of the greedy set: the lowest and the highest of some random orders."""
+    """Log-det of a streamed set over that of the greedy set: lowest, mean and highest of some random orders."""
 
     selector: str
+    estimator: str
     kept: int
     lowest: float
+    mean: float
     highest: float
 
 
@@ -79,13 +80,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
     arguments = parser.parse_args()
-    folder = Path(os.environ.get("CONTACTNETS_DATA", BESIDE))
-    if not folder.is_dir():
-        print(f"skipped: no ContactNets data in {folder}: set CONTACTNETS_DATA to its folder", file=sys.stderr)
+    folder = contactnets_folder()
+    if folder is None:
         return 0
     pools = scored_pools([toss for toss in read_contactnets(folder) if isinstance(toss, Toss)])
     judge = pools["truth", Estimator.GAUSS_NEWTON]
-    rows, streamed = designs(pools, judge), streams(judge)
+    rows = designs(pools, judge)
+    streamed = [row for estimator in Estimator for row in streams(pools["truth", estimator], estimator)]
     enough = [sufficient(judge, name) for name in ("trace", "leverage", "random")]
     if arguments.json:
         tables: dict[str, Sequence[Design | Streamed | Sufficient]] = {
@@ -138,7 +139,7 @@ def designs(pools: Mapping[tuple[str, Estimator], Pool], judge: Pool) -> list[De
             own["both"] = [pools["init0", estimator], pools["init1", estimator]]
             for name, particles in own.items():
                 for criterion in ("trace", "leverage", "orthogonal", "min-eig", "log-det"):
-                    config = RankingConfig(criterion, top=kept, certificate_steps=10)
+                    config = RankingConfig(criterion, top=kept)
                     rows.append(design(particles, judge, config, name, estimator.value))
     return rows
 
@@ -154,21 +155,28 @@ def design(particles: Sequence[Pool], judge: Pool, config: RankingConfig, name: 
     return Design(config.criterion, name, estimator, config.top, *efficiencies, certified)
 
 
-def streams(pool: Pool) -> list[Streamed]:
-    """Sieves and exchanges over random orders of the pool."""
+def streams(pool: Pool, estimator: Estimator) -> list[Streamed]:
+    """Every way to keep k tosses of a stream, over random orders of the pool."""
     prior, rows = log_det_prior(pool, RankingConfig().prior), []
+    orders = [np.random.default_rng(seed).permutation(len(pool)) for seed in STREAMS]
+    nothing = Accumulated.prior_only(prior.coordinates)
     for kept in SIZES:
         greedy = rank_particles([pool], RankingConfig("log-det", top=kept))
+        values = {"first k": [nothing.joined(pool.stacked(order[:kept])).log_det for order in orders]}
+        for kind in (SieveStreaming, SwapStreaming, GuardedSwap):
+            values[kind.__name__] = [streamed_value(kind(prior, kept), pool, order) for order in orders]
         best = sum(entry.marginal_gain for entry in greedy.entries if entry.kept)
-        for kind in (SieveStreaming, SwapStreaming):
-            values = []
-            for seed in STREAMS:
-                selector = kind(prior, kept)
-                for index in np.random.default_rng(seed).permutation(len(pool)):
-                    selector.offer(pool.infos[index])
-                values.append(selector.value / best)
-            rows.append(Streamed(kind.__name__, kept, min(values), max(values)))
+        for name, each in values.items():
+            shares = np.array(each) / best
+            rows.append(Streamed(name, estimator.value, kept, float(shares.min()), float(shares.mean()), float(shares.max())))
     return rows
+
+
+def streamed_value(selector: SieveStreaming | SwapStreaming | GuardedSwap, pool: Pool, order: Indices) -> float:
+    """What the selector reaches when all tosses have come in this order."""
+    for index in order:
+        selector.offer(pool.infos[index])
+    return selector.value
 
 
 def sufficient(pool: Pool, criterion: str) -> Sufficient:
@@ -185,9 +193,10 @@ def print_tables(rows: Sequence[Design], streamed: Sequence[Streamed], enough: S
     for name in dict.fromkeys((row.criterion, row.designed_at, row.estimator) for row in rows):
         cells = [row for row in rows if (row.criterion, row.designed_at, row.estimator) == name]
         print(f"{name[0]:11} {name[1]:11} {name[2]:13} " + "".join(f"{cell(row):27}" for row in cells))
-    print("\nlog-det of a streamed set over greedy's, lowest to highest of", len(STREAMS), "random orders")
+    print("\nlog-det of a streamed set over greedy's: mean (lowest to highest) of", len(STREAMS), "random orders")
     for stream in streamed:
-        print(f"{stream.selector:15} k = {stream.kept:<3} {stream.lowest:.3f} to {stream.highest:.3f}")
+        spread = f"{stream.mean:.3f} ({stream.lowest:.3f} to {stream.highest:.3f})"
+        print(f"{stream.selector:15} {stream.estimator:13} k = {stream.kept:<3} {spread}")
     print("\ntosses that are within epsilon of the pool")
     for row in enough:
         print(f"{row.criterion:9} " + "  ".join(f"{epsilon}: {count}" for epsilon, count in row.tosses.items()))
