@@ -26,6 +26,7 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument("folder", default_value=".", description="folder that the stores are kept in"),
         DeclareLaunchArgument("params_file", default_value=default_file, description="parameters of the nodes"),
     ]
+    more = {"pose_ingest": {"rules_of": LaunchConfiguration("bag")}}
     stages = [
         Node(
             package=PACKAGE,
@@ -34,7 +35,7 @@ def generate_launch_description() -> LaunchDescription:
             output="screen",
             parameters=[
                 LaunchConfiguration("params_file"),
-                {"store": PathJoinSubstitution([LaunchConfiguration("folder"), store])},
+                {"store": PathJoinSubstitution([LaunchConfiguration("folder"), store]), **more.get(name, {})},
             ],
         )
         for name, store in STORES.items()

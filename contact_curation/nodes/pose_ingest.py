@@ -27,8 +27,10 @@ from contact_curation.nodes.parameters import declare, declare_config
 from contact_curation.nodes.pose_topics import PoseTopics
 from contact_curation.nodes.qos import RESULTS_KEPT, kept
 from contact_curation.nodes.worker import Latest, Worker
+from contact_curation.storage.bag_reader import BagReader
 from contact_curation.storage.pose_messages import Measured
 from contact_curation.storage.pose_source import PoseTopicConfig
+from contact_curation.storage.recorded_rules import NOTE, with_recorded_rules
 from contact_curation.storage.toss_store import StoredRejected, StoredToss, TossStore
 
 LOOK_PERIOD = 0.2
@@ -132,6 +134,10 @@ class PoseIngest(StageNode):
 def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> IngestConfig:
     """The stages' configuration; gravity is the body's, as in offline ranking."""
     segmenter = declare_config(node, replace(SegmenterConfig(), gravity=body.gravity), "segmenter.")
+    recording = declare(node, "rules_of", "", "recording whose own rules complete the segmenter's; empty: none")
+    if recording:
+        with BagReader(Path(recording)) as reader:
+            segmenter = with_recorded_rules(segmenter, reader.note(NOTE))
     gates = declare_config(node, replace(GateConfig(), gravity=body.gravity), "gates.")
     tracker = TrackerConfig(poses.body_frame or f"body_{body.name}", poses.board_frame)
     return IngestConfig(tracker, segmenter, gates)
