@@ -1,10 +1,15 @@
 """Fixtures that every part's tests share."""
 
 import os
-from pathlib import Path
 
-import hypothesis
-import pytest
+# Before NumPy comes: its own threads wait for each other on busy cores, and the matrices here are small. Tests start many processes.
+for library in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(library, "1")
+
+from pathlib import Path  # noqa: E402
+
+import hypothesis  # noqa: E402
+import pytest  # noqa: E402
 
 # The same examples in every run, and no limit on the time of one: tests share their cores.
 hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None)

@@ -64,12 +64,8 @@ def run(arguments: argparse.Namespace) -> int:
 def curated(pool: TossPool, config: RankConfig) -> Curation:
     """The ranking of the tosses that were scored at every theta."""
     tosses = pool.rankable
-    forms = [scorer.form for scorer in config.pool.scorers(config.pool.fixed_bounds, jobs=1)]
-    particles = [
-        pool_of((toss.informations[k] for toss in tosses), form.gauge if form.gauge.size else None)
-        for k, form in enumerate(forms)
-    ]
-    return curate_particles(particles, config.ranking)
+    particles = range(len(tosses[0].informations)) if tosses else ()
+    return curate_particles([pool_of(toss.informations[k] for toss in tosses) for k in particles], config.ranking)
 
 
 def kept_shares(pool: TossPool, curation: Curation) -> tuple[BlockShare, ...]:
