@@ -79,6 +79,11 @@ class RecoveredTiming:
         """(T,) whether a period is certain."""
         return self.witnesses >= WITNESSES
 
+    @property
+    def found(self) -> bool:
+        """Whether the velocities were made with stamps that jitter: else the periods are nominal."""
+        return _mostly_witnessed(self.witnesses)
+
 
 def recover_timing(
     positions: Array, orientations_wxyz: Array, linear_velocities: Array, angular_velocities: Array, nominal_period: float
@@ -102,13 +107,17 @@ def recover_timing(
     steps, rates = _turned_back(steps, yaw), _turned_back(rates, yaw)
     ratios, slack = _ratios(steps, rates, rounding, nominal_period)
     periods, witnesses = _witnessed(ratios, slack)
-    if np.count_nonzero(witnesses >= WITNESSES) < 0.5 * (len(steps) - 1):
-        periods = np.full(len(steps), nominal_period)
-    else:
+    if _mostly_witnessed(witnesses):
         periods = _completed(np.where(witnesses >= WITNESSES, periods, np.nan), steps, rates, ratios)
         periods[0] = nominal_period
+    else:
+        periods = np.full(len(steps), nominal_period)
     off = np.abs(_medians(steps / periods[:, np.newaxis], rates) - rates)
     return RecoveredTiming(periods, yaw, witnesses, off[:, :3].max(axis=1), off[:, 3:].max(axis=1))
+
+
+def _mostly_witnessed(witnesses: NDArray[np.int64]) -> bool:
+    return 2 * np.count_nonzero(witnesses >= WITNESSES) >= len(witnesses) - 1
 
 
 def _turned_back(values: Array, yaw: float) -> Array:
