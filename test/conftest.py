@@ -2,7 +2,7 @@
 
 import os
 
-# Before NumPy comes: its own threads wait for each other on busy cores, and the matrices here are small. Tests start many processes.
+# Before NumPy comes: its threads wait for each other on busy cores, the matrices are small, and tests start many processes.
 for library in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(library, "1")
 
