@@ -18,6 +18,7 @@ from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.nodes.catch_up import Cursor
 from contact_curation.nodes.curation_stage import CurationConfig, CurationStage
+from contact_curation.nodes.messages.curated_buffer import buffer_message
 from contact_curation.nodes.scoring_stage import ScoringStage, checked_body
 from contact_curation.nodes.selection import StreamingSelection
 from contact_curation.storage.information_store import InformationStore
@@ -198,7 +199,41 @@ def test_a_streaming_log_det_takes_its_prior_from_the_first_tosses(tmp_path: Pat
     assert 1 <= sizes[-1] <= 3
 
 
+@pytest.mark.parametrize(("criterion", "bounded"), [("log-det", True), ("trace", False)])
+def test_a_buffer_says_what_is_proven_of_it_against_sets_of_its_size(tmp_path: Path, criterion: str, bounded: bool) -> None:
+    with curating(tmp_path) as stage:
+        stage.rank_by(RankingConfig(criterion, top=3))
+        added(stage, scored(TOSSES))
+        buffer = stage.buffer()
+    assert buffer is not None
+    certificate = buffer.curation.ranking.certificate
+    assert buffer_message(buffer).efficiency_bound == (certificate.subset if certificate else 0.0)
+    assert (certificate is not None and 0.0 < certificate.subset < 1.0) == bounded
+
+
+def test_nothing_is_proven_of_a_stream_that_has_let_tosses_go(tmp_path: Path) -> None:
+    bounds = []
+    with curating(tmp_path, config=CurationConfig(selection="streaming", warm_up=4)) as stage:
+        for information in scored(TOSSES):
+            added(stage, [information])
+            buffer = stage.buffer()
+            assert buffer is not None
+            bounds.append(buffer_message(buffer).efficiency_bound)
+    assert min(bounds[:3]) > 0.0
+    assert bounds[3:] == [0.0] * 5
+
+
 def test_a_stream_cannot_keep_to_every_criterion(tmp_path: Path) -> None:
     config = CurationConfig(selection="streaming")
     with stores(tmp_path) as (informations, states), pytest.raises(InvalidValueError, match="trace or log-det"):
         CurationStage(RankingConfig(criterion="orthogonal"), config, informations, states)
+
+
+def test_a_sieve_is_for_log_det_alone(tmp_path: Path) -> None:
+    with curating(tmp_path, config=CurationConfig(selection="sieve", warm_up=4)) as stage:
+        added(stage, scored(TOSSES))
+        buffer = stage.buffer()
+        with pytest.raises(InvalidValueError, match="criterion of a sieve selection: found trace, expected log-det"):
+            stage.rank_by(RankingConfig("trace"))
+    assert buffer is not None
+    assert 1 <= len(buffer.curation.ranking.kept_ids) <= 3
