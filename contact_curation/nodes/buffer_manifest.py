@@ -35,6 +35,7 @@ def manifest_of(buffer: Buffer, last_stamp_ns: Callable[[str], int]) -> Manifest
     diagnostics: dict[str, Diagnostic] = {
         "tosses_seen": buffer.seen,
         "log_det": buffer.log_det,
+        "efficiency_bound": buffer.efficiency_bound,
         "epsilon": curation.epsilon,
         "sufficient_k": curation.sufficient_k,
         "block_shares": {share.name: share.share for share in curation.block_shares},

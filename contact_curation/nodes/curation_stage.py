@@ -73,6 +73,15 @@ class Buffer:
     log_det: float
     frame_id: str
 
+    @property
+    def efficiency_bound(self) -> float:
+        """What is proven of the kept set's D-efficiency against every other of its size.
+
+        0 where nothing is: by criteria that carry no certificate, and of tosses that were seen and let go.
+        """
+        certificate = self.curation.ranking.certificate
+        return certificate.subset if certificate and self.seen == len(self.candidates) else 0.0
+
 
 class CurationStage:
     """Keeps the best tosses of one body.

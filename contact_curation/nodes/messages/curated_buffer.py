@@ -23,14 +23,8 @@ def buffer_message(buffer: Buffer) -> CuratedBuffer:
         scores=[float(entry.score) for entry in kept],
         marginal_gains=[float(entry.marginal_gain) for entry in kept],
         log_det=buffer.log_det,
-        efficiency_bound=_efficiency_bound(buffer),
+        efficiency_bound=buffer.efficiency_bound,
         epsilon=curation.epsilon,
         block_names=[share.name for share in curation.block_shares],
         block_shares=[share.share for share in curation.block_shares],
     )
-
-
-def _efficiency_bound(buffer: Buffer) -> float:
-    """What is proven of the kept set against every other of its size; nothing is of tosses that were seen and let go."""
-    certificate = buffer.curation.ranking.certificate
-    return certificate.subset if certificate and buffer.seen == len(buffer.candidates) else 0.0
