@@ -77,6 +77,7 @@ def rank_by_nodes(session: Session, expected: Sequence[dict[str, Any]], logs: Pa
     domain = os.getpid() % LARGEST_DOMAIN + 1
     stores = {name: folder / f"{name}.sqlite" for name in ("pose_ingest", "fisher_scorer", "curator")}
     parameters: dict[str, dict[str, Any]] = {name: {"store": str(path)} for name, path in stores.items()}
+    parameters["pose_ingest"]["rules_of"] = str(session.bag.resolve())
     parameters["curator"]["top"] = session.top
     parameters["player"] = {"bag": str(session.bag.resolve()), "rate": session.rate, "wait_for": PATIENCE, "stay": True}
     with ExitStack() as running:
