@@ -117,7 +117,7 @@ def recover_timing(
 
 
 def _mostly_witnessed(witnesses: NDArray[np.int64]) -> bool:
-    return 2 * np.count_nonzero(witnesses >= WITNESSES) >= len(witnesses) - 1
+    return bool(2 * np.count_nonzero(witnesses >= WITNESSES) >= len(witnesses) - 1)
 
 
 def _turned_back(values: Array, yaw: float) -> Array:
