@@ -166,7 +166,7 @@ def _draw_spectrum(axes: "Axes", picture: RankingPicture) -> None:
         xlabel="direction of theta, worst first",
         ylabel="relative to the pool",
     )
-    axes.legend(frameon=False, loc="lower right")
+    axes.legend(frameon=False, loc="upper left")
 
 
 def _draw_shares(axes: "Axes", picture: RankingPicture) -> None:
