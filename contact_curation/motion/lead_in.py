@@ -48,7 +48,7 @@ class Surroundings:
 
 
 def surrounded(toss: Toss, before: int, after: int, config: SegmenterConfig) -> Surroundings:
-    """A toss with made-up frames around it, `toss.frame_period` apart.
+    """A toss with made-up frames around it, `toss.frame_period` in whole nanoseconds apart.
 
     Args:
         toss: T frames.
@@ -56,7 +56,8 @@ def surrounded(toss: Toss, before: int, after: int, config: SegmenterConfig) -> 
         after: frames behind, at least 1: what the last velocity looks at.
         config: whose rules the first frames shall meet.
     """
-    dt = toss.frame_period
+    period_ns = round(toss.frame_period * NANOSECONDS)
+    dt = period_ns / NANOSECONDS
     own, raw = _rates(toss)
     release = _release_rate(own, raw)
     held = own[0].copy()
@@ -64,7 +65,7 @@ def surrounded(toss: Toss, before: int, after: int, config: SegmenterConfig) -> 
     steps = dt * np.concatenate([np.tile(held, (before - 1, 1)), release[np.newaxis]])  # (before, 6), the last leads to frame 0
     return Surroundings(
         before,
-        _stamps(toss, before, after),
+        _stamps(toss, period_ns, before, after),
         np.concatenate(
             [
                 toss.positions[0] - np.cumsum(steps[::-1, :3], axis=0)[::-1],
@@ -121,9 +122,7 @@ def _turned_to(orientation_wxyz: Array, turns: Array) -> Array:
     return np.array(orientations[::-1])
 
 
-def _stamps(toss: Toss, before: int, after: int) -> NDArray[np.int64]:
+def _stamps(toss: Toss, period_ns: int, before: int, after: int) -> NDArray[np.int64]:
     """Stamps of a toss and the frames around it, from zero on."""
-    period_ns = toss.frame_period * NANOSECONDS
-    ahead, behind = np.round(np.arange(before) * period_ns), np.round(np.arange(1, after + 1) * period_ns)
-    own = round(before * period_ns) + toss.stamps_ns - toss.stamps_ns[0]
-    return np.concatenate([ahead.astype(np.int64), own, own[-1] + behind.astype(np.int64)])
+    own = period_ns * before + toss.stamps_ns - toss.stamps_ns[0]
+    return np.concatenate([period_ns * np.arange(before), own, own[-1] + period_ns * np.arange(1, after + 1)])
