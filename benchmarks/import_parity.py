@@ -7,7 +7,7 @@ The bag against the files turned back shows what the way over the bag does to a 
 change for other reasons:
 
 - a tilt of the ground has a direction, which the files' random yaw has mixed up; the bag's tosses lie on the rig's own board:
-  this moves log-det, min-eig, orthogonal and leverage, and lets the trace be;
+  this moves log-det, min-eig, orthogonal and leverage, and leaves the trace alone;
 - `longest` knows true durations, where the files only have frames, and ties of those go by id;
 - some public tosses are one recording twice; they tie, and `trace` sorts them by the last bit.
 

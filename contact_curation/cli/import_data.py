@@ -29,9 +29,12 @@ def run(arguments: argparse.Namespace) -> int:
     from contact_curation.storage.tagslam_bag import import_contactnets
 
     report = import_contactnets(arguments.input, arguments.out, chosen_body(arguments))
-    warn([f"skipped {line}" for line in report.skipped])
+    warn([*(f"skipped {line}" for line in report.skipped), *report.inexact])
     if arguments.json:
         print_json({"out": str(arguments.out), **asdict(report)})
     else:
-        print(f"{arguments.out}: {report.tosses} tosses, {report.frames} frames, {len(report.skipped)} files skipped")
+        print(
+            f"{arguments.out}: {report.tosses} tosses, {report.frames} frames, {len(report.skipped)} files skipped; "
+            f"{report.timed_steps} of {report.steps} periods recovered for certain"
+        )
     return 0

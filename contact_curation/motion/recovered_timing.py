@@ -188,8 +188,7 @@ def _yaw(steps: Array, rates: Array, periods: Array) -> float:
     off, lengths = off[told], lengths[told]
     angles = np.arctan2(off[:, 1], off[:, 0])
     ordered = np.sort(np.mod(angles, 0.5 * np.pi))
-    ordered = np.concatenate([ordered, ordered + 0.5 * np.pi])
-    agreeing = np.searchsorted(ordered, ordered[: len(angles)] + SAME_DIRECTION, side="right") - np.arange(len(angles))
+    agreeing = np.searchsorted(ordered, ordered + SAME_DIRECTION, side="right") - np.arange(len(angles))
     most = ordered[np.argmax(agreeing)]
     quarters = np.round((angles - most) / (0.5 * np.pi))
     beyond = angles - most - 0.5 * np.pi * quarters

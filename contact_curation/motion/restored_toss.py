@@ -1,7 +1,7 @@
 """A stored toss as the tracker saw it: with the stamps that its velocities were made with, on the board they were made on.
 
-The velocities tell the yaw up to quarter turns. The throw tells the rest: turned back, every public toss leaves within 12 degrees
-of an axis of the board, as from one machine at one side of it, so each is turned on until it leaves along x.
+The velocities tell the yaw up to quarter turns. The throw tells the rest: turned back, every public toss leaves within 12
+degrees of an axis of the board, as from one machine at one side of it, so each is turned on until it leaves along x.
 """
 
 from dataclasses import dataclass, replace
