@@ -73,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
     body = chosen_body(arguments)
     theta = read_parameters(arguments.params, body)
     stages = stages_of(arguments, {"loss": LossConfig(cone=Cone(arguments.cone))})
-    inputs = InputsConfig(stages["poses"], stages["segmenter"], replace(stages["gates"], enabled=False))
+    inputs = InputsConfig(stages["poses"], stages["segmenter"], replace(stages["gates"], enabled=False), as_stored=True)
     tally = Tally()
     names = parameter_form(theta.geometry, Form.CONTACTNETS).names()
     with ScoreFileWriter(arguments.out, names) as writer, Progress("scoring", "tosses") as progress:

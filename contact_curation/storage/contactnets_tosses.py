@@ -8,7 +8,8 @@ from pathlib import Path
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import UnreadableInputError
-from contact_curation.motion.gates import GateConfig, inspect
+from contact_curation.motion.gates import inspect
+from contact_curation.motion.restored_toss import restored
 from contact_curation.motion.toss import Rejected
 from contact_curation.storage.bag_file import file_sha256
 from contact_curation.storage.contactnets import contactnets_files, read_contactnets_toss
@@ -23,13 +24,13 @@ def read_contactnets_tosses(path: Path, body: Body, config: InputsConfig) -> Inp
         UnreadableInputError: there are no files, or no file is a toss.
     """
     files = contactnets_files(path)
-    gates = replace(config.gates, gravity=body.gravity)
+    config = replace(config, gates=replace(config.gates, gravity=body.gravity))
     digests = [file_sha256(file) for file in files]
     counts: Counter[str] = Counter()
     unreadable: list[UnreadableInputError] = []  # said once there is a toss; else the whole folder is something else
     for file, digest in zip(files, digests):
         try:
-            found = _gated(file, digest, body, gates)
+            found = _gated(file, digest, body, config)
         except UnreadableInputError as error:
             unreadable.append(error)
         else:
@@ -43,9 +44,10 @@ def read_contactnets_tosses(path: Path, body: Body, config: InputsConfig) -> Inp
     return InputSummary(str(path), _together(files, digests), "", None, None, dict(counts))
 
 
-def _gated(file: Path, digest: str, body: Body, gates: GateConfig) -> Found:
-    toss = read_contactnets_toss(file, body)
-    reasons = inspect(toss, body.polytope, gates)
+def _gated(file: Path, digest: str, body: Body, config: InputsConfig) -> Found:
+    stored = read_contactnets_toss(file, body)
+    toss = stored if config.as_stored else restored(stored).toss
+    reasons = inspect(toss, body.polytope, config.gates)
     return Found(Rejected(toss, reasons) if reasons else toss, TossProvenance(str(file), digest))
 
 

@@ -18,11 +18,14 @@ class InputsConfig:
         poses: which topics tell where the body is.
         segmenter: when a motion is a toss.
         gates: what a toss must pass.
+        as_stored: take ContactNets' files with the random heading and the even stamps that they are stored with. Otherwise
+            both are undone (`motion.restored_toss`), so that the files give the tosses of the bag that is made of them.
     """
 
     poses: PoseTopicConfig = field(default_factory=PoseTopicConfig)
     segmenter: SegmenterConfig = field(default_factory=SegmenterConfig)
     gates: GateConfig = field(default_factory=GateConfig)
+    as_stored: bool = False
 
 
 @dataclass(frozen=True)
