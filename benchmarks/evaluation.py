@@ -7,16 +7,15 @@ The tosses are ContactNets', found through CONTACTNETS_DATA; without them, simul
 
 import argparse
 import json
-import os
 import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
 
+from benchmarks._data import contactnets_folder
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import Cone, Estimator, Evaluation, LossConfig, evaluate, fisher_sums
 from contact_curation.contact.geometry_parameters import ContactGeometry
@@ -25,8 +24,6 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.transitions import Transitions, transitions_of
 from test.simulated import FRAME_PERIOD, RIG_NOISE, simulated_tosses
 
-REPOSITORY = Path(__file__).resolve().parents[1]
-BESIDE = REPOSITORY.parent / "shared" / "data" / "contactnets"
 BODY = CONTACTNETS_CUBE
 GEOMETRY = ContactGeometry.of_body(BODY)
 SIMULATED = 100
@@ -105,8 +102,8 @@ def main() -> int:
 
 def transitions() -> tuple[str, Transitions]:
     """All transitions of the real tosses, or of simulated ones, and what they are."""
-    folder = Path(os.environ.get("CONTACTNETS_DATA", BESIDE)) / "tosses_processed"
-    if not folder.is_dir():
+    folder = contactnets_folder()
+    if folder is None:
         return "simulated", transitions_of(simulated_tosses(SIMULATED, seed=0, noise=RIG_NOISE), BODY.length_scale)
     paths = sorted(folder.glob("*.pt"), key=lambda path: int(path.stem))
     states = [torch.load(path, weights_only=True)[0, :, :13].numpy() for path in paths]

@@ -17,7 +17,6 @@ are found through CONTACTNETS_DATA.
 
 import argparse
 import json
-import os
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -26,6 +25,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from benchmarks._data import contactnets_folder
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import ContactGeometry
@@ -41,7 +41,6 @@ from contact_curation.storage.contactnets import read_contactnets
 from contact_curation.storage.inputs import open_inputs
 from contact_curation.storage.tagslam_bag import import_contactnets
 
-BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data" / "contactnets"
 KEPT = 32
 SAME_SCORE = 1e-6
 """Scores that differ less are equal (relative to the largest); stamps are rounded to nanoseconds."""
@@ -100,9 +99,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
     arguments = parser.parse_args()
-    folder = Path(os.environ.get("CONTACTNETS_DATA", BESIDE))
-    if not folder.is_dir():
-        print(f"skipped: no ContactNets data in {folder}: set CONTACTNETS_DATA to its folder", file=sys.stderr)
+    folder = contactnets_folder()
+    if folder is None:
         return 0
     tosses = sources(folder)
     velocities, rows = compared_velocities(tosses), parities(tosses)

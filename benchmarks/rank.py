@@ -17,8 +17,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-REPOSITORY = Path(__file__).resolve().parents[1]
-BESIDE = REPOSITORY.parent / "shared" / "data" / "contactnets"
+from benchmarks._data import contactnets_folder
+
 SHIFT = 100_000
 """Seconds from bag to bag; a bag of all tosses lasts some 1,000 s."""
 
@@ -56,9 +56,8 @@ def main() -> int:
     parser.add_argument("--full", action="store_true", help="up to 100 bags: needs 600 MB of disk and many minutes")
     parser.add_argument("--repeats", type=int, default=3, help="repetitions of the smallest case (default 3)")
     arguments = parser.parse_args()
-    folder = Path(os.environ.get("CONTACTNETS_DATA", BESIDE)) / "tosses_processed"
-    if not folder.is_dir():
-        print(f"no ContactNets data in {folder}: set CONTACTNETS_DATA to the folder with tosses_processed/", file=sys.stderr)
+    folder = contactnets_folder()
+    if folder is None:
         return 0
     with TemporaryDirectory(prefix="contact-curation-bench-") as made:
         rows = measured(folder, Path(made), arguments.full, max(1, arguments.repeats))
@@ -75,25 +74,23 @@ def measured(source: Path, folder: Path, full: bool, repeats: int) -> list[Measu
     bags: list[Path] = []
     rows = []
     for count in (1, 10, 100) if full else (1, 10):
-        bags += [imported(source, folder, number) for number in range(len(bags), count)]
+        bags += imported(source, folder, range(len(bags), count))
         again = repeats if count == 1 else 1
         rows.append(measure(bags, min(processors, count), (), again))
-        if count > 1:
+        if count == 10:
             rows.append(measure(bags, 1, (), 1))
-        rows.append(measure(bags, min(processors, count), ("--bound-influence",), again))
+        if count <= 10:
+            rows.append(measure(bags, min(processors, count), ("--bound-influence",), again))
     return rows
 
 
-def imported(source: Path, folder: Path, number: int) -> Path:
-    """All tosses as a bag, later than those before."""
-    bag = folder / f"{number}.mcap"
-    # In a process of its own: Linux counts what this one holds as the largest memory of the commands that it starts.
-    maker = multiprocessing.get_context("spawn").Process(target=import_later, args=(source, bag, number * SHIFT))
-    maker.start()
-    maker.join()
-    if maker.exitcode != 0:
-        raise SystemExit(f"the import of {source} ended with status {maker.exitcode}")
-    return bag
+def imported(source: Path, folder: Path, numbers: Sequence[int]) -> list[Path]:
+    """All tosses as bags, each later than those before."""
+    bags = [folder / f"{number}.mcap" for number in numbers]
+    # In processes of their own: Linux counts what this one holds as the largest memory of the commands that it starts.
+    with multiprocessing.get_context("spawn").Pool(os.cpu_count()) as makers:
+        makers.starmap(import_later, [(source, bag, number * SHIFT) for number, bag in zip(numbers, bags)])
+    return bags
 
 
 def import_later(source: Path, bag: Path, seconds: int) -> None:

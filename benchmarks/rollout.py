@@ -7,7 +7,6 @@ The errors are those of METHOD 1.11, the solver is that of 4.2. The tosses are f
 
 import argparse
 import json
-import os
 import sys
 import time
 from dataclasses import asdict, dataclass, replace
@@ -16,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from benchmarks._data import contactnets_folder
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.rollout import Rollout, rollout
@@ -23,8 +23,6 @@ from contact_curation.contact.time_step import StepStatus, SweepLimits
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 
-REPOSITORY = Path(__file__).resolve().parents[1]
-BESIDE = REPOSITORY.parent / "shared" / "data" / "contactnets"
 DT = 1.0 / 148.0
 FRICTIONS = (0.10, 0.15, 0.18, 0.22, 0.30)
 RUNS = ((1, 1e-6), (2, 1e-6), (1, 1e-8), (2, 1e-8))
@@ -60,12 +58,8 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     parser.add_argument("--repeats", type=int, default=5, help="repetitions of each timing (default 5)")
     arguments = parser.parse_args()
-    folder = Path(os.environ.get("CONTACTNETS_DATA", BESIDE)) / "tosses_processed"
-    if not folder.is_dir():
-        print(
-            f"skipped: no ContactNets data in {folder}: set CONTACTNETS_DATA to the folder that holds tosses_processed/",
-            file=sys.stderr,
-        )
+    folder = contactnets_folder()
+    if folder is None:
         return 0
     tosses = read_tosses(folder)
     timings = [timing(tosses, threads, tolerance, arguments.repeats) for threads, tolerance in RUNS]
