@@ -101,20 +101,22 @@ class Contacts(NamedTuple):
 def contacts_of(theta: Theta, frames: Frames) -> Contacts:
     """What a polytope's contacts are at measured poses."""
     return Contacts(
-        _gaps(theta, frames.rotations, frames.positions),
-        _gaps(theta, frames.rotations_next, frames.positions_next),
-        _jacobians(theta, frames.rotations),
+        gaps_at(theta, frames.rotations, frames.positions),
+        gaps_at(theta, frames.rotations_next, frames.positions_next),
+        jacobians_at(theta, frames.rotations),
     )
 
 
-def _gaps(theta: Theta, rotations: Tensor, positions: Tensor) -> Tensor:
+def gaps_at(theta: Theta, rotations: Tensor, positions: Tensor) -> Tensor:
+    """Gaps (..., V) at poses (..., 3, 3) and (..., 3)."""
     normal_in_body = torch.einsum("...ji,...j->...i", rotations, theta.normal)
     reach = torch.einsum("...vi,...i->...v", theta.vertices_normal, normal_in_body)
     offset = (theta.normal * (positions - theta.pivot)).sum(dim=-1) - theta.height
     return reach + offset[..., None]
 
 
-def _jacobians(theta: Theta, rotations: Tensor) -> Tensor:
+def jacobians_at(theta: Theta, rotations: Tensor) -> Tensor:
+    """Jacobians (..., V, 3, 6) at orientations (..., 3, 3)."""
     directions = torch.cat([theta.normal[..., None, :], theta.tangents], dim=-2)  # (..., 3, 3)
     in_body = torch.einsum("...ji,...cj->...ci", rotations, directions)
     points = torch.stack([theta.vertices_normal, theta.vertices_tangent, theta.vertices_tangent], dim=-2)  # (..., V, 3, 3)
