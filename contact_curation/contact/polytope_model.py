@@ -110,7 +110,7 @@ def initial_geometry(
     Args:
         body: whose corners and friction are known up to noise.
         form: in the physical one the normal tilts by the noise [rad] and friction is noisy by a factor.
-        pivot: (3,) about which the physical form's ground tilts; a point amid the data keeps tilt and height apart.
+        pivot: (3,) of the plane z = 0, about which the physical form's ground tilts; amid the data, tilt and height keep apart.
         rng: where the noise comes from; the same seed gives the same vertices in both forms.
         noise: standard deviation, in characteristic lengths and as a share of friction.
     """
