@@ -148,7 +148,7 @@ def _stacked_factors(infos: Sequence[TossInformation]) -> Array:
     counts = {info.factor.shape[0] for info in infos}
     rows, parameters = max(counts), infos[0].parameters
     if len(counts) == 1:
-        return np.concatenate([info.factor for info in infos]).reshape(len(infos), rows, parameters)
+        return np.concatenate([info.factor for info in infos], dtype=float).reshape(len(infos), rows, parameters)
     stack = np.zeros((len(infos), rows, parameters))
     for filled, info in zip(stack, infos):
         filled[: info.factor.shape[0]] = info.factor

@@ -39,9 +39,10 @@ class LogDetPrior:
         if info.parameters != self.coordinates.shape[0]:
             expected = f"{self.coordinates.shape[0]}, as in the prior"
             raise InvalidValueError(f"parameters of toss {info.toss_id}", info.parameters, expected)
+        rows = info.factor.astype(float)
         if not info.tilt_axes.size:
-            return info.factor
-        return sheared(info.factor, info.blocks, info.tilt_axes @ (self.pivot - info.centroid))
+            return rows
+        return sheared(rows, info.blocks, info.tilt_axes @ (self.pivot - info.centroid))
 
 
 def log_det_prior(pool: Pool, share: float, cut: float = EIGENVALUE_CUT) -> LogDetPrior:

@@ -1,11 +1,16 @@
 """What is known of a toss once it is scored: everything that ranking needs, in a few kB."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+
+Rows = NDArray[np.floating[Any]]
+"""Rows of a factor, as narrow as they are kept."""
 
 
 @dataclass(frozen=True)
@@ -17,7 +22,7 @@ class ParameterBlock:
     stop: int
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class TossInformation:
     """The information one toss carries about the parameters theta, at one theta.
 
@@ -35,7 +40,8 @@ class TossInformation:
         mean_loss: mean loss of the scored transitions (METHOD 1.2), characteristic units.
         block_traces: (blocks,) exact trace of the Fisher sum, per block.
         score_sum: (P,) sum of the scores g_t.
-        factor: (R, P) W with F = W^T W the Fisher sum, up to truncation at R rows.
+        factor: (R, P) W with F = W^T W the Fisher sum, up to truncation at R rows; float32 as `scoring` makes it, and float64
+            wherever it is computed with.
         centroid: (3,) mean position, characteristic lengths.
         tilt_axes: (2, 3) directions in which block "tilt" moves the ground's normal, the pivot being the centroid;
             (0, 3) where the model has no tilt and height.
@@ -54,7 +60,7 @@ class TossInformation:
     mean_loss: float
     block_traces: Array
     score_sum: Array
-    factor: Array
+    factor: Rows
     centroid: Array
     tilt_axes: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
@@ -84,4 +90,5 @@ class TossInformation:
 
     def fisher(self) -> Array:
         """(P, P) Fisher sum, up to the factor's truncation."""
-        return np.asarray(self.factor.T @ self.factor)
+        rows = self.factor.astype(float)
+        return np.asarray(rows.T @ rows)

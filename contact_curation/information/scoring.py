@@ -20,9 +20,13 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.factors import Compression, factors_of_fishers
 from contact_curation.information.recentring import about_centroids
-from contact_curation.information.record import ParameterBlock, TossInformation
+from contact_curation.information.record import ParameterBlock, Rows, TossInformation
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
+
+STORED = np.float32
+"""Of a factor's numbers, the most of what stays of a toss: half the memory, and no ranking of the real tosses changes by it
+(`benchmarks.rank_compression`). Rounded once, here, so that whoever ranks, in whichever process, ranks the same numbers."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +83,7 @@ class _Summed(NamedTuple):
 
     diagonal: Array
     score_sum: Array
-    factor: Array
+    factor: Rows
     centroid: Array
 
 
@@ -115,10 +119,9 @@ class Scorer:
             shifts = (centroids - self.geometry.pivot) @ self.form.tilt_axes.T
             fishers, score_sums = about_centroids(fishers, score_sums, self.blocks, shifts)
         factors = factors_of_fishers(0.5 * (fishers + fishers.transpose(0, 2, 1)), self.config.compression)
+        stored = [factor.rows.astype(STORED) for factor in factors]
         return tuple(
-            self._information(
-                toss, k, rows, sums, _Summed(np.diagonal(fishers[k]), score_sums[k], factors[k].rows, centroids[k])
-            )
+            self._information(toss, k, rows, sums, _Summed(np.diagonal(fishers[k]), score_sums[k], stored[k], centroids[k]))
             for k, toss in enumerate(tosses)
         )
 

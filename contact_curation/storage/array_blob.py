@@ -15,21 +15,21 @@ from numpy.typing import NDArray
 from contact_curation.errors import InvalidValueError
 
 LENGTH = struct.Struct("<I")
-DTYPES = ("<f8", "<i8")
-"""float64 and int64: all that records hold."""
+DTYPES = ("<f8", "<i8", "<f4")
+"""float64, int64 and float32: all that records hold."""
 
 
 def arrays_to_blob(arrays: Mapping[str, NDArray[Any]]) -> bytes:
     """The blob of `arrays`; equal arrays in equal order give equal bytes.
 
     Raises:
-        InvalidValueError: an array is neither float64 nor int64.
+        InvalidValueError: an array is of another dtype than `DTYPES`.
     """
     listed, parts = [], []
     for name, array in arrays.items():
         dtype = array.dtype.newbyteorder("<").str
         if dtype not in DTYPES:
-            raise InvalidValueError(f"dtype of {name}", array.dtype, "float64 or int64")
+            raise InvalidValueError(f"dtype of {name}", array.dtype, "float64, int64 or float32")
         listed.append([name, dtype, list(array.shape)])
         parts.append(np.ascontiguousarray(array, dtype=dtype).tobytes())
     head = json.dumps(listed, separators=(",", ":")).encode()

@@ -7,6 +7,7 @@ import pytest
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.pool import CHUNK, pool_of
+from contact_curation.information.prior import prior_of_matrix
 from test.information.pools import blocks_of, toss, tosses
 
 
@@ -25,6 +26,17 @@ def test_shorter_factors_are_filled_up_with_rows_that_say_nothing() -> None:
     assert stack.shape == (3, 4, 3)
     for factor, info in zip(stack, reversed(infos)):
         np.testing.assert_array_equal(factor.T @ factor, info.fisher())
+
+
+@pytest.mark.parametrize("shape", [(2, 4), (3, 4)])
+def test_factors_of_single_precision_are_added_in_double(shape: tuple[int, int]) -> None:
+    third = toss("a", np.full((2, 4), 1.0 / 3.0, dtype=np.float32))
+    pool = pool_of([third, toss("b", np.ones(shape, dtype=np.float32))])
+    assert pool.stacked([0, 1]).dtype == np.dtype(float)
+    share = float(np.float32(1.0 / 3.0))
+    np.testing.assert_allclose(pool.fisher, np.full((4, 4), 2.0 * share * share + shape[0]), rtol=1e-15)
+    np.testing.assert_array_equal(third.fisher(), np.full((4, 4), 2.0 * share * share))
+    assert prior_of_matrix(np.eye(4), np.zeros(3)).rows(third).dtype == np.dtype(float)
 
 
 def test_an_empty_pool_and_a_toss_that_comes_twice_are_refused() -> None:

@@ -21,6 +21,8 @@ from test.simulated import RIG_NOISE, simulated_tosses
 CUBE = CONTACTNETS_CUBE
 TRUE = ContactGeometry.of_body(CUBE)
 TOSSES = simulated_tosses(3, seed=21, noise=RIG_NOISE)
+SINGLE = 2.0 * float(np.finfo(np.float32).eps)
+"""What rounding a factor's rows to single precision may do to its Fisher matrix, as a share of the trace."""
 EMPIRICAL = ScoringConfig(estimator=Estimator.EMPIRICAL, compression=Compression(max_rows=60))
 
 
@@ -42,7 +44,7 @@ def test_information_is_summed_from_scores_about_the_tosss_own_centroid() -> Non
     for toss, info in zip(TOSSES, scored(TRUE, EMPIRICAL), strict=True):
         scores = scores_about_the_centroid(toss)
         fisher = scores.T @ scores
-        np.testing.assert_allclose(info.fisher(), fisher, atol=1e-9 * np.trace(fisher))
+        np.testing.assert_allclose(info.fisher(), fisher, atol=SINGLE * np.trace(fisher))
         np.testing.assert_allclose(info.score_sum, scores.sum(axis=0), atol=1e-8)
         assert info.trace == pytest.approx(np.trace(fisher), rel=1e-9)
         assert [block.name for block in info.blocks] == ["vertices_normal", "vertices_tangent", "friction", "tilt", "height"]
@@ -54,7 +56,7 @@ def test_it_does_not_matter_about_which_point_the_plane_is_written(estimator: Es
     elsewhere = replace(TRUE, pivot=pivot, height=float(TRUE.normal @ -pivot))
     config = replace(EMPIRICAL, estimator=estimator)
     for one, other in zip(scored(TRUE, config), scored(elsewhere, config), strict=True):
-        np.testing.assert_allclose(one.fisher(), other.fisher(), atol=1e-8 * one.trace)
+        np.testing.assert_allclose(one.fisher(), other.fisher(), atol=SINGLE * one.trace)
 
 
 def test_a_toss_is_scored_alike_alone_and_among_others() -> None:
@@ -63,6 +65,13 @@ def test_a_toss_is_scored_alike_alone_and_among_others() -> None:
         np.testing.assert_array_equal(one.factor, other.factor)
         np.testing.assert_array_equal(one.score_sum, other.score_sum)
         assert one.mean_loss == other.mean_loss
+
+
+def test_a_factor_is_kept_in_single_precision_and_everything_else_in_double() -> None:
+    info = scored(TRUE, ScoringConfig())[0]
+    assert info.factor.dtype == np.float32
+    assert {value.dtype for value in (info.block_traces, info.score_sum, info.centroid)} == {np.dtype(float)}
+    assert info.fisher().dtype == np.dtype(float)
 
 
 def test_a_record_says_what_it_was_made_with() -> None:

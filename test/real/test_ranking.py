@@ -63,7 +63,7 @@ def test_the_trace_of_a_union_is_the_sum_of_the_traces(real_tosses: Tosses, esti
         order = np.random.default_rng(seed).permutation(len(infos))
         parts = [pool_of(infos[i] for i in part) for part in (order[:cut], order[cut:])]
         assert together == pytest.approx(sum(np.trace(part.fisher) for part in parts), rel=1e-12)
-    assert all(0.999 < np.square(info.factor).sum() / info.trace < 1.0 + 1e-9 for info in infos)
+    assert all(0.999 < np.trace(info.fisher()) / info.trace < 1.0 + 1e-7 for info in infos)
 
 
 @ESTIMATORS

@@ -1,5 +1,7 @@
 """Arrays go through blobs bit for bit, and broken blobs are refused."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,10 +11,11 @@ from hypothesis.extra import numpy as arrays_of
 from contact_curation.errors import InvalidValueError
 from contact_curation.storage.array_blob import arrays_from_blob, arrays_to_blob
 
+KINDS: list[np.dtype[Any]] = [np.dtype(name) for name in ("f8", "i8", "f4")]
 SHAPES = arrays_of.array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=4)
 
 
-@given(st.lists(arrays_of.arrays(st.sampled_from([np.dtype("f8"), np.dtype("i8")]), SHAPES), max_size=3))
+@given(st.lists(arrays_of.arrays(st.sampled_from(KINDS), SHAPES), max_size=3))
 def test_arrays_come_back_bit_for_bit(values: list[np.ndarray]) -> None:
     named = {f"a{index}": value for index, value in enumerate(values)}
     back = arrays_from_blob(arrays_to_blob(named))
@@ -28,8 +31,8 @@ def test_big_endian_arrays_come_back_with_the_same_values() -> None:
 
 
 def test_other_dtypes_are_refused() -> None:
-    with pytest.raises(InvalidValueError, match="float32"):
-        arrays_to_blob({"a": np.zeros(2, dtype=np.float32)})
+    with pytest.raises(InvalidValueError, match="float16"):
+        arrays_to_blob({"a": np.zeros(2, dtype=np.float16)})
     with pytest.raises(InvalidValueError, match="object"):
         arrays_to_blob({"a": np.array([{}])})
 
