@@ -187,7 +187,7 @@ def scored(tosses: Iterable[Toss], estimator: Estimator) -> Pool:
     """A pool at the true cube."""
     scorer = Scorer(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE, ScoringConfig(estimator))
     infos = [info for info in scorer.score(tuple(tosses)) if isinstance(info, TossInformation)]
-    return pool_of(infos, gauge=scorer.form.gauge if scorer.form.gauge.size else None)
+    return pool_of(infos)
 
 
 def parity(ours: Ranking, theirs: Ranking, estimator: Estimator, criterion: str, compared: str) -> Parity:

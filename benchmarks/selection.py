@@ -108,7 +108,7 @@ def scored_pools(tosses: Sequence[Toss]) -> dict[tuple[str, Estimator], Pool]:
         for estimator in Estimator:
             scorer = Scorer(theta, CONTACTNETS_CUBE, ScoringConfig(estimator, form=Form.CONTACTNETS))
             scored = [info for info in scorer.score(tosses) if isinstance(info, TossInformation)]
-            pools[name, estimator] = pool_of(scored, gauge=scorer.form.gauge)
+            pools[name, estimator] = pool_of(scored)
     return pools
 
 
@@ -147,7 +147,7 @@ def designs(pools: Mapping[tuple[str, Estimator], Pool], judge: Pool) -> list[De
 def design(particles: Sequence[Pool], judge: Pool, config: RankingConfig, name: str, estimator: str) -> Design:
     """What the judge says of a ranking's kept set."""
     ranking = rank_particles(particles, config)
-    subspace = identifiable_subspace(judge.fisher, gauge=judge.gauge)
+    subspace = identifiable_subspace(judge.fisher)
     per_toss = efficiency(judge, subspace, ranking.kept_ids)
     per_frame = efficiency(judge, subspace, ranking.kept_ids, per_transition=True)
     certified = ranking.certificate.subset if ranking.certificate else None
@@ -181,7 +181,7 @@ def streamed_value(selector: SieveStreaming | SwapStreaming | GuardedSwap, pool:
 
 def sufficient(pool: Pool, criterion: str) -> Sufficient:
     """How many tosses of a ranking it takes."""
-    subspace = identifiable_subspace(pool.fisher, gauge=pool.gauge)
+    subspace = identifiable_subspace(pool.fisher)
     order = rank_particles([pool], RankingConfig(criterion)).ids
     return Sufficient(criterion, {epsilon: smallest_sufficient_k(pool, subspace, order, epsilon) for epsilon in EPSILONS})
 

@@ -68,7 +68,7 @@ def curate_particles(pools: Sequence[Pool], config: RankingConfig) -> Curation:
     """Ranks tosses that were scored at several thetas; errors as in `ranker.rank_particles`."""
     ranking = rank_particles(pools, config)
     pool, kept = pools[0], ranking.kept_ids
-    subspace = identifiable_subspace(pool.fisher, config.cut, pool.gauge)
+    subspace = identifiable_subspace(pool.fisher, config.cut)
     plain = spectral_distance(pool, subspace, kept)
     scale = len(pool) / len(kept)
     shares = block_shares(pool.infos)

@@ -33,14 +33,12 @@ class Pool:
     Attributes:
         infos: K records in the order of their ids, as they were scored.
         pivot: (3,) centroid of the pool, about which the tilt is taken wherever tosses are added.
-        gauge: (G, P) directions of theta that no data can tell (METHOD 1.1), as rows; None when there are none.
         prior: (P, P) positive definite prior information A0 in the units of theta, the tilt about the pivot; None for a share
             of the mean toss's.
     """
 
     infos: tuple[TossInformation, ...]
     pivot: Array
-    gauge: Array | None = None
     prior: Array | None = None
 
     def __len__(self) -> int:
@@ -108,16 +106,15 @@ class Pool:
         return {toss_id: index for index, toss_id in enumerate(self.ids)}
 
 
-def pool_of(infos: Iterable[TossInformation], gauge: Array | None = None, prior: Array | None = None) -> Pool:
+def pool_of(infos: Iterable[TossInformation], prior: Array | None = None) -> Pool:
     """The pool of some tosses, in whatever order they come.
 
     Args:
         infos: at least one toss, each id once.
-        gauge: (G, P) or (P,) directions of theta that no data can tell.
         prior: (P, P) prior information A0 in the units of theta, the tilt about the pool's centroid.
 
     Raises:
-        InvalidValueError: no toss, an id twice, tosses scored at different thetas, or a gauge or prior of the wrong shape.
+        InvalidValueError: no toss, an id twice, tosses scored at different thetas, or a prior of the wrong shape.
     """
     ordered = sorted(infos, key=lambda info: info.toss_id)
     if not ordered:
@@ -127,12 +124,9 @@ def pool_of(infos: Iterable[TossInformation], gauge: Array | None = None, prior:
             raise InvalidValueError("tosses to rank", f"{one.toss_id} twice", "each toss once")
         check_comparable(one, other)
     size = ordered[0].parameters
-    directions = None if gauge is None else np.atleast_2d(gauge)
-    if directions is not None and (directions.ndim != 2 or directions.shape[1] != size):
-        raise InvalidValueError("gauge directions", f"shape {directions.shape}", f"(G, {size})")
     if prior is not None and prior.shape != (size, size):
         raise InvalidValueError("prior information", f"shape {prior.shape}", f"({size}, {size})")
-    return Pool(tuple(ordered), pool_centroid(ordered), directions, prior)
+    return Pool(tuple(ordered), pool_centroid(ordered), prior)
 
 
 def check_comparable(one: TossInformation, other: TossInformation) -> None:

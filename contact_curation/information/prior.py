@@ -58,7 +58,7 @@ def log_det_prior(pool: Pool, share: float, cut: float = EIGENVALUE_CUT) -> LogD
     """
     if pool.prior is not None:
         return prior_of_matrix(pool.prior, pool.pivot)
-    subspace = identifiable_subspace(pool.fisher, cut, pool.gauge)
+    subspace = identifiable_subspace(pool.fisher, cut)
     return LogDetPrior(subspace.per_mean_toss(len(pool)) / np.sqrt(share), pool.pivot)
 
 

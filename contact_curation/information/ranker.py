@@ -74,15 +74,12 @@ class RankingConfig:
             raise InvalidValueError("ranking.cut", self.cut, "a number between 0 and 1")
 
 
-def rank(
-    infos: Iterable[TossInformation], config: RankingConfig, gauge: Array | None = None, prior: Array | None = None
-) -> Ranking:
+def rank(infos: Iterable[TossInformation], config: RankingConfig, prior: Array | None = None) -> Ranking:
     """The ranking of tosses scored at one theta.
 
     Args:
         infos: at least one toss, each id once, in any order.
         config: how to rank.
-        gauge: (G, P) directions of theta that no data can tell (METHOD 1.1).
         prior: (P, P) prior information for log-det in the units of theta, the tilt about the pool's centroid, instead of
             `config.prior` of the mean toss.
 
@@ -90,7 +87,7 @@ def rank(
         InvalidValueError: no toss, an id twice, tosses that were scored at different thetas, or no information at all.
         NotScoredError: the trace of the mean Fisher matrix is wanted of a toss without a scored transition.
     """
-    return rank_particles([pool_of(infos, gauge, prior)], config)
+    return rank_particles([pool_of(infos, prior)], config)
 
 
 def rank_particles(pools: Sequence[Pool], config: RankingConfig) -> Ranking:
@@ -146,7 +143,7 @@ def _toss_scores(pool: Pool, config: RankingConfig) -> Array:
 
 
 def _subspace(pool: Pool, cut: float) -> IdentifiableSubspace:
-    return identifiable_subspace(pool.fisher, cut, pool.gauge)
+    return identifiable_subspace(pool.fisher, cut)
 
 
 def _averaged(scores: Sequence[Array]) -> Array:

@@ -50,13 +50,12 @@ class IdentifiableSubspace:
         return np.asarray(self.whitening * np.sqrt(tosses))
 
 
-def identifiable_subspace(fisher: Array, cut: float = EIGENVALUE_CUT, gauge: Array | None = None) -> IdentifiableSubspace:
+def identifiable_subspace(fisher: Array, cut: float = EIGENVALUE_CUT) -> IdentifiableSubspace:
     """The identifiable subspace of a pooled Fisher matrix.
 
     Args:
         fisher: (P, P) pooled Fisher sum.
         cut: eigenvalues above this share of the largest are kept.
-        gauge: (G, P) directions of theta that no data can tell; they are taken out before the cut.
 
     Raises:
         InvalidValueError: nothing is identifiable, because no toss carries information.
@@ -65,24 +64,9 @@ def identifiable_subspace(fisher: Array, cut: float = EIGENVALUE_CUT, gauge: Arr
     measured = diagonal > UNMEASURED * max(float(diagonal.max(initial=0.0)), np.finfo(float).tiny)
     if not measured.any():
         raise InvalidValueError("pooled information", "zero", "at least one toss that tells something about theta")
-    scale = np.zeros(len(diagonal))
-    scale[measured] = diagonal[measured] ** -0.5
-    free = _free_directions(measured, scale, gauge)  # (P, P'), orthonormal, in scaled parameters
-    values, vectors = np.linalg.eigh(free.T @ (scale[:, None] * fisher * scale) @ free)
-    kept = values > cut * values.max(initial=np.finfo(float).eps)
-    if not kept.any():
-        raise InvalidValueError("pooled information", "nothing beside the gauge directions", "an identifiable direction")
-    basis = scale[:, None] * (free @ vectors[:, kept])
-    return IdentifiableSubspace(whitening=basis / np.sqrt(values[kept]), eigenvalues=values[kept])
-
-
-def _free_directions(measured: np.ndarray[tuple[int], np.dtype[np.bool_]], scale: Array, gauge: Array | None) -> Array:
-    """Orthonormal columns that span the measured, scaled parameters without the gauge directions."""
-    axes = np.eye(len(scale))[:, measured]
-    if gauge is None:
-        return axes
-    scaled = gauge[:, measured] / scale[measured]  # theta = D theta_scaled
-    lengths = np.linalg.norm(scaled, axis=1, keepdims=True)
-    _, singular, right = np.linalg.svd(scaled / np.where(lengths > 0.0, lengths, 1.0), full_matrices=True)
-    rank = int(np.count_nonzero(singular > EIGENVALUE_CUT))
-    return np.asarray(axes @ right[rank:].T)
+    scale = diagonal[measured] ** -0.5
+    values, vectors = np.linalg.eigh(scale[:, None] * fisher[np.ix_(measured, measured)] * scale)
+    kept = values > cut * values.max()
+    whitening = np.zeros((len(diagonal), int(np.count_nonzero(kept))))
+    whitening[measured] = scale[:, None] * vectors[:, kept] / np.sqrt(values[kept])
+    return IdentifiableSubspace(whitening, eigenvalues=values[kept])

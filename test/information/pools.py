@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.record import ParameterBlock, TossInformation
+from contact_curation.information.record import ParameterBlock, Rows, TossInformation
 
 
-def toss(toss_id: str, factor: Array, **changes: Any) -> TossInformation:
+def toss(toss_id: str, factor: Rows, **changes: Any) -> TossInformation:
     """A toss of the given factor (R, P), whose rows are taken for the scores of its transitions; P in two blocks."""
     size = factor.shape[1]
     blocks = changes.pop("blocks", None) or blocks_of([("first", (size + 1) // 2), ("second", size // 2)])

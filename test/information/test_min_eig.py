@@ -86,7 +86,7 @@ def test_the_whole_set_knows_every_direction_once_the_gauge_is_gone() -> None:
     gauge = rng.standard_normal(5)
     gauge /= np.linalg.norm(gauge)
     infos = [toss(f"{k:02d}", f - np.outer(f @ gauge, gauge)) for k, f in enumerate(rng.standard_normal((12, 2, 5)))]
-    ranking = rank(infos, RankingConfig("min-eig", top=12, prior=1e-9), gauge=gauge)
+    ranking = rank(infos, RankingConfig("min-eig", top=12, prior=1e-9))
     assert ranking.diagnostics == ()
     total = sum(entry.marginal_gain for entry in ranking.entries)
     assert total == pytest.approx(12.0, rel=1e-6)

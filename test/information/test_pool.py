@@ -62,13 +62,11 @@ def test_tosses_scored_at_another_theta_or_in_another_way_are_refused(change: di
         pool_of([toss("a", np.ones((1, 4))), toss("b", np.ones((1, 4)), **change)])
 
 
-def test_gauge_and_prior_must_fit_the_parameters() -> None:
+def test_a_prior_must_fit_the_parameters() -> None:
     infos = tosses(3, 4, 2, seed=1)
-    with pytest.raises(InvalidValueError, match="gauge"):
-        pool_of(infos, gauge=np.ones(3))
     with pytest.raises(InvalidValueError, match="prior"):
         pool_of(infos, prior=np.eye(3))
-    assert pool_of(infos, gauge=np.ones(4)).gauge is not None
+    assert pool_of(infos, prior=np.eye(4)).prior is not None
 
 
 def test_tosses_are_found_by_id() -> None:

@@ -1,5 +1,6 @@
 """One door: the same tosses give the same ranking, in any order and, where promised, in any units (METHOD check 17)."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,10 +8,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.evaluation import Estimator
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.errors import InvalidValueError
-from contact_curation.information.pool import pool_of
+from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.ranker import CRITERIA, RankingConfig, rank, rank_particles
+from contact_curation.information.record import TossInformation
+from contact_curation.information.scoring import Scorer, ScoringConfig
+from contact_curation.information.subspace import identifiable_subspace
 from test.information.pools import rescaled, toss, tosses
+from test.simulated import RIG_NOISE, simulated_tosses
 
 SCALE = 10.0 ** np.random.default_rng(0).uniform(-3.0, 3.0, 12)
 
@@ -59,14 +68,27 @@ def test_units_of_the_parameters_do_change_the_trace_ranking() -> None:
     assert rank(infos, config).kept_ids != rank([rescaled(info, SCALE) for info in infos], config).kept_ids
 
 
-def test_a_gauge_direction_takes_no_part() -> None:
-    """A direction that is declared to be gauge is out, whatever the scores say of it."""
-    infos = tosses(40, 5, 4, seed=5)
-    loud = [toss(info.toss_id, info.factor * np.array([1e3, 1.0, 1.0, 1.0, 1.0])) for info in infos]
-    without = [toss(info.toss_id, info.factor[:, 1:]) for info in infos]
+def pool_in_57_parameters(theta: ContactGeometry, estimator: Estimator) -> Pool:
+    scorer = Scorer(theta, CONTACTNETS_CUBE, ScoringConfig(estimator, form=Form.CONTACTNETS))
+    scored = scorer.score(simulated_tosses(12, seed=8, noise=RIG_NOISE))
+    return pool_of(info for info in scored if isinstance(info, TossInformation))
+
+
+@pytest.mark.parametrize("estimator", list(Estimator))
+def test_the_57_parameter_form_is_ranked_without_its_gauge(estimator: Estimator) -> None:
+    """METHOD check 5: a turn of the tangents, which changes nothing, takes no part and changes no ranking."""
+    true = ContactGeometry.of_body(CONTACTNETS_CUBE)
+    turned = replace(true, tangents=np.array([[0.8, -0.6], [0.6, 0.8]]) @ true.tangents)
+    pools = [pool_in_57_parameters(theta, estimator) for theta in (true, turned)]
+    gauge = parameter_form(true, Form.CONTACTNETS).gauge[0]
+    assert gauge @ pools[0].fisher @ gauge < 1e-12 * np.trace(pools[0].fisher)
+    assert identifiable_subspace(pools[0].fisher).dimension <= 56
     for criterion in ("log-det", "leverage", "min-eig"):
-        config = RankingConfig(criterion, top=10)
-        assert rank(loud, config, gauge=np.eye(5)[0]).ids == rank(without, config).ids
+        here, there = (rank_particles([pool], RankingConfig(criterion, top=len(pool))) for pool in pools)
+        assert here.kept_ids == there.kept_ids, criterion
+        gains, turned_gains = ([entry.marginal_gain for entry in ranking.entries] for ranking in (here, there))
+        np.testing.assert_allclose(gains, turned_gains, rtol=1e-4, atol=1e-6)
+        assert sum(gains) > 0.0
 
 
 @pytest.mark.parametrize("criterion", CRITERIA)

@@ -35,7 +35,7 @@ POINT = np.array([3.0, -2.0, 0.5])
 def moved_to(info: TossInformation, pivot: Array) -> tuple[Array, Array]:
     """Factor and score sum of a toss about another pivot."""
     shift = AXES @ (pivot - info.centroid)
-    return sheared(info.factor, BLOCKS, shift), sheared(info.score_sum, BLOCKS, shift)
+    return sheared(info.factor.astype(float), BLOCKS, shift), sheared(info.score_sum, BLOCKS, shift)
 
 
 def test_moving_the_pivot_gives_what_scoring_about_it_gives() -> None:

@@ -25,7 +25,7 @@ def scored_pool(
     scorer = Scorer(geometry, CONTACTNETS_CUBE, ScoringConfig(estimator, form=form))
     infos = [info for info in scorer.score(tosses) if isinstance(info, TossInformation)]
     assert len(infos) == len(tosses)
-    return pool_of(infos, gauge=scorer.form.gauge)
+    return pool_of(infos)
 
 
 def fishers_in(pool: Pool, coordinates: Array, indices: Indices | None = None) -> Array:

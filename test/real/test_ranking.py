@@ -110,8 +110,7 @@ def test_units_turn_the_order_of_the_trace_over_and_move_no_toss_of_the_others(
     """METHOD 6.17 over all 570 places, in the 57 published parameters; of the first 32 by trace, units leave 3 to 19."""
     pool = scored_pool(real_tosses, estimator, Form.CONTACTNETS)
     scale = 10.0 ** np.random.default_rng(seed).uniform(-3.0, 3.0, pool.parameters)
-    assert pool.gauge is not None
-    there = pool_of([in_units(info, scale) for info in pool.infos], gauge=pool.gauge / scale)
+    there = pool_of([in_units(info, scale) for info in pool.infos])
     for criterion in ("log-det", "leverage"):
         assert by(criterion, there).ids == by(criterion, pool).ids, criterion
     assert top_overlap(by("trace", there), by("trace", pool), 32) < 0.7
@@ -145,7 +144,7 @@ def test_most_of_the_tosses_are_needed_to_stand_for_all(
     the mean of five, which range from 421 to 505 at epsilon 0.5 by Gauss-Newton: 562 was bad luck.
     """
     pool = scored_pool(real_tosses, estimator, Form.CONTACTNETS, fitted)
-    subspace = identifiable_subspace(pool.fisher, gauge=pool.gauge)
+    subspace = identifiable_subspace(pool.fisher)
     assert subspace.dimension == 56
     orders = [by(criterion, pool, seed=seed).ids for seed in range(5 if criterion == "random" else 1)]
     counts = [[smallest_sufficient_k(pool, subspace, order, epsilon) for epsilon in EPSILONS] for order in orders]
@@ -171,7 +170,7 @@ def test_rescaling_a_kept_set_does_not_make_it_stand_for_all(
     Measured in this order: 0.026 to 8.62, 0.300 to 4.39, 0.125 to 8.72, 0.744 to 4.41.
     """
     pool = scored_pool(real_tosses, Estimator.EMPIRICAL, Form.CONTACTNETS, fitted)
-    subspace = identifiable_subspace(pool.fisher, gauge=pool.gauge)
+    subspace = identifiable_subspace(pool.fisher)
     ids = by(criterion, pool).ids[:kept]
     spectrum = spectral_distance(pool, subspace, ids, len(pool) / kept).eigenvalues
     assert spectrum[-1] == pytest.approx(method[1], rel=0.03)
