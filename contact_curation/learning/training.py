@@ -1,0 +1,248 @@
+"""Training of a model on tosses: gradient steps, evaluations, early stop; the only thing in learning that remembers.
+
+A step takes the next batch of transitions, leaves out those whose impulses carry no certificate, and goes down
+
+    mean over the batch of bounded(L) + w_r R        (METHOD 1.2, 2.1)
+
+The same arguments give the same numbers bit for bit, however the steps are cut into calls of `advance`; so does a training that
+was stored and resumed (learning/checkpoint.py).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.model import BatchLoss, Model, Rows
+from contact_curation.contact.model_kind import ModelKind
+from contact_curation.contact.models import initial_model, model_of_tensors, tensors_of
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.learning.batches import Batches
+from contact_curation.learning.bounded_influence import bounded
+from contact_curation.learning.culprit import not_finite_contacts, not_finite_gradient
+from contact_curation.learning.early_stop import EarlyStop
+from contact_curation.learning.mean_loss import mean_loss
+from contact_curation.learning.optimizer import Optimizer
+from contact_curation.learning.progress import Evaluated, Progress, TrainingState
+from contact_curation.learning.protocols import TrainingConfig
+from contact_curation.motion.transitions import Transitions
+
+
+@dataclass(frozen=True)
+class Counters:
+    """Where a training is.
+
+    Attributes:
+        gradient_steps, epochs: over all data that it has had.
+        first_step, first_epoch: where the present budget began.
+        not_solved: transitions left out of gradient steps, counted each time.
+        loss_sum, loss_count: of the transitions trained on since the last evaluation.
+        state: whether it goes on.
+        reason: why not.
+    """
+
+    gradient_steps: int = 0
+    epochs: int = 0
+    first_step: int = 0
+    first_epoch: int = 0
+    not_solved: int = 0
+    loss_sum: float = 0.0
+    loss_count: int = 0
+    state: TrainingState = TrainingState.RUNNING
+    reason: str = ""
+
+
+class Training:
+    """A model that learns from transitions.
+
+    Args:
+        model: changed in place from here on.
+        data: what it learns from.
+        held_out: what it never learns from; their loss is watched.
+        config: the protocol.
+        seed: of the shuffles.
+
+    Raises:
+        InvalidValueError: no transitions, a state that is not finite, or an early stop without held-out transitions.
+    """
+
+    def __init__(
+        self, model: Model, data: Transitions, held_out: Transitions | None, config: TrainingConfig, seed: int
+    ) -> None:
+        if config.patience is not None and held_out is None:
+            raise InvalidValueError("held-out transitions", "none", "some, since the protocol stops early on their loss")
+        self.model = model
+        self.config = config
+        self.held_out = None if held_out is None else _checked(held_out)
+        self.counters = Counters()
+        self.early_stop = EarlyStop()
+        self.history: tuple[Evaluated, ...] = ()
+        self.best_tensors: dict[str, Array] | None = None
+        self.optimizer = Optimizer(model, config)
+        self._generator = np.random.default_rng(seed)
+        self._take(data)
+
+    @property
+    def data(self) -> Transitions:
+        """What it learns from now."""
+        return self._data
+
+    @property
+    def batches(self) -> Batches:
+        """The order in which it does."""
+        return self._batches
+
+    @property
+    def progress(self) -> Progress:
+        """How far it is."""
+        now, last = self.counters, self.history[-1] if self.history else Evaluated(0, 0, np.nan, np.nan)
+        return Progress(
+            gradient_steps=now.gradient_steps,
+            epochs=now.epochs,
+            training_loss=now.loss_sum / now.loss_count if now.loss_count else last.training_loss,
+            held_out_loss=last.held_out_loss,
+            best_held_out_loss=self.early_stop.best if np.isfinite(self.early_stop.best) else np.nan,
+            not_solved=now.not_solved,
+            state=now.state,
+            reason=now.reason,
+        )
+
+    def advance(self, steps: int) -> Progress:
+        """Takes up to `steps` gradient steps, with the evaluations that fall due; fewer when the training ends before."""
+        if steps < 1:
+            raise InvalidValueError("steps", steps, "at least 1")
+        for _ in range(steps):
+            if self.counters.state is not TrainingState.RUNNING:
+                break
+            self._step()
+        return self.progress
+
+    def replace_data(self, data: Transitions, fresh_budget: bool = False) -> None:
+        """Learns from other transitions from here on, in a new epoch.
+
+        Args:
+            data: the kept set as it is now.
+            fresh_budget: whether steps, epochs, patience and the schedule begin anew, and the optimizer forgets; a
+                training that had ended goes on. Without it only the data change.
+        """
+        self._take(data)
+        if not fresh_budget:
+            return
+        now = self.counters
+        self.counters = replace(
+            now, first_step=now.gradient_steps, first_epoch=now.epochs, state=TrainingState.RUNNING, reason=""
+        )
+        self.early_stop = replace(self.early_stop, waited=0)
+        self.optimizer = Optimizer(self.model, self.config)
+
+    def trained(self) -> Model:
+        """A copy of what counts as the result: the best by held-out loss where training stops early, else the last."""
+        model = self.model
+        tensors = tensors_of(model) if self.best_tensors is None else self.best_tensors
+        return model_of_tensors(model.kind, model.settings(), tensors, model.body)
+
+    def _take(self, data: Transitions) -> None:
+        self._data = _checked(data)
+        self._batches = Batches(len(data.dt), self.config.batch, self._generator)
+
+    def _step(self) -> None:
+        """One gradient step, and what is due after it."""
+        chosen = self._batches.take()
+        rows = rows_of(self._data).take(chosen)
+        batch = self.model.batch_loss(rows, self.config.loss)
+        complaint = self._complaint(batch, rows, chosen)
+        if complaint:
+            self._end(TrainingState.FAILED, complaint)
+            return
+        now, losses = self.counters, batch.losses[batch.solved]
+        if len(losses):
+            objective = bounded(losses, self.config.influence).mean() + self.config.regularizer * batch.regularizer
+            if not self.optimizer.minimize(objective, now.gradient_steps - now.first_step):
+                culprit = not_finite_gradient(self.model, rows, self.config.loss)
+                self._end(TrainingState.FAILED, f"{self._name(int(chosen[culprit]))}: its gradient is not finite")
+                return
+        self.counters = replace(
+            now,
+            gradient_steps=now.gradient_steps + 1,
+            epochs=now.epochs + self._batches.at_epoch_end,
+            not_solved=now.not_solved + len(chosen) - len(losses),
+            loss_sum=now.loss_sum + float(losses.detach().sum()),
+            loss_count=now.loss_count + len(losses),
+        )
+        self._after_step()
+
+    def _complaint(self, batch: BatchLoss, rows: Rows, chosen: NDArray[np.int64]) -> str:
+        """One line about the first transition of a batch whose loss is not finite, or nothing."""
+        wrong = batch.solved & ~torch.isfinite(batch.losses.detach())
+        if not bool(batch.solved.all()):
+            unsolved: Tensor = torch.nonzero(~batch.solved)[:, 0]
+            wrong[unsolved] = not_finite_contacts(self.model, rows.take(unsolved.numpy()))
+        if not bool(wrong.any()):
+            return ""
+        return f"{self._name(int(chosen[int(torch.nonzero(wrong)[0, 0])]))}: its loss is not finite"
+
+    def _after_step(self) -> None:
+        now, config = self.counters, self.config
+        steps, epochs = now.gradient_steps - now.first_step, now.epochs - now.first_epoch
+        spent = (config.steps is not None and steps >= config.steps) or (config.epochs is not None and epochs >= config.epochs)
+        every = config.evaluation_steps
+        if spent or (self._batches.at_epoch_end if every is None else steps % every == 0):
+            self._evaluate()
+        if spent and self.counters.state is TrainingState.RUNNING:
+            self._end(TrainingState.SPENT, f"the budget of {steps} gradient steps in {epochs} epochs is used up")
+
+    def _evaluate(self) -> None:
+        now = self.counters
+        if not now.loss_count:
+            self._end(TrainingState.FAILED, f"no transition was solved up to gradient step {now.gradient_steps}")
+            return
+        held_out = np.nan if self.held_out is None else mean_loss(self.model, rows_of(self.held_out), self.config.loss).loss
+        self.history += (Evaluated(now.gradient_steps, now.epochs, now.loss_sum / now.loss_count, held_out),)
+        self.counters = replace(now, loss_sum=0.0, loss_count=0)
+        self.early_stop = self.early_stop.after(held_out)
+        if self.config.patience is None:
+            return
+        if not self.early_stop.waited:
+            self.best_tensors = tensors_of(self.model)
+        if self.early_stop.waited >= self.config.patience.evaluations(len(self._data.toss_ids)):
+            self._end(TrainingState.CONVERGED, f"the held-out loss has not fallen for {self.early_stop.waited} evaluations")
+
+    def _end(self, state: TrainingState, reason: str) -> None:
+        self.counters = replace(self.counters, state=state, reason=reason)
+
+    def _name(self, row: int) -> str:
+        return transition_name(self._data, row)
+
+
+def new_training(
+    kind: ModelKind, body: Body, data: Transitions, held_out: Transitions | None, config: TrainingConfig, seed: int
+) -> Training:
+    """A training from the published random initialisation (METHOD 1.1); one seed gives one model and one order of the data."""
+    noise, shuffles = np.random.SeedSequence(seed).generate_state(2)
+    model = initial_model(kind, body, config.form, rows_of(_checked(data)), np.random.default_rng(noise))
+    return Training(model, data, held_out, config, int(shuffles))
+
+
+def rows_of(data: Transitions) -> Rows:
+    """Transitions as models take them."""
+    return Rows(data.before, data.after, data.dt)
+
+
+def transition_name(data: Transitions, row: int) -> str:
+    """How messages name a row."""
+    toss = int(np.searchsorted(data.starts, row, side="right")) - 1
+    return f"toss {data.toss_ids[toss]}, transition {row - int(data.starts[toss])}"
+
+
+def _checked(data: Transitions) -> Transitions:
+    if not len(data.dt):
+        raise InvalidValueError("transitions", "none", "at least one")
+    finite = np.isfinite(data.before).all(axis=1) & np.isfinite(data.after).all(axis=1) & np.isfinite(data.dt)
+    if not finite.all():
+        row = int(np.argmin(finite))
+        raise InvalidValueError(transition_name(data, row), "a state that is not finite", "finite numbers")
+    return data
