@@ -5,6 +5,7 @@ characteristic lengths; parameters are float64.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +46,20 @@ class BatchLoss(NamedTuple):
     losses: Tensor
     solved: Tensor
     regularizer: Tensor
+
+
+def over_finite_rows(rows: Rows, losses_of: Callable[[Rows], BatchLoss]) -> BatchLoss:
+    """`losses_of` the transitions whose numbers are all finite; the others are not solved.
+
+    For models that differentiate through a network: the slope that comes back to a bad transition is zero, but zero times its
+    inputs, which are not numbers, would spoil the gradient of all.
+    """
+    finite = np.isfinite(rows.before).all(axis=1) & np.isfinite(rows.after).all(axis=1) & np.isfinite(rows.dt)
+    if finite.all():
+        return losses_of(rows)
+    found, kept = losses_of(rows.take(finite)), torch.as_tensor(finite)
+    losses, solved = torch.full((len(kept),), torch.nan, dtype=torch.float64), torch.zeros(len(kept), dtype=torch.bool)
+    return BatchLoss(losses.index_put((kept,), found.losses), solved.index_put((kept,), found.solved), found.regularizer)
 
 
 class Model(torch.nn.Module, ABC):

@@ -1,10 +1,8 @@
 """The polytope as a model to train, in either form of theta (METHOD 1.1).
 
-``contactnets`` trains the published 57 numbers and needs the regulariser R that keeps the normal's scale in place,
-
-    R = V (|n| - 1)^2 + |T n|^2,
-
-``physical`` a unit normal that tilts about a pivot, one friction coefficient by its logarithm, and the ground's height.
+``contactnets`` trains the published 57 numbers and needs a regulariser that keeps the normal's scale in place
+(`scale_regularizer`); ``physical`` trains vertices, the tilt of a unit normal about a pivot, one friction coefficient by its
+logarithm, and the ground's height.
 """
 
 import numpy as np
@@ -17,6 +15,7 @@ from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
 from contact_curation.contact.model import BatchLoss, ContactModel, Rows
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.parameter_form import Form, parameter_form
+from contact_curation.contact.scale_regularizer import scale_regularizer
 from contact_curation.contact.torch_contacts import Contacts, Frames, Theta, contacts_of, gaps_at, jacobians_at
 from contact_curation.contact.torch_loss import polytope_losses
 from contact_curation.geometry.quaternions import Array
@@ -96,10 +95,8 @@ class PolytopeModel(ContactModel):
     def _regularizer(self, theta: Theta) -> Tensor:
         if self.form is Form.PHYSICAL:
             return torch.zeros((), dtype=torch.float64)
-        scale = (torch.linalg.vector_norm(theta.normal) - 1.0).square()
-        across: Tensor = torch.sum((theta.tangents @ theta.normal).square())
-        together: Tensor = len(theta.vertices_normal) * scale + across
-        return together
+        slopes = torch.cat([theta.normal[None], theta.tangents])  # (3, 3), the same at every contact
+        return len(theta.vertices_normal) * scale_regularizer(slopes[None, None])
 
 
 def initial_geometry(
