@@ -8,7 +8,10 @@ The same arguments give the same numbers bit for bit, however the steps are cut 
 was stored and resumed (learning/checkpoint.py).
 """
 
+import hashlib
+import json
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -56,6 +59,30 @@ class Counters:
     reason: str = ""
 
 
+@dataclass(frozen=True, eq=False)
+class TrainingMemory:
+    """All that a training remembers beside its model, its data and its protocol.
+
+    Attributes:
+        counters, early_stop, history: where it is.
+        best_tensors: the model's at the lowest held-out loss; None where training does not stop early or was not evaluated yet.
+        moments: of the optimizer.
+        order: (N,) this epoch's order of the data.
+        batches: the place in it, and the generator's state.
+        data, held_out: digests; empty without held-out transitions.
+    """
+
+    counters: Counters
+    early_stop: EarlyStop
+    history: tuple[Evaluated, ...]
+    best_tensors: dict[str, Array] | None
+    moments: dict[str, Tensor]
+    order: NDArray[np.int64]
+    batches: dict[str, Any]
+    data: str
+    held_out: str
+
+
 class Training:
     """A model that learns from transitions.
 
@@ -86,15 +113,52 @@ class Training:
         self._generator = np.random.default_rng(seed)
         self._take(data)
 
+    @staticmethod
+    def resumed(
+        model: Model, data: Transitions, held_out: Transitions | None, config: TrainingConfig, memory: TrainingMemory
+    ) -> "Training":
+        """Goes on where another training was; with other data, as after `replace_data`.
+
+        Other held-out transitions make the losses so far no measure: the best so far is forgotten.
+
+        Raises:
+            InvalidValueError: as for a new one, or a memory that does not fit the model or its data.
+        """
+        training = Training(model, data, held_out, config, seed=0)
+        training.counters, training.history = memory.counters, memory.history
+        training.optimizer.restore(memory.moments)
+        if training._held_out_digest == memory.held_out:
+            training.early_stop, training.best_tensors = memory.early_stop, memory.best_tensors
+        if digest_of(data) == memory.data:
+            training._batches.restore(memory.order, memory.batches)
+        else:
+            training._generator.bit_generator.state = memory.batches["generator"]
+            training._take(data)
+        return training
+
     @property
     def data(self) -> Transitions:
         """What it learns from now."""
         return self._data
 
     @property
-    def batches(self) -> Batches:
-        """The order in which it does."""
-        return self._batches
+    def memory(self) -> TrainingMemory:
+        """What `resumed` needs."""
+        return TrainingMemory(
+            counters=self.counters,
+            early_stop=self.early_stop,
+            history=self.history,
+            best_tensors=self.best_tensors,
+            moments=self.optimizer.moments(),
+            order=self._batches.order,
+            batches=self._batches.state(),
+            data=digest_of(self._data),
+            held_out=self._held_out_digest,
+        )
+
+    @property
+    def _held_out_digest(self) -> str:
+        return "" if self.held_out is None else digest_of(self.held_out)
 
     @property
     def progress(self) -> Progress:
@@ -230,6 +294,14 @@ def new_training(
 def rows_of(data: Transitions) -> Rows:
     """Transitions as models take them."""
     return Rows(data.before, data.after, data.dt)
+
+
+def digest_of(data: Transitions) -> str:
+    """Equal ids, states and periods in equal order, equal digest."""
+    state = hashlib.sha256(json.dumps(data.toss_ids).encode())
+    for values in (data.starts, data.before, data.after, data.dt):
+        state.update(np.ascontiguousarray(values).tobytes())
+    return state.hexdigest()
 
 
 def transition_name(data: Transitions, row: int) -> str:

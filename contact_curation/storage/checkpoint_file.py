@@ -1,0 +1,57 @@
+"""Checkpoints and models in .safetensors files, each replaced atomically; reading executes nothing."""
+
+from pathlib import Path
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.model import Model
+from contact_curation.errors import UnreadableInputError
+from contact_curation.learning.checkpoint import checkpoint_bytes, training_of_bytes
+from contact_curation.learning.safetensors_bytes import LARGEST_BYTES
+from contact_curation.learning.stored_model import model_bytes, model_of_bytes, notes_of_bytes
+from contact_curation.learning.training import Training
+from contact_curation.motion.transitions import Transitions
+from contact_curation.storage.atomic_file import write_atomically
+
+
+def save_checkpoint(path: Path, training: Training, notes: dict[str, str] | None = None) -> None:
+    """Stores all of a training but its data.
+
+    Raises:
+        InvalidValueError: the file cannot be written there.
+    """
+    write_atomically(path, checkpoint_bytes(training, notes))
+
+
+def save_model(path: Path, model: Model, notes: dict[str, str] | None = None) -> None:
+    """Stores a model alone.
+
+    Raises:
+        InvalidValueError: the file cannot be written there.
+    """
+    write_atomically(path, model_bytes(model, notes))
+
+
+def resume_training(path: Path, data: Transitions, held_out: Transitions | None, body: Body | None = None) -> Training:
+    """The training of a checkpoint; see `learning.checkpoint.training_of_bytes`."""
+    return training_of_bytes(_content(path), path, data, held_out, body)
+
+
+def read_model(path: Path, body: Body | None = None, last: bool = False) -> Model:
+    """The model of a checkpoint or of a model's file; see `learning.stored_model.model_of_bytes`."""
+    return model_of_bytes(_content(path), path, body, last)
+
+
+def read_notes(path: Path) -> dict[str, str]:
+    """The notes in either."""
+    return notes_of_bytes(_content(path), path)
+
+
+def _content(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            data = file.read(LARGEST_BYTES + 1)
+    except OSError as error:
+        raise UnreadableInputError(path, f"cannot be read: {error.strerror}") from error
+    if len(data) > LARGEST_BYTES:
+        raise UnreadableInputError(path, f"holds more than {LARGEST_BYTES} bytes, expected a checkpoint or a model")
+    return data
