@@ -79,10 +79,9 @@ def rollout(
         InvalidValueError: a wrong shape, length, time step or quaternion norm.
     """
     start = checked_states(initial)
-    starts = _starts(lengths, len(start))
+    starts = row_starts(lengths, len(start))
     steps = checked_time_steps(dt, len(start))
-    if threads < 1:
-        raise InvalidValueError("threads", threads, "at least 1")
+    checked_threads(threads)
     rows = int(starts[-1])
     states = np.empty((rows, STATE_SIZE))
     impulses = np.empty((rows, geometry.vertex_count, 3)) if keep_impulses else None
@@ -95,13 +94,29 @@ def rollout(
     return Rollout(starts, states, status, residual, impulses)
 
 
-def _starts(lengths: ArrayLike, count: int) -> NDArray[np.int64]:
+def row_starts(lengths: ArrayLike, count: int) -> NDArray[np.int64]:
+    """First rows (count + 1,) of trajectories from one length or `count` lengths.
+
+    Raises:
+        InvalidValueError: not integers, less than 1, or as many as neither 1 nor `count`.
+    """
     given = np.asarray(lengths)
     if given.shape not in ((), (count,)) or not np.issubdtype(given.dtype, np.integer):
         raise InvalidValueError("lengths", f"{given.dtype} of shape {given.shape}", f"one integer or ({count},) integers")
     if np.any(given < 1):
         raise InvalidValueError("lengths", int(given.min()), "at least 1 frame")
     return np.concatenate([[0], np.cumsum(np.broadcast_to(given, (count,)), dtype=np.int64)])
+
+
+def checked_threads(threads: int) -> int:
+    """The number of threads.
+
+    Raises:
+        InvalidValueError: less than 1.
+    """
+    if threads < 1:
+        raise InvalidValueError("threads", threads, "at least 1")
+    return threads
 
 
 def _compiled_rollout() -> Callable[..., None]:

@@ -73,6 +73,29 @@ class Steps:
     residual: Array
 
 
+class CompiledDynamics(ctypes.Structure):
+    """The kernel's `Dynamics`: the fields of contact/kernel/contact_sweeps.hpp in the same order."""
+
+    _fields_ = (
+        ("inverse_inertia", ctypes.c_void_p),
+        ("inverse_mass", ctypes.c_double),
+        ("gravity", ctypes.c_double),
+        ("tolerance", ctypes.c_double),
+        ("max_sweeps", ctypes.c_int64),
+    )
+
+    def __init__(self, body: Body, limits: SweepLimits) -> None:
+        inverse_inertia = np.ascontiguousarray(np.linalg.inv(body.scaled_inertia))
+        super().__init__(
+            inverse_inertia=inverse_inertia.ctypes.data,
+            inverse_mass=1.0 / body.mass,
+            gravity=body.scaled_gravity,
+            tolerance=limits.tolerance,
+            max_sweeps=limits.max_sweeps,
+        )
+        self.owner = inverse_inertia  # ctypes holds bare addresses: keep the array alive
+
+
 class CompiledWorld(ctypes.Structure):
     """The kernel's `ContactWorld`: the fields of contact/kernel/time_step.hpp in the same order."""
 
@@ -83,16 +106,12 @@ class CompiledWorld(ctypes.Structure):
         ("vertices_tangent", ctypes.c_void_p),
         ("tangents", ctypes.c_void_p),
         ("pivot", ctypes.c_void_p),
-        ("inverse_inertia", ctypes.c_void_p),
         ("height", ctypes.c_double),
-        ("inverse_mass", ctypes.c_double),
-        ("gravity", ctypes.c_double),
-        ("tolerance", ctypes.c_double),
-        ("max_sweeps", ctypes.c_int64),
+        ("dynamics", CompiledDynamics),
     )
 
     def __init__(self, geometry: ContactGeometry, body: Body, limits: SweepLimits) -> None:
-        inverse_inertia = np.ascontiguousarray(np.linalg.inv(body.scaled_inertia))
+        dynamics = CompiledDynamics(body, limits)
         super().__init__(
             vertices=geometry.vertex_count,
             vertices_normal=geometry.vertices_normal.ctypes.data,
@@ -100,14 +119,10 @@ class CompiledWorld(ctypes.Structure):
             vertices_tangent=geometry.vertices_tangent.ctypes.data,
             tangents=geometry.tangents.ctypes.data,
             pivot=geometry.pivot.ctypes.data,
-            inverse_inertia=inverse_inertia.ctypes.data,
             height=geometry.height,
-            inverse_mass=1.0 / body.mass,
-            gravity=body.scaled_gravity,
-            tolerance=limits.tolerance,
-            max_sweeps=limits.max_sweeps,
+            dynamics=dynamics,
         )
-        self.owners = (geometry, inverse_inertia)  # ctypes holds bare addresses: keep the arrays alive
+        self.owners = (geometry, dynamics)  # ctypes holds bare addresses: keep the arrays alive
 
 
 def checked_states(states: ArrayLike) -> Array:

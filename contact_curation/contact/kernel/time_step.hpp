@@ -1,28 +1,13 @@
-// One time step of a rigid body with V candidate contacts (METHOD 4.2), impact without restitution:
+// One time step of a polytope over a plane (METHOD 1.1, 4.2): its gaps and Jacobians, and then contact_sweeps.hpp.
 //
-//     v' = v - g dt e3 + M^-1 J^T lambda,     0 <= lambda_n _|_ J_n v' + phi / dt >= 0,
-//     lambda_t = argmin over ||lambda_t|| <= lambda_n of lambda_t . J_t v'      (Coulomb, friction coefficient inside J_t)
-//     x' = x + dt v',    q' = q * exp(dt omega'),
-//
-// solved for lambda by projected Gauss-Seidel over the contacts with a true disk: normal before tangent, each exactly.
-// A step starts from the impulses of the step before. No contact is dropped: far ones cost one dot product a sweep.
-// As in the loss, there is no gyroscopic term (it vanishes for a cube).
+//     phi_i = n . (R p_i + x - pivot) - height      J_n,i = [n, p_i x R^T n]      J_t,i,a = [T_a, p^t_i x R^T T_a]
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstdint>
-#include <vector>
-
-#include "friction_disk.hpp"
+#include "contact_sweeps.hpp"
 
 namespace contact_curation::stepping {
 
-constexpr int kStateSize = 13;  // x (3), q wxyz (4), v world (3), omega body (3)
-constexpr int kTwist = 8;       // v (3), omega (3), padded to a full vector register
-
-// The model and how well to solve it; contact/time_step.py fills the same fields in the same order.
+// The model, and what moves; contact/time_step.py fills the same fields in the same order.
 struct ContactWorld {
     std::int64_t vertices;
     const double* vertices_normal;   // (V, 3)
@@ -30,41 +15,9 @@ struct ContactWorld {
     const double* vertices_tangent;  // (V, 3)
     const double* tangents;          // (2, 3)
     const double* pivot;             // (3)
-    const double* inverse_inertia;   // (3, 3)
     double height;
-    double inverse_mass;
-    double gravity;
-    double tolerance;  // on the largest change of a contact's own velocity within a sweep
-    std::int64_t max_sweeps;
+    Dynamics dynamics;
 };
-
-enum StepStatus : std::int32_t { kConverged = 0, kSweepsExhausted = 1, kNotFinite = 2 };
-
-struct StepResult {
-    StepStatus status;
-    double residual;
-};
-
-struct alignas(64) ContactRows {
-    double row[3][kTwist];       // J_n, J_t1, J_t2
-    double response[3][kTwist];  // M^-1 times each
-    double gap_speed;            // phi / dt
-    double normal_mobility;      // J_n M^-1 J_n^T
-    FrictionDisk disk;           // of J_t M^-1 J_t^T
-};
-
-inline double dot6(const double* a, const double* b) {
-    double sum = 0.0;
-    for (int k = 0; k < kTwist; ++k) sum += a[k] * b[k];
-    return sum;
-}
-
-inline bool all_finite(const double* values, std::int64_t count) {
-    for (std::int64_t k = 0; k < count; ++k) {
-        if (!std::isfinite(values[k])) return false;
-    }
-    return true;
-}
 
 inline void rotation_matrix(const double q[4], double r[9]) {
     const double w = q[0], x = q[1], y = q[2], z = q[3];
@@ -73,59 +26,25 @@ inline void rotation_matrix(const double q[4], double r[9]) {
     r[6] = 2 * (x * z - w * y), r[7] = 2 * (y * z + w * x), r[8] = 1 - 2 * (x * x + y * y);
 }
 
-// q <- q * exp(rotation), and back to unit norm, so that rounding cannot pile up.
-inline void turn(double q[4], const double rotation[3]) {
-    const double square = rotation[0] * rotation[0] + rotation[1] * rotation[1] + rotation[2] * rotation[2];
-    const double angle = std::sqrt(square);
-    const double c = std::cos(0.5 * angle);
-    const double s = angle > 1e-8 ? std::sin(0.5 * angle) / angle : 0.5;
-    const double x = s * rotation[0], y = s * rotation[1], z = s * rotation[2];
-    const double turned[4] = {
-        q[0] * c - q[1] * x - q[2] * y - q[3] * z,
-        q[0] * x + q[1] * c + q[2] * z - q[3] * y,
-        q[0] * y - q[1] * z + q[2] * c + q[3] * x,
-        q[0] * z + q[1] * y - q[2] * x + q[3] * c,
-    };
-    double norm = 0.0;
-    for (double value : turned) norm += value * value;
-    norm = std::sqrt(norm);
-    for (int k = 0; k < 4; ++k) q[k] = turned[k] / norm;
-}
-
 class TimeStep {
 public:
-    explicit TimeStep(const ContactWorld& world) : world_(world), contacts_(static_cast<std::size_t>(world.vertices)) {}
+    explicit TimeStep(const ContactWorld& world) : world_(world), sweeps_(world.dynamics, world.vertices) {}
 
     // Advances `state` by dt. `impulses` (V, 3) holds the guess and then the answer, [normal, tangent 1, tangent 2].
     StepResult advance(double* state, double dt, double* impulses) {
         build_contacts(state, dt);
-        std::array<double, kTwist> twist{};
-        for (int k = 0; k < 6; ++k) twist[k] = state[7 + k];
-        twist[2] -= world_.gravity * dt;
-        const StepResult result = solve(twist.data(), impulses);
-        for (int k = 0; k < 3; ++k) state[k] += dt * twist[k];
-        const double rotation[3] = {dt * twist[3], dt * twist[4], dt * twist[5]};
-        turn(state + 3, rotation);
-        for (int k = 0; k < 6; ++k) state[7 + k] = twist[k];
-        return result;
+        return sweeps_.advance(state, dt, impulses);
     }
 
 private:
-    // Row [d, p x R^T d] of a world direction d that acts at body point p, and its response M^-1 row.
-    void fill_row(const double* direction, const double* point, const double* r, double* row, double* response) const {
+    // Row [d, p x R^T d] of a world direction d that acts at body point p.
+    static void fill_row(const double* direction, const double* point, const double* r, double* row) {
         double turned[3];
         for (int k = 0; k < 3; ++k) turned[k] = r[k] * direction[0] + r[3 + k] * direction[1] + r[6 + k] * direction[2];
         for (int k = 0; k < 3; ++k) row[k] = direction[k];
         row[3] = point[1] * turned[2] - point[2] * turned[1];
         row[4] = point[2] * turned[0] - point[0] * turned[2];
         row[5] = point[0] * turned[1] - point[1] * turned[0];
-        row[6] = row[7] = 0.0;
-        const double* inverse = world_.inverse_inertia;
-        for (int k = 0; k < 3; ++k) {
-            response[k] = world_.inverse_mass * row[k];
-            response[3 + k] = inverse[3 * k] * row[3] + inverse[3 * k + 1] * row[4] + inverse[3 * k + 2] * row[5];
-        }
-        response[6] = response[7] = 0.0;
     }
 
     double gap(const double* state, const double* r, const double* point) const {
@@ -141,67 +60,17 @@ private:
         double r[9];
         rotation_matrix(state + 3, r);
         for (std::int64_t i = 0; i < world_.vertices; ++i) {
-            ContactRows& contact = contacts_[static_cast<std::size_t>(i)];
             const double* normal_point = world_.vertices_normal + 3 * i;
             const double* tangent_point = world_.vertices_tangent + 3 * i;
-            fill_row(world_.normal, normal_point, r, contact.row[0], contact.response[0]);
-            fill_row(world_.tangents, tangent_point, r, contact.row[1], contact.response[1]);
-            fill_row(world_.tangents + 3, tangent_point, r, contact.row[2], contact.response[2]);
-            contact.gap_speed = gap(state, r, normal_point) / dt;
-            contact.normal_mobility = dot6(contact.row[0], contact.response[0]);
-            const double* second_response = contact.response[2];
-            contact.disk = FrictionDisk::of(dot6(contact.row[1], contact.response[1]), dot6(contact.row[1], second_response),
-                                            dot6(contact.row[2], second_response));
+            fill_row(world_.normal, normal_point, r, sweeps_.row(i, 0));
+            fill_row(world_.tangents, tangent_point, r, sweeps_.row(i, 1));
+            fill_row(world_.tangents + 3, tangent_point, r, sweeps_.row(i, 2));
+            sweeps_.close(i, gap(state, r, normal_point), dt);
         }
-    }
-
-    StepResult solve(double* twist, double* impulses) {
-        for (std::size_t i = 0; i < contacts_.size(); ++i) {
-            for (std::size_t a = 0; a < 3; ++a) push(contacts_[i].response[a], impulses[3 * i + a], twist);
-        }
-        double change = 0.0;
-        StepStatus status = kSweepsExhausted;
-        for (std::int64_t sweep = 0; sweep < world_.max_sweeps && status == kSweepsExhausted; ++sweep) {
-            change = 0.0;
-            for (std::size_t i = 0; i < contacts_.size(); ++i) {
-                change = std::max(change, update_normal(contacts_[i], impulses + 3 * i, twist));
-                change = std::max(change, update_tangent(contacts_[i], impulses + 3 * i, twist));
-            }
-            if (change <= world_.tolerance) status = kConverged;
-        }
-        return {all_finite(twist, kTwist) ? status : kNotFinite, change};
-    }
-
-    static void push(const double* response, double amount, double* twist) {
-        for (int k = 0; k < kTwist; ++k) twist[k] += amount * response[k];
-    }
-
-    static double update_normal(const ContactRows& contact, double* impulse, double* twist) {
-        const double speed = dot6(contact.row[0], twist) + contact.gap_speed;
-        const double before = impulse[0];
-        if (before == 0.0 && speed >= 0.0) return 0.0;
-        impulse[0] = std::max(0.0, before - speed / contact.normal_mobility);
-        push(contact.response[0], impulse[0] - before, twist);
-        return std::fabs(impulse[0] - before) * contact.normal_mobility;
-    }
-
-    static double update_tangent(const ContactRows& contact, double* impulse, double* twist) {
-        const double before[2] = {impulse[1], impulse[2]};
-        if (impulse[0] == 0.0 && before[0] == 0.0 && before[1] == 0.0) return 0.0;
-        const FrictionDisk& disk = contact.disk;
-        const double b[2] = {
-            dot6(contact.row[1], twist) - disk.d00 * before[0] - disk.d01 * before[1],
-            dot6(contact.row[2], twist) - disk.d01 * before[0] - disk.d11 * before[1],
-        };
-        disk.solve(b, impulse[0], impulse + 1);
-        const double first = impulse[1] - before[0], second = impulse[2] - before[1];
-        push(contact.response[1], first, twist);
-        push(contact.response[2], second, twist);
-        return std::sqrt(first * first + second * second) * disk.largest;
     }
 
     ContactWorld world_;
-    std::vector<ContactRows> contacts_;
+    ContactSweeps sweeps_;
 };
 
 }  // namespace contact_curation::stepping

@@ -1,0 +1,78 @@
+"""One time step at contacts that somebody else evaluated: the time step of `contact.time_step` for any model of contact.
+
+The compiled kernel takes gaps phi and Jacobians J as they are at the states, instead of a polytope, and does the rest alike.
+"""
+
+import ctypes
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.time_step import (
+    DEFAULT_LIMITS,
+    CompiledDynamics,
+    Steps,
+    StepStatus,
+    SweepLimits,
+    checked_states,
+    checked_time_steps,
+)
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.solver.compiled import load_kernel
+
+
+def step_at_contacts(
+    body: Body,
+    states: ArrayLike,
+    dt: ArrayLike,
+    gaps: ArrayLike,
+    jacobians: ArrayLike,
+    guesses: ArrayLike | None = None,
+    limits: SweepLimits = DEFAULT_LIMITS,
+) -> Steps:
+    """Advances each of N states by one time step.
+
+    Args:
+        body: mass, inertia and gravity.
+        states: (N, 13).
+        dt: one or (N,) time steps [s].
+        gaps: (N, K) at the states; a state with one that is not finite ends as NOT_FINITE.
+        jacobians: (N, K, 3, 6) as [normal, tangent 1, tangent 2], the friction coefficient in the tangents; the same holds.
+        guesses: (N, K, 3) impulses to start from; zero when absent.
+        limits: when to stop.
+
+    Raises:
+        InvalidValueError: a wrong shape, time step or quaternion norm.
+    """
+    after = checked_states(states)
+    count = len(after)
+    steps = checked_time_steps(dt, count)
+    phi = np.ascontiguousarray(gaps, dtype=float)
+    if phi.ndim != 2 or len(phi) != count:
+        raise InvalidValueError("gaps", f"shape {phi.shape}", f"({count}, K)")
+    contacts = phi.shape[1]
+    rows = _shaped("jacobians", jacobians, (count, contacts, 3, 6))
+    shape = (count, contacts, 3)
+    impulses = np.zeros(shape) if guesses is None else _shaped("guesses", guesses, shape).copy()
+    status, residual = np.empty(count, np.int32), np.empty(count)
+    dynamics = CompiledDynamics(body, limits)
+    data = (array.ctypes.data for array in (steps, phi, rows, after, impulses, status, residual))
+    _compiled_step()(ctypes.byref(dynamics), count, contacts, *data)
+    after[status == StepStatus.NOT_FINITE] = np.nan
+    return Steps(after, impulses, status, residual)
+
+
+def _shaped(name: str, given: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    array: Array = np.ascontiguousarray(given, dtype=float)
+    if array.shape != shape:
+        raise InvalidValueError(name, f"shape {array.shape}", f"{shape}")
+    return array
+
+
+def _compiled_step() -> Callable[..., None]:
+    counts, arrays = 2 * [ctypes.c_int64], 7 * [ctypes.c_void_p]
+    signature = ctypes.CFUNCTYPE(None, ctypes.POINTER(CompiledDynamics), *counts, *arrays)
+    return signature(("contact_given_step", load_kernel()))
