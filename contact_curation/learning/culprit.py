@@ -8,13 +8,14 @@ from contact_curation.contact.model import ContactModel, Model, Rows
 from contact_curation.contact.torch_contacts import Frames
 
 
-def not_finite_contacts(model: Model, rows: Rows) -> Tensor:
-    """(B,) whether a transition's gaps or Jacobians are too large to be squared, so that no impulses could ever be solved for.
+def not_finite(model: Model, rows: Rows) -> Tensor:
+    """(B,) which of the transitions that a model could not solve are not even finite.
 
-    It tells what diverged from what the solver could not do. An end-to-end model has no contacts.
+    It tells what diverged from what the solver could not do: gaps and Jacobians that cannot be squared. An end-to-end model has
+    nothing to solve: what it says is unsolved is not finite.
     """
     if not isinstance(model, ContactModel):
-        return torch.zeros(len(rows.dt), dtype=torch.bool)
+        return torch.ones(len(rows.dt), dtype=torch.bool)
     with torch.no_grad():
         contacts = model.contacts(Frames.of(model.body, *rows))
     sizes = torch.stack([value.square().flatten(1).sum(dim=1) for value in contacts])

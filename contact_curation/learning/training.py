@@ -26,7 +26,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.batches import Batches
 from contact_curation.learning.bounded_influence import bounded
-from contact_curation.learning.culprit import not_finite_contacts, not_finite_gradient
+from contact_curation.learning.culprit import not_finite, not_finite_gradient
 from contact_curation.learning.early_stop import EarlyStop
 from contact_curation.learning.mean_loss import mean_loss
 from contact_curation.learning.optimizer import Optimizer
@@ -244,7 +244,7 @@ class Training:
         wrong = batch.solved & ~torch.isfinite(batch.losses.detach())
         if not bool(batch.solved.all()):
             unsolved: Tensor = torch.nonzero(~batch.solved)[:, 0]
-            wrong[unsolved] = not_finite_contacts(self.model, rows.take(unsolved.numpy()))
+            wrong[unsolved] = not_finite(self.model, rows.take(unsolved.numpy()))
         if not bool(wrong.any()):
             return ""
         return f"{self._name(int(chosen[int(torch.nonzero(wrong)[0, 0])]))}: its loss is not finite"
