@@ -214,14 +214,14 @@ def test_a_polytope_is_ranked_as_the_library_ranks_its_geometry_in_its_own_form(
         config = ScoringConfig(form=form)
         infos = Scorer(model.geometry(), CONTACTNETS_CUBE, config).score(pool)
         expected = curate([one for one in infos if isinstance(one, TossInformation)], RankingConfig(top=3))
-        scorer = toss_scorer(ModelKind.POLYTOPE, ScoringConfig())
+        scorer = toss_scorer(ModelKind.POLYTOPE, ScoringConfig(), "log-det")
         first = Reranking(pool, scorer, RerankingConfig(RankingConfig(top=3))).select(model)
         assert first.kept == expected.ranking.kept_ids
 
 
 def test_theta_that_moves_far_moves_the_canaries_of_real_scores() -> None:
     pool = simulated_tosses(12, seed=5)
-    scorer = toss_scorer(ModelKind.POLYTOPE, ScoringConfig())
+    scorer = toss_scorer(ModelKind.POLYTOPE, ScoringConfig(), "trace")
     config = RerankingConfig(RankingConfig("trace", top=4), canary=CanaryConfig(tosses=8, steps=1))
     true = ContactGeometry.of_body(CONTACTNETS_CUBE)
     reranking = Reranking(pool, scorer, config)
@@ -232,3 +232,19 @@ def test_theta_that_moves_far_moves_the_canaries_of_real_scores() -> None:
     again = reranking.consider(PolytopeModel(far, CONTACTNETS_CUBE, Form.PHYSICAL), 2, 0)
     assert isinstance(again, Selected)
     assert again.spearman < 0.9 or again.overlap < 0.8
+
+
+@pytest.mark.parametrize("criterion", ["longest", "random"])
+def test_what_needs_no_scores_ranks_as_the_library_does_and_goes_with_every_model(model: Model, criterion: str) -> None:
+    pool = simulated_tosses(6, seed=5)
+    infos = Scorer(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE, ScoringConfig()).score(pool)
+    ranking = RankingConfig(criterion, top=3, seed=4)
+    expected = curate([one for one in infos if isinstance(one, TossInformation)], ranking)
+    for kind in ModelKind:
+        scorer = toss_scorer(kind, ScoringConfig(), criterion)
+        assert Reranking(pool, scorer, RerankingConfig(ranking)).select(model).kept == expected.ranking.kept_ids
+
+
+def test_a_model_that_cannot_score_is_refused_in_one_line() -> None:
+    with pytest.raises(InvalidValueError, match="model for criterion trace: found deep, expected polytope; longest and random"):
+        toss_scorer(ModelKind.DEEP, ScoringConfig(), "trace")

@@ -1,0 +1,68 @@
+"""A training whose tosses follow theta: it learns from the best k of a pool, and those are selected again on the way."""
+
+from collections.abc import Sequence
+
+from contact_curation.learning.progress import Progress, TrainingState
+from contact_curation.learning.reranking import Reranking, Selected
+from contact_curation.learning.training import Training
+from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import Transitions, transitions_of
+
+
+class CuratedTraining:
+    """A training and, where there is one, the selection that it learns from.
+
+    Args:
+        training: learns from the kept tosses of the last selection.
+        pool: what is selected from.
+        reranking: has made a selection; None for a training on tosses that stay.
+        selections: all that were made until now.
+
+    Attributes:
+        training: as given.
+        selections: those made since, too.
+    """
+
+    def __init__(
+        self,
+        training: Training,
+        pool: Sequence[Toss] = (),
+        reranking: Reranking | None = None,
+        selections: Sequence[Selected] = (),
+    ) -> None:
+        self.training = training
+        self.selections = tuple(selections)
+        self._reranking = reranking
+        self._pool = tuple(pool)
+
+    def advance(self, steps: int) -> Progress:
+        """Takes up to `steps` gradient steps; however they are cut into calls, the result is the same.
+
+        Raises:
+            InvalidValueError: no toss of the pool could be scored for a selection that was due.
+        """
+        if self._reranking is None:
+            return self.training.advance(steps)
+        for _ in range(steps):
+            progress = self.training.advance(1)
+            if progress.state is not TrainingState.RUNNING:
+                break
+            self._reselect(self._reranking, progress)
+        return progress
+
+    def _reselect(self, reranking: Reranking, progress: Progress) -> None:
+        """What an occasion changes: a selection more, and other data where other tosses are kept."""
+        before = reranking.selected
+        selected = reranking.consider(self.training.model, progress.gradient_steps, progress.epochs)
+        if selected is None:
+            return
+        self.selections += (selected,)
+        if before is None or set(selected.kept) != set(before.kept):
+            length_scale = self.training.model.body.length_scale
+            self.training.replace_data(kept_transitions(self._pool, selected.kept, length_scale))
+
+
+def kept_transitions(pool: Sequence[Toss], kept: Sequence[str], length_scale: float) -> Transitions:
+    """The transitions of the kept tosses, in the order of the pool: equal sets, equal transitions."""
+    wanted = set(kept)
+    return transitions_of([toss for toss in pool if toss.toss_id in wanted], length_scale)
