@@ -105,10 +105,8 @@ def _blocks(starts: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
 def _roll_out_block(model: Model, limits: SweepLimits, releases: _Releases, result: Rollout, chosen: NDArray[np.int64]) -> None:
     """Fills in the rows of some trajectories; those that have ended, and copies that make the block full, run along unseen."""
     slots = np.resize(chosen, BLOCK)
-    states = releases.states[slots]
-    states[~np.isfinite(states).all(axis=1)] = np.nan
     first, lengths = releases.starts[chosen], np.diff(releases.starts)[chosen]
-    for frame, steps in zip(range(1, int(lengths.max())), _steps(model, limits, states, releases.dt[slots])):
+    for frame, steps in zip(range(1, int(lengths.max())), _steps(model, limits, releases.states[slots], releases.dt[slots])):
         running = np.flatnonzero(lengths > frame)
         rows = first[running] + frame
         result.states[rows] = steps.states[running]

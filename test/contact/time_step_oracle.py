@@ -44,11 +44,15 @@ def falling_twist(body: Body, state: Array, dt: float) -> Array:
 
 
 def oracle_step(geometry: ContactGeometry, body: Body, state: Array, dt: float, sweeps: int = 5000) -> tuple[Array, Array]:
-    """The state after dt and the impulses (V, 3), by gradient steps on one contact after the other."""
-    rows, gaps = contact_rows(geometry, state)
+    """The state after dt of a polytope and the impulses (V, 3)."""
+    return oracle_step_at(*contact_rows(geometry, state), body, state, dt, sweeps)
+
+
+def oracle_step_at(rows: Array, gaps: Array, body: Body, state: Array, dt: float, sweeps: int = 5000) -> tuple[Array, Array]:
+    """The state after dt at contacts (K, 3, 6) and (K,), and the impulses (K, 3), by gradient steps on one after the other."""
     inverse_mass = np.linalg.inv(mass_matrix(body))
     twist = falling_twist(body, state, dt)
-    impulses = np.zeros((geometry.vertex_count, 3))
+    impulses = np.zeros((len(gaps), 3))
     for _ in range(sweeps):
         before = impulses.copy()
         for i, (row, gap) in enumerate(zip(rows, gaps, strict=True)):
@@ -64,9 +68,14 @@ def oracle_step(geometry: ContactGeometry, body: Body, state: Array, dt: float, 
             impulses[i] = wanted
         if np.abs(impulses - before).max() < 1e-13:
             break
+    return moved(state, twist, dt), impulses
+
+
+def moved(state: Array, twist: Array, dt: float) -> Array:
+    """The state that moves with a twist for dt."""
     position = state[:3] + dt * twist[:3]
     orientation = quaternions.multiply(state[3:7], quaternions.exp(dt * twist[3:]))
-    return np.concatenate([position, orientation, twist]), impulses
+    return np.concatenate([position, orientation, twist])
 
 
 def violation(geometry: ContactGeometry, body: Body, state: Array, dt: float, after: Array, impulses: Array) -> float:
