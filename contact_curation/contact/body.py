@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -63,6 +64,13 @@ class Body:
     def scaled_inertia(self) -> Array:
         """(3, 3) inertia in kg per squared characteristic length."""
         return self.inertia / self.length_scale**2
+
+    @cached_property
+    def scaled_inverse_inertia(self) -> Array:
+        """(3, 3) inverse of `scaled_inertia`."""
+        inverse = np.linalg.inv(self.scaled_inertia)
+        inverse.flags.writeable = False
+        return inverse
 
     @property
     def scaled_gravity(self) -> float:

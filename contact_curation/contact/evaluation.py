@@ -164,7 +164,7 @@ class _Model(ctypes.Structure):
             pivot=(ctypes.c_double * 3)(*geometry.pivot),
             height=geometry.height,
             mass=body.mass,
-            inverse_inertia=(ctypes.c_double * 9)(*np.linalg.inv(body.scaled_inertia).ravel()),
+            inverse_inertia=(ctypes.c_double * 9)(*body.scaled_inverse_inertia.flat),
             gravity=body.scaled_gravity,
             circular=int(config.cone is Cone.CIRCULAR),
             **asdict(config.weights),

@@ -7,15 +7,43 @@ second keeps friction across the normal. ContactNets weighs both with 0.3 and su
 is one; here it is their mean: at a batch of one it is the published objective, and at any other the weight means the same.
 """
 
+from typing import Any
+
 import torch
 from torch import Tensor
+
+SMALLEST = 1e-12
+"""A slope shorter than this has no direction."""
 
 
 def scale_regularizer(jacobians: Tensor) -> Tensor:
     """R (), mean over B transitions with Jacobians (B, K, 3, 6), of which the first three columns count; zero over none."""
-    slopes = jacobians[..., :3]  # (B, K, 3, 3): by position
-    sizes = torch.linalg.vector_norm(slopes[..., 0, :], dim=-1)
-    directions = torch.nn.functional.normalize(slopes, dim=-1)
-    overlaps = (directions[..., :1, :] * directions[..., 1:, :]).sum(dim=-1)  # (B, K, 2)
-    total: Tensor = (sizes - 1.0).square().sum() + overlaps.square().sum()
-    return total / max(1, len(jacobians))
+    value: Tensor = _ScaleRegularizer.apply(jacobians[..., :3])
+    return value
+
+
+class _ScaleRegularizer(torch.autograd.Function):
+    """Of slopes (B, K, 3, 3) by position, with its own slopes written out: one operation in the graph of each training step."""
+
+    @staticmethod
+    def forward(ctx: Any, slopes: Tensor) -> Tensor:
+        sizes = torch.linalg.vector_norm(slopes, dim=-1, keepdim=True)  # (B, K, 3, 1)
+        units = slopes / sizes.clamp(min=SMALLEST)
+        normal, tangents = units[..., :1, :], units[..., 1:, :]
+        overlaps = (normal * tangents).sum(dim=-1, keepdim=True)  # (B, K, 2, 1)
+        excess = sizes[..., :1, :] - 1.0
+        share = 2.0 / max(1, len(slopes))
+        by_tangents = overlaps * (normal - overlaps * tangents)
+        by_normal = (overlaps * (tangents - overlaps * normal)).sum(dim=-2, keepdim=True)
+        by_slopes = torch.cat([by_normal, by_tangents], dim=-2) / sizes.clamp(min=SMALLEST)
+        by_slopes[..., :1, :] += excess * normal
+        ctx.save_for_backward(by_slopes.mul_(share))
+        value: Tensor = 0.5 * share * (excess.square().sum() + overlaps.square().sum())
+        return value
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx: Any, weight: Tensor) -> Tensor:
+        (by_slopes,) = ctx.saved_tensors
+        slopes: Tensor = weight * by_slopes
+        return slopes

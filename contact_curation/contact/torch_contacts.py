@@ -80,7 +80,7 @@ class Frames(NamedTuple):
         free[:, 2] -= body.scaled_gravity * periods
         inverse_mass = np.zeros((len(first), 6, 6))
         inverse_mass[:, :3, :3] = np.eye(3) / body.mass
-        inverse_mass[:, 3:, 3:] = np.linalg.inv(body.scaled_inertia)
+        inverse_mass[:, 3:, 3:] = body.scaled_inverse_inertia
         turns, turns_next = quaternions.to_matrix(first[:, 3:7]), quaternions.to_matrix(second[:, 3:7])
         values = (turns, first[:, :3], turns_next, second[:, :3], free, second[:, 7:], periods, inverse_mass)
         return Frames(*(torch.tensor(value, dtype=torch.float64, device=device) for value in values))

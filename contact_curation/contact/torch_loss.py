@@ -12,6 +12,7 @@ from torch import Tensor
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.evaluation import DEFAULT_LOSS, LossConfig, SolveStatus, evaluate
+from contact_curation.contact.loss_slopes import loss_and_slopes
 from contact_curation.contact.torch_contacts import Contacts, Frames, Theta
 from contact_curation.errors import InvalidValueError, MissingDependencyError
 from contact_curation.geometry.quaternions import Array
@@ -93,7 +94,7 @@ def polytope_losses(
     Returns:
         As `contact_losses`.
     """
-    losses, solved = _PolytopeLoss.apply(theta.vector(), theta, body, before, after, dt, config)
+    losses, solved = _PolytopeLoss.apply(*theta, body, before, after, dt, config)
     return losses, solved
 
 
@@ -106,13 +107,10 @@ class _ContactLoss(torch.autograd.Function):
         solutions = solve_contacts(contacts, frames, config)
         impulses, status = (torch.as_tensor(value, device=gaps.device) for value in (solutions.impulses, solutions.status))
         solved = status == SolveStatus.SOLVED
-        with torch.enable_grad():
-            leaves = Contacts(*(value.detach().requires_grad_() for value in contacts))
-            losses = loss_terms(leaves, frames, impulses, config.weights).sum(dim=-1)
-            slopes = torch.autograd.grad(losses.sum(), leaves)
+        losses, slopes = loss_and_slopes(contacts, frames, impulses, config.weights)
         ctx.save_for_backward(solved, *slopes)
         ctx.mark_non_differentiable(solved)
-        return torch.where(solved, losses.detach(), torch.nan), solved
+        return torch.where(solved, losses, torch.nan), solved
 
     @staticmethod
     def backward(ctx: Any, weight: Tensor, _: Tensor) -> tuple[Tensor | None, ...]:
@@ -122,15 +120,30 @@ class _ContactLoss(torch.autograd.Function):
 
 
 class _PolytopeLoss(torch.autograd.Function):
+    """Takes the fields of a `Theta` one by one: at small batches a step's time is the number of operations in its graph."""
+
     @staticmethod
     def forward(
-        ctx: Any, vector: Tensor, theta: Theta, body: Body, before: Array, after: Array, dt: Array, config: LossConfig
+        ctx: Any,
+        vertices_normal: Tensor,
+        normal: Tensor,
+        vertices_tangent: Tensor,
+        tangents: Tensor,
+        height: Tensor,
+        pivot: Tensor,
+        body: Body,
+        before: Array,
+        after: Array,
+        dt: Array,
+        config: LossConfig,
     ) -> tuple[Tensor, Tensor]:
+        theta = Theta(vertices_normal, normal, vertices_tangent, tangents, height, pivot)
         found = evaluate(theta.geometry(), body, before, after, dt, config)
         losses, scores, solved = (
-            torch.as_tensor(value, device=vector.device) for value in (found.losses, found.scores, found.solved)
+            torch.as_tensor(value, device=normal.device) for value in (found.losses, found.scores, found.solved)
         )
         ctx.save_for_backward(solved, scores)
+        ctx.theta = theta
         ctx.mark_non_differentiable(solved)
         return torch.where(solved, losses, torch.nan), solved
 
@@ -138,7 +151,8 @@ class _PolytopeLoss(torch.autograd.Function):
     def backward(ctx: Any, weight: Tensor, _: Tensor) -> tuple[Tensor | None, ...]:
         _refuse_second_derivative()
         solved, scores = ctx.saved_tensors
-        return (_weighted(-2.0 * scores, weight, solved).sum(dim=0), *[None] * 6)
+        slope = ctx.theta.with_vector(_weighted(scores, -2.0 * weight, solved).sum(dim=0))
+        return (*slope[:-1], *[None] * 6)
 
 
 def _refuse_second_derivative() -> None:

@@ -53,6 +53,7 @@ def solve_compiled(
         status=np.empty(problems.batch, np.int32),
         iterations=np.empty(problems.batch, np.int32),
     )
+    weights = asdict(problems.weights)
     job = _Batch(
         batch=problems.batch,
         contacts=problems.contacts,
@@ -60,7 +61,7 @@ def solve_compiled(
         threads=threads or os.cpu_count() or 1,
         max_iterations=max_iterations,
         residual_tolerance=tolerance,
-        **{name: asdict(problems.weights)[name] for name in _WEIGHTS},
+        **{name: weights[name] for name in _WEIGHTS},
         **{name: getattr(problems, name).ctypes.data for name in _GIVEN},
         **{name: getattr(solutions, name).ctypes.data for name in _FOUND},
     )

@@ -13,6 +13,7 @@ from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.models import initial_model, model_of_tensors, tensors_of
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel
+from contact_curation.contact.scale_regularizer import scale_regularizer
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from test.contact.cases import CUBE
@@ -159,6 +160,24 @@ def test_the_regularizer_is_contactnets_one() -> None:
         model.tangents.copy_(0.3 * torch.tensor([[3**0.5 / 2.0, 0.0, 0.5], [0.0, 1.0, 0.0]]))
     value = model.batch_loss(rows_of("impact", 3), CONFIG).regularizer
     assert float(value.detach()) == pytest.approx(8.0 * (2.0 - 1.0) ** 2 + 8.0 * 0.5**2)
+
+
+def test_the_regularizers_slopes_are_those_of_its_equation() -> None:
+    rng = np.random.default_rng(11)
+    jacobians = torch.as_tensor(rng.standard_normal((3, 4, 3, 6))).requires_grad_()
+    with torch.no_grad():
+        jacobians[1, 2, 1] = 0.0  # a tangent without a direction
+    slopes = jacobians[..., :3]
+    sizes = torch.linalg.vector_norm(slopes, dim=-1)
+    units = slopes / sizes.clamp(min=1e-9)[..., None]
+    overlaps = torch.einsum("bki,bkai->bka", units[..., 0, :], units[..., 1:, :])
+    expected = ((sizes[..., 0] - 1.0).square().sum() + overlaps.square().sum()) / 3.0
+    found = scale_regularizer(jacobians)
+    torch.testing.assert_close(found, expected, rtol=1e-12, atol=0.0)
+    for one, other in zip(torch.autograd.grad(found, jacobians), torch.autograd.grad(expected, jacobians)):
+        torch.testing.assert_close(one[0], other[0], rtol=1e-10, atol=1e-12)
+        torch.testing.assert_close(one[2], other[2], rtol=1e-10, atol=1e-12)
+        assert torch.isfinite(one).all()
 
 
 def some_polytope() -> PolytopeModel:

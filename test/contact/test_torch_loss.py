@@ -11,12 +11,14 @@ from torch import Tensor
 from contact_curation.contact import evaluation
 from contact_curation.contact.evaluation import Cone, Estimator, LossConfig, SolveStatus, evaluate, fisher_sums
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_slopes import loss_and_slopes
 from contact_curation.contact.torch_contacts import Contacts, Frames, Theta, contacts_of
 from contact_curation.contact.torch_evaluation import evaluate_in_torch
 from contact_curation.contact.torch_fisher import fisher_sums_in_torch
-from contact_curation.contact.torch_loss import contact_losses, polytope_losses
+from contact_curation.contact.torch_loss import contact_losses, loss_terms, polytope_losses
 from contact_curation.errors import InvalidValueError, MissingDependencyError
 from contact_curation.solver import compiled
+from contact_curation.solver.cone_problem import ConeWeights
 from test.contact.cases import CUBE, DT, TRUE, full_vector, noisy_geometry, rows_of_kind, tracked_transitions
 
 Losses = Callable[[Theta], tuple[Tensor, Tensor]]
@@ -116,6 +118,21 @@ def test_torch_gives_a_bad_transition_a_status_and_leaves_its_neighbours_alone()
     assert found.status.tolist() == [SolveStatus.NOT_FINITE if n == 2 else SolveStatus.SOLVED for n in range(8)]
     kept = np.arange(8) != 2
     np.testing.assert_allclose(found.scores[kept], good.scores[kept], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("weights", [ConeWeights(), ConeWeights(0.3, 0.5, 2.0, 0.7, 1.5)], ids=["default", "other"])
+def test_slopes_written_out_are_those_of_automatic_differentiation(weights: ConeWeights) -> None:
+    at = frames("sliding")
+    at.velocities_next[2] = 0.0  # no contact slips: its speed has no derivative there
+    given = contacts_of(Theta.of(noisy_geometry(7)), at)
+    leaves = Contacts(*(value.detach().requires_grad_() for value in given))
+    impulses = torch.as_tensor(np.random.default_rng(8).standard_normal((*given.gaps.shape, 3)))
+    expected = loss_terms(leaves, at, impulses, weights).sum(dim=-1)
+    losses, slopes = loss_and_slopes(leaves, at, impulses, weights)
+    torch.testing.assert_close(losses, expected.detach(), rtol=1e-12, atol=0.0)
+    for one, other in zip(slopes, torch.autograd.grad(expected.sum(), leaves), strict=True):
+        assert other.any()
+        torch.testing.assert_close(one, other, rtol=1e-10, atol=1e-10)
 
 
 def through_contacts(theta: Theta) -> tuple[Tensor, Tensor]:
