@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from contact_curation.cli.known_tosses import KnownTosses
 from contact_curation.cli.pool_scoring import ScoredInput
 from contact_curation.cli.reading import SeenToss
 from contact_curation.information.ranking import RankedToss, Ranking
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import NotScored
+from contact_curation.storage.known_tosses import KnownTosses
 from contact_curation.storage.manifest import ManifestRow
 
 
@@ -55,18 +55,19 @@ class TossPool:
 
 
 def pool_of_inputs(inputs: Sequence[ScoredInput]) -> TossPool:
-    """The pool of some recordings; a toss that is in several of them belongs to the first."""
+    """The pool of some recordings; a toss that is in several of them belongs to the first that has it whole."""
     known = KnownTosses()
-    tosses: list[PoolToss] = []
+    tosses: dict[str, PoolToss] = {}
     left_out: list[str] = []
     for one in inputs:
         for seen in one.reading.seen:
-            line = known.why_not(seen.toss_id, seen.digest, one.reading.path)
-            if line:
-                left_out.append(f"{one.reading.path}: {line}")
-            else:
-                tosses.append(PoolToss(seen, one.scores.get(seen.toss_id, ())))
-    return TossPool(tuple(tosses), tuple(left_out))
+            standing = known.see(seen.toss_id, seen.digest, one.reading.path, whole=not seen.reasons)
+            if standing.left_out:
+                left_out.append(f"{standing.left_out.where}: {standing.left_out.why}")
+            if standing.taken:
+                tosses.pop(seen.toss_id, None)
+                tosses[seen.toss_id] = PoolToss(seen, one.scores.get(seen.toss_id, ()))
+    return TossPool(tuple(tosses.values()), tuple(left_out))
 
 
 def manifest_rows(pool: TossPool, ranking: Ranking | None) -> tuple[ManifestRow, ...]:

@@ -80,7 +80,7 @@ class InputReader:
     def __init__(self, path: Path, config: ReadingConfig) -> None:
         self._path = path
         self._inputs = open_inputs([path], config.body, config.inputs)
-        self._seen: list[SeenToss] = []
+        self._seen: dict[str, SeenToss] = {}
         self._problems: list[str] = []
 
     def tosses(self) -> Iterator[Toss]:
@@ -89,9 +89,9 @@ class InputReader:
             if isinstance(item, Problem):
                 self._problems.append(str(item))
             elif isinstance(item, Rejected):
-                self._seen.append(_seen(item.toss, item.reasons, self._inputs.origin))
+                self._note(item.toss, item.reasons)
             else:
-                self._seen.append(_seen(item, (), self._inputs.origin))
+                self._note(item, ())
                 yield item
 
     def reading(self) -> Reading:
@@ -100,13 +100,16 @@ class InputReader:
         return Reading(
             path=str(self._path),
             sha256=summary.sha256 if summary else "",
-            seen=tuple(self._seen),
+            seen=tuple(self._seen.values()),
             problems=tuple(self._problems),
             losses=summary.losses if summary else (),
             complete=summary is not None,
         )
 
-
-def _seen(toss: Toss, reasons: tuple[str, ...], origin: TossProvenance) -> SeenToss:
-    first, last = int(toss.stamps_ns[0]), int(toss.stamps_ns[-1])
-    return SeenToss(toss.toss_id, toss.digest(), reasons, toss.frames, toss.duration, first, last, origin)
+    def _note(self, toss: Toss, reasons: tuple[str, ...]) -> None:
+        """A toss of the same id that was kept back before is forgotten."""
+        self._seen.pop(toss.toss_id, None)
+        first, last = int(toss.stamps_ns[0]), int(toss.stamps_ns[-1])
+        self._seen[toss.toss_id] = SeenToss(
+            toss.toss_id, toss.digest(), reasons, toss.frames, toss.duration, first, last, self._inputs.origin
+        )

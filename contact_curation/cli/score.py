@@ -8,7 +8,6 @@ from itertools import batched, pairwise
 from pathlib import Path
 
 from contact_curation.cli.body_option import chosen_body
-from contact_curation.cli.known_tosses import KnownTosses
 from contact_curation.cli.option_types import PathEndingIn
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.reading import InputReader, ReadingConfig
@@ -19,6 +18,7 @@ from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
 from contact_curation.storage.inputs import InputsConfig
+from contact_curation.storage.known_tosses import KnownTosses
 from contact_curation.storage.parameters_file import Parameters, read_parameters
 from contact_curation.storage.score_file import ScoreFileWriter
 
@@ -94,9 +94,9 @@ def _tosses(paths: Sequence[Path], config: ReadingConfig, tally: Tally) -> Itera
     for path in paths:
         reader = InputReader(path, config)
         for toss in reader.tosses():
-            if line := known.why_not(toss.toss_id, toss.digest(), str(path)):
+            if left_out := known.see(toss.toss_id, toss.digest(), str(path), whole=True).left_out:
                 tally.repeated += 1
-                tally.warnings.append(f"{path}: {line}")
+                tally.warnings.append(f"{left_out.where}: {left_out.why}")
             else:
                 yield toss
         reading = reader.reading()

@@ -1,7 +1,8 @@
 """Any input becomes a stream of tosses: bags of every kind, folders of ContactNets' files, or one of those (DESIGN 6).
 
 One toss at a time, in the order of the inputs. A bad input is a line, and the others go on. A toss that was seen before is a
-line too: it is neither ranked twice nor, where its content is another, silently taken for the first.
+line too: it is neither ranked twice nor, where its content is another, silently taken for the first. A whole toss that was
+kept back before still comes, behind a line that says so, in place of what was kept back.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,6 +19,7 @@ from contact_curation.storage.input_records import Found
 from contact_curation.storage.input_records import InputsConfig as InputsConfig
 from contact_curation.storage.input_records import InputSummary as InputSummary
 from contact_curation.storage.input_records import Problem as Problem
+from contact_curation.storage.known_tosses import KnownTosses
 from contact_curation.storage.provenance import TossProvenance
 
 
@@ -47,7 +49,7 @@ class Inputs:
         self._paths = tuple(Path(path) for path in paths)
         self._body = body
         self._config = config
-        self._seen: dict[str, tuple[str, str]] = {}
+        self._known = KnownTosses()
 
     def __iter__(self) -> Iterator[Toss | Rejected | Problem]:
         for path in self._paths:
@@ -65,21 +67,20 @@ class Inputs:
             except StopIteration as end:
                 self.summaries.append(end.value)
                 return
-            yield self._new(item) if isinstance(item, Found) else item
+            if isinstance(item, Found):
+                yield from self._new(item)
+            else:
+                yield item
 
-    def _new(self, found: Found) -> Toss | Rejected | Problem:
-        """A toss that was not seen before, or why it is left out."""
-        toss, content = found.toss, found.toss.digest()
-        if toss.toss_id not in self._seen:
-            self._seen[toss.toss_id] = (content, found.origin.input)
+    def _new(self, found: Found) -> Iterator[Toss | Rejected | Problem]:
+        """What is left out, it or one that was kept back before; then the toss, unless it is that."""
+        whole = isinstance(found.outcome, Toss)
+        standing = self._known.see(found.toss.toss_id, found.toss.digest(), found.origin.input, whole=whole)
+        if standing.left_out:
+            yield Problem(*standing.left_out)
+        if standing.taken:
             self.origin = found.origin
-            return found.outcome
-        known, where = self._seen[toss.toss_id]
-        if known == content:
-            why = f"found the same one in {where}, expected each once"
-        else:
-            why = f"found another one of that id in {where}, expected ids that tell tosses apart"
-        return Problem(found.origin.input, f"toss {toss.toss_id} is left out: {why}")
+            yield found.outcome
 
 
 def _is_contactnets(path: Path) -> bool:

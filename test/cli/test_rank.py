@@ -20,6 +20,7 @@ from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.storage.inputs import open_inputs
 from contact_curation.storage.manifest_file import read_manifest
 from test.cli.commands import Cli, write_parameters
+from test.storage.test_inputs import cut_short, mcap_file
 
 GLITCHES = {"displacement beside the velocity", "gap", "lowest corner of the toss"}
 
@@ -167,6 +168,30 @@ def test_a_toss_that_comes_twice_is_ranked_once_and_said(cli: Cli, golden: Path,
         assert ids(done.json) == ids(cli("rank", golden, "--json").json)
         assert sum("found the same one in" in line for line in done.err_lines) == 24
         assert len(done.json["warnings"]) == 24
+
+
+@pytest.fixture(scope="module")
+def cut_and_whole(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """A recording of two throws that ends during the second, and the same one whole."""
+    folder = tmp_path_factory.mktemp("cut")
+    return [cut_short(folder), mcap_file(folder)]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("bound", [(), ("--bound-influence",)])
+def test_a_toss_that_was_cut_short_in_one_recording_is_ranked_whole_from_another(
+    cli: Cli, cut_and_whole: list[Path], jobs: int, bound: tuple[str, ...]
+) -> None:
+    cut, whole = cut_and_whole
+    alone = cli("rank", whole, "--json").json
+    for inputs in ([cut, whole], [whole, cut]):
+        report = cli("rank", *inputs, "--jobs", jobs, *bound, "--json").json
+        assert ids(report) == ids(alone)
+        assert report["outcomes"] == alone["outcomes"] == {"kept": 2, "ranked, not kept": 0}
+        assert [row["frames"] for row in report["tosses"]] == [row["frames"] for row in alone["tosses"]]
+        assert any(
+            line.startswith(f"{cut}: toss ") and f"kept back here and whole in {whole}" in line for line in report["warnings"]
+        )
 
 
 def test_parameters_of_a_file_take_the_place_of_the_bodys(cli: Cli, golden: Path, tmp_path: Path) -> None:

@@ -223,6 +223,27 @@ def test_the_same_toss_in_two_inputs_counts_once(tmp_path: Path) -> None:
     assert len(summaries) == 2
 
 
+def cut_short(folder: Path) -> Path:
+    """The recording of `mcap_file`, which ends during the second throw."""
+    return write_ours(folder / "cut.mcap", tagslam()[: 1 + len(POSES) * 3 // 4])
+
+
+def test_a_whole_toss_takes_the_place_of_one_that_was_cut_short_whichever_comes_first(tmp_path: Path) -> None:
+    cut, whole = cut_short(tmp_path), mcap_file(tmp_path)
+    assert kinds(opened(cut)[0]) == ["Toss", "Rejected"]
+    expected = {item.toss_id: item.digest() for item in opened(whole)[0] if isinstance(item, Toss)}
+    orders = {
+        (cut, whole): ["Toss", "Rejected", "Problem", "Problem", "Toss"],
+        (whole, cut): ["Toss", "Toss", "Problem", "Problem"],
+    }
+    for paths, expected_kinds in orders.items():
+        items, _ = opened(*paths)
+        assert kinds(items) == expected_kinds
+        assert {item.toss_id: item.digest() for item in items if isinstance(item, Toss)} == expected
+        assert lines(items)[1].startswith(f"{cut}: toss ")
+        assert lines(items)[1].endswith(f"is left out: found it kept back here and whole in {whole}, expected each once")
+
+
 def test_another_toss_under_the_same_id_is_not_taken_for_the_first(tmp_path: Path) -> None:
     for name, height in (("a", 0.2), ("b", 0.25)):
         (tmp_path / name).mkdir()
