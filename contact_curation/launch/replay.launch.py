@@ -1,20 +1,28 @@
-"""A recording through the whole graph: player, pose_ingest, fisher_scorer, curator.
+"""A recording through the whole graph: player, pose_ingest, fisher_scorer, curator, and the trainer where it is wanted.
 
     ros2 launch contact_curation replay.launch.py bag:=session.mcap rate:=5.0 folder:=results
+    ros2 launch contact_curation replay.launch.py bag:=session.mcap train:=true
 
-With your own tracker instead of a recording, leave `bag` empty.
+With your own tracker instead of a recording, leave `bag` empty. Without the trainer theta stays, and the buffer is what
+`contact-curation rank` gives.
 """
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
-from launch.conditions import LaunchConfigurationNotEquals
+from launch.conditions import IfCondition, LaunchConfigurationNotEquals
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 PACKAGE = "contact_curation"
-STORES = {"pose_ingest": "tosses.sqlite", "fisher_scorer": "information.sqlite", "curator": "buffer.sqlite"}
+STORES = {
+    "pose_ingest": "tosses.sqlite",
+    "fisher_scorer": "information.sqlite",
+    "curator": "buffer.sqlite",
+    "trainer": "trainer.sqlite",
+}
+OPTIONAL = "trainer"
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -24,6 +32,7 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument("bag", default_value="", description="recording to play; empty: poses come live"),
         DeclareLaunchArgument("rate", default_value="1.0", description="recorded seconds a second"),
         DeclareLaunchArgument("folder", default_value=".", description="folder that the stores are kept in"),
+        DeclareLaunchArgument("train", default_value="false", description="train on what is kept, and rank by what is learned"),
         DeclareLaunchArgument("params_file", default_value=default_file, description="parameters of the nodes"),
     ]
     more = {"pose_ingest": {"rules_of": LaunchConfiguration("bag")}}
@@ -33,6 +42,7 @@ def generate_launch_description() -> LaunchDescription:
             executable=name,
             name=name,
             output="screen",
+            condition=IfCondition(LaunchConfiguration("train")) if name == OPTIONAL else None,
             parameters=[
                 LaunchConfiguration("params_file"),
                 {"store": PathJoinSubstitution([LaunchConfiguration("folder"), store]), **more.get(name, {})},

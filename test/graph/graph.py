@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import Any, Self
 
 import rclpy
-from contact_curation_msgs.msg import CuratedBuffer, TossInformation, TossRejected
+from contact_curation_msgs.msg import CuratedBuffer, ModelParameters, TossInformation, TossRejected, TrainingStatus
 from contact_curation_msgs.msg import Toss as TossMessage
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
@@ -19,7 +19,12 @@ from rclpy.node import Node
 from contact_curation.nodes.processes import NodeProcess, spawn_node
 from contact_curation.nodes.qos import kept, profile
 
-STORES = {"pose_ingest": "tosses.sqlite", "fisher_scorer": "information.sqlite", "curator": "buffer.sqlite"}
+STORES = {
+    "pose_ingest": "tosses.sqlite",
+    "fisher_scorer": "information.sqlite",
+    "curator": "buffer.sqlite",
+    "trainer": "trainer.sqlite",
+}
 POLL = 0.02
 """[s]"""
 
@@ -122,6 +127,12 @@ class Graph:
 
     def buffers(self) -> list[Any]:
         return self.listener.listen(CuratedBuffer, "/curated_buffer")
+
+    def parameters(self) -> list[Any]:
+        return self.listener.listen(ModelParameters, "/model_parameters")
+
+    def statuses(self) -> list[Any]:
+        return self.listener.listen(TrainingStatus, "/training_status")
 
     def until(self, true: Callable[[], Any], seconds: float, what: str) -> None:
         """Waits; fails with the nodes' logs."""

@@ -1,0 +1,23 @@
+"""Which theta a model has, in 16 letters: equal numbers, equal version, whoever computes it."""
+
+import hashlib
+
+import numpy as np
+
+from contact_curation.contact.model import Model
+from contact_curation.contact.models import tensors_of
+from contact_curation.contact.polytope_model import PolytopeModel
+from contact_curation.information.scoring import parameters_version
+
+
+def model_version(model: Model) -> str:
+    """A digest of a model's numbers and of its body's constants; a polytope's is that of its geometry, in either form."""
+    if isinstance(model, PolytopeModel):
+        return parameters_version(model.geometry(), model.body)
+    state, body = hashlib.sha256(model.kind.value.encode()), model.body
+    for name, value in sorted(tensors_of(model).items()):
+        state.update(name.encode())
+        state.update(np.ascontiguousarray(value).tobytes())
+    for constant in (body.inertia, np.array([body.mass, body.gravity, body.length_scale])):
+        state.update(np.ascontiguousarray(constant).tobytes())
+    return state.hexdigest()[:16]

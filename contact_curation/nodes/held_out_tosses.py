@@ -1,0 +1,63 @@
+"""Tosses that a node holds out: read from recordings when it starts, and how well a model predicts them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.model import Model
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.learning.evaluation import EvaluationConfig, evaluate_model
+from contact_curation.motion.toss import Toss
+from contact_curation.storage.inputs import Problem, open_inputs
+
+
+class HeldOutErrors(NamedTuple):
+    """Means over the held-out tosses whose predicted motion is finite; NaN where there are none.
+
+    Attributes:
+        loss: over the transitions whose impulses carry a certificate, motions that are not finite included.
+        position: [% of the body's width].
+        rotation: [deg].
+        not_finite: how many motions are not.
+    """
+
+    loss: float
+    position: float
+    rotation: float
+    not_finite: int
+
+
+class HeldOutTosses:
+    """The sound tosses of some recordings; what their gates keep back is left out.
+
+    Args:
+        paths: recordings; none for no held-out tosses.
+        body: what was tossed.
+
+    Raises:
+        InvalidValueError: there is no toss in them.
+    """
+
+    def __init__(self, paths: Sequence[str], body: Body) -> None:
+        found = list(open_inputs([Path(path) for path in paths], body))
+        self.tosses = tuple(one for one in found if isinstance(one, Toss))
+        if paths and not self.tosses:
+            why = next((str(one) for one in found if isinstance(one, Problem)), f"no toss in {', '.join(paths)}")
+            raise InvalidValueError("parameter held_out", why, "recordings of tosses")
+
+    def errors(self, model: Model) -> HeldOutErrors:
+        """How far the predicted motions are from the measured ones (METHOD 1.11)."""
+        if not self.tosses:
+            return HeldOutErrors(np.nan, np.nan, np.nan, 0)
+        found = evaluate_model(model, self.tosses, EvaluationConfig())
+        finite = found.errors.finite
+        position, rotation = (_mean(values[finite]) for values in (found.errors.position, found.errors.rotation))
+        return HeldOutErrors(found.mean_loss, position, rotation, len(found.not_finite))
+
+
+def _mean(values: Array) -> float:
+    return float(values.mean()) if values.size else np.nan

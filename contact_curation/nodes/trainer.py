@@ -1,0 +1,146 @@
+"""trainer: the kept set in, a model trained on it out. The checkpoint is on disk before the parameters are announced."""
+
+import sys
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import torch
+from contact_curation_msgs.msg import CuratedBuffer, ModelParameters, TrainingStatus
+
+from contact_curation.contact.model_kind import ModelKind
+from contact_curation.errors import InvalidValueError
+from contact_curation.information.model_version import model_version
+from contact_curation.learning.progress import TrainingState
+from contact_curation.nodes.body_parameter import declared_body
+from contact_curation.nodes.complaints import Complaints
+from contact_curation.nodes.door import StageNode, run
+from contact_curation.nodes.health import Health, HealthReport
+from contact_curation.nodes.held_out_tosses import HeldOutTosses
+from contact_curation.nodes.messages.headers import Stamped, stamped_of
+from contact_curation.nodes.messages.toss import toss_of
+from contact_curation.nodes.messages.trained_model import model_message
+from contact_curation.nodes.messages.training_status import status_message
+from contact_curation.nodes.parameters import declare, declare_config
+from contact_curation.nodes.qos import kept
+from contact_curation.nodes.scoring_stage import checked_body
+from contact_curation.nodes.toss_fetch import TossFetch
+from contact_curation.nodes.training_parameters import declared_first_model, declared_protocol
+from contact_curation.nodes.training_stage import KeptSet, Moment, RoundsConfig, TrainingStage
+from contact_curation.nodes.worker import Latest, Worker
+from contact_curation.storage.toss_store import TossStore
+
+STATUSES_KEPT = 64
+"""Moments of the training that a late listener still gets."""
+
+
+class Trainer(StageNode):
+    """Trains a model on whatever the curator keeps, round after round."""
+
+    def __init__(self) -> None:
+        super().__init__("trainer")
+        torch.set_num_threads(1)  # the nodes of a graph share the processors
+        self._body = declared_body(self)
+        kind = ModelKind(declare(self, "model", "polytope", "what is trained", choices=[one.value for one in ModelKind]))
+        protocol = declared_protocol(self, kind)
+        rounds = declare_config(self, RoundsConfig())
+        seed = declare(self, "seed", 0, "of the initialisation and the shuffles", bounds=(0, 1 << 31))
+        first = declared_first_model(self, kind, self._body, protocol.form, seed)
+        held_out = declare(self, "held_out", [""], "recordings that are never trained on, for the errors of training_status")
+        self._held_out = HeldOutTosses([path for path in held_out if path], self._body)
+        store = Path(declare(self, "store", "trainer.sqlite", "file that fetched tosses are kept in"))
+        checkpoint = declare(self, "checkpoint", "", "file of the model and its training; empty: store, ending .safetensors")
+        self._tosses = TossStore(store)
+        self._stage = TrainingStage(
+            first,
+            self._body.length_scale,
+            protocol,
+            rounds,
+            seed,
+            self._tosses,
+            Path(checkpoint or store.with_suffix(".safetensors")),
+        )
+        self._complaints = Complaints(self)
+        self._stamped = Stamped(0, "")
+        self._parameters = self.create_publisher(ModelParameters, "model_parameters", kept(1))
+        self._status = self.create_publisher(TrainingStatus, "training_status", kept(STATUSES_KEPT))
+        self._worker = Worker(self.fail)
+        self._training = Latest(self._worker, self._train)
+        self._fetch = TossFetch(self, self._worker, lambda: self._stage.missing, self._fetched)
+        self.create_subscription(CuratedBuffer, "curated_buffer", self._buffer_came, kept(1))
+        self._worker.do(self._announce_again)
+        HealthReport(self, self._health)
+
+    def close(self) -> None:
+        self._worker.stop()
+        self._tosses.close()
+
+    def _buffer_came(self, message: Any) -> None:
+        self._worker.do(partial(self._follow, message))
+
+    def _follow(self, message: Any) -> None:
+        """On the worker's thread, as everything below but the last."""
+        if message.body != self._body.name:
+            self._complaints.note("bad buffer", f"found body {message.body}, expected {self._body.name}")
+            return
+        self._stamped = stamped_of(message.header)
+        self._stage.follow(KeptSet(message.revision, message.tosses_seen, tuple(message.toss_ids)))
+        self._fetch.ask()
+        self._training.want()
+
+    def _fetched(self, messages: Sequence[Any], unknown: Sequence[str]) -> None:
+        for message in messages:
+            try:
+                self._stage.add(checked_body(toss_of(message), self._body))
+            except InvalidValueError as error:
+                self._complaints.note("bad toss", str(error))
+        for toss_id in unknown:
+            self._complaints.note("unknown toss", f"get_tosses knows no {toss_id}, which the buffer holds")
+        self._training.want()
+
+    def _train(self) -> None:
+        """A slice, and then what came meanwhile, before the next."""
+        moment = self._stage.advance()
+        if moment is not None:
+            self._announce(moment)
+        if self._stage.due:
+            self._training.want()
+
+    def _announce_again(self) -> None:
+        """After a restart: those of the last round were perhaps never announced, and a latched message dies with its node."""
+        moment = self._stage.now
+        if moment is not None and moment.ended:
+            self._announce(moment)
+        self._training.want()
+
+    def _announce(self, moment: Moment) -> None:
+        version = model_version(moment.model)
+        if moment.ended:
+            self._parameters.publish(model_message(moment.model, version, moment.progress.gradient_steps, self._stamped))
+        errors = self._held_out.errors(moment.model)
+        self._status.publish(status_message(moment, version, errors, self._stamped, waiting=not self._stage.due))
+
+    def _health(self) -> Health:
+        progress, number = self._stage.progress, self._stage.round.number
+        if progress is None:
+            return Health("waiting for a kept set", self._complaints.counts)
+        values = {
+            "round": number,
+            "gradient_steps": progress.gradient_steps,
+            "training_loss": progress.training_loss,
+            "missing": len(self._stage.missing),
+            "queue": self._worker.waiting,
+            **self._complaints.counts,
+        }
+        failed = progress.state is TrainingState.FAILED
+        return Health(f"round {number}: {progress.reason or progress.state.value}", values, warning=failed)
+
+
+def main() -> int:
+    """Runs the node."""
+    return run(Trainer, "trainer")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,60 @@
+"""The parameters that say what the trainer trains, from where, and how."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from rclpy.node import Node
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.evaluation import DEFAULT_LOSS
+from contact_curation.contact.model import Model, Rows
+from contact_curation.contact.model_kind import ModelKind
+from contact_curation.contact.models import initial_model
+from contact_curation.contact.parameter_form import Form
+from contact_curation.contact.polytope_model import PolytopeModel
+from contact_curation.errors import InvalidValueError
+from contact_curation.learning.protocols import TrainingConfig, budgeted
+from contact_curation.nodes.parameters import declare, declare_config
+from contact_curation.storage.checkpoint_file import read_model
+from contact_curation.storage.parameters_file import read_parameters
+
+
+def declared_protocol(node: Node, kind: ModelKind) -> TrainingConfig:
+    """The protocol of a round: ours for this kind of model, with what the parameters change."""
+    ours = budgeted(kind)
+    steps = declare(node, "steps", ours.steps or 1, "gradient steps of a round", bounds=(1, 1 << 31))
+    return replace(
+        ours,
+        form=Form(declare(node, "form", ours.form.value, "of theta", choices=[form.value for form in Form])),
+        batch=declare(node, "batch", ours.batch, "transitions of a gradient step", bounds=(1, 1 << 20)),
+        steps=steps,
+        evaluation_steps=steps,
+        polytope=declare_config(node, ours.polytope, "polytope."),
+        network=declare_config(node, ours.network, "network."),
+        influence=declare_config(node, ours.influence, "influence."),
+        loss=declare_config(node, replace(DEFAULT_LOSS, threads=1), "loss."),
+    )
+
+
+def declared_first_model(node: Node, kind: ModelKind, body: Body, form: Form, seed: int) -> Callable[[Rows], Model]:
+    """What gives the model before the first round: a file, or the published random initialisation.
+
+    Raises:
+        ContactCurationError: the file holds no such model.
+    """
+    path = declare(node, "params", "", "theta to begin with: a JSON file or a checkpoint; empty: the random initialisation")
+    if not path:
+        return lambda data: initial_model(kind, body, form, data, np.random.default_rng(seed))
+    model = _stored_model(Path(path), body, form)
+    if model.kind is not kind:
+        raise InvalidValueError(f"model in {path}", model.kind.value, kind.value)
+    return lambda _: model
+
+
+def _stored_model(path: Path, body: Body, form: Form) -> Model:
+    if path.suffix == ".json":
+        theta = read_parameters(path, body)
+        return PolytopeModel(theta.geometry, theta.body, form)
+    return read_model(path, body)

@@ -1,0 +1,77 @@
+"""The loop of learning through real processes: what is kept is trained on, and what was learned ranks again."""
+
+from pathlib import Path
+from typing import Any
+
+from contact_curation.contact.polytope_model import PolytopeModel
+from contact_curation.information.model_version import model_version
+from contact_curation.nodes.messages.model_parameters import geometry_of
+from contact_curation.storage.checkpoint_file import read_model
+from test.graph.graph import Graph
+from test.graph.offline import tosses_of
+
+LONG = 90.0
+TOP = 6
+TRAINER: dict[str, Any] = {"steps": 60, "settling_rounds": 1}
+
+
+def started(graph: Graph, bag: Path) -> None:
+    for stage in ("pose_ingest", "fisher_scorer"):
+        graph.start(stage)
+    graph.start("curator", top=TOP)
+    graph.start("trainer", held_out=[bag], **TRAINER)
+    graph.start("player", bag=bag, rate=20.0, wait_for=10.0, stay=True)
+
+
+def at_rest(graph: Graph, seen: int) -> bool:
+    """Whether all tosses were curated at the newest parameters, and nothing is left to train."""
+    heard = [graph.listener.heard[topic] for topic in ("/training_status", "/curated_buffer", "/model_parameters")]
+    if not all(heard):
+        return False
+    status, buffer, parameters = (messages[-1] for messages in heard)
+    newest = buffer.parameters_version == parameters.version == status.parameters_version
+    return bool(newest and buffer.tosses_seen == seen and status.state == "waiting")
+
+
+def test_what_is_kept_is_trained_on_and_everything_is_scored_and_ranked_again_at_what_was_learned(
+    graph: Graph, golden_bag: Path
+) -> None:
+    parameters, statuses, _, information = graph.parameters(), graph.statuses(), graph.buffers(), graph.information()
+    started(graph, golden_bag)
+    tosses = {toss.toss_id for toss in tosses_of(golden_bag)}
+
+    graph.until(lambda: at_rest(graph, len(tosses)), LONG, "the loop to come to rest")
+    published = {message.version for message in parameters}
+    scored_at = {one.parameters_version for one in information}
+    assert published & scored_at
+    assert all(one.parameters_version in published for one in information[-len(tosses) :])
+    assert {one.toss_id for one in information if one.parameters_version == parameters[-1].version} == tosses
+    assert statuses[0].gradient_steps == 0
+    assert statuses[-1].held_out_loss < 0.1 * statuses[0].held_out_loss
+    assert statuses[-1].position_error < 0.1 * statuses[0].position_error
+
+    model = read_model(graph.folder / "trainer.safetensors")
+    assert isinstance(model, PolytopeModel)
+    assert model_version(model) == parameters[-1].version == statuses[-1].parameters_version
+    assert (geometry_of(parameters[-1]).vertices_normal == model.geometry().vertices_normal).all()
+
+
+def test_a_trainer_that_is_killed_in_mid_stream_goes_on_from_its_checkpoint(graph: Graph, golden_bag: Path) -> None:
+    statuses, _, _ = graph.statuses(), graph.buffers(), graph.parameters()
+    seen = len(tosses_of(golden_bag))
+    started(graph, golden_bag)
+    graph.until(lambda: statuses and statuses[-1].gradient_steps > 0, LONG, "a first round")
+    next(process for process in graph.processes if process.name == "trainer").kill()
+    steps = statuses[-1].gradient_steps
+    graph.start("trainer", held_out=[golden_bag], **TRAINER)
+    graph.until(lambda: statuses[-1].gradient_steps > steps and at_rest(graph, seen), LONG, "the loop to come to rest")
+    counted = [status.gradient_steps for status in statuses]
+    assert counted == sorted(counted)
+    assert all(count % TRAINER["steps"] == 0 for count in counted)
+
+
+def test_held_out_recordings_that_are_not_there_are_one_line(graph: Graph) -> None:
+    trainer = graph.start("trainer", held_out=[graph.folder / "nothing.mcap"])
+    assert trainer.wait(30.0) == 1
+    assert "trainer: parameter held_out: found " in trainer.log()
+    assert "Traceback" not in trainer.log()
