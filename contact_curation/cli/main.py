@@ -18,6 +18,7 @@ VERBS = {
     "import": ("import_data", "public data as the bag that a rig would have recorded of it"),
     "rank": ("rank", "a ranked manifest of the tosses in recordings; nothing is deleted"),
     "score": ("score", "loss terms, impulses and scores of every transition, as an .npz file"),
+    "train": ("train", "a model that learns from tosses, as a checkpoint"),
     "play": ("play", "a bag as live topics"),
 }
 """By their names: the module in this package, which has `add_options` and `run`, and what it does."""

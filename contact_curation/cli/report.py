@@ -21,7 +21,12 @@ def add_json_option(parser: argparse.ArgumentParser) -> None:
 
 def print_json(content: Mapping[str, Any]) -> None:
     """One JSON object on one line; numbers that JSON does not have become null."""
-    print(json.dumps(_plain(content), ensure_ascii=False, allow_nan=False))
+    print(json_line(content))
+
+
+def json_line(content: Mapping[str, Any]) -> str:
+    """The same as text, without its line break."""
+    return json.dumps(_plain(content), ensure_ascii=False, allow_nan=False)
 
 
 def counted(count: int, thing: str) -> str:

@@ -1,0 +1,156 @@
+"""What the options of `train` ask for."""
+
+import argparse
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from contact_curation.cli.body_option import chosen_body
+from contact_curation.cli.held_out_option import held_out_rule
+from contact_curation.cli.reading import ReadingConfig
+from contact_curation.cli.reading_options import stages_of
+from contact_curation.cli.train_options import DEFAULT_SHARE
+from contact_curation.cli.training_tosses import LearningTosses, TossesConfig
+from contact_curation.contact.body import Body
+from contact_curation.contact.evaluation import Estimator
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.model import Model
+from contact_curation.contact.model_kind import ModelKind
+from contact_curation.contact.parameter_form import Form
+from contact_curation.contact.polytope_model import PolytopeModel
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.information.ranker import RankingConfig
+from contact_curation.information.scoring import ScoringConfig
+from contact_curation.learning.held_out import HeldOutRule
+from contact_curation.learning.protocols import TrainingConfig, budgeted, published
+from contact_curation.learning.reranking import CanaryConfig, RerankingConfig
+from contact_curation.learning.training_plan import TrainingPlan
+from contact_curation.storage.checkpoint_file import read_model
+from contact_curation.storage.inputs import InputsConfig
+from contact_curation.storage.manifest_file import read_manifest
+from contact_curation.storage.parameters_file import Parameters, read_parameters
+
+ONLY_WITH_TOP = ("criterion", "variant", "estimator", "rerank_every", "canary")
+
+
+@dataclass(frozen=True, eq=False)
+class TrainConfig:
+    """What the options ask for.
+
+    Attributes:
+        kind: of the model.
+        body: the object.
+        tosses: which are read, and what for.
+        protocol: of the training.
+        selection: the best of them; None for all.
+        scoring: how tosses are scored for it.
+        start: to begin with; None for the published initialisation.
+        seed: of everything random.
+    """
+
+    kind: ModelKind
+    body: Body
+    tosses: TossesConfig
+    protocol: TrainingConfig
+    selection: RerankingConfig | None
+    scoring: ScoringConfig
+    start: Model | Parameters | None
+    seed: int
+
+    def plan(self, tosses: LearningTosses) -> TrainingPlan:
+        """The plan of a training on these tosses."""
+        start = self.start
+        if isinstance(start, Parameters):
+            start = _polytope(start, self.protocol.form, tosses)
+        return TrainingPlan(
+            kind=self.kind,
+            body=self.body,
+            protocol=self.protocol,
+            tosses=tosses.training,
+            held_out=tosses.held_out,
+            seed=self.seed,
+            start=start,
+            selection=self.selection,
+            scoring=self.scoring,
+        )
+
+
+def train_config(arguments: argparse.Namespace) -> TrainConfig:
+    """The options' configuration.
+
+    Raises:
+        ContactCurationError: a file that an option names cannot be used, or a value is not accepted.
+    """
+    kind, body = ModelKind(arguments.model), chosen_body(arguments)
+    protocol = budgeted(kind) if arguments.protocol == "budgeted" else published(kind)
+    ranking = RankingConfig(arguments.criterion or "log-det", arguments.top or 1, arguments.seed, certificate_steps=0)
+    ranking = replace(ranking, variant=arguments.variant or ranking.variant)
+    defaults = {"training": protocol, "ranking": ranking, "canary": CanaryConfig()}
+    stages = stages_of(arguments, defaults)
+    protocol = stages["training"] if arguments.steps is None else replace(stages["training"], steps=arguments.steps)
+    gates = replace(stages["gates"], enabled=stages["gates"].enabled and not arguments.no_gate)
+    selection = _selection(arguments, stages["ranking"], stages["canary"])
+    return TrainConfig(
+        kind=kind,
+        body=body,
+        tosses=TossesConfig(
+            reading=ReadingConfig(body, InputsConfig(stages["poses"], stages["segmenter"], gates)),
+            rule=HeldOutRule(share=DEFAULT_SHARE) if arguments.held_out is None else held_out_rule(arguments.held_out),
+            said=arguments.held_out is not None,
+            manifest=arguments.manifest,
+            kept=_kept_ids(arguments.manifest),
+            with_twins=arguments.keep_twins,
+        ),
+        protocol=protocol,
+        selection=selection,
+        scoring=ScoringConfig(estimator=Estimator(arguments.estimator or Estimator.GAUSS_NEWTON), loss=protocol.loss),
+        start=_start(arguments.params, kind, body),
+        seed=arguments.seed,
+    )
+
+
+def _selection(arguments: argparse.Namespace, ranking: RankingConfig, canary: CanaryConfig) -> RerankingConfig | None:
+    if arguments.top is None:
+        given = next((name for name in ONLY_WITH_TOP if getattr(arguments, name)), None)
+        if given:
+            raise InvalidValueError(f"--{given.replace('_', '-')}", "no --top", "--top K, which it belongs to")
+        return None
+    return RerankingConfig(ranking, arguments.rerank_every, canary if arguments.canary else None)
+
+
+def _kept_ids(manifest: Path | None) -> tuple[str, ...] | None:
+    if manifest is None:
+        return None
+    kept = tuple(row.toss_id for row in read_manifest(manifest).kept)
+    if not kept:
+        raise InvalidValueError(f"kept tosses of {manifest}", "none", "at least one")
+    return kept
+
+
+def _start(path: Path | None, kind: ModelKind, body: Body) -> Model | Parameters | None:
+    if path is None:
+        return None
+    if path.suffix != ".json":
+        model = read_model(path, body)
+        if model.kind is not kind:
+            raise InvalidValueError(f"model of {path}", model.kind.value, f"{kind.value}, as --model says")
+        return model
+    if kind is not ModelKind.POLYTOPE:
+        raise InvalidValueError("--params", f"{path}, a polytope", f"a checkpoint of a {kind.value} model")
+    return read_parameters(path, body)
+
+
+def _polytope(start: Parameters, form: Form, tosses: LearningTosses) -> PolytopeModel:
+    """The same ground about a pivot amid the data, where the physical form's tilt and height keep apart."""
+    geometry = start.geometry
+    if form is Form.PHYSICAL:
+        middle = np.concatenate([toss.positions for toss in tosses.training]).mean(axis=0) / start.body.length_scale
+        pivot = np.array([*middle[:2], 0.0])
+        geometry = _about(geometry, pivot)
+    return PolytopeModel(geometry, start.body, form)
+
+
+def _about(geometry: ContactGeometry, pivot: Array) -> ContactGeometry:
+    return replace(geometry, pivot=pivot, height=geometry.height + float(geometry.normal @ (geometry.pivot - pivot)))
