@@ -10,8 +10,9 @@ never zero.
 import ctypes
 import os
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -71,7 +72,7 @@ class LossConfig:
             if getattr(self, name) < least:
                 raise InvalidValueError(f"loss.{name}", getattr(self, name), f"at least {least}")
 
-    @property
+    @cached_property
     def weights(self) -> ConeWeights:
         """What the inner problem needs of them."""
         return ConeWeights(**{field.name: getattr(self, field.name) for field in fields(ConeWeights)})
@@ -167,7 +168,7 @@ class _Model(ctypes.Structure):
             inverse_inertia=(ctypes.c_double * 9)(*body.scaled_inverse_inertia.flat),
             gravity=body.scaled_gravity,
             circular=int(config.cone is Cone.CIRCULAR),
-            **asdict(config.weights),
+            **vars(config.weights),
         )
         self.owner = geometry  # ctypes holds bare addresses: keep the arrays alive
 

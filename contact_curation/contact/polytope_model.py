@@ -15,7 +15,8 @@ from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
 from contact_curation.contact.model import BatchLoss, ContactModel, Rows
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.parameter_form import Form, parameter_form
-from contact_curation.contact.scale_regularizer import scale_regularizer
+from contact_curation.contact.scale_regularizer import scale_excess
+from contact_curation.contact.tilted_plane import tilted_plane
 from contact_curation.contact.torch_contacts import Contacts, Frames, Theta, contacts_of, gaps_at, jacobians_at
 from contact_curation.contact.torch_loss import polytope_losses
 from contact_curation.geometry.quaternions import Array
@@ -62,8 +63,7 @@ class PolytopeModel(ContactModel):
         pivot, height = self.get_buffer("pivot"), torch.as_tensor(self.height)
         if self.form is Form.CONTACTNETS:
             return Theta(self.vertices_normal, self.normal, self.vertices_tangent, self.tangents, height, pivot)
-        normal, axes = self._tilted()
-        tangents = self.log_friction.exp() * axes
+        normal, tangents = tilted_plane(self.tilt, self.log_friction, self.get_buffer("frame"))
         return Theta(self.vertices_normal, normal, self.vertices_tangent, tangents, height, pivot)
 
     def geometry(self) -> ContactGeometry:
@@ -85,18 +85,10 @@ class PolytopeModel(ContactModel):
     def settings(self) -> dict[str, str]:
         return {"form": self.form.value}
 
-    def _tilted(self) -> tuple[Tensor, Tensor]:
-        """Unit normal (3,) and axes across it (2, 3): the frame, turned the shortest way to the tilted normal."""
-        frame = self.get_buffer("frame")
-        normal = torch.nn.functional.normalize(frame[0] + self.tilt @ frame[1:], dim=0)
-        lean = frame[1:] @ normal / (1.0 + frame[0] @ normal)
-        return normal, frame[1:] - lean[:, None] * (frame[0] + normal)
-
     def _regularizer(self, theta: Theta) -> Tensor:
         if self.form is Form.PHYSICAL:
             return torch.zeros((), dtype=torch.float64)
-        slopes = torch.cat([theta.normal[None], theta.tangents])  # (3, 3), the same at every contact
-        return len(theta.vertices_normal) * scale_regularizer(slopes[None, None])
+        return len(theta.vertices_normal) * scale_excess(theta.normal, theta.tangents)  # the same at every contact
 
 
 def initial_geometry(

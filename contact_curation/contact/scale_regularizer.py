@@ -1,14 +1,16 @@
 """What keeps a contact model's scale in place while it is trained (METHOD 1.2): ContactNets' two regularisers, unweighted.
 
-    R = sum_i (|d phi_i / dx| - 1)^2 + sum_i sum_a (u_i . u_t,i,a)^2
+    R_i = (|n_i| - 1)^2 + sum_a (u_i . u_t,i,a)^2
 
-with u the unit vectors along d phi_i / dx and d phi_t,i,a / dx. Without the first, shrinking every gap shrinks the loss; the
-second keeps friction across the normal. ContactNets weighs both with 0.3 and sums them over the transitions of a batch, which
-is one; here it is their mean: at a batch of one it is the published objective, and at any other the weight means the same.
+with n_i = d phi_i / dx, and u_i and u_t,i,a the unit vectors along it and along d phi_t,i,a / dx. Without the first, shrinking
+every gap shrinks the loss; the second keeps friction across the normal. ContactNets weighs both with 0.3 and sums them over the
+contacts, and over the transitions of a batch, which is one. Here it is the mean over transitions: at a batch of one that is the
+published objective, and at any other the weight means the same.
 """
 
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -17,33 +19,36 @@ SMALLEST = 1e-12
 
 
 def scale_regularizer(jacobians: Tensor) -> Tensor:
-    """R (), mean over B transitions with Jacobians (B, K, 3, 6), of which the first three columns count; zero over none."""
-    value: Tensor = _ScaleRegularizer.apply(jacobians[..., :3])
+    """Mean () over B transitions with Jacobians (B, K, 3, 6) of the sum over contacts; zero over none."""
+    each = scale_excess(jacobians[..., 0, :3], jacobians[..., 1:, :3])
+    total: Tensor = each.sum() / max(1, len(jacobians))
+    return total
+
+
+def scale_excess(normals: Tensor, tangents: Tensor) -> Tensor:
+    """R_i (...) of the gaps' slopes by position (..., 3) and those of the tangential places (..., 2, 3)."""
+    value: Tensor = _ScaleExcess.apply(normals, tangents)
     return value
 
 
-class _ScaleRegularizer(torch.autograd.Function):
-    """Of slopes (B, K, 3, 3) by position, with its own slopes written out: one operation in the graph of each training step."""
+class _ScaleExcess(torch.autograd.Function):
+    """With its slopes written out, in NumPy: few and cheap operations, since they are all that a small batch costs."""
 
     @staticmethod
-    def forward(ctx: Any, slopes: Tensor) -> Tensor:
-        sizes = torch.linalg.vector_norm(slopes, dim=-1, keepdim=True)  # (B, K, 3, 1)
-        units = slopes / sizes.clamp(min=SMALLEST)
-        normal, tangents = units[..., :1, :], units[..., 1:, :]
-        overlaps = (normal * tangents).sum(dim=-1, keepdim=True)  # (B, K, 2, 1)
-        excess = sizes[..., :1, :] - 1.0
-        share = 2.0 / max(1, len(slopes))
-        by_tangents = overlaps * (normal - overlaps * tangents)
-        by_normal = (overlaps * (tangents - overlaps * normal)).sum(dim=-2, keepdim=True)
-        by_slopes = torch.cat([by_normal, by_tangents], dim=-2) / sizes.clamp(min=SMALLEST)
-        by_slopes[..., :1, :] += excess * normal
-        ctx.save_for_backward(by_slopes.mul_(share))
-        value: Tensor = 0.5 * share * (excess.square().sum() + overlaps.square().sum())
-        return value
+    def forward(ctx: Any, normals: Tensor, tangents: Tensor) -> Tensor:
+        normal, side = (value.detach().cpu().numpy() for value in (normals, tangents))
+        size = np.sqrt((normal * normal).sum(axis=-1))  # (...)
+        width = np.sqrt((side * side).sum(axis=-1, keepdims=True)).clip(SMALLEST)  # (..., 2, 1)
+        unit, across = normal / size[..., None].clip(SMALLEST), side / width
+        overlap = (unit[..., None, :] * across).sum(axis=-1, keepdims=True)  # (..., 2, 1)
+        apart = unit[..., None, :] * overlap
+        by_normal = (overlap * (across - apart)).sum(axis=-2) / size[..., None].clip(SMALLEST) + (size - 1.0)[..., None] * unit
+        by_tangents = overlap * (unit[..., None, :] - overlap * across) / width
+        ctx.slopes = tuple(torch.as_tensor(2.0 * value).to(normals.device) for value in (by_normal, by_tangents))
+        return torch.as_tensor(np.square(size - 1.0) + (overlap * overlap).sum(axis=(-2, -1))).to(normals.device)
 
     @staticmethod
     @torch.autograd.function.once_differentiable
-    def backward(ctx: Any, weight: Tensor) -> Tensor:
-        (by_slopes,) = ctx.saved_tensors
-        slopes: Tensor = weight * by_slopes
-        return slopes
+    def backward(ctx: Any, weight: Tensor) -> tuple[Tensor, Tensor]:
+        by_normal, by_tangents = ctx.slopes
+        return weight[..., None] * by_normal, weight[..., None, None] * by_tangents

@@ -7,6 +7,7 @@ Hessian does, so that a second derivative is refused.
 
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -139,20 +140,24 @@ class _PolytopeLoss(torch.autograd.Function):
     ) -> tuple[Tensor, Tensor]:
         theta = Theta(vertices_normal, normal, vertices_tangent, tangents, height, pivot)
         found = evaluate(theta.geometry(), body, before, after, dt, config)
-        losses, scores, solved = (
-            torch.as_tensor(value, device=normal.device) for value in (found.losses, found.scores, found.solved)
-        )
-        ctx.save_for_backward(solved, scores)
-        ctx.theta = theta
+        solved = torch.as_tensor(found.solved, device=normal.device)
+        ctx.solved, ctx.scores, ctx.own = found.solved, found.scores, vertices_normal.numel()
         ctx.mark_non_differentiable(solved)
-        return torch.where(solved, losses, torch.nan), solved
+        return torch.as_tensor(np.where(found.solved, found.losses, np.nan), device=normal.device), solved
 
     @staticmethod
     def backward(ctx: Any, weight: Tensor, _: Tensor) -> tuple[Tensor | None, ...]:
         _refuse_second_derivative()
-        solved, scores = ctx.saved_tensors
-        slope = ctx.theta.with_vector(_weighted(scores, -2.0 * weight, solved).sum(dim=0))
-        return (*slope[:-1], *[None] * 6)
+        counted = np.flatnonzero(ctx.solved)
+        slope = -2.0 * (weight.cpu().numpy()[counted] @ ctx.scores[counted])
+        own = ctx.own
+        pieces = (
+            slope[:own].reshape(-1, 3),
+            slope[own : own + 3],
+            slope[own + 3 : -7].reshape(-1, 3),
+            slope[-7:-1].reshape(2, 3),
+        )
+        return (*(torch.as_tensor(piece).to(weight) for piece in (*pieces, slope[-1])), *[None] * 6)
 
 
 def _refuse_second_derivative() -> None:

@@ -3,7 +3,6 @@
 import ctypes
 import os
 from collections.abc import Callable
-from dataclasses import asdict
 
 import numpy as np
 
@@ -53,7 +52,6 @@ def solve_compiled(
         status=np.empty(problems.batch, np.int32),
         iterations=np.empty(problems.batch, np.int32),
     )
-    weights = asdict(problems.weights)
     job = _Batch(
         batch=problems.batch,
         contacts=problems.contacts,
@@ -61,7 +59,7 @@ def solve_compiled(
         threads=threads or os.cpu_count() or 1,
         max_iterations=max_iterations,
         residual_tolerance=tolerance,
-        **{name: weights[name] for name in _WEIGHTS},
+        **{name: getattr(problems.weights, name) for name in _WEIGHTS},
         **{name: getattr(problems, name).ctypes.data for name in _GIVEN},
         **{name: getattr(solutions, name).ctypes.data for name in _FOUND},
     )
