@@ -1,15 +1,13 @@
-"""Rollouts: layout and statuses, rest, energy, and the physical floor on ContactNets' real tosses (METHOD 1.11, 6.14)."""
+"""Rollouts: layout and statuses, rest and energy; the floor on real tosses is in test/real/test_rollout_floor.py."""
 
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.rollout import Rollout, rollout
+from contact_curation.contact.rollout import rollout
 from contact_curation.contact.time_step import StepStatus, SweepLimits, step
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
@@ -19,8 +17,6 @@ from test.contact.time_step_oracle import energies
 CUBE = ContactGeometry.of_body(CONTACTNETS_CUBE)
 DT = 1.0 / 148.0
 FLAT_AT_REST = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-WIDTH_PERCENT = 50.0
-"""A length of 1 (half a width) in percent of the block's width."""
 
 
 def thrown_states(count: int, seed: int) -> Array:
@@ -128,57 +124,3 @@ def test_energy_never_grows_in_a_toss() -> None:
 def test_wrong_lengths_and_threads_are_refused(lengths: float | list[int], threads: int) -> None:
     with pytest.raises(InvalidValueError):
         rollout(CUBE, CONTACTNETS_CUBE, thrown_states(3, seed=9), lengths, DT, threads=threads)
-
-
-@dataclass(frozen=True)
-class Errors:
-    """METHOD 1.11 per toss: position [% of width], rotation [deg], penetration [% of width]."""
-
-    position: Array
-    rotation: Array
-    penetration: Array
-
-
-@pytest.fixture(scope="module")
-def real_tosses(contactnets_folder: Path) -> list[Array]:
-    """States of all 570 tosses, in characteristic lengths."""
-    return [torch.load(contactnets_folder / f"{i}.pt", weights_only=True)[0, :, :13].numpy() for i in range(570)]
-
-
-def replayed(tosses: list[Array], friction: float) -> Rollout:
-    """The true cube from each toss's first measured state."""
-    geometry = ContactGeometry.of_body(replace(CONTACTNETS_CUBE, friction=friction))
-    return rollout(geometry, CONTACTNETS_CUBE, [toss[0] for toss in tosses], [len(toss) for toss in tosses], DT, threads=2)
-
-
-def errors_against(tosses: list[Array], rolled: Rollout) -> Errors:
-    true = np.concatenate(tosses)
-    distance = WIDTH_PERCENT * np.linalg.norm(rolled.states[:, :3] - true[:, :3], axis=1)
-    angle = np.degrees(quaternions.angle_between(true[:, 3:7], rolled.states[:, 3:7]))
-    depth = WIDTH_PERCENT * np.maximum(0.0, -CUBE.gaps(rolled.states).min(axis=1))
-    counts = np.diff(rolled.starts)
-    return Errors(*(np.add.reduceat(values, rolled.starts[:-1]) / counts for values in (distance, angle, depth)))
-
-
-def test_the_true_cube_reaches_the_physical_floor_on_all_real_tosses(real_tosses: list[Array]) -> None:
-    rolled = replayed(real_tosses, friction=0.18)
-    errors = errors_against(real_tosses, rolled)
-    assert errors.position.mean() == pytest.approx(14.4, abs=0.3)
-    assert errors.rotation.mean() == pytest.approx(18.3, abs=0.5)
-    assert errors.penetration.mean() < 0.01
-    assert np.median(errors.position) == pytest.approx(11.9, abs=0.3)
-    assert np.median(errors.rotation) == pytest.approx(8.9, abs=0.5)
-    assert np.mean(rolled.status == StepStatus.CONVERGED) > 0.999
-
-
-def test_the_measured_motions_own_penetration_is_that_of_the_data(real_tosses: list[Array]) -> None:
-    true = np.concatenate(real_tosses)
-    starts = np.cumsum([0, *(len(toss) for toss in real_tosses)])
-    measured = Rollout(starts, true, np.zeros(len(true), np.int32), np.zeros(len(true)), None)
-    assert errors_against(real_tosses, measured).penetration.mean() == pytest.approx(1.47, abs=0.01)
-
-
-def test_position_error_is_least_at_the_true_friction(real_tosses: list[Array]) -> None:
-    sweep = [0.10, 0.15, 0.18, 0.22, 0.30]
-    position = [errors_against(real_tosses, replayed(real_tosses, friction)).position.mean() for friction in sweep]
-    assert position[0] > position[1] > position[2] < position[3] < position[4]

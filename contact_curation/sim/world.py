@@ -1,0 +1,78 @@
+"""The simulated world as a MuJoCo specification, built in code: a board, and the body that is tossed onto it.
+
+MuJoCo shares nothing with our own rollouts: its contacts are soft, it finds them between convex shapes, and it solves for
+forces in another way. So it tells whether a result is one of physics or of our solver. The specification can be added to (an
+arm, a camera) before it is compiled.
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from contact_curation.contact.body import Body
+from contact_curation.errors import InvalidValueError
+
+
+@dataclass(frozen=True)
+class WorldConfig:
+    """How finely the world moves.
+
+    Attributes:
+        longest_step: frames are cut into equal steps of at most this [s].
+    """
+
+    longest_step: float = 0.0035
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.longest_step) and self.longest_step > 0.0):
+            raise InvalidValueError("longest_step", self.longest_step, "a positive number of seconds")
+
+    def steps_in(self, frame_period: float) -> int:
+        """Steps in a frame."""
+        return int(np.ceil(frame_period / self.longest_step))
+
+
+DEFAULT_WORLD = WorldConfig()
+
+
+def world_of(body: Body, step: float) -> mujoco.MjSpec:
+    """A board, the plane z = 0, and a body that moves freely over it, everything else as MuJoCo has it by default.
+
+    The friction cone is the elliptic one: for isotropic friction a disk, while the default pyramid lies inside of it and would
+    make friction weaker in some directions than in others.
+
+    Args:
+        body: shape, inertia and friction; its name is the name of its body, its joint and its geom.
+        step: time step [s].
+
+    Raises:
+        InvalidValueError: an inertia that no distribution of mass has; the engine refuses it.
+    """
+    moments = np.linalg.eigvalsh(body.inertia)
+    if moments[0] + moments[1] < moments[2]:
+        raise InvalidValueError("inertia", f"moments {moments}", "none larger than the sum of the other two [kg m^2]")
+    spec = mujoco.MjSpec()
+    spec.option.timestep = step
+    spec.option.gravity = [0.0, 0.0, -body.gravity]
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    spec.worldbody.add_geom(name="board", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0])
+    _add_body(spec, body)
+    return spec
+
+
+def _add_body(spec: mujoco.MjSpec, body: Body) -> None:
+    xx, xy, xz, _, yy, yz, _, _, zz = body.inertia.ravel()
+    moving = spec.worldbody.add_body(
+        name=body.name, mass=body.mass, ipos=[0.0, 0.0, 0.0], fullinertia=[xx, yy, zz, xy, xz, yz], explicitinertial=True
+    )
+    moving.add_freejoint(name=body.name)
+    spec.add_mesh(name=body.name, uservert=body.vertices.ravel())
+    moving.add_geom(
+        name=body.name,
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname=body.name,
+        friction=[body.friction, 0.0, 0.0],
+        priority=1,  # against the board and all else it is the body's friction that counts
+    )
