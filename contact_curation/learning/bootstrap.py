@@ -1,0 +1,94 @@
+"""How sure a median or a mean over tosses is: percentile intervals of the bootstrap (Efron 1979), seeded.
+
+Tosses are drawn with replacement, as many as there are. Two models are compared over the same tosses, by the differences that
+each toss makes: hard tosses are hard for both, so that a difference is far surer than the two figures themselves.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+
+
+@dataclass(frozen=True)
+class BootstrapConfig:
+    """How intervals are made.
+
+    Attributes:
+        resamples: how often tosses are drawn.
+        confidence: share of the resamples inside an interval.
+        seed: of the draws.
+    """
+
+    resamples: int = 2000
+    confidence: float = 0.95
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.resamples < 1:
+            raise InvalidValueError("bootstrap.resamples", self.resamples, "at least 1")
+        if not 0.0 < self.confidence < 1.0:
+            raise InvalidValueError("bootstrap.confidence", self.confidence, "a number between 0 and 1")
+        if self.seed < 0:
+            raise InvalidValueError("bootstrap.seed", self.seed, "at least 0")
+
+
+class Interval(NamedTuple):
+    """A statistic over tosses and its interval, whose ends are NaN where there are fewer than two tosses."""
+
+    value: float
+    low: float
+    high: float
+
+
+class Spread(NamedTuple):
+    """What is typical, and the mean, which a few bad tosses can rule."""
+
+    median: Interval
+    mean: Interval
+
+
+def spread(values: ArrayLike, config: BootstrapConfig) -> Spread:
+    """Median and mean of one number per toss.
+
+    Args:
+        values: (K,), finite.
+        config: how intervals are made.
+
+    Raises:
+        InvalidValueError: there is no toss, or a number is not finite.
+    """
+    numbers = np.asarray(values, dtype=float)
+    if numbers.ndim != 1 or not numbers.size or not np.isfinite(numbers).all():
+        found = f"shape {numbers.shape}, {np.count_nonzero(~np.isfinite(numbers))} not finite"
+        raise InvalidValueError("numbers per toss", found, "at least one, all finite")
+    drawn = np.random.default_rng(config.seed).integers(numbers.size, size=(config.resamples, numbers.size))
+    resamples = numbers[drawn]  # (R, K)
+    return Spread(
+        _interval(float(np.median(numbers)), np.median(resamples, axis=1), numbers.size, config),
+        _interval(float(numbers.mean()), resamples.mean(axis=1), numbers.size, config),
+    )
+
+
+def paired_spread(ours: ArrayLike, theirs: ArrayLike, config: BootstrapConfig) -> Spread:
+    """Median and mean of the differences ours - theirs, both (K,) over the same tosses.
+
+    Raises:
+        InvalidValueError: the tosses cannot be the same, or as `spread`.
+    """
+    first, second = np.asarray(ours, dtype=float), np.asarray(theirs, dtype=float)
+    if first.shape != second.shape:
+        raise InvalidValueError("numbers per toss", f"shapes {first.shape} and {second.shape}", "the same tosses twice")
+    return spread(first - second, config)
+
+
+def _interval(value: float, statistics: Array, tosses: int, config: BootstrapConfig) -> Interval:
+    if tosses < 2:
+        return Interval(value, np.nan, np.nan)
+    outside = 0.5 * (1.0 - config.confidence)
+    low, high = np.quantile(statistics, [outside, 1.0 - outside])
+    return Interval(value, float(low), float(high))

@@ -1,0 +1,122 @@
+"""Whether what is said to be known is true: theta fitted anew to tosses drawn anew (METHOD 2.8, check 6.16).
+
+The bootstrap over tosses needs no model of the noise and no derivative: tosses are drawn with replacement, as many as there
+are, theta is fitted to each draw from the optimum of them all, and its standard deviation over the draws is what the sandwich,
+which takes one evaluation, should have said.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.polytope_model import PolytopeModel
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.learning.known import Known, KnownConfig, known, unit_sizes
+from contact_curation.learning.polytope_fit import FitConfig, fit_polytope
+from contact_curation.motion.transitions import Transitions
+
+RESAMPLE_TOLERANCE = 1e-7
+"""Relative decrease of the loss at which the fit to a draw has arrived: theta then moves by a hundredth of its deviation."""
+
+
+class BootstrapDeviations(NamedTuple):
+    """What tosses drawn anew do to theta.
+
+    Attributes:
+        deviations: (P,) standard deviations in theta's own coordinates.
+        converged: how many of the fits arrived.
+    """
+
+    deviations: Array
+    converged: int
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """What is known, beside what the bootstrap found.
+
+    Attributes:
+        known: at the optimum of all tosses.
+        bootstrap: (P,) standard deviations in the parameters' units.
+        resamples: draws of tosses.
+        converged: how many of their fits arrived.
+    """
+
+    known: Known
+    bootstrap: Array
+    resamples: int
+    converged: int
+
+    def sandwich_ratio(self, name: str) -> float:
+        """The bootstrap's deviation of a parameter over the sandwich's; 1 is perfect."""
+        return self._ratio(name, "sandwich")
+
+    def cramer_rao_ratio(self, name: str) -> float:
+        """Likewise over the Cramer-Rao deviation."""
+        return self._ratio(name, "cramer_rao")
+
+    def naive_ratio(self, name: str) -> float:
+        """Likewise over the naive one."""
+        return self._ratio(name, "naive")
+
+    def _ratio(self, name: str, kind: str) -> float:
+        for parameter, deviation in zip(self.known.parameters, self.bootstrap, strict=True):
+            if parameter.name == name:
+                return float(deviation / getattr(parameter, kind))
+        names = ", ".join(parameter.name for parameter in self.known.parameters[-4:])
+        raise InvalidValueError("parameter", name, f"one of the physical form, such as {names}")
+
+
+def calibration(
+    model: PolytopeModel,
+    fitted: Transitions,
+    others: Transitions,
+    resamples: int,
+    seed: int,
+    config: KnownConfig,
+) -> Calibration:
+    """Compares what is known with the bootstrap.
+
+    Args:
+        model: at the optimum of `fitted`.
+        fitted: tosses.
+        others: tosses that it was not fitted to, for the noise.
+        resamples: at least 2.
+        seed: of the draws.
+        config: loss and prior.
+    """
+    found = known(model, fitted, others, config)
+    draws = bootstrap_deviations(model, fitted, resamples, seed, FitConfig(config.loss, RESAMPLE_TOLERANCE))
+    return Calibration(found, unit_sizes(model) * draws.deviations, resamples, draws.converged)
+
+
+def bootstrap_deviations(
+    model: PolytopeModel, data: Transitions, resamples: int, seed: int, config: FitConfig
+) -> BootstrapDeviations:
+    """Standard deviations of theta over tosses drawn anew, about a model at the optimum of all of them.
+
+    Raises:
+        InvalidValueError: fewer than two resamples.
+    """
+    if resamples < 2:
+        raise InvalidValueError("resamples", resamples, "at least 2")
+    rng, tosses = np.random.default_rng(seed), len(data.toss_ids)
+    thetas, converged = [], 0
+    for _ in range(resamples):
+        weights = np.bincount(rng.integers(tosses, size=tosses), minlength=tosses)
+        fit = fit_polytope(model, data, config, weights)
+        thetas.append(_theta(fit.model.geometry(), model.geometry()))
+        converged += fit.converged
+    return BootstrapDeviations(np.std(thetas, axis=0, ddof=1), converged)
+
+
+def _theta(geometry: ContactGeometry, origin: ContactGeometry) -> Array:
+    """(P,) where a geometry is from another one with the same pivot, in the physical coordinates about the latter."""
+    friction, own = (float(np.linalg.norm(each.tangents[0])) for each in (geometry, origin))
+    tilt = (origin.tangents / own) @ geometry.normal / (origin.normal @ geometry.normal)
+    vertices = (getattr(geometry, name) - getattr(origin, name) for name in ("vertices_normal", "vertices_tangent"))
+    shift = geometry.height - origin.height
+    return np.concatenate([*(each.ravel() for each in vertices), [np.log(friction / own)], tilt, [shift]])
