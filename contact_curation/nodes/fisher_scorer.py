@@ -30,8 +30,8 @@ from contact_curation.nodes.qos import RESULTS_KEPT, kept
 from contact_curation.nodes.scoring_stage import Announcement, ScoringStage, checked_body
 from contact_curation.nodes.worker import Worker
 from contact_curation.storage.information_store import InformationStore
-from contact_curation.storage.parameters_file import read_parameters
 from contact_curation.storage.state_store import StateStore
+from contact_curation.storage.theta_file import read_theta
 
 TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16)
 
@@ -46,11 +46,11 @@ class FisherScorer(StageNode):
         super().__init__("fisher_scorer")
         self._body = declared_body(self)
         config = declare_config(self, ScoringConfig(loss=replace(DEFAULT_LOSS, threads=1)))
-        parameters = declare(self, "params", "", "JSON file with theta to begin with; empty: the body as described")
+        parameters = declare(self, "params", "", "theta to begin with: JSON file or checkpoint; empty: the body as described")
         store = Path(declare(self, "store", "information.sqlite", "file that information is kept in"))
         geometry = ContactGeometry.of_body(self._body)
         if parameters:
-            geometry, self._body = read_parameters(Path(parameters), self._body)
+            geometry, self._body = read_theta(Path(parameters), self._body)
         self._informations = InformationStore(store)
         self._states = StateStore(store.with_name(f"{store.name}.state"))
         self._stage = ScoringStage(self._body, config, self._informations, self._states, geometry)
