@@ -50,7 +50,7 @@ def _moved(model: mujoco.MjModel, release: Array, frames: int, steps: int) -> Ar
     states[0] = release
     for frame in range(1, frames):
         mujoco.mj_step(model, data, steps)
-        if data.warning.number.any():
+        if data.warning.number.any():  # by default it has then started again from elsewhere
             break
         states[frame] = np.concatenate([data.qpos, data.qvel])
     return states

@@ -56,7 +56,6 @@ def world_of(body: Body, step: float) -> mujoco.MjSpec:
     spec.option.timestep = step
     spec.option.gravity = [0.0, 0.0, -body.gravity]
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     spec.worldbody.add_geom(name="board", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0])
     _add_body(spec, body)
     return spec

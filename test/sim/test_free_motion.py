@@ -100,9 +100,12 @@ def test_a_frame_is_cut_into_equal_steps(longest: float, steps: int) -> None:
     assert WorldConfig(longest).steps_in(FRAME_PERIOD) == steps
 
 
-def test_an_unstable_motion_ends_in_rows_that_are_not_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("speed", [1e9, 1e200])
+def test_an_unstable_motion_ends_in_rows_that_are_not_numbers(
+    speed: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log file where it runs
-    states = free_motion(CONTACTNETS_CUBE, state_of([0.0, 0.0, 0.1], [0.0, 0.0, -1e200]), 5, FRAME_PERIOD)
+    states = free_motion(CONTACTNETS_CUBE, state_of([0.0, 0.0, 0.1], [0.0, 0.0, -speed]), 5, FRAME_PERIOD)
     assert np.isfinite(states[0]).all()
     assert np.isnan(states[1:]).all()
 
