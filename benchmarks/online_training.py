@@ -44,7 +44,7 @@ class Run:
 
     Attributes:
         criterion, seed: of the run.
-        tosses: (N,) seen by the curator when each round of training began.
+        tosses: (N,) that had been recorded when each round of training ended.
         seconds: (N,) since the start of the recording.
         position, rotation, loss: (N,) means over the held-out tosses after each round; before the first the untrained model's.
         rounds: of training.
@@ -88,7 +88,7 @@ def random_model(seed: int) -> PolytopeModel:
 def played(bag: Path, held_out: Path, criterion: str, seed: int, top: int, rate: float) -> Run:
     """Plays the bag once."""
     with TemporaryDirectory() as folder, Graph(Path(folder), domain=1 + os.getpid() % 100) as graph:
-        statuses, buffers, parameters = graph.statuses(), graph.buffers(), graph.parameters()
+        statuses, buffers, parameters, tosses = graph.statuses(), graph.buffers(), graph.parameters(), graph.tosses()
         theta = Path(folder) / "theta.safetensors"
         save_model(theta, random_model(seed))
         graph.start("pose_ingest", rules_of=bag)
@@ -99,21 +99,20 @@ def played(bag: Path, held_out: Path, criterion: str, seed: int, top: int, rate:
             lambda: graph.listener.node.count_publishers("/training_status") or trainer.status is not None, 60.0, "the trainer"
         )
         player = graph.start("player", bag=bag, rate=rate, wait_for=30.0, stay=True)
-        moments: list[float] = []
+        moments: list[tuple[float, int]] = []
         start = time.monotonic()
         while not at_rest(player.log(), statuses, buffers, parameters):
             time.sleep(0.05)
-            moments += [time.monotonic() - start] * (len(statuses) - len(moments))
+            moments += [(time.monotonic() - start, len(tosses))] * (len(statuses) - len(moments))
             if trainer.status is not None:
                 raise SystemExit(f"the trainer ended:\n{trainer.log()}")
-        moments += [time.monotonic() - start] * (len(statuses) - len(moments))
-        seen = {buffer.revision: int(buffer.tosses_seen) for buffer in reversed(buffers)}
+        moments += [(time.monotonic() - start, len(tosses))] * (len(statuses) - len(moments))
         heard = list(statuses)
     return Run(
         criterion,
         seed,
-        tuple(seen.get(status.buffer_revision, 0) for status in heard),
-        tuple(moments),
+        tuple(recorded for _, recorded in moments),
+        tuple(seconds for seconds, _ in moments),
         tuple(status.position_error for status in heard),
         tuple(status.rotation_error for status in heard),
         tuple(status.held_out_loss for status in heard),

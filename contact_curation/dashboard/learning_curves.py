@@ -22,7 +22,7 @@ class Curve:
     """One run.
 
     Attributes:
-        tosses: (N,) seen so far, not decreasing.
+        tosses: (N,) recorded so far, not decreasing.
         errors: by name of the error with its unit, (N,) values; the same names in all curves of a figure.
     """
 
@@ -60,7 +60,7 @@ def save_learning_curves(
             panel.step(places, middle, where="post", color=colour, linewidth=2.4, label=label)
         if floors and name in floors:
             panel.axhline(floors[name], color="#444444", linestyle=":", label="true cube")
-        panel.set(yscale="log", xlabel="tosses seen", ylabel=name)
+        panel.set(yscale="log", xlabel="tosses recorded", ylabel=name)
         panel.grid(alpha=0.3, which="both")
     panels[0].legend(frameon=False)
     try:
