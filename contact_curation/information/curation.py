@@ -20,10 +20,10 @@ from contact_curation.information.diagnostics import (
     spectral_distance,
 )
 from contact_curation.information.pool import Pool, pool_of
+from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.information.ranker import RankingConfig, rank_particles
 from contact_curation.information.ranking import Ranking
 from contact_curation.information.record import TossInformation
-from contact_curation.information.subspace import identifiable_subspace
 
 SUFFICIENT_EPSILON = 0.5
 """The epsilon for which the smallest sufficient k is reported."""
@@ -68,7 +68,7 @@ def curate_particles(pools: Sequence[Pool], config: RankingConfig) -> Curation:
     """Ranks tosses that were scored at several thetas; errors as in `ranker.rank_particles`."""
     ranking = rank_particles(pools, config)
     pool, kept = pools[0], ranking.kept_ids
-    subspace = identifiable_subspace(pool.fisher, config.cut)
+    subspace = pool_subspace(pool, config.cut)
     plain = spectral_distance(pool, subspace, kept)
     scale = len(pool) / len(kept)
     shares = block_shares(pool.infos)

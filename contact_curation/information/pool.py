@@ -35,11 +35,14 @@ class Pool:
         pivot: (3,) centroid of the pool, about which the tilt is taken wherever tosses are added.
         prior: (P, P) positive definite prior information A0 in the units of theta, the tilt about the pivot; None for a share
             of the mean toss's.
+        network_scores: (K, M) vectors whose inner products are exactly those of the tosses' scores by the weights of networks;
+            None to do with the sketch of these scores.
     """
 
     infos: tuple[TossInformation, ...]
     pivot: Array
     prior: Array | None = None
+    network_scores: Array | None = None
 
     def __len__(self) -> int:
         return len(self.infos)
@@ -80,9 +83,20 @@ class Pool:
 
     @cached_property
     def toss_scores(self) -> Array:
-        """(K, P) sums of each toss's scores, about the pivot."""
+        """(K, P) sums of each toss's scores, about the pivot; `network_scores` in place of sketched columns."""
+        blocks = self.infos[0].blocks
         scores = np.stack([info.score_sum for info in self.infos])
-        return scores if self._shifts is None else sheared(scores, self.infos[0].blocks, self._shifts)
+        if self._shifts is not None:
+            scores = sheared(scores, blocks, self._shifts)
+        if self.network_scores is None:
+            return scores
+        exact = [scores[:, block.start : block.stop] for block in blocks if not block.sketched]
+        return np.concatenate([*exact, self.network_scores], axis=1)
+
+    @property
+    def sketched(self) -> bool:
+        """Whether some columns of the factors are a sketch."""
+        return any(block.sketched for block in self.infos[0].blocks)
 
     def indices_of(self, toss_ids: Iterable[str]) -> Indices:
         """Where tosses stand in the pool.
@@ -106,15 +120,16 @@ class Pool:
         return {toss_id: index for index, toss_id in enumerate(self.ids)}
 
 
-def pool_of(infos: Iterable[TossInformation], prior: Array | None = None) -> Pool:
+def pool_of(infos: Iterable[TossInformation], prior: Array | None = None, network_scores: Array | None = None) -> Pool:
     """The pool of some tosses, in whatever order they come.
 
     Args:
         infos: at least one toss, each id once.
         prior: (P, P) prior information A0 in the units of theta, the tilt about the pool's centroid.
+        network_scores: see `Pool`; in the order of the ids.
 
     Raises:
-        InvalidValueError: no toss, an id twice, tosses scored at different thetas, or a prior of the wrong shape.
+        InvalidValueError: no toss, an id twice, tosses scored at different thetas, or a prior or scores of the wrong shape.
     """
     ordered = sorted(infos, key=lambda info: info.toss_id)
     if not ordered:
@@ -126,7 +141,9 @@ def pool_of(infos: Iterable[TossInformation], prior: Array | None = None) -> Poo
     size = ordered[0].parameters
     if prior is not None and prior.shape != (size, size):
         raise InvalidValueError("prior information", f"shape {prior.shape}", f"({size}, {size})")
-    return Pool(tuple(ordered), pool_centroid(ordered), prior)
+    if network_scores is not None and (network_scores.ndim != 2 or len(network_scores) != len(ordered)):
+        raise InvalidValueError("network scores", f"shape {network_scores.shape}", f"({len(ordered)}, M)")
+    return Pool(tuple(ordered), pool_centroid(ordered), prior, network_scores)
 
 
 def check_comparable(one: TossInformation, other: TossInformation) -> None:

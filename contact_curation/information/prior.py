@@ -13,9 +13,10 @@ import numpy as np
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.pool import Pool
+from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.information.recentring import sheared
 from contact_curation.information.record import TossInformation
-from contact_curation.information.subspace import EIGENVALUE_CUT, identifiable_subspace
+from contact_curation.information.subspace import EIGENVALUE_CUT
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +40,7 @@ class LogDetPrior:
         if info.parameters != self.coordinates.shape[0]:
             expected = f"{self.coordinates.shape[0]}, as in the prior"
             raise InvalidValueError(f"parameters of toss {info.toss_id}", info.parameters, expected)
-        rows = info.factor.astype(float)
+        rows = np.asarray(info.factor, dtype=float)
         if not info.tilt_axes.size:
             return rows
         return sheared(rows, info.blocks, info.tilt_axes @ (self.pivot - info.centroid))
@@ -51,14 +52,14 @@ def log_det_prior(pool: Pool, share: float, cut: float = EIGENVALUE_CUT) -> LogD
     Args:
         pool: its own prior is taken where it has one.
         share: delta > 0: otherwise A0 is this share of the mean toss, on the identifiable subspace.
-        cut: see `identifiable_subspace`.
+        cut: see `pool_subspace`.
 
     Raises:
         InvalidValueError: no toss carries information, or the pool's own prior is not positive definite.
     """
     if pool.prior is not None:
         return prior_of_matrix(pool.prior, pool.pivot)
-    subspace = identifiable_subspace(pool.fisher, cut)
+    subspace = pool_subspace(pool, cut)
     return LogDetPrior(subspace.per_mean_toss(len(pool)) / np.sqrt(share), pool.pivot)
 
 

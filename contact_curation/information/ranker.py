@@ -17,14 +17,11 @@ from contact_curation.information import modular, orthogonal
 from contact_curation.information.log_det import select_by_log_det
 from contact_curation.information.min_eig import select_by_min_eig
 from contact_curation.information.pool import Pool, pool_of
+from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.information.prior import log_det_prior
 from contact_curation.information.ranking import Ranking, Selection, modular_selection, ranking_of
 from contact_curation.information.record import TossInformation
-from contact_curation.information.subspace import (
-    EIGENVALUE_CUT,
-    IdentifiableSubspace,
-    identifiable_subspace,
-)
+from contact_curation.information.subspace import EIGENVALUE_CUT, IdentifiableSubspace
 
 CRITERIA = ("trace", "log-det", "min-eig", "orthogonal", "leverage", "longest", "random")
 
@@ -143,7 +140,7 @@ def _toss_scores(pool: Pool, config: RankingConfig) -> Array:
 
 
 def _subspace(pool: Pool, cut: float) -> IdentifiableSubspace:
-    return identifiable_subspace(pool.fisher, cut)
+    return pool_subspace(pool, cut)
 
 
 def _averaged(scores: Sequence[Array]) -> Array:

@@ -15,11 +15,20 @@ Rows = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True)
 class ParameterBlock:
-    """A named run of parameters: columns start to stop of a factor."""
+    """A named run of parameters: columns start to stop of a factor.
+
+    The weights of a network are too many; columns of a block whose name ends with "network" are those of a sketch, in which
+    inner products are nearly what they are in the weights (`network_sketch`).
+    """
 
     name: str
     start: int
     stop: int
+
+    @property
+    def sketched(self) -> bool:
+        """Whether its columns are no parameters but a sketch of them."""
+        return self.name.endswith("network")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -90,5 +99,5 @@ class TossInformation:
 
     def fisher(self) -> Array:
         """(P, P) Fisher sum, up to the factor's truncation."""
-        rows = self.factor.astype(float)
+        rows = np.asarray(self.factor, dtype=float)
         return np.asarray(rows.T @ rows)

@@ -70,3 +70,23 @@ def identifiable_subspace(fisher: Array, cut: float = EIGENVALUE_CUT) -> Identif
     whitening = np.zeros((len(diagonal), int(np.count_nonzero(kept))))
     whitening[measured] = scale[:, None] * vectors[:, kept] / np.sqrt(values[kept])
     return IdentifiableSubspace(whitening, eigenvalues=values[kept])
+
+
+def leading_subspace(fisher: Array, directions: int, cut: float = EIGENVALUE_CUT) -> IdentifiableSubspace:
+    """The directions that a pool knows best, for models of more parameters than any pool can tell (METHOD 2.7).
+
+    It is taken in the parameters' own units: the columns of a sketch have none of their own to scale by.
+
+    Args:
+        fisher: (P, P) pooled Fisher sum.
+        directions: how many at most.
+        cut: eigenvalues above this share of the largest are kept.
+
+    Raises:
+        InvalidValueError: nothing is identifiable, because no toss carries information.
+    """
+    values, vectors = np.linalg.eigh(fisher)
+    if not values.max(initial=0.0) > 0.0:
+        raise InvalidValueError("pooled information", "zero", "at least one toss that tells something about theta")
+    kept = np.flatnonzero(values > cut * values.max())[-directions:]
+    return IdentifiableSubspace(vectors[:, kept] / np.sqrt(values[kept]), eigenvalues=values[kept])
