@@ -1,8 +1,8 @@
-"""From recordings to scored tosses: each is read, gated, scored and forgotten; what stays is a few kB a toss.
+"""From recordings to scored tosses: each is read, gated, scored and forgotten; what stays in memory is a kB or two a toss.
 
 Recordings are worked on one after the other or, several of them, in processes. A recording is scored in batches of its own, so
-that the result is the same for any number of processes. A bound on the influence of single transitions is a quantile over the
-whole pool: then the tosses wait in temporary stores until all losses are known.
+that the result is the same for any number of processes, and its factors go to disk when it is done. A bound on the influence of
+single transitions is a quantile over the whole pool: then the tosses wait in temporary stores until all losses are known.
 """
 
 import os
@@ -21,6 +21,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig
 from contact_curation.motion.toss import Toss
+from contact_curation.storage.factor_spool import FactorSpool
 from contact_curation.storage.parameters_file import Parameters
 from contact_curation.storage.toss_store import TossStore
 
@@ -87,7 +88,7 @@ class ScoredPool:
     bounds: tuple[float, ...]
 
 
-def score_pool(paths: Sequence[Path], config: PoolConfig, jobs: int, advance: Advance) -> ScoredPool:
+def score_pool(paths: Sequence[Path], config: PoolConfig, jobs: int, advance: Advance, spool: FactorSpool) -> ScoredPool:
     """Reads and scores recordings.
 
     Args:
@@ -95,15 +96,25 @@ def score_pool(paths: Sequence[Path], config: PoolConfig, jobs: int, advance: Ad
         config: how.
         jobs: how many processes; with one, everything happens in this one.
         advance: told how many tosses more are done.
+        spool: takes the factors; they can be read until it is closed.
     """
     if not config.bound_influence:
         scored = each(partial(_score_input, config, jobs), paths, jobs, advance)
-        return ScoredPool(tuple(scored), config.fixed_bounds)
+        return ScoredPool(tuple(_spooled(one, spool) for one in scored), config.fixed_bounds)
     with TemporaryDirectory(prefix="contact-curation-") as folder:
         places = [(path, Path(folder) / f"{place}.sqlite") for place, path in enumerate(paths)]
         waiting = tuple(each(partial(_store_input, config, jobs), places, jobs, advance))
         bounds = tuple(_bound([one.losses[k] for one in waiting]) for k in range(len(config.thetas)))
-        return ScoredPool(tuple(each(partial(_score_waiting, config, jobs, bounds), waiting, jobs, advance)), bounds)
+        scored = each(partial(_score_waiting, config, jobs, bounds), waiting, jobs, advance)
+        return ScoredPool(tuple(_spooled(one, spool) for one in scored), bounds)
+
+
+def _spooled(scored: ScoredInput, spool: FactorSpool) -> ScoredInput:
+    scores = {
+        toss_id: tuple(spool.with_factor_on_disk(one) if isinstance(one, TossInformation) else one for one in by_theta)
+        for toss_id, by_theta in scored.scores.items()
+    }
+    return replace(scored, scores=scores)
 
 
 @dataclass(frozen=True, eq=False)

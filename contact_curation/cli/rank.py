@@ -15,6 +15,7 @@ from contact_curation.dashboard.ranking_figure import save_ranking_figure
 from contact_curation.information.curation import Curation, curate_particles
 from contact_curation.information.diagnostics import BlockShare, block_shares
 from contact_curation.information.pool import pool_of
+from contact_curation.storage.factor_spool import FactorSpool
 from contact_curation.storage.manifest import Manifest
 from contact_curation.storage.manifest_file import write_manifest
 from contact_curation.storage.provenance import InputProvenance, RunProvenance
@@ -38,11 +39,20 @@ def run(arguments: argparse.Namespace) -> int:
     """
     config = rank_config(arguments)
     jobs = min(arguments.jobs or os.cpu_count() or 1, len(arguments.inputs))
-    with Progress("scoring", "tosses") as progress:
-        scored = score_pool(arguments.inputs, config.pool, jobs, progress.advance)
-    pool = pool_of_inputs(scored.inputs)
+    with FactorSpool() as spool:
+        with Progress("scoring", "tosses") as progress:
+            scored = score_pool(arguments.inputs, config.pool, jobs, progress.advance, spool)
+        pool = pool_of_inputs(scored.inputs)
+        curation = curated(pool, config) if pool.rankable else None
+    _report(arguments, config, scored, pool, curation)
+    return 0
+
+
+def _report(
+    arguments: argparse.Namespace, config: RankConfig, scored: ScoredPool, pool: TossPool, curation: Curation | None
+) -> None:
+    """Writes what is wanted, and says what came out; InvalidValueError where nothing did."""
     warnings = (*(line for one in scored.inputs for line in one.reading.warnings), *pool.left_out)
-    curation = curated(pool, config) if pool.rankable else None
     report = RankReport(manifest_of(arguments, config, scored, pool, curation), warnings, arguments.out, _figure(arguments))
     if report.out:
         write_manifest(report.manifest, report.out)
@@ -58,7 +68,6 @@ def run(arguments: argparse.Namespace) -> int:
         print_json(json_report(report))
     else:
         print_report(report, curation)
-    return 0
 
 
 def curated(pool: TossPool, config: RankConfig) -> Curation:

@@ -12,7 +12,7 @@ from contact_curation.storage.known_tosses import KnownTosses
 from contact_curation.storage.manifest import ManifestRow
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class PoolToss:
     """A toss of the pool.
 

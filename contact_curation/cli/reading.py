@@ -23,7 +23,7 @@ class ReadingConfig:
     inputs: InputsConfig
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class SeenToss:
     """What stays of a toss once it is forgotten.
 

@@ -10,7 +10,7 @@ from contact_curation.storage.provenance import RunProvenance
 type Diagnostic = bool | int | float | str | list[Diagnostic] | dict[str, Diagnostic] | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class ManifestRow:
     """One toss.
 
