@@ -39,7 +39,7 @@ def held_out_rule(spec: str) -> HeldOutRule:
     if SHARE.fullmatch(spec):
         return HeldOutRule(share=float(spec))
     path = Path(spec)
-    if not path.exists():
+    if not (spec and path.exists()):
         expected = "numbers such as 400-569, a share such as 0.2, none, or the name of a file with ids"
         raise InvalidValueError("--held-out", spec, expected)
     return HeldOutRule(ids=_ids_in(path))

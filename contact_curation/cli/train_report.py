@@ -1,7 +1,6 @@
 """What `train` says of its result: some lines for people, one object for programs."""
 
 from dataclasses import asdict, dataclass
-from math import isnan
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +50,11 @@ class TrainReport:
         return progress.held_out_loss if self.plan.protocol.patience is None else progress.best_held_out_loss
 
 
+def counted_tosses(count: int) -> str:
+    """``1 toss``, ``2 tosses``."""
+    return f"{count} toss{'' if count == 1 else 'es'}"
+
+
 def json_report(report: TrainReport) -> dict[str, Any]:
     """Everything, as one object."""
     data = report.curated.training.data
@@ -78,12 +82,15 @@ def print_report(report: TrainReport) -> None:
     """For people."""
     data, progress = report.curated.training.data, report.progress
     out_of = f" of {len(report.plan.tosses)}" if report.plan.selection else ""
-    print(f"{report.plan.kind.value} trained on {len(data.toss_ids)}{out_of} tosses, {len(data.dt)} transitions")
+    tosses = f"{len(data.toss_ids)}{out_of} tosses" if out_of else counted_tosses(len(data.toss_ids))
+    print(f"{report.plan.kind.value} trained on {tosses}, {len(data.dt)} transitions")
     _print_left_out(report)
-    print(f"{progress.gradient_steps} gradient steps in {progress.epochs} epochs, {report.seconds:.1f} s: {progress.reason}")
-    if not isnan(report.loss_before):
-        held_out = len(report.plan.held_out)
-        print(f"held-out loss {report.loss_before:.4g} before, {report.loss_after:.4g} after, on {held_out} tosses")
+    print(f"{report.seconds:.1f} s: {progress.reason}")
+    if report.plan.held_out:
+        held_out = counted_tosses(len(report.plan.held_out))
+        print(f"held-out loss {report.loss_before:.4g} before, {report.loss_after:.4g} after, on {held_out}")
+    else:
+        print("nothing is held out, so nothing is known of tosses that it has not seen")
     print(f"training loss {progress.training_loss:.4g}")
     if progress.not_solved:
         print(f"not solved, and left out of the steps: {progress.not_solved} transitions, each time counted")
@@ -105,11 +112,11 @@ def _print_selections(selections: tuple[Selected, ...]) -> None:
     for one in selections[:LISTED]:
         print(_selection_line(one))
     if len(selections) > LISTED:
-        print(f"and {len(selections) - LISTED} selections more; the metrics tell them all")
+        print(f"and {len(selections) - LISTED} more; the metrics tell them all")
 
 
 def _selection_line(one: Selected) -> str:
-    kept = f"{len(one.kept)} tosses selected"
+    kept = f"{counted_tosses(len(one.kept))} selected"
     if one.trigger is Trigger.FIRST:
         return f"{kept} before the first step"
     why = "after so many epochs" if one.trigger is Trigger.EPOCHS else "since canaries moved"

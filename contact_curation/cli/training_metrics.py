@@ -6,7 +6,8 @@ Of a training that was stopped and resumed they are those of one that was not.
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, TextIO
+from types import TracebackType
+from typing import Any, Self, TextIO
 
 from contact_curation.cli.report import json_line
 from contact_curation.errors import InvalidValueError
@@ -17,7 +18,7 @@ from contact_curation.learning.selection_document import document_of
 
 
 class TrainingMetrics:
-    """Writes to one file.
+    """Writes to one file; use it as a context manager.
 
     Args:
         path: of the file, which is replaced, except for the lines that still hold.
@@ -51,8 +52,10 @@ class TrainingMetrics:
         """The last line, of a training that goes on no more."""
         self._write([json_line({"event": "end", **json.loads(progress.json_line())})])
 
-    def close(self) -> None:
-        """No more lines."""
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._file.close()
 
     def _write(self, lines: Iterable[str]) -> None:

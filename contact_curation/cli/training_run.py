@@ -71,11 +71,11 @@ def run_training(arguments: argparse.Namespace) -> int:
     warn(tosses.warnings)
     plan = config.plan(tosses)
     curated, before = _begun_or_resumed(arguments, plan)
-    place = Place(arguments.out, arguments.checkpoint_every, _notes(arguments, plan, before))
-    place.store(plan, curated)  # so that a place that cannot be written is known before hours of work
+    place = Place(arguments.out, arguments.checkpoint_every, _notes(plan, before))
     metrics_path = arguments.metrics or arguments.out.with_suffix(".jsonl")
-    metrics = TrainingMetrics(metrics_path, curated, _start_line(arguments, config, tosses, before))
-    stopped = _train(plan, curated, place, metrics)
+    with TrainingMetrics(metrics_path, curated, _start_line(arguments, config, tosses, before)) as metrics:
+        place.store(plan, curated)  # so that a place that cannot be written is known before hours of work
+        stopped = _train(plan, curated, place, metrics)
     progress = curated.training.progress
     if stopped:
         _say_how_to_resume(arguments, progress)
@@ -138,11 +138,10 @@ def _train(plan: TrainingPlan, curated: CuratedTraining, place: Place, metrics: 
         place.store(plan, curated)
         if done.state is not TrainingState.RUNNING:
             metrics.end(done)
-        metrics.close()
     return done.state is TrainingState.RUNNING
 
 
-def _notes(arguments: argparse.Namespace, plan: TrainingPlan, before: float) -> dict[str, str]:
+def _notes(plan: TrainingPlan, before: float) -> dict[str, str]:
     return {
         BEFORE: repr(before),
         "package version": __version__,
