@@ -19,6 +19,7 @@ VERBS = {
     "rank": ("rank", "a ranked manifest of the tosses in recordings; nothing is deleted"),
     "score": ("score", "loss terms, impulses and scores of every transition, as an .npz file"),
     "train": ("train", "a model that learns from tosses, as a checkpoint"),
+    "evaluate": ("evaluate", "how far a model's motions are from measured ones, and how surely its parameters are known"),
     "play": ("play", "a bag as live topics"),
 }
 """By their names: the module in this package, which has `add_options` and `run`, and what it does."""

@@ -4,7 +4,7 @@ Nothing is dropped in silence: a motion that is not finite is named and has no e
 certificate has no loss and is counted, and so is a step of the rollout that ran out of sweeps.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -171,12 +171,12 @@ class Summary(NamedTuple):
     penetration: Spread | None
 
 
-def summary(evaluation: ModelEvaluation, config: BootstrapConfig) -> Summary:
-    """What is typical of a model's errors."""
-    finite = evaluation.errors.finite
-    if not finite.any():
+def summary(evaluation: ModelEvaluation, config: BootstrapConfig, without: Collection[str] = ()) -> Summary:
+    """What is typical of a model's errors, some tosses left out by their ids."""
+    taken = evaluation.errors.finite & np.array([name not in without for name in evaluation.toss_ids])
+    if not taken.any():
         return Summary(None, None, None)
-    return Summary(*(spread(getattr(evaluation.errors, name)[finite], config) for name in MEASURES))
+    return Summary(*(spread(getattr(evaluation.errors, name)[taken], config) for name in MEASURES))
 
 
 def comparison(ours: ModelEvaluation, theirs: ModelEvaluation, config: BootstrapConfig) -> Summary:

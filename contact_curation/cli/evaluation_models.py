@@ -1,0 +1,59 @@
+"""The models that `evaluate` judges, out of checkpoints or JSON files, with what they say of their own training."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.model import Model
+from contact_curation.contact.parameter_form import Form, is_physical
+from contact_curation.contact.polytope_model import PolytopeModel
+from contact_curation.errors import UnreadableInputError
+from contact_curation.learning.selection_document import selections_of
+from contact_curation.learning.stored_model import MALFORMED
+from contact_curation.storage.checkpoint_file import read_model, read_notes
+from contact_curation.storage.parameters_file import read_parameters
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedModel:
+    """A model to judge.
+
+    Attributes:
+        path: its file.
+        model: itself.
+        learned_from: ids of the tosses that it learned from, as far as its file says.
+        held_out: ids of those that its training held out, likewise.
+    """
+
+    path: Path
+    model: Model
+    learned_from: frozenset[str] = frozenset()
+    held_out: frozenset[str] = frozenset()
+
+
+def judged_model(path: Path, body: Body) -> JudgedModel:
+    """The model in a file.
+
+    Args:
+        path: a checkpoint, or a polytope as JSON.
+        body: which it must be for.
+
+    Raises:
+        ContactCurationError: there is none, or it is for another body.
+    """
+    if path.suffix == ".json":
+        theta = read_parameters(path, body)
+        form = Form.PHYSICAL if is_physical(theta.geometry) else Form.CONTACTNETS
+        return JudgedModel(path, PolytopeModel(theta.geometry, theta.body, form))
+    notes = read_notes(path)
+    learned, held_out = (frozenset(notes.get(name, "").split("\n")) - {""} for name in ("training ids", "held-out ids"))
+    return JudgedModel(path, read_model(path, body), _selected(notes, path) or learned, held_out)
+
+
+def _selected(notes: dict[str, str], path: Path) -> frozenset[str]:
+    """What was selected last; empty where the training took all that it could have."""
+    try:
+        selections = selections_of(notes["selections"]) if "selections" in notes else ()
+    except MALFORMED as error:
+        raise UnreadableInputError(path, f"says not what was selected ({type(error).__name__}: {error})") from error
+    return frozenset(selections[-1].kept) if selections else frozenset()

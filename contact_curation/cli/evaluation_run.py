@@ -1,0 +1,71 @@
+"""The run of `evaluate`: reads models and tosses, rolls out, compares, draws, reports."""
+
+import argparse
+import os
+from dataclasses import replace
+
+import torch
+
+from contact_curation.cli.body_option import chosen_body
+from contact_curation.cli.evaluation_models import JudgedModel, judged_model
+from contact_curation.cli.evaluation_picture import picture_of
+from contact_curation.cli.evaluation_report import EvaluationReport, json_report, print_report
+from contact_curation.cli.evaluation_tosses import JudgingTosses, judging_tosses
+from contact_curation.cli.progress import Progress
+from contact_curation.cli.reading import ReadingConfig
+from contact_curation.cli.reading_options import stages_of
+from contact_curation.cli.report import print_json, warn
+from contact_curation.contact.evaluation import DEFAULT_LOSS
+from contact_curation.contact.parameter_form import is_physical
+from contact_curation.contact.polytope_model import PolytopeModel
+from contact_curation.contact.time_step import DEFAULT_LIMITS
+from contact_curation.dashboard.motion_figure import save_motion_figure
+from contact_curation.learning.bootstrap import BootstrapConfig
+from contact_curation.learning.evaluation import EvaluationConfig, evaluate_model
+from contact_curation.learning.known import Known, KnownConfig, known
+from contact_curation.motion.transitions import transitions_of
+from contact_curation.storage.inputs import InputsConfig
+
+
+def run_evaluation(arguments: argparse.Namespace) -> int:
+    """What `evaluate` does; see there."""
+    torch.set_num_threads(1)  # threads that share busy cores wait for each other, and sums would depend on them
+    body = chosen_body(arguments)
+    defaults = {"loss": DEFAULT_LOSS, "sweeps": DEFAULT_LIMITS, "bootstrap": BootstrapConfig(), "known": KnownConfig()}
+    stages = stages_of(arguments, defaults)
+    gates = replace(stages["gates"], enabled=stages["gates"].enabled and not arguments.no_gate)
+    reading = ReadingConfig(body, InputsConfig(stages["poses"], stages["segmenter"], gates))
+    seed = stages["bootstrap"].seed if arguments.seed is None else arguments.seed
+    bootstrap = replace(stages["bootstrap"], seed=seed)
+    config = EvaluationConfig(stages["loss"], stages["sweeps"], bootstrap, threads=os.cpu_count() or 1)
+    models = [judged_model(path, body) for path in (arguments.model, arguments.against) if path]
+    with Progress("reading", "tosses") as progress:
+        tosses = judging_tosses(arguments.inputs, arguments.held_out, models, reading, progress.advance)
+    warn(tosses.warnings)
+    with Progress("rolling out", "models", len(models)) as progress:
+        evaluations = []
+        for one in models:
+            evaluations.append(evaluate_model(one.model, tosses.judged_by, config))
+            progress.advance()
+    what_is_known, why_not = _known(models[0], tosses, replace(stages["known"], loss=stages["loss"]))
+    report = EvaluationReport(tuple(models), tuple(evaluations), tosses, what_is_known, why_not, bootstrap, arguments.figure)
+    if report.figure:
+        save_motion_figure(picture_of(report), report.figure)
+    if arguments.json:
+        print_json(json_report(report))
+    else:
+        print_report(report)
+    return 0
+
+
+def _known(judged: JudgedModel, tosses: JudgingTosses, config: KnownConfig) -> tuple[Known | None, str]:
+    """What is known, or why that cannot be said."""
+    model = judged.model
+    if not isinstance(model, PolytopeModel):
+        return None, f"what is known is told of a polytope's parameters; a network of {model.kind.value} has none with units"
+    if not is_physical(model.geometry()):
+        return None, "what is known is told of the physical form; this polytope's normal and tangents have a scale of their own"
+    if not tosses.fitted:
+        return None, "what is known needs the tosses that it was fitted to among the inputs, beside those that judge it"
+    scale = model.body.length_scale
+    return known(model, transitions_of(tosses.fitted, scale), transitions_of(tosses.judged_by, scale), config), ""
