@@ -1,5 +1,6 @@
 """METHOD 6, checks 1 and 3, for every model: scores against the re-solved loss, Jacobians against automatic differentiation."""
 
+import copy
 from collections.abc import Callable
 
 import numpy as np
@@ -18,7 +19,7 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.contact.stream_network import StreamNetwork
 from contact_curation.contact.torch_contacts import Frames
-from contact_curation.contact.torch_loss import solve_contacts
+from contact_curation.contact.torch_loss import loss_terms, solve_contacts
 from test.contact.cases import CUBE
 from test.contact.model_cases import VARIANTS, WITH_CONTACTS, contact_model, model_of, rotation_of, rows_of, spun
 
@@ -30,16 +31,19 @@ STEP = 1e-5
 
 def profile_loss(model: Model, rows: Rows) -> Tensor:
     """(B,) what the inner problem minimises, at its minimum: the loss and eps |l|^2; of end to end just the loss."""
-    losses = model.batch_loss(rows, EXACT).losses
     if not isinstance(model, ContactModel):
-        return losses
+        return model.batch_loss(rows, EXACT).losses
     frames = Frames.of(CUBE, *rows)
-    found = solve_contacts(model.contacts(frames), frames, EXACT)
-    return losses + EXACT.regularization * torch.as_tensor(np.square(found.impulses).sum(axis=(1, 2)))
+    contacts = model.contacts(frames)
+    found = solve_contacts(contacts, frames, EXACT)
+    assert not found.status.any()
+    impulses = torch.as_tensor(found.impulses)
+    size: Tensor = impulses.square().sum(dim=(1, 2))
+    return loss_terms(contacts, frames, impulses, EXACT.weights).sum(dim=-1) + EXACT.regularization * size
 
 
 def moved(model: Model, direction: list[Tensor], step: float) -> Model:
-    other = model_of_tensors(model.kind, model.settings(), tensors_of(model), model.body)
+    other = copy.deepcopy(model)
     with torch.no_grad():
         for value, along in zip(other.parameters(), direction, strict=True):
             value.add_(step * along)
