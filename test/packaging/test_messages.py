@@ -1,6 +1,5 @@
 """The messages that pip built are those that colcon builds: same definitions, same type hashes, and they travel."""
 
-import ctypes
 import json
 import re
 import subprocess
@@ -21,6 +20,8 @@ from rclpy.action import ActionClient, ActionServer
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from tf2_msgs.msg import TFMessage
+
+from test.packaging.type_hash import compiled_hash
 
 MSG_DEFS = Path(__file__).resolve().parents[2] / "msg_defs"
 FOLDERS = [MSG_DEFS, MSG_DEFS / "vendored" / "tf2_msgs", MSG_DEFS / "vendored" / "apriltag_msgs"]
@@ -50,22 +51,6 @@ for folder in sys.argv[3:]:
         hashes |= {name: calculate_type_hash(extract_full_type_description(name, types)) for name in types}
 (Path(sys.argv[2]) / "hashes.json").write_text(json.dumps(hashes))
 """
-
-
-class TypeHash(ctypes.Structure):
-    """rosidl_type_hash_t."""
-
-    _fields_ = (("version", ctypes.c_uint8), ("value", ctypes.c_uint8 * 32))
-
-
-def compiled_hash(type_name: str) -> str:
-    """The hash that the installed library of a type announces to the middleware."""
-    package = type_name.split("/")[0]
-    library = ctypes.CDLL(f"lib{package}__rosidl_generator_c.so")
-    function = getattr(library, f"{type_name.replace('/', '__')}__get_type_hash")
-    function.restype = ctypes.POINTER(TypeHash)
-    found = function(None).contents
-    return f"RIHS{found.version:02x}_{bytes(found.value).hex()}"
 
 
 @pytest.fixture(scope="module")
