@@ -1,7 +1,7 @@
 """Named arrays and JSON documents as the bytes of one safetensors file; reading executes nothing.
 
-The documents are strings of the header's metadata, beside them a digest of everything, so that a damaged file is told from a
-whole one even where only numbers were damaged.
+The documents are text in the header's metadata, beside them a digest of everything, so that a damaged file is told from a whole
+one even where only numbers were damaged.
 """
 
 import hashlib
@@ -34,8 +34,9 @@ class Packed(NamedTuple):
 def pack(arrays: Arrays, documents: Mapping[str, object]) -> bytes:
     """The bytes of a file; the same content gives the same bytes."""
     whole = {name: np.ascontiguousarray(arrays[name]).reshape(arrays[name].shape) for name in sorted(arrays)}
-    texts = {name: json.dumps(documents[name], sort_keys=True, allow_nan=False) for name in sorted(documents)}
-    packed: bytes = safetensors.numpy.save(whole, {"format": FORMAT, "digest": _digest(whole, texts), **texts})
+    text = json.dumps(documents, sort_keys=True, allow_nan=False)
+    header = json.dumps({"digest": _digest(whole, text), "documents": text})
+    packed: bytes = safetensors.numpy.save(whole, {FORMAT: header})  # one entry: the library writes several in any order
     return packed
 
 
@@ -56,20 +57,22 @@ def unpack(data: bytes, source: Path | str) -> Packed:
         metadata = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")]).get("__metadata__", {})
     except (safetensors.SafetensorError, ValueError, KeyError, RecursionError) as error:
         raise UnreadableInputError(source, f"is no safetensors file of numbers ({error})") from error
-    if metadata.get("format") != FORMAT:
-        raise UnreadableInputError(source, f"found format {str(metadata.get('format'))[:60]}, expected {FORMAT}")
-    texts = {name: text for name, text in metadata.items() if name not in ("format", "digest")}
-    if metadata.get("digest") != _digest(arrays, texts):
-        raise UnreadableInputError(source, "is damaged: its content does not have the digest that it was written with")
+    if FORMAT not in metadata:
+        raise UnreadableInputError(source, f"found metadata {', '.join(metadata)[:60] or 'of no kind'}, expected {FORMAT}")
     try:
-        return Packed(arrays, {name: json.loads(text) for name, text in texts.items()})
-    except (ValueError, RecursionError) as error:
+        header = json.loads(metadata[FORMAT])
+        digest, text = header["digest"], str(header["documents"])
+        documents = dict(json.loads(text))
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise UnreadableInputError(source, f"holds no JSON in its header ({error})") from error
+    if digest != _digest(arrays, text):
+        raise UnreadableInputError(source, "is damaged: its content does not have the digest that it was written with")
+    return Packed(arrays, documents)
 
 
-def _digest(arrays: Arrays, texts: Mapping[str, str]) -> str:
+def _digest(arrays: Arrays, text: str) -> str:
     shapes = {name: [array.dtype.str, *array.shape] for name, array in sorted(arrays.items())}
-    state = hashlib.sha256(json.dumps([shapes, sorted(texts.items())]).encode())
+    state = hashlib.sha256(json.dumps([shapes, text]).encode())
     for name in sorted(arrays):
         state.update(np.ascontiguousarray(arrays[name]).tobytes())
     return state.hexdigest()

@@ -92,3 +92,5 @@ def test_pace_patience_and_bound_refuse_what_makes_no_sense() -> None:
     for quantile in (0.0, 1.01, float("nan")):
         with pytest.raises(InvalidValueError):
             InfluenceBound(quantile)
+    with pytest.raises(InvalidValueError, match="multiple"):
+        InfluenceBound(multiple=0.0)
