@@ -1,6 +1,8 @@
-"""Rolls the true cube out from the first state of every real toss: how fast, and how far from what was measured.
+"""Rolls motions out from the first state of every real toss, with every model and with MuJoCo: how fast, and how far from it.
 
-The errors are those of METHOD 1.11, the solver is that of 4.2. The tosses are found through CONTACTNETS_DATA.
+The errors are those of METHOD 1.11, the solver is that of 4.2. The polytope is the true cube; the networks have their published
+size and random initialisation, for their time does not depend on what they learned. torch works on one thread. The tosses are
+found through CONTACTNETS_DATA.
 
     python -m benchmarks.rollout [--json] [--repeats N]
 """
@@ -9,7 +11,9 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,24 +21,37 @@ import torch
 
 from benchmarks._data import contactnets_folder
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.deep_model import DeepModel
+from contact_curation.contact.deepvertex_model import DeepvertexModel
+from contact_curation.contact.end_to_end_model import EndToEndModel
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.model import Model, Rows
+from contact_curation.contact.model_rollout import roll_out_model
+from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.rollout import Rollout, rollout
 from contact_curation.contact.time_step import StepStatus, SweepLimits
-from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
+from contact_curation.learning.motion_errors import motion_errors
+from contact_curation.sim.free_motion import free_motion
 
 DT = 1.0 / 148.0
 FRICTIONS = (0.10, 0.15, 0.18, 0.22, 0.30)
 RUNS = ((1, 1e-6), (2, 1e-6), (1, 1e-8), (2, 1e-8))
 """Threads and tolerance."""
+TOLERANCE = 1e-6
+NETWORK_THREADS = (1, 2)
+HALF_WIDTH = CONTACTNETS_CUBE.length_scale
+SCALES = np.array([HALF_WIDTH] * 3 + [1.0] * 4 + [HALF_WIDTH] * 3 + [1.0] * 3)
+"""A state in characteristic lengths times this is one in SI units."""
 
 
 @dataclass(frozen=True)
 class Timing:
-    """The best of some repetitions."""
+    """The best of some repetitions; MuJoCo has no tolerance of ours."""
 
+    model: str
     threads: int
-    tolerance: float
+    tolerance: float | None
     seconds: float
     microseconds_per_step: float
     not_converged: int
@@ -44,6 +61,7 @@ class Timing:
 class Accuracy:
     """Against the measured motion; position and penetration in percent of the block's width, rotation in degrees."""
 
+    engine: str
     friction: float
     position_mean: float
     position_median: float
@@ -61,15 +79,17 @@ def main() -> int:
     folder = contactnets_folder()
     if folder is None:
         return 0
+    torch.set_num_threads(1)
     tosses = read_tosses(folder)
-    timings = [timing(tosses, threads, tolerance, arguments.repeats) for threads, tolerance in RUNS]
-    accuracies = [accuracy(tosses, friction) for friction in FRICTIONS]
+    timings = [*polytope_timings(tosses, arguments.repeats), *network_timings(tosses, arguments.repeats)]
+    timings.append(mujoco_timing(tosses, arguments.repeats))
+    frames = np.concatenate(tosses)
+    accuracies = [accuracy(tosses, "ours", friction, replay(tosses, friction).states) for friction in FRICTIONS]
+    accuracies += [accuracy(tosses, "MuJoCo", CONTACTNETS_CUBE.friction, moved_by_mujoco(tosses))]
+    accuracies += [accuracy(tosses, "the data", CONTACTNETS_CUBE.friction, frames)]
     if arguments.json:
-        print(
-            json.dumps(
-                {"timings": [asdict(row) for row in timings], "accuracies": [asdict(row) for row in accuracies]}, indent=2
-            )
-        )
+        rows = {"timings": [asdict(row) for row in timings], "accuracies": [asdict(row) for row in accuracies]}
+        print(json.dumps(rows, indent=2))
     else:
         print_tables(tosses, timings, accuracies)
     return 0
@@ -81,6 +101,53 @@ def read_tosses(folder: Path) -> list[Array]:
     return [torch.load(path, weights_only=True)[0, :, :13].numpy() for path in paths]
 
 
+def polytope_timings(tosses: list[Array], repeats: int) -> list[Timing]:
+    """The true cube by the polytope's own kernel."""
+    mu = CONTACTNETS_CUBE.friction
+    return [
+        timing(tosses, "polytope", threads, tolerance, repeats, partial(replay, tosses, mu, threads, tolerance))
+        for threads, tolerance in RUNS
+    ]
+
+
+def network_timings(tosses: list[Array], repeats: int) -> list[Timing]:
+    """The networks, from the same states."""
+    first, lengths = [toss[0] for toss in tosses], [len(toss) for toss in tosses]
+    return [
+        timing(tosses, model.kind.value, threads, TOLERANCE, repeats, partial(roll_out, model, first, lengths, threads))
+        for model in networks(tosses)
+        for threads in NETWORK_THREADS
+    ]
+
+
+def roll_out(model: Model, first: list[Array], lengths: list[int], threads: int) -> Rollout:
+    """Any model's rollout."""
+    return roll_out_model(model, first, lengths, DT, SweepLimits(tolerance=TOLERANCE), threads)
+
+
+def networks(tosses: list[Array]) -> tuple[Model, ...]:
+    """As published, untrained, about the true cube."""
+    rng, cube = np.random.default_rng(0), ContactGeometry.of_body(CONTACTNETS_CUBE)
+    before, after = (np.concatenate([toss[part] for toss in tosses]) for part in (slice(None, -1), slice(1, None)))
+    rows = Rows(before, after, np.full(len(before), DT))
+    return (
+        DeepModel(cube, CONTACTNETS_CUBE, Form.CONTACTNETS).initialise(rng),
+        DeepvertexModel(cube.vertices_normal, CONTACTNETS_CUBE).initialise(rows, rng),
+        EndToEndModel(CONTACTNETS_CUBE).initialise(rows, rng),
+    )
+
+
+def mujoco_timing(tosses: list[Array], repeats: int) -> Timing:
+    """The engine beside ours, one toss after the other."""
+    return timing(tosses, "MuJoCo", 1, None, repeats, partial(moved_by_mujoco, tosses))
+
+
+def moved_by_mujoco(tosses: list[Array]) -> Array:
+    """All tosses' motions (N, 13) in half-widths."""
+    moved = [free_motion(CONTACTNETS_CUBE, toss[0] * SCALES, len(toss), DT) for toss in tosses]
+    return np.asarray(np.concatenate(moved) / SCALES)
+
+
 def replay(tosses: list[Array], friction: float, threads: int = 1, tolerance: float = 1e-6) -> Rollout:
     """The true cube from each toss's first measured state."""
     geometry = ContactGeometry.of_body(replace(CONTACTNETS_CUBE, friction=friction))
@@ -88,47 +155,49 @@ def replay(tosses: list[Array], friction: float, threads: int = 1, tolerance: fl
     return rollout(geometry, CONTACTNETS_CUBE, starts, lengths, DT, SweepLimits(tolerance=tolerance), threads)
 
 
-def timing(tosses: list[Array], threads: int, tolerance: float, repeats: int) -> Timing:
-    """The best of `repeats` replays."""
-    best, rolled = np.inf, None
+def timing(
+    tosses: list[Array],
+    model: str,
+    threads: int,
+    tolerance: float | None,
+    repeats: int,
+    work: Callable[[], Rollout | Array],
+) -> Timing:
+    """The best of `repeats` times of all tosses."""
+    best, missed = np.inf, 0
     for _ in range(max(1, repeats)):
         begin = time.perf_counter()
-        rolled = replay(tosses, CONTACTNETS_CUBE.friction, threads, tolerance)
+        rolled = work()
         best = min(best, time.perf_counter() - begin)
-    frames = sum(len(toss) - 1 for toss in tosses)
-    missed = 0 if rolled is None else int(np.sum(rolled.status != StepStatus.CONVERGED))
-    return Timing(threads, tolerance, best, 1e6 * best / frames, missed)
+        missed = int(np.sum(rolled.status != StepStatus.CONVERGED)) if isinstance(rolled, Rollout) else 0
+    steps = sum(len(toss) - 1 for toss in tosses)
+    return Timing(model, threads, tolerance, best, 1e6 * best / steps, missed)
 
 
-def accuracy(tosses: list[Array], friction: float) -> Accuracy:
+def accuracy(tosses: list[Array], engine: str, friction: float, predicted: Array) -> Accuracy:
     """METHOD 1.11 over all tosses."""
-    rolled, true = replay(tosses, friction), np.concatenate(tosses)
-    gaps = ContactGeometry.of_body(CONTACTNETS_CUBE).gaps(rolled.states)
-    per_frame = [
-        50.0 * np.linalg.norm(rolled.states[:, :3] - true[:, :3], axis=1),
-        np.degrees(quaternions.angle_between(true[:, 3:7], rolled.states[:, 3:7])),
-        50.0 * np.maximum(0.0, -gaps.min(axis=1)),
-    ]
-    counts = np.diff(rolled.starts)
-    position, rotation, penetration = (np.add.reduceat(values, rolled.starts[:-1]) / counts for values in per_frame)
-    means = float(position.mean()), float(rotation.mean()), float(penetration.mean())
-    return Accuracy(friction, means[0], float(np.median(position)), means[1], float(np.median(rotation)), means[2])
+    starts = np.cumsum([0, *map(len, tosses)])
+    errors = motion_errors(predicted, np.concatenate(tosses), starts, CONTACTNETS_CUBE)
+    means = float(errors.position.mean()), float(errors.rotation.mean()), float(errors.penetration.mean())
+    medians = float(np.median(errors.position)), float(np.median(errors.rotation))
+    return Accuracy(engine, friction, means[0], medians[0], means[1], medians[1], means[2])
 
 
 def print_tables(tosses: list[Array], timings: list[Timing], accuracies: list[Accuracy]) -> None:
     """For people."""
     print(f"{len(tosses)} tosses, {sum(len(toss) - 1 for toss in tosses)} steps\n")
-    print("threads  tolerance  seconds  us per step  not converged")
+    print("model       threads  tolerance  seconds  us per step  not converged")
     for run in timings:
+        tolerance = "-" if run.tolerance is None else f"{run.tolerance:.0e}"
         speed = f"{run.seconds:7.3f}  {run.microseconds_per_step:11.2f}"
-        print(f"{run.threads:7d}  {run.tolerance:9.0e}  {speed}  {run.not_converged:13d}")
-    print("\nfriction  position % (median)  rotation deg (median)  penetration %")
+        print(f"{run.model:10s}  {run.threads:7d}  {tolerance:>9}  {speed}  {run.not_converged:13d}")
+    print("\nengine    friction  position % (median)  rotation deg (median)  penetration %")
     for row in accuracies:
         position, rotation = (
             f"{mean:.1f} ({median:.1f})"
             for mean, median in ((row.position_mean, row.position_median), (row.rotation_mean, row.rotation_median))
         )
-        print(f"{row.friction:8.2f}  {position:>19}  {rotation:>21}  {row.penetration_mean:13.4f}")
+        print(f"{row.engine:8s}  {row.friction:8.2f}  {position:>19}  {rotation:>21}  {row.penetration_mean:13.4f}")
 
 
 if __name__ == "__main__":

@@ -80,7 +80,8 @@ def roll_out_model(
     releases = _Releases(states, row_starts(lengths, len(states)), checked_time_steps(dt, len(states)))
     result = _before_the_first_step(releases)
     work = partial(_roll_out_block, model, limits, releases, result)
-    with ThreadPoolExecutor(checked_threads(threads)) as pool:
+    # Asked in a new thread, torch tells it how many cores it may use; products of matrices do not ask, and would take them all.
+    with ThreadPoolExecutor(checked_threads(threads), initializer=torch.get_num_threads) as pool:
         list(pool.map(work, _blocks(releases.starts)))
     return result
 
