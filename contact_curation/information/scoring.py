@@ -25,7 +25,7 @@ from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
 
 STORED = np.float32
-"""Of a factor's numbers, the most of what stays of a toss: half the memory, and no ranking of the real tosses changes by it
+"""Of a factor's numbers, the most of what stays of a toss: half the room, and no kept set of the real tosses changes by it
 (`benchmarks.rank_compression`). Rounded once, here, so that whoever ranks, in whichever process, ranks the same numbers."""
 
 
