@@ -24,7 +24,6 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.held_out import HeldOutRule
-from contact_curation.learning.model_scoring import toss_scorer
 from contact_curation.learning.protocols import TrainingConfig, budgeted, published
 from contact_curation.learning.reranking import CanaryConfig, RerankingConfig
 from contact_curation.learning.training_plan import TrainingPlan
@@ -94,8 +93,6 @@ def train_config(arguments: argparse.Namespace) -> TrainConfig:
     gates = replace(stages["gates"], enabled=stages["gates"].enabled and not arguments.no_gate)
     selection = _selection(arguments, stages["ranking"], stages["canary"])
     scoring = ScoringConfig(estimator=Estimator(arguments.estimator or Estimator.GAUSS_NEWTON), loss=protocol.loss)
-    if selection:
-        toss_scorer(kind, scoring, selection.ranking.criterion)  # so that a model it does not go with is refused before reading
     return TrainConfig(
         kind=kind,
         body=body,

@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isnan
 from pathlib import Path
 from typing import Any
 
@@ -131,7 +132,7 @@ def _train(plan: TrainingPlan, curated: CuratedTraining, place: Place, metrics: 
         while done.state is TrainingState.RUNNING and not stop.wanted:
             done = curated.advance(1)
             metrics.follow()
-            bar.advance(1, f"loss {done.training_loss:.4g}, held out {done.held_out_loss:.4g}")
+            bar.advance(1, _losses(done))
             if time.monotonic() >= next_write:
                 place.store(plan, curated)
                 next_write = time.monotonic() + place.seconds
@@ -139,6 +140,11 @@ def _train(plan: TrainingPlan, curated: CuratedTraining, place: Place, metrics: 
         if done.state is not TrainingState.RUNNING:
             metrics.end(done)
     return done.state is TrainingState.RUNNING
+
+
+def _losses(progress: Progress) -> str:
+    held_out = "" if isnan(progress.held_out_loss) else f", held out {progress.held_out_loss:.4g}"
+    return f"loss {progress.training_loss:.4g}{held_out}"
 
 
 def _notes(plan: TrainingPlan, before: float) -> dict[str, str]:

@@ -3,37 +3,42 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import batched
 
 import numpy as np
 
+from contact_curation.contact.deep_model import DeepModel
+from contact_curation.contact.deepvertex_model import DeepvertexModel
+from contact_curation.contact.end_to_end_model import EndToEndModel
 from contact_curation.contact.model import Model
-from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.errors import InvalidValueError
+from contact_curation.information.network_scoring import NetworkScorer
 from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig
 from contact_curation.learning.reranking import THETA_FREE, TossScorer
 from contact_curation.motion.toss import Toss
 
-
-def toss_scorer(kind: ModelKind, config: ScoringConfig, criterion: str) -> TossScorer:
-    """The scorer that a criterion needs for a kind of model; the model itself says which form its theta has.
-
-    Raises:
-        InvalidValueError: tosses cannot be scored with such a model.
-    """
-    if criterion in THETA_FREE:
-        return _unscored
-    if kind is not ModelKind.POLYTOPE:
-        accepted = f"{ModelKind.POLYTOPE.value}; {' and '.join(THETA_FREE)} go with all models"
-        raise InvalidValueError(f"model for criterion {criterion}", kind.value, accepted)
-    return partial(_polytope_scores, config)
+BATCH = 64
+"""Tosses scored in one call."""
 
 
-def _polytope_scores(config: ScoringConfig, model: Model, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:
-    if not isinstance(model, PolytopeModel):
-        raise InvalidValueError("model to rank tosses with", model.kind.value, ModelKind.POLYTOPE.value)
-    return Scorer(model.geometry(), model.body, replace(config, form=model.form)).score(tosses)
+def toss_scorer(config: ScoringConfig, criterion: str) -> TossScorer:
+    """What a criterion needs to know of tosses; the model itself says what it is and which form its theta has."""
+    return _unscored if criterion in THETA_FREE else partial(_scored, config)
+
+
+def _scored(config: ScoringConfig, model: Model, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:
+    scorer = _scorer(config, model)
+    return tuple(one for batch in batched(tosses, BATCH) for one in scorer.score(batch))
+
+
+def _scorer(config: ScoringConfig, model: Model) -> Scorer | NetworkScorer:
+    if isinstance(model, PolytopeModel):
+        return Scorer(model.geometry(), model.body, replace(config, form=model.form))
+    if isinstance(model, DeepModel | DeepvertexModel | EndToEndModel):
+        return NetworkScorer(model, config)
+    raise InvalidValueError("model to rank tosses with", type(model).__name__, "one of the four models")
 
 
 def _unscored(model: Model, tosses: Sequence[Toss]) -> tuple[TossInformation, ...]:

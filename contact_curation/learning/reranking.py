@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from hashlib import sha256
-from itertools import batched
 
 import numpy as np
 
@@ -31,9 +30,6 @@ type TossScorer = Callable[[Model, Sequence[Toss]], Sequence[TossInformation | N
 
 THETA_FREE = ("longest", "random")
 """Criteria that no theta moves."""
-
-BATCH = 64
-"""Tosses scored in one call."""
 
 
 class Trigger(StrEnum):
@@ -183,7 +179,7 @@ class Reranking:
         return Trigger.CANARY if not (correlation >= canary.spearman and overlap >= canary.overlap) else None
 
     def _scored(self, model: Model, tosses: Sequence[Toss]) -> tuple[list[TossInformation], list[str]]:
-        scores = [one for batch in batched(tosses, BATCH) for one in self._scorer(model, batch)]
+        scores = self._scorer(model, tosses)
         infos = [one for one in scores if isinstance(one, TossInformation)]
         return infos, [one.toss_id for one in scores if isinstance(one, NotScored)]
 

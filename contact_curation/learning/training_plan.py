@@ -142,7 +142,7 @@ def resume(plan: TrainingPlan, data: bytes, source: Path | str) -> CuratedTraini
 def _reranking(plan: TrainingPlan, last: Selected | None = None) -> Reranking | None:
     if plan.selection is None:
         return None
-    scorer = toss_scorer(plan.kind, plan.scoring, plan.selection.ranking.criterion)
+    scorer = toss_scorer(plan.scoring, plan.selection.ranking.criterion)
     return Reranking(plan.tosses, scorer, plan.selection, last)
 
 

@@ -310,7 +310,6 @@ def test_metrics_that_cannot_be_written_leave_no_checkpoint_behind(cli: Cli, fol
         (("--criterion", "trace"), "--criterion: found no --top"),
         (("--canary",), "--canary: found no --top"),
         (("--rerank-every", "2"), "--rerank-every: found no --top"),
-        (("--top", "2", "--model", "deep"), "model for criterion log-det: found deep"),
         (("--held-out", "90-99"), "--held-out: found none of 7 tosses"),
         (("--held-out", "0-99"), "tosses to learn from: found none of 7: 7 are held out"),
         (("--held-out", "none", "--protocol", "published"), "held-out transitions: found none"),

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.model import Model
 from contact_curation.contact.model_kind import ModelKind
+from contact_curation.contact.models import initial_model
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.errors import InvalidValueError
@@ -25,7 +27,9 @@ from contact_curation.learning.reranking import (
     Selected,
     Trigger,
 )
+from contact_curation.learning.training import rows_of
 from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import transitions_of
 from test.information import pools
 from test.simulated import simulated_tosses
 
@@ -214,14 +218,14 @@ def test_a_polytope_is_ranked_as_the_library_ranks_its_geometry_in_its_own_form(
         config = ScoringConfig(form=form)
         infos = Scorer(model.geometry(), CONTACTNETS_CUBE, config).score(pool)
         expected = curate([one for one in infos if isinstance(one, TossInformation)], RankingConfig(top=3))
-        scorer = toss_scorer(ModelKind.POLYTOPE, ScoringConfig(), "log-det")
+        scorer = toss_scorer(ScoringConfig(), "log-det")
         first = Reranking(pool, scorer, RerankingConfig(RankingConfig(top=3))).select(model)
         assert first.kept == expected.ranking.kept_ids
 
 
 def test_theta_that_moves_far_moves_the_canaries_of_real_scores() -> None:
     pool = simulated_tosses(12, seed=5)
-    scorer = toss_scorer(ModelKind.POLYTOPE, ScoringConfig(), "trace")
+    scorer = toss_scorer(ScoringConfig(), "trace")
     config = RerankingConfig(RankingConfig("trace", top=4), canary=CanaryConfig(tosses=8, steps=1))
     true = ContactGeometry.of_body(CONTACTNETS_CUBE)
     reranking = Reranking(pool, scorer, config)
@@ -235,16 +239,22 @@ def test_theta_that_moves_far_moves_the_canaries_of_real_scores() -> None:
 
 
 @pytest.mark.parametrize("criterion", ["longest", "random"])
-def test_what_needs_no_scores_ranks_as_the_library_does_and_goes_with_every_model(model: Model, criterion: str) -> None:
+def test_what_needs_no_scores_ranks_as_the_library_does(model: Model, criterion: str) -> None:
     pool = simulated_tosses(6, seed=5)
     infos = Scorer(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE, ScoringConfig()).score(pool)
     ranking = RankingConfig(criterion, top=3, seed=4)
     expected = curate([one for one in infos if isinstance(one, TossInformation)], ranking)
-    for kind in ModelKind:
-        scorer = toss_scorer(kind, ScoringConfig(), criterion)
-        assert Reranking(pool, scorer, RerankingConfig(ranking)).select(model).kept == expected.ranking.kept_ids
+    scorer = toss_scorer(ScoringConfig(), criterion)
+    assert Reranking(pool, scorer, RerankingConfig(ranking)).select(model).kept == expected.ranking.kept_ids
 
 
-def test_a_model_that_cannot_score_is_refused_in_one_line() -> None:
-    with pytest.raises(InvalidValueError, match="model for criterion trace: found deep, expected polytope; longest and random"):
-        toss_scorer(ModelKind.DEEP, ScoringConfig(), "trace")
+@pytest.mark.parametrize("kind", [ModelKind.DEEP, ModelKind.DEEPVERTEX, ModelKind.END_TO_END])
+def test_networks_are_ranked_by_what_they_learn(kind: ModelKind) -> None:
+    pool = simulated_tosses(2, seed=5)
+    rows = rows_of(transitions_of(pool, CONTACTNETS_CUBE.length_scale))
+    network = initial_model(kind, CONTACTNETS_CUBE, Form.PHYSICAL, rows, np.random.default_rng(1))
+    config = ScoringConfig(estimator=Estimator.EMPIRICAL)
+    scorer = toss_scorer(config, "trace")
+    traces = {one.toss_id: one.trace for one in scorer(network, pool) if isinstance(one, TossInformation)}
+    kept = Reranking(pool, scorer, RerankingConfig(RankingConfig("trace", top=1))).select(network).kept
+    assert kept == tuple(sorted(traces, key=traces.__getitem__, reverse=True)[:1])
