@@ -7,18 +7,22 @@ single transitions is a quantile over the whole pool: then the tosses wait in te
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import batched
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Protocol
 
 import numpy as np
 
 from contact_curation.cli.reading import InputReader, Reading, ReadingConfig
+from contact_curation.cli.theta_options import NetworkTheta
 from contact_curation.cli.workers import Advance, each
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.network_config import NetworkConfig
 from contact_curation.information.record import TossInformation
+from contact_curation.information.score_folder import ScoreFolder
 from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.storage.factor_spool import FactorSpool
@@ -35,6 +39,20 @@ Scores = tuple[TossInformation | NotScored, ...]
 """What one toss teaches, once per theta."""
 
 
+class TossScorer(Protocol):
+    """What scores tosses at a theta, of a polytope or a network."""
+
+    @property
+    def version(self) -> str:
+        """Of theta."""
+
+    def losses(self, tosses: Sequence[Toss]) -> Array:
+        """Losses (N,) of all scored transitions."""
+
+    def score(self, tosses: Sequence[Toss]) -> Scores:
+        """What each toss teaches."""
+
+
 @dataclass(frozen=True, eq=False)
 class PoolConfig:
     """How a pool is made.
@@ -44,18 +62,43 @@ class PoolConfig:
         thetas: parameter particles, at least one.
         scoring: how tosses are scored.
         bound_influence: whether the bound on losses is taken from the pool.
+        network: how they are scored for a network.
+        score_folder: takes the exact scores for networks; None to do without them.
     """
 
     reading: ReadingConfig
-    thetas: tuple[Parameters, ...]
+    thetas: tuple[Parameters | NetworkTheta, ...]
     scoring: ScoringConfig
     bound_influence: bool = False
+    network: NetworkConfig = field(default_factory=NetworkConfig)
+    score_folder: ScoreFolder | None = None
 
-    def scorers(self, bounds: Sequence[float], jobs: int) -> tuple[Scorer, ...]:
+    def scorers(self, bounds: Sequence[float], jobs: int) -> tuple[TossScorer, ...]:
         """One per theta, each with its own bound on losses; the processors are shared between `jobs` processes."""
         loss = replace(self.scoring.loss, threads=max(1, (os.cpu_count() or 1) // jobs))
         configs = [replace(self.scoring, influence_bound=bound, loss=loss) for bound in bounds]
-        return tuple(Scorer(theta.geometry, theta.body, config) for theta, config in zip(self.thetas, configs, strict=True))
+        return tuple(self._scorer(theta, config) for theta, config in zip(self.thetas, configs, strict=True))
+
+    def _scorer(self, theta: Parameters | NetworkTheta, config: ScoringConfig) -> TossScorer:
+        if isinstance(theta, Parameters):
+            return Scorer(theta.geometry, theta.body, config)
+        import torch  # takes over a second to import
+
+        from contact_curation.information.network_scoring import NetworkScorer
+
+        torch.set_num_threads(config.loss.threads)
+        return NetworkScorer(theta.model(), config, self.network, self.score_folder)
+
+    @property
+    def form(self) -> str | None:
+        """How a polytope is parameterised; None for a network without one."""
+        theta = self.thetas[0]
+        return self.scoring.form.value if isinstance(theta, Parameters) else theta.settings.get("form")
+
+    @property
+    def of_weights(self) -> bool:
+        """Whether the weights of networks are scored."""
+        return isinstance(self.thetas[0], NetworkTheta) and not self.network.physical_only
 
     @property
     def fixed_bounds(self) -> tuple[float, ...]:
@@ -172,7 +215,7 @@ def _score_waiting(
     return ScoredInput(waiting.reading, scores)
 
 
-def _scored(scorers: Sequence[Scorer], tosses: Sequence[Toss]) -> dict[str, Scores]:
+def _scored(scorers: Sequence[TossScorer], tosses: Sequence[Toss]) -> dict[str, Scores]:
     by_theta = [scorer.score(tosses) for scorer in scorers]
     return {toss.toss_id: scores for toss, scores in zip(tosses, zip(*by_theta, strict=True), strict=True)}
 

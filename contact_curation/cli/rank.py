@@ -2,19 +2,22 @@
 
 import argparse
 import os
+from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from contact_curation import __version__
 from contact_curation.cli.pool_scoring import ScoredPool, score_pool
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.rank_options import RankConfig, add_rank_options, rank_config
 from contact_curation.cli.rank_report import RankReport, diagnostics_of, json_report, picture_of, print_report
-from contact_curation.cli.rank_rows import TossPool, manifest_rows, pool_of_inputs
+from contact_curation.cli.rank_rows import PoolToss, TossPool, manifest_rows, pool_of_inputs
 from contact_curation.cli.report import nothing_found, print_json, warn
 from contact_curation.dashboard.ranking_figure import save_ranking_figure
 from contact_curation.information.curation import Curation, curate_particles
 from contact_curation.information.diagnostics import BlockShare, block_shares
-from contact_curation.information.pool import pool_of
+from contact_curation.information.pool import Pool, pool_of
+from contact_curation.information.score_folder import ScoreFolder, coordinates_of
 from contact_curation.storage.factor_spool import FactorSpool
 from contact_curation.storage.manifest import Manifest
 from contact_curation.storage.manifest_file import write_manifest
@@ -39,7 +42,8 @@ def run(arguments: argparse.Namespace) -> int:
     """
     config = rank_config(arguments)
     jobs = min(arguments.jobs or os.cpu_count() or 1, len(arguments.inputs))
-    with FactorSpool() as spool:
+    with FactorSpool() as spool, TemporaryDirectory(prefix="contact-curation-") as folder:
+        config = config.with_exact_scores_in(Path(folder))
         with Progress("scoring", "tosses") as progress:
             scored = score_pool(arguments.inputs, config.pool, jobs, progress.advance, spool)
         pool = pool_of_inputs(scored.inputs)
@@ -72,9 +76,18 @@ def _report(
 
 def curated(pool: TossPool, config: RankConfig) -> Curation:
     """The ranking of the tosses that were scored at every theta."""
-    tosses = pool.rankable
+    tosses = sorted(pool.rankable, key=lambda toss: toss.seen.toss_id)
     particles = range(len(tosses[0].informations)) if tosses else ()
-    return curate_particles([pool_of(toss.informations[k] for toss in tosses) for k in particles], config.ranking)
+    return curate_particles([_particle(tosses, k, config.pool.score_folder) for k in particles], config.ranking)
+
+
+def _particle(tosses: Sequence[PoolToss], theta: int, folder: ScoreFolder | None) -> Pool:
+    """The pool at one theta; with a folder, the networks' exact scores stand in it for the sketched ones."""
+    infos = [toss.informations[theta] for toss in tosses]
+    if folder is None:
+        return pool_of(infos)
+    gram = folder.gram([toss.seen.digest for toss in tosses], infos[0].parameters_version)
+    return pool_of(infos, network_scores=coordinates_of(gram))
 
 
 def kept_shares(pool: TossPool, curation: Curation) -> tuple[BlockShare, ...]:
@@ -102,7 +115,7 @@ def manifest_of(
         inputs=tuple(InputProvenance(reading.path, reading.sha256, reading.warnings) for reading in readings),
     )
     rows = manifest_rows(pool, curation.ranking if curation else None)
-    return Manifest(run, rows, diagnostics_of(curation, config.pool.scoring.form) if curation else {})
+    return Manifest(run, rows, diagnostics_of(curation, config.pool) if curation else {})
 
 
 def _figure(arguments: argparse.Namespace) -> Path | None:

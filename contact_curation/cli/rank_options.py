@@ -12,17 +12,19 @@ from contact_curation.cli.pool_scoring import PoolConfig
 from contact_curation.cli.reading import ReadingConfig
 from contact_curation.cli.reading_options import add_reading_options, stages_of
 from contact_curation.cli.report import add_json_option
+from contact_curation.cli.theta_options import form_of, thetas_of
 from contact_curation.contact.evaluation import DEFAULT_LOSS, Estimator
-from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.parameter_form import Form, is_physical
+from contact_curation.contact.model_kind import ModelKind
+from contact_curation.contact.parameter_form import Form
+from contact_curation.information.network_config import NetworkConfig
 from contact_curation.information.orthogonal import VARIANTS
 from contact_curation.information.ranker import CRITERIA, RankingConfig
+from contact_curation.information.score_folder import ScoreFolder
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.storage.inputs import InputsConfig
-from contact_curation.storage.parameters_file import Parameters, read_parameters
 
-STAGES = ("poses", "segmenter", "gates", "loss", "ranking")
-LATER_MODELS = ("deep", "deepvertex", "end_to_end")
+STAGES = ("poses", "segmenter", "gates", "loss", "network", "ranking")
+BLOCKS = ("all", "physical")
 FORMATS = (".parquet", ".csv", ".json")
 
 
@@ -36,14 +38,22 @@ def add_rank_options(parser: argparse.ArgumentParser) -> None:
 
 def _add_model_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("what the tosses teach about")
-    group.add_argument("--model", type=_model, default="polytope", metavar="polytope", help="the model (default polytope)")
+    models = [kind.value for kind in ModelKind]
+    group.add_argument("--model", choices=models, default="polytope", help="the model (default polytope)")
     group.add_argument(
         "--params",
         type=Path,
         action="append",
         default=[],
         metavar="FILE",
-        help="theta, a JSON file; given several times, the ranking averages over them (default: the object as described)",
+        help="theta: a .safetensors checkpoint, or of a polytope a JSON file; given several times, the ranking averages over "
+        "them (default: the object as described; a network has none)",
+    )
+    group.add_argument(
+        "--block",
+        choices=BLOCKS,
+        default="all",
+        help="of theta: all of it, or of a deep model only the parameters of its polytope (default all)",
     )
     group.add_argument(
         "--form",
@@ -88,14 +98,6 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
     add_json_option(parser)
 
 
-def _model(name: str) -> str:
-    if name in LATER_MODELS:
-        raise argparse.ArgumentTypeError(f"{name} comes with a later version; this one has polytope")
-    if name != "polytope":
-        raise argparse.ArgumentTypeError(f"found {name}, expected polytope")
-    return name
-
-
 @dataclass(frozen=True, eq=False)
 class RankConfig:
     """What the options ask for.
@@ -110,6 +112,13 @@ class RankConfig:
     ranking: RankingConfig
     parameters: str
 
+    def with_exact_scores_in(self, folder: Path) -> "RankConfig":
+        """The same; where the criterion asks for networks' scores themselves they go to a folder, whole."""
+        wanted = self.ranking.criterion == "orthogonal" and not self.ranking.whiten
+        if not (wanted and self.pool.of_weights):
+            return self
+        return replace(self, pool=replace(self.pool, score_folder=ScoreFolder(folder)))
+
 
 def rank_config(arguments: argparse.Namespace) -> RankConfig:
     """The options' configuration.
@@ -119,28 +128,20 @@ def rank_config(arguments: argparse.Namespace) -> RankConfig:
     """
     body = chosen_body(arguments)
     ranking = RankingConfig(arguments.criterion, arguments.top, arguments.seed, variant=arguments.variant)
-    stages = stages_of(arguments, {"loss": DEFAULT_LOSS, "ranking": ranking})
+    stages = stages_of(arguments, {"loss": DEFAULT_LOSS, "network": NetworkConfig(), "ranking": ranking})
     gates = replace(stages["gates"], enabled=stages["gates"].enabled and not arguments.no_gate)
-    thetas = tuple(read_parameters(path, body) for path in arguments.params) or (
-        Parameters(ContactGeometry.of_body(body), body),
-    )
+    thetas = thetas_of(arguments, body)
     pool = PoolConfig(
         reading=ReadingConfig(body, InputsConfig(stages["poses"], stages["segmenter"], gates)),
         thetas=thetas,
         scoring=ScoringConfig(
             estimator=Estimator(arguments.estimator),
             influence_bound=arguments.influence_bound,
-            form=_form(arguments.form, thetas),
+            form=form_of(arguments.form, thetas),
             loss=stages["loss"],
         ),
         bound_influence=arguments.bound_influence,
+        network=replace(stages["network"], physical_only=arguments.block == "physical"),
     )
     pool.scorers(pool.fixed_bounds, jobs=1)  # so that a theta that does not fit its form is refused before anything is read
     return RankConfig(pool, stages["ranking"], ", ".join(map(str, arguments.params)) or f"body {body.name}")
-
-
-def _form(wanted: str | None, thetas: tuple[Parameters, ...]) -> Form:
-    """The form that was asked for, or the physical one where every theta has it."""
-    if wanted is not None:
-        return Form(wanted)
-    return Form.PHYSICAL if all(is_physical(theta.geometry) for theta in thetas) else Form.CONTACTNETS

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from contact_curation.cli.pool_scoring import PoolConfig
 from contact_curation.cli.report import counted
-from contact_curation.contact.parameter_form import Form
 from contact_curation.dashboard.ranking_figure import RankingPicture
 from contact_curation.information.curation import SUFFICIENT_EPSILON, Curation
 from contact_curation.information.diagnostics import BlockShare
@@ -51,11 +51,12 @@ def _outcome(row: ManifestRow) -> str:
     return "kept" if row.kept else "ranked, not kept"
 
 
-def diagnostics_of(curation: Curation, form: Form) -> dict[str, Diagnostic]:
-    """The evidence as the manifest carries it."""
+def diagnostics_of(curation: Curation, config: PoolConfig) -> dict[str, Diagnostic]:
+    """The evidence as the manifest carries it, and what the tosses were scored for."""
     certificate = curation.ranking.certificate
+    scored: dict[str, Diagnostic] = {"form": config.form, "network": asdict(config.network) if config.of_weights else None}
     return {
-        "form": form.value,
+        **scored,
         "dimension": curation.dimension,
         "epsilon": curation.epsilon,
         "raw_epsilon": curation.raw_epsilon,

@@ -13,13 +13,14 @@ from contact_curation.cli.progress import Progress
 from contact_curation.cli.reading import InputReader, ReadingConfig
 from contact_curation.cli.reading_options import add_reading_options, stages_of
 from contact_curation.cli.report import add_json_option, nothing_found, print_json, warn
+from contact_curation.cli.theta_options import polytope_of
 from contact_curation.contact.evaluation import Cone, Evaluation, LossConfig, SolveStatus, evaluate
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
 from contact_curation.storage.inputs import InputsConfig
 from contact_curation.storage.known_tosses import KnownTosses
-from contact_curation.storage.parameters_file import Parameters, read_parameters
+from contact_curation.storage.parameters_file import Parameters
 from contact_curation.storage.score_file import ScoreFileWriter
 
 BATCH = 64
@@ -33,7 +34,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "impulses carry no certificate is written as it is, with its status, and counted."
     )
     add_reading_options(parser, ("poses", "segmenter", "loss"))
-    parser.add_argument("--params", type=Path, required=True, metavar="FILE", help="theta, a JSON file (docs/commands.md)")
+    parser.add_argument(
+        "--params", type=Path, required=True, metavar="FILE", help="theta, a JSON file or a polytope's checkpoint"
+    )
     parser.add_argument("--cone", choices=[cone.value for cone in Cone], default=Cone.CIRCULAR.value, help="friction cone")
     parser.add_argument("--out", type=PathEndingIn(".npz"), required=True, metavar="FILE.npz", help="the arrays")
     add_json_option(parser)
@@ -71,7 +74,7 @@ class Tally:
 def run(arguments: argparse.Namespace) -> int:
     """Scores all inputs and says how it went."""
     body = chosen_body(arguments)
-    theta = read_parameters(arguments.params, body)
+    theta = polytope_of(arguments.params, body)
     stages = stages_of(arguments, {"loss": LossConfig(cone=Cone(arguments.cone))})
     inputs = InputsConfig(stages["poses"], stages["segmenter"], replace(stages["gates"], enabled=False), as_stored=True)
     tally = Tally()

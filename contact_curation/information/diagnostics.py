@@ -149,11 +149,11 @@ def block_shares(infos: Sequence[TossInformation]) -> tuple[BlockShare, ...]:
 
 
 def dominance_warnings(shares: Sequence[BlockShare]) -> tuple[str, ...]:
-    """A sentence about the block that holds more than half of the trace, if one does."""
+    """A sentence about the block that holds more than half of the trace, if one of several does."""
     return tuple(
         f"block {share.name} holds {100.0 * share.share:.0f} % of the trace: a trace ranking is mostly a ranking by that block"
         for share in shares
-        if share.share > DOMINANT
+        if share.share > DOMINANT and len(shares) > 1
     )
 
 

@@ -8,7 +8,6 @@ Tosses are taken one at a time, and random directions are drawn by toss id, so t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from hashlib import sha256
 from itertools import pairwise
 from typing import NamedTuple
@@ -26,8 +25,9 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.ghost_norms import ghost_norms, summed_gradient
 from contact_curation.information.model_version import model_version
+from contact_curation.information.network_config import NetworkConfig
 from contact_curation.information.network_pass import ForwardPass, NetworkModel, Slopes, forward_pass, frozen_copy
-from contact_curation.information.network_sketch import NetworkSketch, SketchConfig, network_sketch
+from contact_curation.information.network_sketch import NetworkSketch, network_sketch
 from contact_curation.information.physical_scores import PhysicalScores
 from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.information.row_factors import factor_of_rows
@@ -35,29 +35,6 @@ from contact_curation.information.score_folder import ScoreFolder
 from contact_curation.information.scoring import STORED, NotScored, ScoringConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
-
-
-@dataclass(frozen=True)
-class NetworkConfig:
-    """How tosses are scored for a network, beside `ScoringConfig`, whose form a model has of its own.
-
-    Attributes:
-        draws: random directions per transition that stand for the Gauss-Newton matrix (METHOD 1.5); an end-to-end model and the
-            polytope alone need none.
-        seed: of the draws.
-        sketch: how large gradients are kept.
-        physical_only: whether only the parameters of a deep model's polytope count.
-    """
-
-    draws: int = 4
-    seed: int = 0
-    sketch: SketchConfig = field(default_factory=SketchConfig)
-    physical_only: bool = False
-
-    def __post_init__(self) -> None:
-        for name, least in (("draws", 1), ("seed", 0)):
-            if getattr(self, name) < least:
-                raise InvalidValueError(f"network.{name}", getattr(self, name), f"at least {least}")
 
 
 class _Scores(NamedTuple):
@@ -74,10 +51,10 @@ class NetworkScorer:
         model: is copied, and may go on learning.
         config: estimator, influence bound, compression and loss.
         network: what is peculiar to networks.
-        folder: takes each toss's exact score by the networks' weights, for `score_folder`.
+        folder: takes each toss's exact score by the networks' weights, under the toss's digest.
 
     Raises:
-        InvalidValueError: the polytope alone is wanted of a model that has none to learn.
+        InvalidValueError: weights that are not finite, or the polytope alone is wanted of a model that has none to learn.
     """
 
     def __init__(
@@ -87,6 +64,8 @@ class NetworkScorer:
         network: NetworkConfig | None = None,
         folder: ScoreFolder | None = None,
     ) -> None:
+        if not all(bool(torch.isfinite(value).all()) for value in model.parameters()):
+            raise InvalidValueError(f"parameters of {model.kind.value}", "a value that is not finite", "finite numbers")
         self.model, self.config, self.network = frozen_copy(model), config, network or NetworkConfig()
         self.version = model_version(model)
         self._folder = folder
@@ -123,7 +102,7 @@ class NetworkScorer:
             return NotScored(toss.toss_id, f"0 of {found.solved.size} transitions solved, worst residual {worst:.3g}")
         centroid = toss.positions.mean(axis=0) / self.model.body.length_scale
         influence = self._influence(found)
-        scores = self._scores(found, found.score_slopes(influence), centroid, toss.toss_id)
+        scores = self._scores(found, found.score_slopes(influence), centroid, toss.digest() if self._folder else None)
         information = scores
         if self.config.estimator is Estimator.GAUSS_NEWTON:
             directions = self._directions(found, toss.toss_id)

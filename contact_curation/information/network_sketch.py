@@ -23,9 +23,9 @@ from contact_curation.contact.deep_model import DeepModel
 from contact_curation.contact.end_to_end_model import EndToEndModel
 from contact_curation.contact.model import Rows
 from contact_curation.contact.stream_network import LayerTrace
-from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.network_config import SketchConfig
 from contact_curation.information.network_pass import NetworkModel, said_of
 
 REFERENCE_POSES = 1024
@@ -34,33 +34,6 @@ REFERENCE_PERIOD = 1.0 / 150.0
 
 SPREAD = 2.0
 """Of the reference's places on the board, in outer radii of the body (standard deviation)."""
-
-
-@dataclass(frozen=True)
-class SketchConfig:
-    """How large a sketch is.
-
-    Attributes:
-        leading: rows of each projection that are leading directions of the reference.
-        random: rows that are random.
-        seed: of these and of the reference.
-    """
-
-    leading: int = 12
-    random: int = 4
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name in ("leading", "random", "seed"):
-            if getattr(self, name) < 0:
-                raise InvalidValueError(f"sketch.{name}", getattr(self, name), "a number of at least 0")
-        if self.size < 1:
-            raise InvalidValueError("sketch", "no rows", "at least 1 row, leading or random")
-
-    @property
-    def size(self) -> int:
-        """Rows of a projection."""
-        return self.leading + self.random
 
 
 class LayerSketch(NamedTuple):

@@ -6,7 +6,6 @@ asks of the scores is their Gram matrix, and any vectors with the same Gram matr
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -30,14 +29,14 @@ class ScoreFolder:
 
     folder: Path
 
-    def write(self, toss_id: str, version: str, score: Scores) -> None:
-        """Keeps the score (P,) of a toss at a version of theta."""
-        np.save(self._path(toss_id, version), score)
+    def write(self, digest: str, version: str, score: Scores) -> None:
+        """Keeps the score (P,) of the toss with this digest at a version of theta."""
+        np.save(self._path(digest, version), score)
 
-    def gram(self, toss_ids: Sequence[str], version: str) -> Array:
+    def gram(self, digests: Sequence[str], version: str) -> Array:
         """(K, K) inner products of the scores of tosses that were written."""
-        pieces = [list(toss_ids[first : first + CHUNK]) for first in range(0, len(toss_ids), CHUNK)]
-        found = np.empty((len(toss_ids), len(toss_ids)))
+        pieces = [list(digests[first : first + CHUNK]) for first in range(0, len(digests), CHUNK)]
+        found = np.empty((len(digests), len(digests)))
         for i, piece in enumerate(pieces):
             rows = self._read(piece, version)
             for j, other in enumerate(pieces[: i + 1]):
@@ -46,11 +45,11 @@ class ScoreFolder:
                 found[here, there], found[there, here] = products, products.T
         return found
 
-    def _read(self, toss_ids: Sequence[str], version: str) -> Scores:
-        return np.stack([np.load(self._path(toss_id, version), allow_pickle=False) for toss_id in toss_ids])
+    def _read(self, digests: Sequence[str], version: str) -> Scores:
+        return np.stack([np.load(self._path(digest, version), allow_pickle=False) for digest in digests])
 
-    def _path(self, toss_id: str, version: str) -> Path:
-        return self.folder / f"{sha256(f'{version}/{toss_id}'.encode()).hexdigest()}.npy"
+    def _path(self, digest: str, version: str) -> Path:
+        return self.folder / f"{version}-{digest}.npy"
 
 
 def coordinates_of(gram: Array) -> Array:

@@ -50,7 +50,8 @@ def test_every_verb_explains_itself(cli: Cli, verb: str) -> None:
         ("rank", "a.mcap", "--out", "manifest.txt"),
         ("rank", "a.mcap", "--bound-influence", "--influence-bound", "3"),
         ("rank", "a.mcap", "--influence-bound", "nan"),
-        ("rank", "a.mcap", "--model", "deep"),
+        ("rank", "a.mcap", "--model", "sphere"),
+        ("rank", "a.mcap", "--block", "upper"),
         ("score", "a.mcap", "--out", "scores.npz"),
         ("score", "a.mcap", "--params", "p.json", "--out", "scores.csv"),
         ("score", "a.mcap", "--params", "p.json", "--out", "s.npz", "--cone", "square"),
@@ -65,10 +66,6 @@ def test_bad_usage_is_exit_status_2(cli: Cli, words: Sequence[str]) -> None:
     assert done.status == 2
     assert done.out == ""
     assert "usage: contact-curation" in done.err
-
-
-def test_a_model_of_a_later_version_says_so(cli: Cli) -> None:
-    assert "deepvertex comes with a later version" in cli("rank", "a.mcap", "--model", "deepvertex").err
 
 
 def raising(error: BaseException) -> object:

@@ -1,0 +1,55 @@
+"""How tosses are scored for networks, as plain numbers that cost no import of torch."""
+
+from dataclasses import dataclass, field
+
+from contact_curation.errors import InvalidValueError
+
+
+@dataclass(frozen=True)
+class SketchConfig:
+    """How large a sketched gradient is (`network_sketch`).
+
+    Attributes:
+        leading: rows of each projection that are leading directions of the reference.
+        random: rows that are random.
+        seed: of these and of the reference.
+    """
+
+    leading: int = 12
+    random: int = 4
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("leading", "random", "seed"):
+            if getattr(self, name) < 0:
+                raise InvalidValueError(f"sketch.{name}", getattr(self, name), "a number of at least 0")
+        if self.size < 1:
+            raise InvalidValueError("sketch", "no rows", "at least 1 row, leading or random")
+
+    @property
+    def size(self) -> int:
+        """Rows of a projection."""
+        return self.leading + self.random
+
+
+@dataclass(frozen=True)
+class NetworkConfig:
+    """What is peculiar to networks; a model has a form of its own, so that that of `ScoringConfig` says nothing.
+
+    Attributes:
+        draws: random directions per transition that stand for the Gauss-Newton matrix (METHOD 1.5); an end-to-end model and the
+            polytope alone need none.
+        seed: of the draws.
+        sketch: how large gradients are kept.
+        physical_only: whether only the parameters of a deep model's polytope count.
+    """
+
+    draws: int = 4
+    seed: int = 0
+    sketch: SketchConfig = field(default_factory=SketchConfig)
+    physical_only: bool = False
+
+    def __post_init__(self) -> None:
+        for name, least in (("draws", 1), ("seed", 0)):
+            if getattr(self, name) < least:
+                raise InvalidValueError(f"network.{name}", getattr(self, name), f"at least {least}")
