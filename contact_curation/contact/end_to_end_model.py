@@ -83,7 +83,8 @@ class EndToEndModel(Model):
     def _batch_loss(self, rows: Rows) -> BatchLoss:
         missed = self.missed_velocities(rows)
         losses = missed.square().sum(dim=1) if self.loss is ImpulseLoss.SQUARED else torch.linalg.vector_norm(missed, dim=1)
-        return BatchLoss(losses, torch.isfinite(losses.detach()), torch.zeros((), dtype=torch.float64))
+        finite = torch.isfinite(losses.detach())
+        return BatchLoss(torch.where(finite, losses, torch.nan), finite, torch.zeros((), dtype=torch.float64))
 
     def settings(self) -> dict[str, str]:
         return {"loss": self.loss.value}

@@ -124,10 +124,11 @@ def slopes_of(model: Model, losses: torch.Tensor) -> torch.Tensor:
 
 
 @EVERY
-def test_a_bad_transition_is_not_solved_and_leaves_its_neighbours_alone(kind: ModelKind, form: Form) -> None:
+@pytest.mark.parametrize("where", ["before", "after"])
+def test_a_bad_transition_is_not_solved_and_leaves_its_neighbours_alone(kind: ModelKind, form: Form, where: str) -> None:
     model, rows = model_of(kind, form, seed=7), rows_of("impact", 5)
-    broken = Rows(rows.before.copy(), rows.after, rows.dt)
-    broken.before[2, 0] = np.nan
+    broken = Rows(rows.before.copy(), rows.after.copy(), rows.dt)
+    getattr(broken, where)[2, 0] = np.nan
     batch, kept = model.batch_loss(broken, CONFIG), [0, 1, 3, 4]
     assert batch.solved.tolist() == [n != 2 for n in range(5)]
     assert torch.isnan(batch.losses).tolist() == [n == 2 for n in range(5)]
@@ -203,6 +204,22 @@ def test_end_to_end_measures_the_missed_velocity_as_it_is_told() -> None:
     mass = np.repeat([CUBE.mass, CUBE.scaled_inertia[0, 0]], 3)
     missed = free + impulses / mass - rows.after[:, 7:]
     np.testing.assert_allclose(np.square(missed).sum(axis=1), second.detach().numpy(), rtol=1e-12)
+
+
+def test_impulses_that_diverged_are_not_solved() -> None:
+    model = model_of(ModelKind.END_TO_END, Form.PHYSICAL)
+    with torch.no_grad():
+        next(model.parameters()).fill_(torch.inf)
+    batch = model.batch_loss(rows_of("impact", 3), CONFIG)
+    assert not batch.solved.any()
+    assert torch.isnan(batch.losses).all()
+
+
+def test_deepvertex_starts_from_noisy_corners_and_its_constants_are_not_trained() -> None:
+    model = model_of(ModelKind.DEEPVERTEX, Form.PHYSICAL, seed=12)
+    noise = tensors_of(model)["vertices"] - CUBE.scaled_vertices
+    assert 0.25 < noise.std() < 0.55
+    assert {name.split(".")[0] for name, _ in model.named_parameters()} == {"network"}
 
 
 @EVERY
