@@ -105,7 +105,8 @@ def _print_left_out(report: TrainReport) -> None:
         print(f"kept back: {count} ({name})")
     twins = report.tosses.twins
     if twins:
-        print(f"left out: {len(twins)} that are held out under another id, e.g. {twins[0].left_out} as {twins[0].held_out}")
+        example = f"{twins[0].left_out} as {twins[0].held_out}"
+        print(f"left out: {counted_tosses(len(twins))} whose motion is held out under another id, e.g. {example}")
 
 
 def _print_selections(selections: tuple[Selected, ...]) -> None:

@@ -162,6 +162,19 @@ def test_metrics_that_were_lost_are_written_again_from_the_checkpoint(cli: Cli, 
     assert (tmp_path / "a.jsonl").read_bytes() == before
 
 
+def test_metrics_beyond_the_checkpoint_are_cut_when_it_goes_on(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    whole, parts = tmp_path / "whole.safetensors", tmp_path / "parts.safetensors"
+    cli("train", folder, "--out", whole, *SHORT)
+    for step, interrupt in ((6, send(signal.SIGINT)), (10, killed)):
+        with pytest.MonkeyPatch.context() as monkeypatch:
+            stopped_at(monkeypatch, step, interrupt)
+            cli("train", folder, "--out", parts, *SHORT, "--resume")
+    assert [one["gradient_steps"] for one in events(tmp_path / "parts.jsonl")] == [0, 4, 8]
+    done = cli("train", folder, "--out", parts, *SHORT, "--resume")
+    assert "going on after 6 gradient steps" in done.err
+    assert (tmp_path / "parts.jsonl").read_bytes() == (tmp_path / "whole.jsonl").read_bytes()
+
+
 def test_a_second_signal_does_not_wait() -> None:
     with StopSignals() as stop:
         os.kill(os.getpid(), signal.SIGTERM)
@@ -275,6 +288,18 @@ def test_a_polytope_that_is_given_is_where_it_starts(cli: Cli, folder: Path, tmp
     assert "expected a checkpoint of a deep model" in refused.err
 
 
+def test_a_tilted_ground_stays_where_it_is_when_its_pivot_moves(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    lean, rise = float(np.sin(0.05)), float(np.cos(0.05))
+    axes = [[0.18 * rise, 0.0, -0.18 * lean], [0.0, 0.18, 0.0]]
+    tilted = write_parameters(tmp_path / "tilted.json", normal=[lean, 0.0, rise], tangents=axes)
+    before = []
+    for form in ("physical", "contactnets"):  # only the physical one takes a pivot amid the data
+        options = ("--params", tilted, *SHORT, "--steps", "1", "--set", f"training.form={form}", "--json")
+        before.append(cli("train", folder, *options, "--out", tmp_path / f"{form}.safetensors").json["held_out_loss_before"])
+    assert before[0] == pytest.approx(before[1], rel=1e-6)
+    assert before[0] > 1e-3
+
+
 def test_a_training_that_diverges_says_where(cli: Cli, folder: Path, tmp_path: Path, true_parameters: Path) -> None:
     far = write_parameters(tmp_path / "far.json", vertices_normal=[[1e200, 0.0, 0.0]] * 8)
     done = cli("train", folder, "--params", far, "--out", tmp_path / "a.safetensors", *SHORT)
@@ -302,6 +327,23 @@ def test_metrics_that_cannot_be_written_leave_no_checkpoint_behind(cli: Cli, fol
     assert (done.status, len(done.err_lines)) == (1, 1)
     assert "--metrics: found" in done.err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_held_out_motion_under_another_heading_is_not_trained_on(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    rows = torch.load(folder / "5.pt", weights_only=True)
+    half_turn = torch.tensor([-1.0, -1.0, 1.0])  # about the vertical: x and y change their signs
+    rows[..., 0:3] *= half_turn
+    rows[..., 7:10] *= half_turn
+    rows[..., 3:7] = torch.stack([-rows[..., 6], -rows[..., 5], rows[..., 4], rows[..., 3]], dim=-1)
+    torch.save(rows, tmp_path / "7.pt")
+    inputs = (folder, tmp_path / "7.pt")
+    done = cli("train", *inputs, "--out", tmp_path / "a.safetensors", *SHORT, "--json")
+    assert done.json["twins"] == [["7", "5"]]
+    assert done.json["training_tosses"] == ["0", "1", "2", "3", "4"]
+    said = cli("train", *inputs, "--out", tmp_path / "b.safetensors", *SHORT)
+    assert "left out: 1 toss whose motion is held out under another id, e.g. 7 as 5" in said.out
+    kept = cli("train", *inputs, "--out", tmp_path / "c.safetensors", *SHORT, "--keep-twins", "--json")
+    assert kept.json["training_tosses"] == ["0", "1", "2", "3", "4", "7"]
 
 
 @pytest.mark.parametrize(
