@@ -32,11 +32,10 @@ def _row(report: EvaluationReport, toss: int, name: str) -> PicturedToss:
     body = report.models[0].model.body
     measured, _ = first.frames(toss)
     predicted = [(each.frames(toss)[1], one) for each, one in zip(report.evaluations, report.models, strict=True)]
-    off = "; ".join(
-        f"{each.errors.position[toss]:.1f} % of the width, {each.errors.rotation[toss]:.1f}°" for each in report.evaluations
-    )
+    distances = " and ".join(f"{each.errors.position[toss]:.1f} %" for each in report.evaluations)
+    angles = " and ".join(f"{each.errors.rotation[toss]:.1f}°" for each in report.evaluations)
     return PicturedToss(
-        title=f"{name}: toss {first.toss_ids[toss]}, off by {off}",
+        title=f"{name}: toss {first.toss_ids[toss]}, off by {distances} of the width, {angles}",
         times=source.frame_period * np.arange(len(measured), dtype=float),
         measured=_track(measured, body.scaled_vertices, body.length_scale),
         predicted=tuple(

@@ -98,16 +98,16 @@ def save_motion_figure(picture: MotionPicture, path: Path) -> None:
         height = TITLE_HEIGHT + ROW_HEIGHT * len(picture.tosses)
         figure = Figure(figsize=(WIDTH, height), dpi=DOTS, layout="constrained")
         FigureCanvasAgg(figure)
-        figure.suptitle(picture.title, fontsize=15)
+        figure.suptitle(picture.title, fontsize=15, x=0.02, ha="left")
         rows: Any = np.atleast_1d(figure.subfigures(len(picture.tosses), 1))
-        for place, (row, toss) in enumerate(zip(rows, picture.tosses, strict=True)):
+        for row, toss in zip(rows, picture.tosses, strict=True):
             row.suptitle(toss.title, fontsize=13, fontweight="bold", x=0.02, ha="left")
             axes = row.subplots(1, 3, width_ratios=COLUMNS)
             _draw_heights(axes[0], picture.models, toss)
             _draw_paths(axes[1], picture.models, toss)
             _draw_side(axes[2], picture.models, toss)
-            if not place:
-                axes[0].legend(frameon=False, loc="upper right")
+        lines = rows[0].axes[0].get_lines()
+        figure.legend(handles=lines, frameon=False, loc="upper right", ncols=len(lines))
         try:
             figure.savefig(path, format="png")
         except OSError as error:

@@ -3,6 +3,9 @@
 The bootstrap over tosses needs no model of the noise and no derivative: tosses are drawn with replacement, as many as there
 are, theta is fitted to each draw from the optimum of them all, and its standard deviation over the draws is what the sandwich,
 which takes one evaluation, should have said.
+
+The sandwich leaves out of the loss's curvature what the Gauss-Newton matrix does, the residuals' own curvature. How much that
+matters is told by the same sandwich about the whole Hessian, by differences of the exact scores.
 """
 
 from dataclasses import dataclass
@@ -10,16 +13,21 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contact_curation.contact.evaluation import Estimator, LossConfig
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.known import Known, KnownConfig, known, unit_sizes
 from contact_curation.learning.polytope_fit import FitConfig, fit_polytope
+from contact_curation.learning.polytope_sums import moved, polytope_sums
 from contact_curation.motion.transitions import Transitions
 
 RESAMPLE_TOLERANCE = 1e-7
 """Relative decrease of the loss at which the fit to a draw has arrived: theta then moves by a hundredth of its deviation."""
+
+DIFFERENCE = 1e-5
+"""Of theta on either side, for the Hessian."""
 
 
 class BootstrapDeviations(NamedTuple):
@@ -41,12 +49,14 @@ class Calibration:
     Attributes:
         known: at the optimum of all tosses.
         bootstrap: (P,) standard deviations in the parameters' units.
+        whole_hessian: (P,) those of the sandwich about the whole Hessian.
         resamples: draws of tosses.
         converged: how many of their fits arrived.
     """
 
     known: Known
     bootstrap: Array
+    whole_hessian: Array
     resamples: int
     converged: int
 
@@ -90,13 +100,25 @@ def calibration(
     """
     found = known(model, fitted, others, config)
     draws = bootstrap_deviations(model, fitted, resamples, seed, FitConfig(config.loss, RESAMPLE_TOLERANCE))
-    return Calibration(found, unit_sizes(model) * draws.deviations, resamples, draws.converged)
+    sizes = unit_sizes(model)
+    whole = whole_hessian_deviations(model, fitted, config.loss)
+    return Calibration(found, sizes * draws.deviations, sizes * whole, resamples, draws.converged)
+
+
+def whole_hessian_deviations(model: PolytopeModel, data: Transitions, loss: LossConfig) -> Array:
+    """Standard deviations (P,) in theta's own coordinates by the sandwich about the loss's whole Hessian."""
+    scores = polytope_sums(model, data, Estimator.EMPIRICAL, loss).scores
+    size = scores.shape[1]
+    slopes = [_score(model, data, loss, step) - _score(model, data, loss, -step) for step in DIFFERENCE * np.eye(size)]
+    hessian = -0.25 / DIFFERENCE * (np.array(slopes) + np.array(slopes).T)
+    pulls = np.linalg.solve(hessian, (scores - scores.mean(axis=0)).T)  # (P, K) how far each toss pulls the optimum
+    return np.asarray(np.sqrt(np.square(pulls).sum(axis=1)))
 
 
 def bootstrap_deviations(
     model: PolytopeModel, data: Transitions, resamples: int, seed: int, config: FitConfig
 ) -> BootstrapDeviations:
-    """Standard deviations of theta over tosses drawn anew, about a model at the optimum of all of them.
+    """How theta moves when tosses are drawn anew, from a model at the optimum of all of them.
 
     Raises:
         InvalidValueError: fewer than two resamples.
@@ -111,6 +133,11 @@ def bootstrap_deviations(
         thetas.append(_theta(fit.model.geometry(), model.geometry()))
         converged += fit.converged
     return BootstrapDeviations(np.std(thetas, axis=0, ddof=1), converged)
+
+
+def _score(model: PolytopeModel, data: Transitions, loss: LossConfig, step: Array) -> Array:
+    """(P,) summed, a step away."""
+    return np.asarray(polytope_sums(moved(model, step), data, Estimator.EMPIRICAL, loss).scores.sum(axis=0))
 
 
 def _theta(geometry: ContactGeometry, origin: ContactGeometry) -> Array:

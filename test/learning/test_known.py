@@ -13,8 +13,8 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.learning.calibration import bootstrap_deviations, calibration
-from contact_curation.learning.known import Known, KnownConfig, known
+from contact_curation.learning.calibration import bootstrap_deviations, calibration, whole_hessian_deviations
+from contact_curation.learning.known import Known, KnownConfig, known, unit_sizes
 from contact_curation.learning.polytope_fit import FitConfig, fit_polytope
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
@@ -142,6 +142,15 @@ def test_resamples_of_one_seed_are_the_same(model: PolytopeModel, rows: Transiti
     np.testing.assert_array_equal(one.deviations, again.deviations)
     assert one.converged == 3
     assert one.deviations.min() > 0.0
+
+
+def test_the_whole_hessian_gives_the_sandwich_of_a_perfect_fit(model: PolytopeModel, rows: Transitions, found: Known) -> None:
+    whole = unit_sizes(model) * whole_hessian_deviations(
+        model, rows, LOSS
+    )  # residuals that vanish have no curvature to leave out
+    heights = np.arange(2, 24, 3)
+    ratios = whole[heights] / column(found, "sandwich")[heights]
+    assert 0.8 < np.median(ratios) < 1.25
 
 
 @pytest.mark.slow

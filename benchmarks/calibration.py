@@ -1,0 +1,150 @@
+"""Is what is said to be known of the cube true? The sandwich and both Cramer-Rao bounds beside a bootstrap over real tosses.
+
+The polytope is fitted to so many random tosses below id 400, from the published random initialisation, and again to as many
+drawn from them with replacement, for every resample. A ratio of 1 means that a deviation is as large as it was said to be
+(METHOD 6, check 16: 0.7 to 1.4 for friction and for at least 6 of 8 vertex heights). sigma^2 is that of tosses 400 to 569. The
+tosses are found through CONTACTNETS_DATA.
+
+    python -m benchmarks.calibration [--tosses N] [--resamples N] [--seed N] [--json]
+"""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import torch
+
+from benchmarks._data import contactnets_folder
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.parameter_form import Form
+from contact_curation.contact.polytope_model import PolytopeModel, initial_geometry
+from contact_curation.geometry.quaternions import Array
+from contact_curation.learning.calibration import Calibration, calibration
+from contact_curation.learning.evaluation import shape_errors
+from contact_curation.learning.known import KnownConfig
+from contact_curation.learning.polytope_fit import PolytopeFit, fit_polytope
+from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import Transitions, transitions_of
+from contact_curation.storage.contactnets import read_contactnets
+
+FIRST_HELD_OUT = 400
+KINDS = {"sandwich": "sandwich", "whole": "whole Hessian", "cramer_rao": "Cramer-Rao", "naive": "naive"}
+"""Standard deviations that are said, and their names; the second is the sandwich about the loss's whole Hessian."""
+
+LOW, HIGH = 0.7, 1.4
+
+GROUPS: dict[str, Callable[[str], bool]] = {
+    "friction": lambda name: name == "friction",
+    "vertex heights": lambda name: name.startswith("vertices_normal") and name.endswith("[2]"),
+    "vertices of the gap": lambda name: name.startswith("vertices_normal"),
+    "vertices of friction": lambda name: name.startswith("vertices_tangent"),
+    "tilt": lambda name: name.startswith("tilt"),
+    "height": lambda name: name == "height",
+}
+
+
+def main() -> int:
+    """Prints a table, or JSON."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--tosses", type=int, default=64, help="that are fitted to (default 64)")
+    parser.add_argument("--resamples", type=int, default=48, help="of the bootstrap (default 48)")
+    parser.add_argument("--seed", type=int, default=0, help="of the choice of tosses, the initialisation and the bootstrap")
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    arguments = parser.parse_args()
+    torch.set_num_threads(1)
+    folder = contactnets_folder()
+    if folder is None:
+        return 0
+    tosses = [item for item in read_contactnets(folder) if isinstance(item, Toss)]
+    rng = np.random.default_rng(arguments.seed)
+    chosen = sorted(rng.choice(FIRST_HELD_OUT, arguments.tosses, replace=False).tolist())
+    scale = CONTACTNETS_CUBE.length_scale
+    rows = transitions_of([tosses[k] for k in chosen], scale)
+    others = transitions_of(tosses[FIRST_HELD_OUT:], scale)
+    begin = time.perf_counter()
+    fit = fit_polytope(start(rows, rng), rows)
+    fitted = time.perf_counter()
+    found = calibration(fit.model, rows, others, arguments.resamples, arguments.seed, KnownConfig())
+    seconds = fitted - begin, time.perf_counter() - fitted
+    if arguments.json:
+        print(json.dumps(as_json(fit, found, seconds), indent=2))
+    else:
+        print_table(fit, found, seconds)
+    return 0
+
+
+def start(rows: Transitions, rng: np.random.Generator) -> PolytopeModel:
+    """The published random initialisation."""
+    pivot = np.array([*rows.before[:, :2].mean(axis=0), 0.0])
+    geometry = initial_geometry(CONTACTNETS_CUBE, Form.PHYSICAL, pivot, rng)
+    return PolytopeModel(geometry, CONTACTNETS_CUBE, Form.PHYSICAL)
+
+
+def deviations(found: Calibration, kind: str) -> Array:
+    """(P,) what was said."""
+    if kind == "whole":
+        return found.whole_hessian
+    return np.array([getattr(parameter, kind) for parameter in found.known.parameters])
+
+
+def as_json(fit: PolytopeFit, found: Calibration, seconds: tuple[float, float]) -> dict[str, Any]:
+    """Everything."""
+    rows = [
+        {**parameter._asdict(), "bootstrap": deviation, "whole_hessian": whole}
+        for parameter, deviation, whole in zip(
+            found.known.parameters, found.bootstrap.tolist(), found.whole_hessian.tolist(), strict=True
+        )
+    ]
+    return {
+        "tosses": found.known.tosses,
+        "resamples": found.resamples,
+        "converged": found.converged,
+        "noise_variance": found.known.noise_variance,
+        "fit_steps": fit.steps,
+        "fit_seconds": seconds[0],
+        "calibration_seconds": seconds[1],
+        "parameters": rows,
+    }
+
+
+def print_table(fit: PolytopeFit, found: Calibration, seconds: tuple[float, float]) -> None:
+    """For people."""
+    shape = shape_errors(fit.model)
+    known = found.known
+    print(f"{known.tosses} tosses: fitted in {fit.steps} steps, {seconds[0]:.1f} s, converged: {fit.converged}")
+    if shape:
+        print(f"vertices {shape.vertex_rms_mm:.2f} mm RMS from the cube as described, friction {shape.friction:.4f}")
+    resampled = f"{found.converged} of {found.resamples} resampled fits converged, {seconds[1]:.0f} s"
+    print(f"sigma^2 {known.noise_variance:.4g}; {resampled}\n")
+    print("median standard deviation")
+    print(f"{'':26} {'bootstrap':>14}" + "".join(f"{name:>16}" for name in KINDS.values()))
+    for name, chosen, unit in groups(found):
+        columns = [found.bootstrap, *(deviations(found, kind) for kind in KINDS)]
+        cells = "".join(f"{np.median(column[chosen]):15.4f} " for column in columns)
+        print(f"{f'{name} [{unit or 1}]':26}{cells}")
+    print(f"\nbootstrap over what was said: median, and how many of them are within {LOW} to {HIGH}")
+    print(f"{'':26} {'':14}" + "".join(f"{name:>16}" for name in KINDS.values()))
+    for name, chosen, _ in groups(found):
+        cells = "".join(ratio_cell((found.bootstrap / deviations(found, kind))[chosen]) for kind in KINDS)
+        print(f"{name:26} {'':14}{cells}")
+
+
+def groups(found: Calibration) -> list[tuple[str, list[int], str]]:
+    """Name, places of its parameters, and unit of every group."""
+    parameters = found.known.parameters
+    places = {name: [k for k, one in enumerate(parameters) if belongs(one.name)] for name, belongs in GROUPS.items()}
+    return [(name, chosen, parameters[chosen[0]].unit) for name, chosen in places.items()]
+
+
+def ratio_cell(ratios: Array) -> str:
+    """The median, and how many are as they should be."""
+    inside = int(np.count_nonzero((ratios > LOW) & (ratios < HIGH)))
+    return f"{f'{np.median(ratios):.2f} ({inside} of {ratios.size})':>16}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
