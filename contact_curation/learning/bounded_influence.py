@@ -33,11 +33,13 @@ class InfluenceBound:
     Attributes:
         quantile: of a batch's losses; 1 for no bound.
         multiple: of the quantile that is the bound.
+        least: the bound is no lower, so that where nearly all is explained the rest still counts.
         shape: of what happens above.
     """
 
     quantile: float = 1.0
     multiple: float = 1.0
+    least: float = 0.0
     shape: InfluenceShape = InfluenceShape.HUBER
 
     def __post_init__(self) -> None:
@@ -45,6 +47,8 @@ class InfluenceBound:
             raise InvalidValueError("influence.quantile", self.quantile, "a number over 0, up to 1")
         if not (math.isfinite(self.multiple) and self.multiple > 0.0):
             raise InvalidValueError("influence.multiple", self.multiple, "a positive number")
+        if not (math.isfinite(self.least) and self.least >= 0.0):
+            raise InvalidValueError("influence.least", self.least, "a number of at least 0")
 
     @property
     def bounds(self) -> bool:
@@ -57,7 +61,7 @@ def bounded(losses: Tensor, influence: InfluenceBound) -> Tensor:
     if not influence.bounds or len(losses) < 2:
         return losses
     bound = influence.multiple * torch.quantile(losses.detach(), influence.quantile)
-    bound = bound.clamp(min=torch.finfo(losses.dtype).tiny)
+    bound = bound.clamp(min=max(influence.least, torch.finfo(losses.dtype).tiny))
     if influence.shape is InfluenceShape.GEMAN:
         return losses / (1.0 + losses / bound)
     beyond = 2.0 * (bound * losses.clamp(min=bound)).sqrt() - bound

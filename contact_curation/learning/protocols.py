@@ -14,7 +14,7 @@ from contact_curation.contact.evaluation import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
-from contact_curation.learning.bounded_influence import InfluenceBound
+from contact_curation.learning.bounded_influence import InfluenceBound, InfluenceShape
 
 PUBLISHED_REGULARIZER = 0.3
 """Weight of the regulariser that keeps theta's scale in place (METHOD 1.2)."""
@@ -85,7 +85,8 @@ class TrainingConfig:
         epochs: at most so many passes over the data; None for no limit.
         evaluation_steps: gradient steps between two evaluations; None for an evaluation after each epoch.
         patience: when to stop early; None for never. Without it, too, the last parameters count as the result, not the best.
-        regularizer: its weight.
+        regularizer: weight of the model's own, that keeps theta's scale in place.
+        ground: weight of the squared height of the ground, where one is learned (learning/known_ground.py).
         influence: bound on the influence of large losses.
         loss: weights, cone and solver.
     """
@@ -100,6 +101,7 @@ class TrainingConfig:
     evaluation_steps: int | None
     patience: Patience | None
     regularizer: float = PUBLISHED_REGULARIZER
+    ground: float = 0.0
     influence: InfluenceBound = field(default_factory=InfluenceBound)
     loss: LossConfig = DEFAULT_LOSS
 
@@ -112,8 +114,9 @@ class TrainingConfig:
             raise InvalidValueError("steps and epochs", "neither", "a limit on one of them")
         if self.schedule is Schedule.COSINE and self.steps is None:
             raise InvalidValueError("steps", "none", "a number of them, along which the cosine falls")
-        if not (math.isfinite(self.regularizer) and self.regularizer >= 0.0):
-            raise InvalidValueError("regularizer", self.regularizer, "a number of at least 0")
+        for name in ("regularizer", "ground"):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
+                raise InvalidValueError(name, getattr(self, name), "a number of at least 0")
 
     def rate(self, step: int) -> float:
         """Share of the learning rates that gradient step number `step` of the budget, from 0 on, is taken with."""
@@ -140,16 +143,17 @@ def published(kind: ModelKind) -> TrainingConfig:
 
 def budgeted(kind: ModelKind) -> TrainingConfig:
     """Our protocol for a model (METHOD 2.1, appendix A)."""
-    steps = 400
+    networks = kind is not ModelKind.POLYTOPE
     return TrainingConfig(
         form=Form.PHYSICAL,
-        batch=128,
+        batch=64 if networks else 128,
         polytope=Pace(3e-2),
-        network=Pace(1e-3),
+        network=Pace(1e-4, 1e-2),
         schedule=Schedule.COSINE,
-        steps=steps,
+        steps=1500,
         epochs=None,
-        evaluation_steps=50,
+        evaluation_steps=100,
         patience=None,
-        influence=InfluenceBound(0.98),
+        ground=2.4,
+        influence=InfluenceBound(0.95, multiple=20.0, least=1.0, shape=InfluenceShape.GEMAN),
     )

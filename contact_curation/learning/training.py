@@ -2,7 +2,7 @@
 
 A step takes the next batch of transitions, leaves out those whose impulses carry no certificate, and goes down
 
-    mean over the batch of bounded(L) + w_r R        (METHOD 1.2, 2.1)
+    mean over the batch of bounded(L) + w_r R + w_h h^2        (METHOD 1.2, 2.1; learning/known_ground.py)
 
 The same arguments give the same numbers bit for bit, however the steps are cut into calls of `advance`; so does a training that
 was stored and resumed (learning/checkpoint.py).
@@ -28,6 +28,7 @@ from contact_curation.learning.batches import Batches
 from contact_curation.learning.bounded_influence import bounded
 from contact_curation.learning.culprit import not_finite, not_finite_gradient
 from contact_curation.learning.early_stop import EarlyStop
+from contact_curation.learning.known_ground import ground_excess, height_parameters
 from contact_curation.learning.mean_loss import mean_loss
 from contact_curation.learning.optimizer import Optimizer
 from contact_curation.learning.progress import Evaluated, Progress, TrainingState
@@ -110,6 +111,7 @@ class Training:
         self.history: tuple[Evaluated, ...] = ()
         self.best_tensors: dict[str, Array] | None = None
         self.optimizer = Optimizer(model, config)
+        self._heights = height_parameters(model)
         self._generator = np.random.default_rng(seed)
         self._take(data)
 
@@ -223,12 +225,10 @@ class Training:
             self._end(TrainingState.FAILED, complaint)
             return
         now, losses = self.counters, batch.losses[batch.solved]
-        if len(losses):
-            objective = bounded(losses, self.config.influence).mean() + self.config.regularizer * batch.regularizer
-            if not self.optimizer.minimize(objective, now.gradient_steps - now.first_step):
-                culprit = not_finite_gradient(self.model, rows, self.config.loss)
-                self._end(TrainingState.FAILED, f"{self._name(int(chosen[culprit]))}: its gradient is not finite")
-                return
+        if len(losses) and not self._descend(losses, batch.regularizer):
+            culprit = not_finite_gradient(self.model, rows, self.config.loss)
+            self._end(TrainingState.FAILED, f"{self._name(int(chosen[culprit]))}: its gradient is not finite")
+            return
         self.counters = replace(
             now,
             gradient_steps=now.gradient_steps + 1,
@@ -238,6 +238,14 @@ class Training:
             loss_count=now.loss_count + len(losses),
         )
         self._after_step()
+
+    def _descend(self, losses: Tensor, regularizer: Tensor) -> bool:
+        """Whether the gradient was finite, so that the step was taken."""
+        config = self.config
+        objective = bounded(losses, config.influence).mean() + config.regularizer * regularizer
+        if config.ground and self._heights:
+            objective = objective + config.ground * ground_excess(self._heights)
+        return self.optimizer.minimize(objective, self.counters.gradient_steps - self.counters.first_step)
 
     def _complaint(self, batch: BatchLoss, rows: Rows, chosen: NDArray[np.int64]) -> str:
         """One line about the first transition of a batch whose loss is not finite, or nothing."""
