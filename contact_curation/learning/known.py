@@ -23,7 +23,7 @@ A0 is what was known before the first toss: the spread of the published initiali
 one more toss, with score variance sigma^4 A0, so that a vertex that nothing touched is known as well as before, and no better.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +35,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.covariance import model_covariance, sandwich_covariance
 from contact_curation.information.subspace import identifiable_subspace
-from contact_curation.learning.polytope_sums import PolytopeSums, moved, polytope_sums
+from contact_curation.learning.polytope_sums import PolytopeSums, polytope_sums
 from contact_curation.motion.transitions import Transitions
 
 
@@ -68,7 +68,7 @@ class KnownParameter(NamedTuple):
     Attributes:
         name: as in `ParameterForm.names`.
         unit: "mm", "deg" or "" for friction.
-        value: of the model; a tilt is measured from the model's own normal and is zero.
+        value: of the model; a tilt is measured from its own normal and is zero, the height is the ground's amid the tosses.
         cramer_rao, sandwich, naive: see above; inf where the empirical Fisher matrix is singular.
     """
 
@@ -130,7 +130,7 @@ def known(model: PolytopeModel, fitted: Transitions, others: Transitions, config
     Raises:
         InvalidValueError: the geometry has no physical form, or no toss says anything of theta.
     """
-    model = moved(model, np.zeros(_size(model)))  # into the physical form, its tilt about its own normal
+    model = _about_the_middle(model, fitted)
     sums = polytope_sums(model, fitted, Estimator.GAUSS_NEWTON, config.loss)
     information = sums.fishers.sum(axis=0)
     variance = noise_variance(model, others, config.loss)
@@ -173,8 +173,12 @@ def _inverse(matrix: Array) -> Array:
     return model_covariance(subspace, 1.0)
 
 
-def _size(model: PolytopeModel) -> int:
-    return parameter_form(model.geometry(), Form.PHYSICAL).size
+def _about_the_middle(model: PolytopeModel, data: Transitions) -> PolytopeModel:
+    """The same ground, its height told where the tosses were; tilt and height then keep apart as well as they can."""
+    geometry = model.geometry()
+    pivot = np.array([*data.before[:, :2].mean(axis=0), 0.0])
+    height = geometry.height + float(geometry.normal @ (geometry.pivot - pivot))
+    return PolytopeModel(replace(geometry, pivot=pivot, height=height), model.body, Form.PHYSICAL)
 
 
 def _by_block(model: PolytopeModel, values: dict[str, float]) -> Array:

@@ -16,7 +16,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.learning.polytope_fit import FitConfig, PolytopeFit, fit_polytope
 from contact_curation.learning.polytope_sums import moved, polytope_sums
 from contact_curation.motion.transitions import Transitions, transitions_of
-from test.simulated import RIG_NOISE, simulated_tosses
+from test.simulated import RIG_NOISE, TrackerNoise, simulated_tosses
 
 LOSS = LossConfig(threads=1)
 CONFIG = FitConfig(loss=LOSS)
@@ -53,6 +53,16 @@ def test_a_known_body_is_recovered_within_a_millimetre_and_a_hundredth_of_fricti
     assert distances_mm.max() < 1.0
     assert np.linalg.norm(found.tangents[0]) == pytest.approx(0.23, abs=0.01)
     assert np.degrees(np.arccos(found.normal[2])) < 0.1
+
+
+@pytest.mark.slow
+def test_velocities_through_a_trackers_median_filter_move_the_optimum_by_millimetres() -> None:
+    tracked = simulated_tosses(24, 2, TrackerNoise(0.0, 0.0), geometry=a_body())
+    rows = transitions_of(tracked, CONTACTNETS_CUBE.length_scale)
+    found = fit_polytope(PolytopeModel(a_body(), CONTACTNETS_CUBE, Form.PHYSICAL), rows, CONFIG).model.geometry()
+    distances_mm = 52.4 * np.linalg.norm(found.vertices_normal - a_body().vertices_normal, axis=1)
+    assert 5.0 < distances_mm.mean() < 10.0  # noise or none: the filter spreads impacts over frames
+    assert np.linalg.norm(found.tangents[0]) == pytest.approx(0.23, abs=0.01)
 
 
 def test_the_score_vanishes_where_a_fit_ends_and_the_loss_is_lower_nowhere_near(rows: Transitions, fit: PolytopeFit) -> None:
