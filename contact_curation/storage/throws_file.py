@@ -1,0 +1,82 @@
+"""Throws as a JSON file: what `design` writes, and `simulate` or a robot reads.
+
+    {"version": 1, "throws": [{"throw_id", "body", "position", "orientation_wxyz", "linear_velocity", "angular_velocity",
+                               "expected_information", "parameters_version"}, ...]}
+
+SI units; positions and velocities in the board's frame, angular velocities in the body's.
+"""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from contact_curation.design.throw import Throw
+from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.storage.atomic_file import write_atomically
+
+VERSION = 1
+LARGEST_BYTES = 64 << 20
+MOST_THROWS = 100_000
+
+
+def write_throws(path: Path, throws: Sequence[Throw]) -> None:
+    """Writes throws, whole or not at all.
+
+    Raises:
+        InvalidValueError: the file cannot be written there.
+    """
+    document = {"version": VERSION, "throws": [throw.to_mapping() for throw in throws]}
+    write_atomically(path, (json.dumps(document, indent=1) + "\n").encode())
+
+
+def read_throws(path: Path) -> tuple[Throw, ...]:
+    """The throws in a file, each id once.
+
+    Raises:
+        UnreadableInputError: there is no such file, or it holds no throws.
+    """
+    listed = _listed(path, _parsed(path))
+    throws: list[Throw] = []
+    for number, entry in enumerate(listed):
+        if not isinstance(entry, dict):
+            raise UnreadableInputError(path, f"throw {number}: found a JSON {type(entry).__name__}, expected an object")
+        try:
+            throws.append(Throw.from_mapping(entry))
+        except InvalidValueError as error:
+            raise UnreadableInputError(path, f"throw {number}: {error}") from error
+    _check_ids(path, throws)
+    return tuple(throws)
+
+
+def _parsed(path: Path) -> Any:
+    try:
+        with path.open("rb") as file:
+            text = file.read(LARGEST_BYTES + 1)
+    except OSError as error:
+        raise UnreadableInputError(path, f"cannot be read: {error.strerror}") from error
+    if len(text) > LARGEST_BYTES:
+        raise UnreadableInputError(path, f"holds more than {LARGEST_BYTES} bytes, expected throws")
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise UnreadableInputError(path, f"is not JSON: {error}") from error
+
+
+def _listed(path: Path, document: Any) -> list[Any]:
+    if not isinstance(document, dict) or not isinstance(document.get("throws"), list):
+        raise UnreadableInputError(path, "holds no throws, expected an object with the keys version and throws")
+    if document.get("version") != VERSION:
+        raise UnreadableInputError(path, f"version: found {str(document.get('version'))[:40]}, expected {VERSION}")
+    throws: list[Any] = document["throws"]
+    if not 0 < len(throws) <= MOST_THROWS:
+        raise UnreadableInputError(path, f"found {len(throws)} throws, expected 1 to {MOST_THROWS}")
+    return throws
+
+
+def _check_ids(path: Path, throws: Sequence[Throw]) -> None:
+    seen: set[str] = set()
+    for throw in throws:
+        if throw.throw_id in seen:
+            raise UnreadableInputError(path, f"throw_id: found {throw.throw_id} twice, expected each once")
+        seen.add(throw.throw_id)
