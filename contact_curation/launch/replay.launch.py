@@ -9,8 +9,8 @@ With your own tracker instead of a recording, leave `bag` empty. Without the tra
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
-from launch.conditions import IfCondition, LaunchConfigurationNotEquals
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration, NotEqualsSubstitution, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
@@ -35,7 +35,8 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument("train", default_value="false", description="train on what is kept, and rank by what is learned"),
         DeclareLaunchArgument("params_file", default_value=default_file, description="parameters of the nodes"),
     ]
-    more = {"pose_ingest": {"rules_of": LaunchConfiguration("bag")}}
+    bag = ParameterValue(LaunchConfiguration("bag"), value_type=str)  # a bag named 123 is no number
+    more = {"pose_ingest": {"rules_of": bag}}
     stages = [
         Node(
             package=PACKAGE,
@@ -45,7 +46,10 @@ def generate_launch_description() -> LaunchDescription:
             condition=IfCondition(LaunchConfiguration("train")) if name == OPTIONAL else None,
             parameters=[
                 LaunchConfiguration("params_file"),
-                {"store": PathJoinSubstitution([LaunchConfiguration("folder"), store]), **more.get(name, {})},
+                {
+                    "store": ParameterValue(PathJoinSubstitution([LaunchConfiguration("folder"), store]), value_type=str),
+                    **more.get(name, {}),
+                },
             ],
         )
         for name, store in STORES.items()
@@ -55,10 +59,10 @@ def generate_launch_description() -> LaunchDescription:
         executable="player",
         name="player",
         output="screen",
-        condition=LaunchConfigurationNotEquals("bag", ""),
+        condition=IfCondition(NotEqualsSubstitution(LaunchConfiguration("bag"), "")),
         parameters=[
             {
-                "bag": LaunchConfiguration("bag"),
+                "bag": bag,
                 "rate": ParameterValue(LaunchConfiguration("rate"), value_type=float),
                 "wait_for": 10.0,
                 "stay": True,

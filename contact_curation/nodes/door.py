@@ -4,6 +4,7 @@ import sys
 from collections.abc import Callable
 
 import rclpy
+from rclpy._rclpy_pybind11 import InvalidHandle, RCLError
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
@@ -17,7 +18,13 @@ class StageNode(Node):
     failure: BaseException | None = None
 
     def fail(self, error: BaseException) -> None:
-        """Ends the process with status 1; may be called from any thread."""
+        """Ends the process with status 1; may be called from any thread.
+
+        A job that still wanted to publish when the middleware was gone is no failure: what was not announced is announced
+        after the next start.
+        """
+        if isinstance(error, RCLError | InvalidHandle) and not self.context.ok():
+            return
         self.failure = error
         self.context.try_shutdown()
 

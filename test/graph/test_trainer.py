@@ -75,3 +75,17 @@ def test_held_out_recordings_that_are_not_there_are_one_line(graph: Graph) -> No
     assert trainer.wait(30.0) == 1
     assert "trainer: parameter held_out: found " in trainer.log()
     assert "Traceback" not in trainer.log()
+
+
+def test_a_trainer_that_is_asked_to_end_while_it_trains_ends_with_status_0_and_a_checkpoint(
+    graph: Graph, golden_bag: Path
+) -> None:
+    statuses = graph.statuses()
+    for stage in ("pose_ingest", "fisher_scorer", "curator"):
+        graph.start(stage)
+    trainer = graph.start("trainer", held_out=[golden_bag], steps=1_000_000)
+    graph.start("player", bag=golden_bag, rate=20.0, wait_for=10.0, stay=True)
+    graph.until(lambda: statuses, LONG, "the first round to begin")
+    assert trainer.stop() == 0, trainer.log()
+    assert "Traceback" not in trainer.log()
+    assert (graph.folder / "trainer.safetensors").exists()
