@@ -18,4 +18,4 @@ def height_parameters(model: Model) -> tuple[Tensor, ...]:
 
 def ground_excess(heights: tuple[Tensor, ...]) -> Tensor:
     """The sum () of their squares."""
-    return torch.stack([height.square() for height in heights]).sum()
+    return torch.stack(heights).square().sum()

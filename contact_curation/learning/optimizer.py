@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -40,8 +41,8 @@ class Optimizer:
         """Takes step number `step` of the budget down `objective`, if its gradient is finite; says whether it is."""
         self._adam.zero_grad()
         objective.backward()  # type: ignore[no-untyped-call]
-        slopes = [parameter.grad for parameter in self._parameters.values() if parameter.grad is not None]
-        if not bool(torch.isfinite(torch.nn.utils.get_total_norm(slopes))):
+        slopes = [parameter.grad.numpy() for parameter in self._parameters.values() if parameter.grad is not None]
+        if not all(np.isfinite(slope.sum()) for slope in slopes):
             return False
         share = self._config.rate(step)
         for group, pace in zip(self._adam.param_groups, self._paces, strict=True):

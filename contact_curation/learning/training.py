@@ -14,12 +14,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.model import BatchLoss, Model, Rows
+from contact_curation.contact.model import Model, Rows
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.models import initial_model, model_of_tensors, tensors_of
 from contact_curation.errors import InvalidValueError
@@ -220,22 +219,24 @@ class Training:
         chosen = self._batches.take()
         rows = rows_of(self._data).take(chosen)
         batch = self.model.batch_loss(rows, self.config.loss)
-        complaint = self._complaint(batch, rows, chosen)
+        values, solved = batch.losses.detach().numpy(), batch.solved.numpy()  # for one row ten times as fast as torch
+        complaint = self._complaint(values, solved, rows, chosen)
         if complaint:
             self._end(TrainingState.FAILED, complaint)
             return
-        now, losses = self.counters, batch.losses[batch.solved]
-        if len(losses) and not self._descend(losses, batch.regularizer):
+        count = int(np.count_nonzero(solved))
+        if count and not self._descend(batch.losses if count == len(solved) else batch.losses[batch.solved], batch.regularizer):
             culprit = not_finite_gradient(self.model, rows, self.config.loss)
             self._end(TrainingState.FAILED, f"{self._name(int(chosen[culprit]))}: its gradient is not finite")
             return
+        now = self.counters
         self.counters = replace(
             now,
             gradient_steps=now.gradient_steps + 1,
             epochs=now.epochs + self._batches.at_epoch_end,
-            not_solved=now.not_solved + len(chosen) - len(losses),
-            loss_sum=now.loss_sum + float(losses.detach().sum()),
-            loss_count=now.loss_count + len(losses),
+            not_solved=now.not_solved + len(solved) - count,
+            loss_sum=now.loss_sum + float(values.sum(where=solved)),
+            loss_count=now.loss_count + count,
         )
         self._after_step()
 
@@ -247,15 +248,14 @@ class Training:
             objective = objective + config.ground * ground_excess(self._heights)
         return self.optimizer.minimize(objective, self.counters.gradient_steps - self.counters.first_step)
 
-    def _complaint(self, batch: BatchLoss, rows: Rows, chosen: NDArray[np.int64]) -> str:
+    def _complaint(self, values: Array, solved: NDArray[np.bool_], rows: Rows, chosen: NDArray[np.int64]) -> str:
         """One line about the first transition of a batch whose loss is not finite, or nothing."""
-        wrong = batch.solved & ~torch.isfinite(batch.losses.detach())
-        if not bool(batch.solved.all()):
-            unsolved: Tensor = torch.nonzero(~batch.solved)[:, 0]
-            wrong[unsolved] = not_finite(self.model, rows.take(unsolved.numpy()))
-        if not bool(wrong.any()):
+        wrong = ~np.isfinite(values)
+        if not wrong.any():
             return ""
-        return f"{self._name(int(chosen[int(torch.nonzero(wrong)[0, 0])]))}: its loss is not finite"
+        unsolved = np.flatnonzero(~solved)
+        wrong[unsolved] = not_finite(self.model, rows.take(unsolved)).numpy()
+        return f"{self._name(int(chosen[np.argmax(wrong)]))}: its loss is not finite" if wrong.any() else ""
 
     def _after_step(self) -> None:
         now, config = self.counters, self.config
