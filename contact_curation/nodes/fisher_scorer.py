@@ -22,16 +22,15 @@ from contact_curation.nodes.catch_up import CatchUp, Cursor, Source
 from contact_curation.nodes.complaints import Complaints
 from contact_curation.nodes.door import StageNode, run
 from contact_curation.nodes.health import Health, HealthReport
-from contact_curation.nodes.messages.model_parameters import geometry_of
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.toss_information import information_message
 from contact_curation.nodes.parameters import declare, declare_config
 from contact_curation.nodes.qos import RESULTS_KEPT, kept
+from contact_curation.nodes.scored_theta import ScoredTheta, read_scored_theta, theta_of_geometry
 from contact_curation.nodes.scoring_stage import Announcement, ScoringStage, checked_body
 from contact_curation.nodes.worker import Worker
 from contact_curation.storage.information_store import InformationStore
 from contact_curation.storage.state_store import StateStore
-from contact_curation.storage.theta_file import read_theta
 
 TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16)
 
@@ -48,12 +47,12 @@ class FisherScorer(StageNode):
         config = declare_config(self, ScoringConfig(loss=replace(DEFAULT_LOSS, threads=1)))
         parameters = declare(self, "params", "", "theta to begin with: JSON file or checkpoint; empty: the body as described")
         store = Path(declare(self, "store", "information.sqlite", "file that information is kept in"))
-        geometry = ContactGeometry.of_body(self._body)
+        theta = theta_of_geometry(ContactGeometry.of_body(self._body))
         if parameters:
-            geometry, self._body = read_theta(Path(parameters), self._body)
+            theta, self._body = read_scored_theta(Path(parameters), self._body)
         self._informations = InformationStore(store)
         self._states = StateStore(store.with_name(f"{store.name}.state"))
-        self._stage = ScoringStage(self._body, config, self._informations, self._states, geometry)
+        self._stage = ScoringStage(self._body, config, self._informations, self._states, theta)
         self._complaints = Complaints(self)
         self._publisher = self.create_publisher(TossInformationMessage, "toss_information", kept(RESULTS_KEPT))
         while missed := self._stage.unannounced(LARGEST_PAGE):
@@ -98,7 +97,7 @@ class FisherScorer(StageNode):
         try:
             if message.body != self._body.name:
                 raise InvalidValueError("body of the parameters", message.body, self._body.name)
-            renewed = self._stage.renew(geometry_of(message))
+            renewed = self._stage.renew(ScoredTheta(message.model, bytes(message.safetensors)))
         except InvalidValueError as error:
             self._complaints.note("bad parameters", str(error))
             return

@@ -9,18 +9,17 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.record import TossInformation
-from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig
+from contact_curation.information.scoring import NotScored, ScoringConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.nodes.catch_up import Cursor
 from contact_curation.nodes.messages.headers import Stamped
-from contact_curation.nodes.messages.model_parameters import bytes_of_geometry, geometry_of_bytes
+from contact_curation.nodes.scored_theta import ScoredTheta, TossScorer, scorer_of
 from contact_curation.storage.information_store import InformationStore
 from contact_curation.storage.state_store import StateStore
 
-PARAMETERS, CURSOR, ANNOUNCED = "parameters", "cursor", "announced"
+PARAMETERS, MODEL, CURSOR, ANNOUNCED = "parameters", "model", "cursor", "announced"
 
 VERSIONS_KEPT = 2
 """Older thetas' information is dropped: it can be scored again."""
@@ -49,21 +48,22 @@ class ScoringStage:
         config: how tosses are scored.
         informations: where results are kept.
         states: where theta and the place in the stream are kept.
-        geometry: theta where no newer one is kept.
+        theta: where no newer one is kept.
 
     Raises:
         InvalidValueError: the store holds results of the same theta that were made in another way.
     """
 
     def __init__(
-        self, body: Body, config: ScoringConfig, informations: InformationStore, states: StateStore, geometry: ContactGeometry
+        self, body: Body, config: ScoringConfig, informations: InformationStore, states: StateStore, theta: ScoredTheta
     ) -> None:
         self._body = body
         self._config = config
         self._informations = informations
         self._states = states
-        known = states.load(PARAMETERS)
-        self._scorer = self._checked(Scorer(geometry if known is None else geometry_of_bytes(known), body, config))
+        kept, model = states.load(PARAMETERS), states.load(MODEL) or theta.model.encode()
+        known = theta if kept is None else ScoredTheta(model.decode(), kept)
+        self._scorer = self._checked(scorer_of(known, body, config))
 
     @property
     def version(self) -> str:
@@ -76,16 +76,17 @@ class ScoringStage:
         kept = json.loads(self._states.load(CURSOR) or b"{}")
         return Cursor(*kept["cursor"]) if kept.get("version") == self.version else Cursor()
 
-    def renew(self, geometry: ContactGeometry) -> bool:
+    def renew(self, theta: ScoredTheta) -> bool:
         """Goes on with another theta; False when it is the same.
 
         Raises:
-            InvalidValueError: the form cannot have this theta, or the store holds results of it that were made in another way.
+            InvalidValueError: no theta of such a model, one that the form cannot have, or the store holds results of it that
+                were made in another way.
         """
-        scorer = self._checked(Scorer(geometry, self._body, self._config))
+        scorer = self._checked(scorer_of(theta, self._body, self._config))
         if scorer.version == self.version:
             return False
-        self._states.save({PARAMETERS: bytes_of_geometry(geometry)})
+        self._states.save({PARAMETERS: theta.data, MODEL: theta.model.encode()})
         self._scorer = scorer
         self._informations.keep_newest_versions(VERSIONS_KEPT)
         return True
@@ -127,7 +128,7 @@ class ScoringStage:
         """The newest number; 0 while there is none."""
         return self._informations.last_sequence
 
-    def _checked(self, scorer: Scorer) -> Scorer:
+    def _checked(self, scorer: TossScorer) -> TossScorer:
         """The scorer, if results of its theta that are kept already are like its own."""
         stored = next(iter(self._informations.all_of(scorer.version)), None)
         if stored is None:

@@ -4,14 +4,20 @@ from contact_curation_msgs.msg import ModelParameters
 from rclpy.serialization import deserialize_message, serialize_message
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.deepvertex_model import DeepvertexModel
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.errors import InvalidValueError
+from contact_curation.information.scoring import ScoringConfig
+from contact_curation.learning.stored_model import model_bytes
 from contact_curation.nodes.messages.headers import Stamped, stamped_of
-from contact_curation.nodes.messages.model_parameters import geometry_of, parameters_message
+from contact_curation.nodes.messages.model_parameters import geometry_of_bytes, parameters_message
 from contact_curation.nodes.messages.toss import toss_message, toss_of
 from contact_curation.nodes.messages.toss_information import information_message, information_of
+from contact_curation.nodes.scored_theta import ScoredTheta, scorer_of
 from test.graph.offline import scored
 from test.simulated import RIG_NOISE, simulated_tosses
+
+DEEPVERTEX = model_bytes(DeepvertexModel(CONTACTNETS_CUBE.scaled_vertices, CONTACTNETS_CUBE))
 
 
 def test_a_toss_comes_back_from_the_wire_bit_for_bit() -> None:
@@ -57,7 +63,7 @@ def test_theta_comes_back_from_safetensors_bit_for_bit() -> None:
     theta = ContactGeometry(
         cube.vertices_normal * 1.01, cube.normal, cube.vertices_tangent, cube.tangents, np.array([0.1, 0.2, 0.3]), 0.02
     )
-    heard = geometry_of(parameters_message(theta, "cube", "v"))
+    heard = geometry_of_bytes(bytes(parameters_message(theta, "cube", "v").safetensors))
     for name in ("vertices_normal", "normal", "vertices_tangent", "tangents", "pivot", "height"):
         assert np.array_equal(getattr(heard, name), getattr(theta, name)), name
 
@@ -65,11 +71,13 @@ def test_theta_comes_back_from_safetensors_bit_for_bit() -> None:
 @pytest.mark.parametrize(
     ("message", "why"),
     [
-        (ModelParameters(model="deep"), "expected polytope"),
+        (ModelParameters(model="soft"), "model of the parameters: found 'soft', expected polytope, deep, "),
+        (ModelParameters(model="deep", safetensors=b"\x80\x04pickle"), "expected a deep for body cube"),
+        (ModelParameters(model="end_to_end", safetensors=DEEPVERTEX), "found deepvertex, expected end_to_end"),
         (ModelParameters(model="polytope", safetensors=b"\x80\x04pickle"), "no safetensors"),
         (ModelParameters(model="polytope", safetensors=bytes(2 << 20)), "at most"),
     ],
 )
-def test_parameters_that_are_no_polytope_are_refused_with_a_reason(message: ModelParameters, why: str) -> None:
+def test_parameters_of_no_model_or_of_another_are_refused_with_a_reason(message: ModelParameters, why: str) -> None:
     with pytest.raises(InvalidValueError, match=why):
-        geometry_of(message)
+        scorer_of(ScoredTheta(message.model, bytes(message.safetensors)), CONTACTNETS_CUBE, ScoringConfig())

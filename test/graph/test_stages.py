@@ -19,6 +19,7 @@ from contact_curation.information.scoring import ScoringConfig
 from contact_curation.nodes.catch_up import Cursor
 from contact_curation.nodes.curation_stage import CurationConfig, CurationStage
 from contact_curation.nodes.messages.curated_buffer import buffer_message
+from contact_curation.nodes.scored_theta import theta_of_geometry
 from contact_curation.nodes.scoring_stage import ScoringStage, checked_body
 from contact_curation.nodes.selection import StreamingSelection
 from contact_curation.storage.information_store import InformationStore
@@ -44,7 +45,7 @@ def stores(folder: Path) -> Iterator[tuple[InformationStore, StateStore]]:
 @contextmanager
 def scoring(folder: Path) -> Iterator[ScoringStage]:
     with stores(folder) as (informations, states):
-        yield ScoringStage(CONTACTNETS_CUBE, ScoringConfig(), informations, states, CUBE)
+        yield ScoringStage(CONTACTNETS_CUBE, ScoringConfig(), informations, states, theta_of_geometry(CUBE))
 
 
 @contextmanager
@@ -83,8 +84,8 @@ def test_a_new_theta_is_kept_over_a_death_and_begins_anew(tmp_path: Path) -> Non
         stage.advance(Cursor(2, TOSSES[1].toss_id))
         before = stage.version
         assert stage.cursor == Cursor(2, TOSSES[1].toss_id)
-        assert not stage.renew(CUBE)
-        assert stage.renew(LARGER)
+        assert not stage.renew(theta_of_geometry(CUBE))
+        assert stage.renew(theta_of_geometry(LARGER))
         assert stage.cursor == Cursor()
     with scoring(tmp_path) as stage:
         assert stage.version != before
@@ -97,7 +98,7 @@ def test_results_made_in_two_ways_do_not_go_into_one_store(tmp_path: Path) -> No
         stage.score(TOSSES[:1], FRAMES)
     other = ScoringConfig(estimator=Estimator.EMPIRICAL)
     with stores(tmp_path) as (informations, states), pytest.raises(InvalidValueError, match="expected gauss-newton"):
-        ScoringStage(CONTACTNETS_CUBE, other, informations, states, CUBE)
+        ScoringStage(CONTACTNETS_CUBE, other, informations, states, theta_of_geometry(CUBE))
 
 
 def test_a_toss_of_another_body_is_refused() -> None:

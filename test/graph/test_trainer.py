@@ -3,9 +3,11 @@
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.information.model_version import model_version
-from contact_curation.nodes.messages.model_parameters import geometry_of
+from contact_curation.nodes.messages.model_parameters import geometry_of_bytes
 from contact_curation.storage.checkpoint_file import read_model
 from test.graph.graph import Graph
 from test.graph.offline import tosses_of
@@ -15,11 +17,11 @@ TOP = 6
 TRAINER: dict[str, Any] = {"steps": 60, "settling_rounds": 1}
 
 
-def started(graph: Graph, bag: Path) -> None:
+def started(graph: Graph, bag: Path, **changed: Any) -> None:
     for stage in ("pose_ingest", "fisher_scorer"):
         graph.start(stage)
     graph.start("curator", top=TOP)
-    graph.start("trainer", held_out=[bag], **TRAINER)
+    graph.start("trainer", held_out=[bag], **{**TRAINER, **changed})
     graph.start("player", bag=bag, rate=20.0, wait_for=10.0, stay=True)
 
 
@@ -53,7 +55,8 @@ def test_what_is_kept_is_trained_on_and_everything_is_scored_and_ranked_again_at
     model = read_model(graph.folder / "trainer.safetensors")
     assert isinstance(model, PolytopeModel)
     assert model_version(model) == parameters[-1].version == statuses[-1].parameters_version
-    assert (geometry_of(parameters[-1]).vertices_normal == model.geometry().vertices_normal).all()
+    heard = geometry_of_bytes(bytes(parameters[-1].safetensors))
+    assert (heard.vertices_normal == model.geometry().vertices_normal).all()
 
 
 def test_a_trainer_that_is_killed_in_mid_stream_goes_on_from_its_checkpoint(graph: Graph, golden_bag: Path) -> None:
@@ -89,3 +92,17 @@ def test_a_trainer_that_is_asked_to_end_while_it_trains_ends_with_status_0_and_a
     assert trainer.stop() == 0, trainer.log()
     assert "Traceback" not in trainer.log()
     assert (graph.folder / "trainer.safetensors").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["deep", "deepvertex", "end_to_end"])
+def test_a_network_goes_round_the_same_loop(graph: Graph, golden_bag: Path, kind: str) -> None:
+    parameters, _, _, information = graph.parameters(), graph.statuses(), graph.buffers(), graph.information()
+    started(graph, golden_bag, model=kind, steps=5, settling_rounds=0)
+    tosses = {toss.toss_id for toss in tosses_of(golden_bag)}
+    graph.until(lambda: at_rest(graph, len(tosses)), 4 * LONG, "the loop to come to rest")
+    at_newest = [one for one in information if one.parameters_version == parameters[-1].version]
+    assert {one.toss_id for one in at_newest} == tosses
+    assert {one.model for one in at_newest} == {kind}
+    model = read_model(graph.folder / "trainer.safetensors")
+    assert (model.kind.value, model_version(model)) == (kind, parameters[-1].version)

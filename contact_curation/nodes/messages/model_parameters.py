@@ -4,8 +4,6 @@ Keys are those of DESIGN 6: vertices_normal (V, 3), normal (3), vertices_tangent
 where the ground is not through the origin pivot (3) and height (1); all in characteristic lengths.
 """
 
-from typing import Any
-
 import numpy as np
 from contact_curation_msgs.msg import ModelParameters
 from safetensors import SafetensorError
@@ -21,19 +19,12 @@ LARGEST_BYTES = 1 << 20
 """Far more than 32 vertices take."""
 
 
-def geometry_of(message: Any) -> ContactGeometry:
-    """The polytope that a message carries.
+def geometry_of_bytes(data: bytes) -> ContactGeometry:
+    """The polytope in safetensors bytes.
 
     Raises:
-        InvalidValueError: another model, bytes that are no safetensors, or arrays that are no polytope.
+        InvalidValueError: bytes that are no safetensors, or arrays that are no polytope.
     """
-    if message.model != MODEL:
-        raise InvalidValueError("model of the parameters", repr(message.model), MODEL)
-    return geometry_of_bytes(bytes(message.safetensors))
-
-
-def geometry_of_bytes(data: bytes) -> ContactGeometry:
-    """The polytope in safetensors bytes; errors as `geometry_of`."""
     if len(data) > LARGEST_BYTES:
         raise InvalidValueError("parameters", f"{len(data)} bytes", f"at most {LARGEST_BYTES}")
     try:
