@@ -8,6 +8,7 @@ which turns the normal the shortest way to F_0 + t F_1:2. The slopes are written
 as much as its operations.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -26,9 +27,8 @@ def tilted_plane(tilt: Tensor, log_friction: Tensor, frame: Tensor) -> tuple[Ten
 class _TiltedPlane(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, tilt: Tensor, log_friction: Tensor, frame: Tensor) -> tuple[Tensor, Tensor]:
-        lean, axes = tilt.detach().cpu().numpy(), frame.cpu().numpy()
-        friction = np.exp(log_friction.detach().cpu().numpy())
-        turn, by_lean = _turn(lean)
+        axes, friction = frame.cpu().numpy(), math.exp(float(log_friction))
+        turn, by_lean = _turn(*tilt.tolist())
         ctx.slopes, ctx.friction = by_lean @ axes, friction  # (2, 3, 3): of the turned frame
         turned = turn @ axes
         ctx.tangents = friction * turned[1:]
@@ -43,20 +43,14 @@ class _TiltedPlane(torch.autograd.Function):
         return torch.as_tensor(by_tilt).to(by_normal), torch.as_tensor(by_friction).to(by_normal), None
 
 
-def _turn(lean: Array) -> tuple[Array, Array]:
-    """Q (3, 3) and its derivatives (2, 3, 3) by the tilt (2,)."""
-    outer = np.outer(lean, lean)
-    size = np.sqrt(1.0 + outer[0, 0] + outer[1, 1])
-    inverse, bend = 1.0 / size, 1.0 / (size * (size + 1.0))
-    turn, slopes = np.empty((3, 3)), np.empty((2, 3, 3))
-    turn[0, 0], turn[0, 1:], turn[1:, 0] = inverse, inverse * lean, -inverse * lean
-    turn[1:, 1:] = np.eye(2) - bend * outer
-    by_inverse, by_bend = -(inverse**3) * lean, -(2.0 * size + 1.0) * bend**2 * inverse * lean  # (2,), by the tilt
-    sideways = by_inverse[:, None] * lean + inverse * np.eye(2)  # (2, 2)
-    slopes[:, 0, 0], slopes[:, 0, 1:], slopes[:, 1:, 0] = by_inverse, sideways, -sideways
-    slopes[:, 1:, 1:] = -by_bend[:, None, None] * outer - bend * _OUTER_SLOPES @ lean
-    return turn, slopes
-
-
-_OUTER_SLOPES: Array = np.einsum("ki,jl->kijl", np.eye(2), np.eye(2)) + np.einsum("kj,il->kijl", np.eye(2), np.eye(2))
-"""(2, 2, 2, 2): applied to t, d (t t^T) / dt_k = e_k t^T + t e_k^T."""
+def _turn(a: float, b: float) -> tuple[Array, Array]:
+    """Q (3, 3) and its derivatives (2, 3, 3) by the tilt t = (a, b)."""
+    size = math.sqrt(1.0 + a * a + b * b)
+    u, c = 1.0 / size, 1.0 / (size * (size + 1.0))
+    turn = [[u, u * a, u * b], [-u * a, 1.0 - c * a * a, -c * a * b], [-u * b, -c * a * b, 1.0 - c * b * b]]
+    by_size = -(2.0 * size + 1.0) * c * c  # of c
+    ua, ub, ca, cb = -a * u**3, -b * u**3, by_size * a * u, by_size * b * u  # of u and c, by a and by b
+    along_a, along_b, cross_a, cross_b = ua * a + u, ub * b + u, ca * a * b + c * b, cb * a * b + c * a
+    by_a = [[ua, along_a, ua * b], [-along_a, -ca * a * a - 2.0 * c * a, -cross_a], [-ua * b, -cross_a, -ca * b * b]]
+    by_b = [[ub, ub * a, along_b], [-ub * a, -cb * a * a, -cross_b], [-along_b, -cross_b, -cb * b * b - 2.0 * c * b]]
+    return np.array(turn), np.array([by_a, by_b])
