@@ -20,11 +20,14 @@ from contact_curation.nodes.parameters import declare, declare_config
 from contact_curation.storage.checkpoint_file import read_model
 from contact_curation.storage.parameters_file import read_parameters
 
+ROUND_STEPS = 400
+"""A round begins where the last one ended, so that it needs fewer steps than a training of its own."""
+
 
 def declared_protocol(node: Node, kind: ModelKind) -> TrainingConfig:
     """The protocol of a round: ours for this kind of model, with what the parameters change."""
     ours = budgeted(kind)
-    steps = declare(node, "steps", ours.steps or 1, "gradient steps of a round", bounds=(1, 1 << 31))
+    steps = declare(node, "steps", ROUND_STEPS, "gradient steps of a round", bounds=(1, 1 << 31))
     return replace(
         ours,
         form=Form(declare(node, "form", ours.form.value, "of theta", choices=[form.value for form in Form])),
