@@ -30,7 +30,7 @@ def test_help_imports_none_of_the_large_libraries() -> None:
     assert done.stderr.strip() == "[]"
 
 
-@pytest.mark.parametrize("verb", ["import", "rank", "score", "play"])
+@pytest.mark.parametrize("verb", ["import", "rank", "score", "train", "play"])
 def test_every_verb_explains_itself(cli: Cli, verb: str) -> None:
     done = cli(verb, "--help")
     assert done.status == 0
