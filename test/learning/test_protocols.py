@@ -38,9 +38,8 @@ def test_published_patience_is_500_over_twice_the_tosses_and_12(tosses: int, epo
 def test_our_protocol_has_a_budget_of_gradient_steps_and_bounds_influence(kind: ModelKind) -> None:
     config = budgeted(kind)
     assert config.steps is not None
-    assert config.epochs is None
-    assert config.form is Form.PHYSICAL
-    assert config.influence.bounds
+    assert (config.epochs, config.patience, config.form) == (None, None, Form.PHYSICAL)
+    assert config.influence.bounds == (kind is not ModelKind.END_TO_END)  # whose loss is a norm
 
 
 def test_the_cosine_falls_from_one_by_half_a_wave_to_zero() -> None:
@@ -74,6 +73,7 @@ def test_a_protocol_from_json_is_checked() -> None:
         {"steps": None, "epochs": 3},
         {"evaluation_steps": 0},
         {"regularizer": -0.1},
+        {"ground": -1.0},
         {"regularizer": float("nan")},
     ],
 )
