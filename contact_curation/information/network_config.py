@@ -15,7 +15,7 @@ class SketchConfig:
         seed: of these and of the reference.
     """
 
-    leading: int = 12
+    leading: int = 16
     random: int = 4
     seed: int = 0
 

@@ -114,14 +114,10 @@ class ForwardPass:
 
     def _by_free_impulses(self, contacts: Contacts, impulses: Tensor) -> Tensor:
         """Derivatives (B, R, 3K) of the residuals along the directions in which the impulses are free to move."""
-
-        def stacked(impulse: Tensor, said: Contacts, row: Frames) -> Tensor:
-            return torch.cat(residuals(said, row, impulse, self.config.weights))
-
         problems = cone_problems(contacts, self.frames, self.config)
         gradients = objectives(problems, impulses.numpy()).gradients
         bases = torch.as_tensor(free_directions(impulses.numpy(), gradients, self.config.cone))
-        by_impulse = torch.func.vmap(torch.func.jacrev(stacked))(impulses, contacts, self.frames)  # (B, R, K, 3)
+        by_impulse = residuals_by_impulses(contacts, self.frames, impulses, self.config)
         free: Tensor = torch.einsum("brkc,bkcd->brkd", by_impulse, bases).flatten(-2)
         return free
 
@@ -163,3 +159,23 @@ def forward_pass(model: NetworkModel, rows: Rows, config: LossConfig) -> Forward
 def contact_residuals(contacts: Contacts, frames: Frames, impulses: Tensor, config: LossConfig) -> Tensor:
     """All residuals (B, 6 + 6K) side by side."""
     return torch.cat(residuals(contacts, frames, impulses, config.weights), dim=-1)
+
+
+def residuals_by_impulses(contacts: Contacts, frames: Frames, impulses: Tensor, config: LossConfig) -> Tensor:
+    """Derivatives (B, 6 + 6K, K, 3) of all residuals by the impulses; in them residuals are linear, but for the penetration."""
+    weights, jacobians = config.weights, contacts.jacobians
+    batch, count = contacts.gaps.shape
+    change = torch.einsum("bac,bkic->baki", frames.inverse_mass, jacobians)  # (B, 6, K, 3)
+    slip = torch.einsum("bkta,ba->bkt", jacobians[:, :, 1:], frames.velocities_next)
+    speed = torch.linalg.vector_norm(slip, dim=-1)
+    own = contacts.gaps.new_zeros(batch, count, 6, 3)  # of each contact by its own impulse
+    own[..., 0, 0] = weights.complementarity_normal**0.5 * contacts.gaps_next
+    own[..., 1:3, 1:] = weights.complementarity_tangent**0.5 * contacts.gaps_next[..., None, None] * torch.eye(2)
+    own[..., 3:5, 0] = weights.dissipation**0.5 * slip
+    own[..., 3:5, 1:] = weights.dissipation**0.5 * speed[..., None, None] * torch.eye(2)
+    apart = torch.einsum("bkfi,kj->bfkji", own, torch.eye(count, dtype=own.dtype))  # (B, 6, K, K, 3)
+    *_, predicted = residuals(contacts, frames, impulses, weights)
+    touching = weights.penetration**0.5 * frames.dt[:, None] * (predicted < 0.0)
+    pressing = torch.einsum("bk,bka,baji->bkji", touching, jacobians[:, :, 0], change)
+    sideways, against = (apart[:, part].transpose(1, 2).flatten(1, 2) for part in (slice(1, 3), slice(3, 5)))
+    return torch.cat([weights.match**0.5 * change, apart[:, 0], sideways, against, pressing], dim=1)

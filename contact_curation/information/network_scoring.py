@@ -8,6 +8,7 @@ Tosses are taken one at a time, and random directions are drawn by toss id, so t
 """
 
 from collections.abc import Sequence
+from functools import cached_property
 from hashlib import sha256
 from itertools import pairwise
 from typing import NamedTuple
@@ -72,9 +73,15 @@ class NetworkScorer:
         self._physical = PhysicalScores.of(model.polytope) if isinstance(model, DeepModel) else None
         if self.network.physical_only and self._physical is None:
             raise InvalidValueError("physical block of model", model.kind.value, "deep, the only network with one")
-        self._sketch = None if self.network.physical_only else network_sketch(self.model, self.network.sketch)
         self._layers = _layers_of_networks(self.model)
-        self.blocks = self._blocks()
+
+    @cached_property
+    def blocks(self) -> tuple[ParameterBlock, ...]:
+        """The polytope's, then a sketched one per network."""
+        own = () if self._physical is None else self._physical.blocks
+        if self._sketch is None:
+            return own
+        return (*own, *_network_blocks(self._sketch, self._layers, own[-1].stop if own else 0))
 
     def losses(self, tosses: Sequence[Toss]) -> Array:
         """Losses (N,) of all scored transitions of `tosses`, for choosing an influence bound."""
@@ -164,13 +171,9 @@ class NetworkScorer:
         firsts = np.cumsum([0, *self._layers.values()])[:-1]
         return _Scores(sketch.rows(found.tape, deltas).numpy(), np.add.reduceat(norms, firsts))
 
-    def _blocks(self) -> tuple[ParameterBlock, ...]:
-        """The polytope's, then a sketched one per network."""
-        blocks = [] if self._physical is None else list(self._physical.blocks)
-        return (
-            *blocks,
-            *(_network_blocks(self._sketch, self._layers, blocks[-1].stop if blocks else 0) if self._sketch else ()),
-        )
+    @cached_property
+    def _sketch(self) -> NetworkSketch | None:
+        return None if self.network.physical_only else network_sketch(self.model, self.network.sketch)
 
 
 def _layers_of_networks(model: NetworkModel) -> dict[str, int]:

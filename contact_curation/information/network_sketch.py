@@ -1,10 +1,10 @@
 """A gradient by a network's weights in a few hundred numbers, so that inner products are nearly those of the gradients.
 
 Each layer's gradient sum_r delta_r a_r^T is projected from both sides, sum_r (P_o delta_r)(P_i a_r)^T, which never forms it
-(LoGra, Choe et al. 2024). Random projections alone are too rough at this size: a Kronecker product of two of rank 16 moves an
-inner product by a third. But one network's streams and slopes lie near few directions. So the first rows of each P are the
-leading directions of a reference, and only what is left is projected at random, which keeps inner products right on average
-whatever the reference. `benchmarks.network_information` measures what comes of it.
+(LoGra, Choe et al. 2024). Random projections alone are too rough at this size, since what a Kronecker product of two of rank R
+loses goes by 2 / R and not by 1 / R. But one network's streams and slopes lie near few directions. So the first rows of each P
+are the leading directions of a reference, and only what is left is projected at random, which keeps inner products right on
+average whatever the reference. `benchmarks.network_information` measures what comes of it.
 
 The reference follows from the model alone, poses of its body at random and slopes at random, so that the same theta has the
 same sketch in every process.
@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import scipy.linalg
 import torch
 from torch import Tensor
 
@@ -28,7 +29,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.network_config import SketchConfig
 from contact_curation.information.network_pass import NetworkModel, said_of
 
-REFERENCE_POSES = 1024
+REFERENCE_POSES = 256
 REFERENCE_PERIOD = 1.0 / 150.0
 """From one pose to the next [s]; only how the body moves within it matters."""
 
@@ -117,9 +118,16 @@ def _projection(reference: Array, config: SketchConfig, rng: np.random.Generator
     size = reference.shape[1]
     if size <= config.size:
         return torch.eye(size, dtype=torch.float64)
-    _, vectors = np.linalg.eigh(reference.T @ reference)
-    leading = vectors[:, size - config.leading :].T
-    strongest = leading[np.arange(len(leading)), np.abs(leading).argmax(axis=1)]
-    leading = leading * np.sign(strongest)[:, None]  # LAPACK may return either sign
+    leading = _leading(reference, config.leading)
     random = rng.standard_normal((config.random, size)) / np.sqrt(max(config.random, 1))
     return torch.as_tensor(np.concatenate([leading, random - (random @ leading.T) @ leading]))
+
+
+def _leading(reference: Array, count: int) -> Array:
+    """Orthonormal rows (count, D) that hold the most of vectors (N, D)."""
+    size = reference.shape[1]
+    if count == 0:
+        return np.zeros((0, size))
+    _, vectors = scipy.linalg.eigh(reference.T @ reference, subset_by_index=(size - count, size - 1))
+    strongest = vectors[np.abs(vectors).argmax(axis=0), np.arange(count)]
+    return np.asarray((vectors * np.sign(strongest)).T)  # LAPACK may return either sign

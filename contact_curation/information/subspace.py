@@ -85,8 +85,11 @@ def leading_subspace(fisher: Array, directions: int, cut: float = EIGENVALUE_CUT
     Raises:
         InvalidValueError: nothing is identifiable, because no toss carries information.
     """
-    values, vectors = np.linalg.eigh(fisher)
-    if not values.max(initial=0.0) > 0.0:
+    import scipy.linalg  # only networks need it
+
+    size = len(fisher)
+    values, vectors = scipy.linalg.eigh(fisher, subset_by_index=(max(size - directions, 0), size - 1))  # ascending
+    if not values[-1] > 0.0:
         raise InvalidValueError("pooled information", "zero", "at least one toss that tells something about theta")
-    kept = np.flatnonzero(values > cut * values.max())[-directions:]
+    kept = values > cut * values[-1]
     return IdentifiableSubspace(vectors[:, kept] / np.sqrt(values[kept]), eigenvalues=values[kept])

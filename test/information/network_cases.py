@@ -1,0 +1,65 @@
+"""Networks and their scores the long way, one transition after the other by automatic differentiation."""
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+import torch
+
+from contact_curation.contact.deep_model import DeepModel
+from contact_curation.contact.deepvertex_model import DeepvertexModel
+from contact_curation.contact.end_to_end_model import EndToEndModel, ImpulseLoss
+from contact_curation.contact.evaluation import DEFAULT_LOSS, LossConfig
+from contact_curation.contact.model import Rows
+from contact_curation.contact.model_kind import ModelKind
+from contact_curation.contact.models import initial_model
+from contact_curation.contact.parameter_form import Form
+from contact_curation.contact.stream_network import StreamNetwork
+from contact_curation.geometry.quaternions import Array
+from contact_curation.information.network_pass import NetworkModel
+from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import transitions_of
+from test.contact.cases import CUBE
+from test.simulated import RIG_NOISE, simulated_tosses
+
+NETWORKS = (ModelKind.DEEP, ModelKind.DEEPVERTEX, ModelKind.END_TO_END)
+
+
+@cache
+def tosses(count: int = 6) -> tuple[Toss, ...]:
+    return simulated_tosses(count, seed=31, noise=RIG_NOISE)
+
+
+def rows_of(given: Sequence[Toss]) -> Rows:
+    found = transitions_of(given, CUBE.length_scale)
+    return Rows(found.before, found.after, found.dt)
+
+
+@cache
+def network(kind: ModelKind, form: Form = Form.PHYSICAL) -> NetworkModel:
+    """A model at random; end to end it has the loss whose information is taken."""
+    model = initial_model(kind, CUBE, form, rows_of(tosses()), np.random.default_rng(7))
+    assert isinstance(model, DeepModel | DeepvertexModel | EndToEndModel)
+    if isinstance(model, EndToEndModel):
+        model.loss = ImpulseLoss.SQUARED
+    return model
+
+
+def weights_of(model: NetworkModel) -> dict[str, list[torch.Tensor]]:
+    """The parameters of each network, layer by layer."""
+    children = {name: child for name, child in model.named_children() if isinstance(child, StreamNetwork)}
+    return {name: [value for layer in child.linear for value in (layer.weight, layer.bias)] for name, child in children.items()}
+
+
+def long_scores(model: NetworkModel, rows: Rows, config: LossConfig = DEFAULT_LOSS) -> dict[str, Array]:
+    """Scores (B, P) by each network's weights; zero where nothing is solved."""
+    weights = weights_of(model)
+    found: dict[str, list[Array]] = {name: [] for name in weights}
+    for t in range(len(rows.dt)):
+        batch = model.batch_loss(rows.take([t]), config)
+        model.zero_grad()
+        torch.where(batch.solved, batch.losses, 0.0).sum().backward()  # type: ignore[no-untyped-call]
+        for name, values in weights.items():
+            slopes = [torch.zeros_like(value) if value.grad is None else value.grad for value in values]
+            found[name].append(-0.5 * torch.cat([slope.flatten() for slope in slopes]).numpy())
+    return {name: np.stack(scores) for name, scores in found.items()}
