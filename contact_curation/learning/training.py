@@ -183,7 +183,8 @@ class Training:
         for _ in range(steps):
             if self.counters.state is not TrainingState.RUNNING:
                 break
-            self._step()
+            with np.errstate(all="ignore"):  # what is not finite is named, not warned of
+                self._step()
         return self.progress
 
     def replace_data(self, data: Transitions, fresh_budget: bool = False) -> None:
