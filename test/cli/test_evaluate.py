@@ -86,6 +86,16 @@ def test_a_checkpoint_is_judged_by_what_it_held_out_and_known_by_what_it_learned
     assert len(done.json["known"]["vertices"]) == 8
 
 
+def test_what_neither_judges_nor_was_learned_from_is_left_alone(
+    cli: Cli, folder: Path, checkpoint: Path, tmp_path: Path
+) -> None:
+    assert cli("evaluate", checkpoint, folder, *QUICK, "--held-out", "5", "--json").json["known"]["tosses"] == 5
+    out = tmp_path / "best.safetensors"
+    trained = cli("train", folder, "--out", out, "--steps", 1, "--held-out", "5,6", "--top", 3, "--criterion", "longest")
+    assert trained.status == 0
+    assert cli("evaluate", out, folder, *QUICK, "--json").json["known"]["tosses"] == 3
+
+
 def test_tosses_that_it_learned_from_are_no_judges_without_a_word(cli: Cli, folder: Path, checkpoint: Path) -> None:
     done = cli("evaluate", checkpoint, folder, *QUICK, "--held-out", "0,5")
     assert done.status == 0

@@ -18,7 +18,14 @@ from contact_curation.contact.rollout import rollout
 from contact_curation.contact.time_step import SweepLimits
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.bootstrap import BootstrapConfig
-from contact_curation.learning.evaluation import EvaluationConfig, comparison, evaluate_model, shape_errors, summary
+from contact_curation.learning.evaluation import (
+    EvaluationConfig,
+    comparison,
+    evaluate_model,
+    shape_errors,
+    summary,
+    transition_losses,
+)
 from contact_curation.learning.motion_errors import motion_errors
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
@@ -99,9 +106,15 @@ def test_nothing_finite_has_no_summary(tosses: tuple[Toss, ...]) -> None:
 
 
 def test_what_the_solvers_could_not_do_is_counted(tosses: tuple[Toss, ...]) -> None:
-    config = replace(CONFIG, loss=LossConfig(max_iterations=3), sweeps=SweepLimits(tolerance=1e-12, max_sweeps=1))
+    config = replace(CONFIG, loss=LossConfig(max_iterations=14), sweeps=SweepLimits(tolerance=1e-12, max_sweeps=1))
     found = evaluate_model(cube(), tosses, config)
-    assert 0 < found.not_solved <= found.transitions
+    assert 0 < found.not_solved < found.transitions
+    rows = transitions_of(tosses, CONTACTNETS_CUBE.length_scale)
+    losses, solved = transition_losses(cube(), Rows(rows.before, rows.after, rows.dt), config.loss)
+    own = slice(int(rows.starts[1]), int(rows.starts[2]))
+    assert not solved[own].all()
+    assert found.losses[1] == pytest.approx(losses[own][solved[own]].mean())
+    assert found.mean_loss == pytest.approx(losses[solved].mean())
     assert 0 < found.sweeps_exhausted <= found.steps
 
 
