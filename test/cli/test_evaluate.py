@@ -58,6 +58,20 @@ def test_the_true_cube_reaches_its_floor_on_all_real_tosses(cli: Cli, contactnet
     assert done.json["models"][0]["not_finite"] == []
 
 
+def test_a_judge_that_was_fitted_to_under_another_id_is_told(
+    cli: Cli, folder: Path, true_parameters: Path, tmp_path: Path
+) -> None:
+    for name, source in (("0", "0"), ("1", "1"), ("2", "2"), ("3", "1")):
+        (tmp_path / f"{name}.pt").write_bytes((folder / f"{source}.pt").read_bytes())
+    report = cli("evaluate", true_parameters, tmp_path, *QUICK, "--held-out", "2-3", "--json").json
+    assert report["twins"] == ["3"]
+    everything, others = report["summaries"].values()
+    rows = {row["toss_id"]: row["position"] for row in report["models"][0]["per_toss"]}
+    assert everything["position"]["mean"]["value"] == pytest.approx(np.mean([rows["2"], rows["3"]]))
+    assert others["position"]["mean"]["value"] == pytest.approx(rows["2"])
+
+
+@pytest.mark.slow
 def test_held_out_real_tosses_with_a_twin_among_the_others_are_told_and_left_out_of_a_table_of_their_own(
     cli: Cli, contactnets_folder: Path, true_parameters: Path
 ) -> None:
