@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import torch
 from contact_curation_msgs.msg import CuratedBuffer, ModelParameters, TrainingStatus
 
 from contact_curation.contact.model_kind import ModelKind
@@ -40,7 +39,6 @@ class Trainer(StageNode):
 
     def __init__(self) -> None:
         super().__init__("trainer")
-        torch.set_num_threads(1)  # the nodes of a graph share the processors
         self._body = declared_body(self)
         kind = ModelKind(declare(self, "model", "polytope", "what is trained", choices=[one.value for one in ModelKind]))
         protocol = declared_protocol(self, kind)

@@ -1,6 +1,5 @@
 """ModelParameters of any model; apart from the polytope's own, so that scoring a polytope needs no torch."""
 
-import torch
 from contact_curation_msgs.msg import ModelParameters
 
 from contact_curation.contact.body import Body
@@ -32,7 +31,7 @@ def model_message(model: Model, version: str, gradient_steps: int, stamped: Stam
 
 
 def network_scorer(kind: str, data: bytes, body: Body, config: ScoringConfig) -> NetworkScorer:
-    """What scores tosses for the network in `data`, on one thread: the nodes of a graph share the processors.
+    """What scores tosses for the network in `data`.
 
     Raises:
         InvalidValueError: bytes that are no such network, or one for another body.
@@ -43,5 +42,4 @@ def network_scorer(kind: str, data: bytes, body: Body, config: ScoringConfig) ->
         raise InvalidValueError("parameters", f"none ({error})", f"a {kind} for body {body.name}") from error
     if model.kind.value != kind or isinstance(model, PolytopeModel):
         raise InvalidValueError("model in the parameters", model.kind.value, kind)
-    torch.set_num_threads(1)
     return NetworkScorer(model, config)  # type: ignore[arg-type]  # a model that is no polytope is a network
