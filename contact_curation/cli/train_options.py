@@ -43,7 +43,7 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
         "--protocol",
         choices=PROTOCOLS,
         default=PROTOCOLS[0],
-        help="budgeted: so many steps of 128 transitions; published: ContactNets', until the held-out loss stops falling "
+        help="budgeted: so many steps in batches; published: ContactNets', until the held-out loss stops falling "
         "(default budgeted)",
     )
     group.add_argument("--steps", type=positive_integer, metavar="N", help="gradient steps at most")

@@ -52,7 +52,7 @@ def events(path: Path) -> list[dict[str, Any]]:
 
 def test_a_bag_is_trained_on_and_its_held_out_loss_falls(cli: Cli, golden: Path, tmp_path: Path) -> None:
     out = tmp_path / "cube.safetensors"
-    done = cli("train", golden, "--out", out, "--steps", 60)
+    done = cli("train", golden, "--out", out, "--steps", 60, "--set", "training.evaluation_steps=30")
     assert done.status == 0
     lines = done.out.splitlines()
     assert lines[0].startswith("polytope trained on 18 tosses, ")
