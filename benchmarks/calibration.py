@@ -24,8 +24,9 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel, initial_geometry
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.calibration import Calibration, calibration
-from contact_curation.learning.evaluation import shape_errors
+from contact_curation.learning.evaluation import EvaluationConfig, evaluate_model, shape_errors
 from contact_curation.learning.known import KnownConfig
+from contact_curation.learning.motion_errors import MotionErrors
 from contact_curation.learning.polytope_fit import PolytopeFit, fit_polytope
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
@@ -70,10 +71,11 @@ def main() -> int:
     fitted = time.perf_counter()
     found = calibration(fit.model, rows, others, arguments.resamples, arguments.seed, KnownConfig())
     seconds = fitted - begin, time.perf_counter() - fitted
+    errors = evaluate_model(fit.model, tosses[FIRST_HELD_OUT:], EvaluationConfig()).errors
     if arguments.json:
-        print(json.dumps(as_json(fit, found, seconds), indent=2))
+        print(json.dumps(as_json(fit, found, seconds, errors), indent=2))
     else:
-        print_table(fit, found, seconds)
+        print_table(fit, found, seconds, errors)
     return 0
 
 
@@ -91,7 +93,7 @@ def deviations(found: Calibration, kind: str) -> Array:
     return np.array([getattr(parameter, kind) for parameter in found.known.parameters])
 
 
-def as_json(fit: PolytopeFit, found: Calibration, seconds: tuple[float, float]) -> dict[str, Any]:
+def as_json(fit: PolytopeFit, found: Calibration, seconds: tuple[float, float], errors: MotionErrors) -> dict[str, Any]:
     """Everything."""
     rows = [
         {**parameter._asdict(), "bootstrap": deviation, "whole_hessian": whole}
@@ -107,17 +109,24 @@ def as_json(fit: PolytopeFit, found: Calibration, seconds: tuple[float, float]) 
         "fit_steps": fit.steps,
         "fit_seconds": seconds[0],
         "calibration_seconds": seconds[1],
+        "held_out_position_mean": float(errors.position.mean()),
+        "held_out_rotation_mean": float(errors.rotation.mean()),
         "parameters": rows,
     }
 
 
-def print_table(fit: PolytopeFit, found: Calibration, seconds: tuple[float, float]) -> None:
+def print_table(fit: PolytopeFit, found: Calibration, seconds: tuple[float, float], errors: MotionErrors) -> None:
     """For people."""
     shape = shape_errors(fit.model)
     known = found.known
     print(f"{known.tosses} tosses: fitted in {fit.steps} steps, {seconds[0]:.1f} s, converged: {fit.converged}")
     if shape:
         print(f"vertices {shape.vertex_rms_mm:.2f} mm RMS from the cube as described, friction {shape.friction:.4f}")
+    position, rotation = ((float(np.median(each)), float(each.mean())) for each in (errors.position, errors.rotation))
+    print(
+        "tosses from 400 on, median (mean): " + f"position {position[0]:.1f} ({position[1]:.1f}) % of the width, "
+        f"rotation {rotation[0]:.1f} ({rotation[1]:.1f}) degrees"
+    )
     resampled = f"{found.converged} of {found.resamples} resampled fits converged, {seconds[1]:.0f} s"
     print(f"sigma^2 {known.noise_variance:.4g}; {resampled}\n")
     print("median standard deviation")
