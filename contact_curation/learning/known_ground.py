@@ -5,7 +5,6 @@ tell the two apart, and the noise of a tracker is enough to hide it. So the prot
 near zero by w h^2, like a measurement of the board would. It is no part of the likelihood and enters no score (METHOD A4).
 """
 
-import torch
 from torch import Tensor
 
 from contact_curation.contact.model import Model
@@ -17,5 +16,5 @@ def height_parameters(model: Model) -> tuple[Tensor, ...]:
 
 
 def ground_excess(heights: tuple[Tensor, ...]) -> Tensor:
-    """The sum () of their squares."""
-    return torch.stack(heights).square().sum()
+    """The sum () of their squares; of the only one, where there is one, with no further operation."""
+    return sum((height.square() for height in heights[1:]), start=heights[0].square())

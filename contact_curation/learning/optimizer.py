@@ -23,7 +23,6 @@ class Optimizer:
     """
 
     def __init__(self, model: Model, config: TrainingConfig) -> None:
-        self._config = config
         trained = {name: value for name, value in model.named_parameters() if value.requires_grad}
         inside = {
             id(value) for module in model.modules() if isinstance(module, torch.nn.Linear) for value in module.parameters()
@@ -34,15 +33,19 @@ class Optimizer:
         )
         self._config = config
         self._parameters = trained
+        self._gradient = torch.zeros(sum(value.numel() for value in trained.values()), dtype=torch.float64)
+        pieces = torch.split(self._gradient, [value.numel() for value in trained.values()])
+        self._slopes = [piece.view(value.shape) for piece, value in zip(pieces, trained.values())]
         self._paces = [pace for values, pace in groups if values]
         self._adam = torch.optim.AdamW([_group(values, pace) for values, pace in groups if values], fused=True)
 
     def minimize(self, objective: Tensor, step: int) -> bool:
         """Takes step number `step` of the budget down `objective`, if its gradient is finite; says whether it is."""
-        self._adam.zero_grad()
+        self._gradient.zero_()
+        for parameter, slope in zip(self._parameters.values(), self._slopes):
+            parameter.grad = slope  # all of one array, so that it is cleared and looked at in one go
         objective.backward()  # type: ignore[no-untyped-call]
-        slopes = [parameter.grad.numpy() for parameter in self._parameters.values() if parameter.grad is not None]
-        if not all(np.isfinite(slope.sum()) for slope in slopes):
+        if not np.isfinite(self._gradient.numpy().sum()):
             return False
         share = self._config.rate(step)
         for group, pace in zip(self._adam.param_groups, self._paces, strict=True):
