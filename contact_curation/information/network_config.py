@@ -37,14 +37,14 @@ class NetworkConfig:
     """What is peculiar to networks; a model has a form of its own, so that that of `ScoringConfig` says nothing.
 
     Attributes:
-        draws: random directions per transition that stand for the Gauss-Newton matrix (METHOD 1.5); an end-to-end model and the
-            polytope alone need none.
+        draws: backward passes per transition that stand for the Gauss-Newton matrix (METHOD 1.5), all but one along its
+            strongest directions (`leading_slopes`); an end-to-end model and the polytope alone are taken exactly.
         seed: of the draws.
         sketch: how large gradients are kept.
         physical_only: whether only the parameters of a deep model's polytope count.
     """
 
-    draws: int = 4
+    draws: int = 6
     seed: int = 0
     sketch: SketchConfig = field(default_factory=SketchConfig)
     physical_only: bool = False

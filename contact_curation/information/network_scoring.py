@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from contact_curation.contact.deep_model import DeepModel
 from contact_curation.contact.end_to_end_model import EndToEndModel
@@ -25,6 +24,7 @@ from contact_curation.contact.stream_network import StreamNetwork
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.ghost_norms import ghost_norms, summed_gradient
+from contact_curation.information.leading_slopes import leading_slopes
 from contact_curation.information.model_version import model_version
 from contact_curation.information.network_config import NetworkConfig
 from contact_curation.information.network_pass import ForwardPass, NetworkModel, Slopes, forward_pass, frozen_copy
@@ -36,6 +36,9 @@ from contact_curation.information.score_folder import ScoreFolder
 from contact_curation.information.scoring import STORED, NotScored, ScoringConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
+
+OUTPUT_WEIGHTS = (4.0, 4.0, 1.0)
+"""Of gaps, gaps one frame later and Jacobians: tilt moves gaps by the place on the board, Jacobians by the body's own size."""
 
 
 class _Scores(NamedTuple):
@@ -112,8 +115,7 @@ class NetworkScorer:
         scores = self._scores(found, found.score_slopes(influence), centroid, toss.digest() if self._folder else None)
         information = scores
         if self.config.estimator is Estimator.GAUSS_NEWTON:
-            directions = self._directions(found, toss.toss_id)
-            information = self._scores(found, found.profile_slopes(directions, influence), centroid)
+            information = self._scores(found, self._profile(found, influence, toss.toss_id), centroid)
         factor = factor_of_rows(information.rows, self.config.compression)
         return TossInformation(
             toss_id=toss.toss_id,
@@ -140,14 +142,15 @@ class NetworkScorer:
         bounded = np.minimum(1.0, self.config.influence_bound / np.maximum(losses, np.finfo(float).tiny))
         return np.where(found.solved, bounded, 0.0)
 
-    def _directions(self, found: ForwardPass, toss_id: str) -> Tensor:
-        """Xi (n, B, `directions_size`) with second moment I."""
-        size, batch = found.directions_size, len(found.losses)
+    def _profile(self, found: ForwardPass, influence: Array, toss_id: str) -> Slopes:
+        """Slopes (n, B, ...) whose outer products sum to the Gauss-Newton matrix, or do so on average."""
+        units = torch.eye(found.directions_size, dtype=torch.float64)[:, None].expand(-1, len(found.losses), -1)
+        slopes = found.profile_slopes(units, influence)
         if self.network.physical_only or isinstance(self.model, EndToEndModel):
-            return torch.eye(size, dtype=torch.float64)[:, None].expand(-1, batch, -1)
+            return slopes
         digest = sha256(f"{self.network.seed}/{toss_id}".encode()).digest()
         rng = np.random.default_rng(int.from_bytes(digest[:16]))
-        return torch.as_tensor(rng.standard_normal((self.network.draws, batch, size)) / np.sqrt(self.network.draws))
+        return leading_slopes(slopes, self.network.draws, OUTPUT_WEIGHTS, rng)
 
     def _scores(self, found: ForwardPass, slopes: Slopes, centroid: Array, keep_as: str | None = None) -> _Scores:
         """Scores from slopes (n, B, ...) by what the model says; the networks' sum goes to the folder as `keep_as`."""

@@ -72,7 +72,7 @@ def test_every_estimator_ranks_for_every_network_as_the_library_does(
     traces = {info.toss_id: info.trace for info in infos if isinstance(info, TossInformation)}
     assert {row["toss_id"]: row["trace"] for row in report["tosses"]} == pytest.approx(traces, rel=1e-12)
     assert report["diagnostics"]["form"] == ("physical" if kind is ModelKind.DEEP else None)
-    assert report["diagnostics"]["network"]["draws"] == 4
+    assert report["diagnostics"]["network"]["draws"] == 6
 
 
 def test_orthogonal_takes_the_exact_scores(cli: Cli, folder: Path) -> None:
