@@ -1,0 +1,166 @@
+"""How a throw that is made differs from the one that was commanded, learned from throws (METHOD 5).
+
+The error of an execution has 12 numbers in the heading frame of the command: place (3) [m], turn (3) [rad], velocity (3) [m/s]
+and spin (3) [rad/s]. Each is taken in units of what is expected of it, which for the velocity grows with the speed; in these
+units errors are normal. Their mean and covariance begin at zero and one and move to what was measured, as many throws as the
+beginning counts for (a normal-inverse-Wishart posterior's mean).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from contact_curation.design.releases import headings
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.quaternions import Array
+
+ERRORS = 12
+
+
+@dataclass(frozen=True)
+class NoiseConfig:
+    """What errors are expected before any throw was measured: standard deviations, METHOD 5's by default.
+
+    Attributes:
+        position: of the place of release [m].
+        turn: of the orientation about each axis [rad].
+        speed: of the velocity, as a share of the speed.
+        velocity: of the velocity beside that [m/s].
+        spin: of the angular velocity [rad/s].
+        bias_counts: so many throws the expectation of no bias counts for.
+        spread_counts: so many throws the expected covariance counts for.
+    """
+
+    position: float = 0.005
+    turn: float = float(np.radians(5.0))
+    speed: float = 0.05
+    velocity: float = 0.03
+    spin: float = 0.4
+    bias_counts: float = 4.0
+    spread_counts: float = 24.0
+
+    def __post_init__(self) -> None:
+        for name in ("position", "turn", "velocity", "spin", "bias_counts", "spread_counts"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+                raise InvalidValueError(f"noise.{name}", getattr(self, name), "a positive number")
+        if not (np.isfinite(self.speed) and self.speed >= 0.0):
+            raise InvalidValueError("noise.speed", self.speed, "a number of at least 0")
+
+    def units(self, states: Array) -> Array:
+        """(K, 12) what is expected of the errors of commands (K, 13)."""
+        speeds = np.linalg.norm(states[:, 7:10], axis=1)
+        units = np.empty((len(states), ERRORS))
+        units[:, :3], units[:, 3:6], units[:, 9:] = self.position, self.turn, self.spin
+        units[:, 6:9] = np.hypot(self.velocity, self.speed * speeds)[:, None]
+        return units
+
+
+DEFAULT_NOISE = NoiseConfig()
+
+
+@dataclass(frozen=True, eq=False)
+class ExecutionNoise:
+    """The errors of executions.
+
+    Attributes:
+        config: their units.
+        bias: (12,) mean, in units.
+        covariance: (12, 12), in units.
+        throws: how many were learned from.
+    """
+
+    config: NoiseConfig
+    bias: Array
+    covariance: Array
+    throws: int = 0
+
+    @staticmethod
+    def expected(config: NoiseConfig = DEFAULT_NOISE) -> "ExecutionNoise":
+        """Before any throw was measured."""
+        return ExecutionNoise(config, np.zeros(ERRORS), np.eye(ERRORS))
+
+    @staticmethod
+    def learned(commanded: Array, executed: Array, config: NoiseConfig = DEFAULT_NOISE) -> "ExecutionNoise":
+        """From releases (K, 13) as commanded and as executed, in SI units.
+
+        Raises:
+            InvalidValueError: shapes that differ, or a number that is not finite.
+        """
+        if commanded.shape != executed.shape or commanded.ndim != 2 or commanded.shape[1] != 13:
+            raise InvalidValueError("executed throws", f"shapes {commanded.shape} and {executed.shape}", "twice (K, 13)")
+        if not (np.isfinite(commanded).all() and np.isfinite(executed).all()):
+            raise InvalidValueError("executed throws", "a value that is not finite", "finite numbers")
+        count = len(commanded)
+        if not count:
+            return ExecutionNoise.expected(config)
+        errors = errors_of(commanded, executed) / config.units(commanded)
+        mean = errors.mean(axis=0)
+        spread = (errors - mean).T @ (errors - mean)
+        between = config.bias_counts * count / (config.bias_counts + count) * np.outer(mean, mean)
+        covariance = (config.spread_counts * np.eye(ERRORS) + spread + between) / (config.spread_counts + count)
+        return ExecutionNoise(config, mean * count / (config.bias_counts + count), covariance, count)
+
+    @cached_property
+    def root(self) -> Array:
+        """(12, 12) L with L L^T the covariance."""
+        return np.asarray(np.linalg.cholesky(self.covariance))
+
+    def executions(self, states: Array, draws: Array) -> Array:
+        """What may become of commands: states (K, E, 13).
+
+        Args:
+            states: (K, 13) in SI units.
+            draws: (E, 12) standard normal numbers, the same for every command.
+        """
+        errors = (self.bias + draws @ self.root.T)[None] * self.config.units(states)[:, None]  # (K, E, 12)
+        count = len(draws)
+        repeated = np.repeat(states, count, axis=0)
+        return with_errors(repeated, errors.reshape(-1, ERRORS)).reshape(len(states), count, 13)
+
+
+def balanced_draws(count: int, rng: np.random.Generator) -> Array:
+    """(count, 12) standard normal numbers; each has its mirror image among them, so that their mean is zero.
+
+    Raises:
+        InvalidValueError: an odd number, or none.
+    """
+    if count < 2 or count % 2:
+        raise InvalidValueError("executions", count, "an even number of at least 2")
+    half = rng.standard_normal((count // 2, ERRORS))
+    return np.concatenate([half, -half])
+
+
+def errors_of(commanded: Array, executed: Array) -> Array:
+    """(K, 12) by which executed releases (K, 13) differ from the commanded ones, in the commands' heading frames."""
+    back = _heading_turns(commanded, -1.0)
+    turn = quaternions.multiply(executed[:, 3:7], quaternions.conjugate(commanded[:, 3:7]))
+    parts: Sequence[Array] = (
+        executed[:, :3] - commanded[:, :3],
+        quaternions.log(turn),
+        executed[:, 7:10] - commanded[:, 7:10],
+        _spins(executed) - _spins(commanded),
+    )
+    return np.column_stack([quaternions.rotate(back, part) for part in parts])
+
+
+def with_errors(commanded: Array, errors: Array) -> Array:
+    """Releases (K, 13) that differ from the commanded ones by errors (K, 12); the inverse of `errors_of`."""
+    forth = _heading_turns(commanded, 1.0)
+    place, turn, velocity, spin = (quaternions.rotate(forth, errors[:, k : k + 3]) for k in (0, 3, 6, 9))
+    orientations = quaternions.normalized(quaternions.multiply(quaternions.exp(turn), commanded[:, 3:7]))
+    spins = quaternions.rotate(quaternions.conjugate(orientations), _spins(commanded) + spin)
+    return np.column_stack([commanded[:, :3] + place, orientations, commanded[:, 7:10] + velocity, spins])
+
+
+def _spins(states: Array) -> Array:
+    """Angular velocities (K, 3) in the board's frame."""
+    return quaternions.rotate(states[:, 3:7], states[:, 10:])
+
+
+def _heading_turns(states: Array, sign: float) -> Array:
+    """Rotations (K, 4) from the heading frames to the board's, or back."""
+    angles = sign * headings(states[:, 7:10])
+    return quaternions.exp(np.column_stack([np.zeros((len(states), 2)), angles]))

@@ -1,0 +1,270 @@
+"""What throws are expected to teach: the model's own motions, and their Gauss-Newton information (METHOD 1.10).
+
+    E[F(x)] = mean over executions e of sum_t F_GN(t),      the toss rolled out at theta from the executed release x_e
+
+A toss ends once the body has rested for a few frames, as the segmenter ends one. Frames in the air teach nothing (METHOD 6.7)
+and are left out; where the body lies on three corners or more and goes on lying on them, frames differ little from one to the
+next, and one of every few stands for all. Each motion's tilt is taken about its own centroid, so that neither place nor
+heading of a throw counts.
+"""
+
+import os
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact_curation.contact.evaluation import Estimator, SolveStatus, fisher_sums
+from contact_curation.contact.rollout import Rollout, rollout
+from contact_curation.contact.time_step import StepStatus, SweepLimits
+from contact_curation.design.particle import Particle
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+
+PIECE = 512
+"""Motions worked on at a time: 30 MB of Fisher matrices and of states."""
+
+LYING = 3
+"""Corners on which a body lies."""
+
+SWEEPS = SweepLimits(tolerance=1e-3)
+"""At half the time bodies come to rest within 1e-5 characteristic lengths of where they do with the usual tolerance."""
+
+
+@dataclass(frozen=True)
+class ForecastConfig:
+    """How motions are predicted.
+
+    Attributes:
+        executions: of each throw, over which its information is averaged; an even number.
+        frame_period: of the tracker to be [s].
+        longest: a motion is cut off here [s].
+        still_speed: slower than this a body's middle rests [m/s].
+        still_spin: and turns slower than this [rad/s].
+        still_frames: after so many such frames a toss ends.
+        thinning: of frames in which the body goes on lying on the same corners one of so many stands for all.
+        touching: gap under which a corner touches [characteristic lengths].
+        airborne: gap over which nothing is felt of the board [characteristic lengths].
+    """
+
+    executions: int = 8
+    frame_period: float = 1.0 / 148.0
+    longest: float = 0.9
+    still_speed: float = 0.044
+    still_spin: float = 0.5
+    still_frames: int = 10
+    thinning: int = 8
+    touching: float = 0.02
+    airborne: float = 0.3
+
+    def __post_init__(self) -> None:
+        if self.executions < 2 or self.executions % 2:
+            raise InvalidValueError("forecast.executions", self.executions, "an even number of at least 2")
+        for name in ("still_frames", "thinning"):
+            if getattr(self, name) < 1:
+                raise InvalidValueError(f"forecast.{name}", getattr(self, name), "at least 1")
+        for name in ("frame_period", "longest", "still_speed", "still_spin", "touching", "airborne"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+                raise InvalidValueError(f"forecast.{name}", getattr(self, name), "a positive number")
+        if self.frames < 2:
+            raise InvalidValueError("forecast.longest", self.longest, f"at least two frames of {self.frame_period} s")
+
+    @property
+    def frames(self) -> int:
+        """Of the longest motion."""
+        return round(self.longest / self.frame_period)
+
+
+DEFAULT_FORECAST = ForecastConfig()
+
+
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """N predicted motions, each of T frames, in characteristic units.
+
+    Attributes:
+        states: (N, T, 13); NaN from the frame on at which the model gave up.
+        frames: (N,) of the toss, until the body has rested; T where it never does.
+        rested: (N,) whether it does.
+        finite: (N,) whether the toss is finite.
+    """
+
+    states: Array
+    frames: NDArray[np.int64]
+    rested: NDArray[np.bool_]
+    finite: NDArray[np.bool_]
+
+    def within(self) -> NDArray[np.bool_]:
+        """(N, T) which frames belong to the tosses."""
+        return np.asarray(np.arange(self.states.shape[1]) < self.frames[:, None])
+
+
+class Forecast(NamedTuple):
+    """What N motions teach.
+
+    Attributes:
+        fishers: (N, P, P) Gauss-Newton sums, the tilt about each motion's centroid; zero where not known.
+        known: (N,) whether the motion and every transition of it that was asked for could be worked out.
+    """
+
+    fishers: Array
+    known: NDArray[np.bool_]
+
+
+def predicted_motions(particle: Particle, states: Array, config: ForecastConfig = DEFAULT_FORECAST) -> Motions:
+    """The model's motions from releases.
+
+    Args:
+        particle: theta.
+        states: (N, 13) releases in SI units.
+        config: how.
+    """
+    scale = particle.body.length_scale
+    rolled = rollout(
+        particle.geometry,
+        particle.body,
+        scaled(states, scale),
+        config.frames,
+        config.frame_period,
+        SWEEPS,
+        particle.loss.threads or os.cpu_count() or 1,
+    )
+    motion = rolled.states.reshape(len(states), config.frames, 13)
+    return _until_rest(motion, rolled, scale, config)
+
+
+def forecast(particle: Particle, motions: Motions, config: ForecastConfig = DEFAULT_FORECAST) -> Forecast:
+    """What predicted motions teach at the same theta."""
+    sums = _kernel_sums(particle, motions, config)
+    return Forecast(_in_form(particle, sums.fishers), sums.known)
+
+
+def expected(particle: Particle, motions: Motions, executions: int, config: ForecastConfig = DEFAULT_FORECAST) -> Forecast:
+    """Mean information of K throws over E executions of each.
+
+    Args:
+        particle: theta.
+        motions: (K E) of them, the executions of a throw one after the other.
+        executions: E.
+        config: how.
+
+    Returns:
+        (K, P, P) means over the executions that could be worked out, and whether at least half of them could (K,).
+    """
+    sums = _kernel_sums(particle, motions, config)
+    good = sums.known.reshape(-1, executions).sum(axis=1)
+    totals = sums.fishers.reshape(-1, executions, *sums.fishers.shape[1:]).sum(axis=1)
+    return Forecast(_in_form(particle, totals / np.maximum(good, 1)[:, None, None]), 2 * good >= executions)
+
+
+def scaled(states: Array, length: float) -> Array:
+    """States (..., 13) with lengths divided by `length`."""
+    result = np.array(states, dtype=float)
+    result[..., :3] /= length
+    result[..., 7:10] /= length
+    return result
+
+
+def _until_rest(motion: Array, rolled: Rollout, scale: float, config: ForecastConfig) -> Motions:
+    with np.errstate(invalid="ignore"):
+        slow = np.linalg.norm(motion[:, :, 7:10], axis=2) * scale < config.still_speed
+        still = slow & (np.linalg.norm(motion[:, :, 10:], axis=2) < config.still_spin)
+    run = np.cumsum(still, axis=1)
+    run[:, config.still_frames :] -= run[:, : -config.still_frames].copy()
+    over = run >= config.still_frames
+    rested = over.any(axis=1)
+    frames = np.where(rested, over.argmax(axis=1) + 1, motion.shape[1])
+    finite = np.isfinite(motion[np.arange(len(motion)), frames - 1]).all(axis=1)
+    bad = (rolled.status == StepStatus.NOT_FINITE).reshape(motion.shape[:2]).any(axis=1) & ~rested
+    return Motions(motion, frames.astype(np.int64), rested, finite & ~bad)
+
+
+def _kernel_sums(particle: Particle, motions: Motions, config: ForecastConfig) -> Forecast:
+    """What motions teach by the kernel's own numbers, (N, Q, Q); a piece of them in one call."""
+    size = 6 * particle.geometry.vertex_count + 10
+    sums, known = np.zeros((len(motions.frames), size, size)), motions.finite.copy()
+    for first in range(0, len(known), PIECE):
+        chosen = first + np.flatnonzero(motions.finite[first : first + PIECE])
+        if chosen.size:
+            sums[chosen], known[chosen] = _piece_sums(particle, motions, chosen, config)
+    sums[~known] = 0.0
+    return Forecast(sums, known)
+
+
+def _piece_sums(
+    particle: Particle, motions: Motions, chosen: NDArray[np.int64], config: ForecastConfig
+) -> tuple[Array, NDArray[np.bool_]]:
+    states = _about_the_pivot(particle, motions.states[chosen], motions.frames[chosen])
+    rows = _teaching(particle, states, motions.frames[chosen], config)
+    sums = fisher_sums(
+        particle.geometry,
+        particle.body,
+        states[rows.toss, rows.frame],
+        states[rows.toss, rows.frame + 1],
+        config.frame_period,
+        rows.starts,
+        Estimator.GAUSS_NEWTON,
+        config=particle.loss,
+    )
+    unsolved = np.bincount(rows.toss, sums.status != SolveStatus.SOLVED, minlength=len(chosen))
+    return sums.fishers[0::2] + rows.weights[:, None, None] * sums.fishers[1::2], unsolved == 0
+
+
+def _about_the_pivot(particle: Particle, states: Array, frames: NDArray[np.int64]) -> Array:
+    """Motions (M, T, 13) moved within the ground so that their centroids lie over or under theta's pivot.
+
+    That changes no gap and no velocity, and the tilt is then about the centroid. Theta of the published form has no pivot to
+    speak of: there a motion stays where it is.
+    """
+    axes = particle.scorer.form.tilt_axes
+    if not axes.size:
+        return states
+    inside = np.arange(states.shape[1]) < frames[:, None]
+    centroids = np.where(inside[..., None], states[:, :, :3], 0.0).sum(axis=1) / frames[:, None]
+    moved = states.copy()
+    moved[:, :, :3] -= ((centroids - particle.geometry.pivot) @ axes.T @ axes)[:, None]
+    return moved
+
+
+def _in_form(particle: Particle, fishers: Array) -> Array:
+    """(N, P, P) by the parameters of theta's form."""
+    chart = particle.scorer.form.chart
+    turned = chart.T @ fishers @ chart
+    return np.asarray(0.5 * (turned + turned.transpose(0, 2, 1)))
+
+
+class _Rows(NamedTuple):
+    """Which transitions of M motions are worked out: R rows, of each motion first those that count once.
+
+    Attributes:
+        toss: (R,) their motion.
+        frame: (R,) their first frame.
+        starts: (2M + 1,) edges between those that count once and those that stand for several.
+        weights: (M,) how many each of the latter stands for.
+    """
+
+    toss: NDArray[np.int64]
+    frame: NDArray[np.int64]
+    starts: NDArray[np.int64]
+    weights: Array
+
+
+def _teaching(particle: Particle, states: Array, frames: NDArray[np.int64], config: ForecastConfig) -> _Rows:
+    """The transitions of motions (M, T, 13) that teach, and that stand for others."""
+    gaps = particle.geometry.gaps(states)  # (M, T, V)
+    felt = gaps.min(axis=2) < config.airborne
+    wanted = (np.arange(1, states.shape[1]) < frames[:, None]) & (felt[:, 1:] | felt[:, :-1])
+    touching = gaps < config.touching
+    lying = wanted & (touching[:, 1:] == touching[:, :-1]).all(axis=2) & (touching[:, 1:].sum(axis=2) >= LYING)
+    place = np.cumsum(lying, axis=1) - 1
+    standing = lying & (place % config.thinning == config.thinning // 2)
+    alone = wanted & ~lying
+    few = ~standing.any(axis=1)  # too few for one to stand for them
+    alone[few] |= lying[few]
+    toss, frame = (np.concatenate(pair) for pair in zip(np.nonzero(alone), np.nonzero(standing)))
+    group = 2 * toss + np.repeat([0, 1], [alone.sum(), standing.sum()])
+    order = np.argsort(group, kind="stable")
+    starts = np.concatenate([[0], np.cumsum(np.bincount(group, minlength=2 * len(states)))])
+    weights = lying.sum(axis=1) / np.maximum(standing.sum(axis=1), 1)
+    return _Rows(toss[order], frame[order], starts, weights)

@@ -1,0 +1,193 @@
+"""The throws to make next: a safe pool, the greedy batch from it, refined.
+
+Everything follows from the thetas, what is known, the noise as it was learned and the seed; the same four give the same throws.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from contact_curation.design.execution_noise import ExecutionNoise
+from contact_curation.design.outlook import Candidates, Outlook, OutlookConfig
+from contact_curation.design.particle import Particle
+from contact_curation.design.planning import accumulated, gains, greedy_batch, prior_coordinates, with_fishers
+from contact_curation.design.refinement import DEFAULT_REFINEMENT, RefinementConfig, refined
+from contact_curation.design.safety_set import Feasible
+from contact_curation.design.throw import Throw, throw_of_state
+from contact_curation.design.throw_prior import PUBLISHED_PRIOR, ReleasePrior
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.information.accumulated import Accumulated
+from contact_curation.information.record import TossInformation
+
+
+@dataclass(frozen=True)
+class DesignConfig:
+    """How throws are designed.
+
+    Attributes:
+        pool: safe releases that throws are picked from.
+        reference: releases of the prior whose mean information, times `share`, is the prior information A0; the canary also
+            asks about them.
+        share: delta of METHOD 1.6.
+        outlook: how releases are judged.
+        refinement: how picked throws are moved.
+    """
+
+    pool: int = 256
+    reference: int = 64
+    share: float = 1e-3
+    outlook: OutlookConfig = field(default_factory=OutlookConfig)
+    refinement: RefinementConfig = DEFAULT_REFINEMENT
+
+    def __post_init__(self) -> None:
+        for name in ("pool", "reference"):
+            if getattr(self, name) < 1:
+                raise InvalidValueError(f"design.{name}", getattr(self, name), "at least 1")
+        if not (np.isfinite(self.share) and self.share > 0.0):
+            raise InvalidValueError("design.share", self.share, "a positive number")
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Throws to make, best first.
+
+    Attributes:
+        throws: with the gain of each given those before it.
+        fishers: per particle (B, P, P), their expected information.
+        refused: releases of the pool that may not be thrown, by the limit.
+        pool: how many were looked at.
+    """
+
+    throws: tuple[Throw, ...]
+    fishers: tuple[Array, ...]
+    refused: Counter[str]
+    pool: int
+
+    @property
+    def expected(self) -> float:
+        """Gain of all of them, mean log-det over the particles."""
+        return sum(throw.expected_information for throw in self.throws)
+
+
+class Planner:
+    """Plans throws of one body at one or several thetas.
+
+    Args:
+        particles: thetas.
+        prior: where releases are drawn from.
+        noise: of executions.
+        config: how.
+        feasible: what the thrower says; None where it can throw anything.
+
+    Raises:
+        InvalidValueError: thetas that do not go together, or no release may be thrown.
+    """
+
+    def __init__(
+        self,
+        particles: Sequence[Particle],
+        prior: ReleasePrior = PUBLISHED_PRIOR,
+        noise: ExecutionNoise | None = None,
+        config: DesignConfig | None = None,
+        feasible: Feasible | None = None,
+    ) -> None:
+        self.config = config or DesignConfig()
+        self.prior = prior
+        outlook = self.config.outlook
+        self.outlook = Outlook(particles, noise or ExecutionNoise.expected(outlook.noise), outlook, feasible)
+        self._reference = self._referred()
+        self._coordinates = [prior_coordinates(fishers, self.config.share) for fishers in self._reference.fishers]
+
+    @property
+    def particles(self) -> tuple[Particle, ...]:
+        """The thetas."""
+        return self.outlook.particles
+
+    @property
+    def version(self) -> str:
+        """Of the thetas."""
+        return "+".join(particle.version for particle in self.particles)
+
+    def known(self, informations: Sequence[Sequence[TossInformation]] = ()) -> tuple[Accumulated, ...]:
+        """What is known: A0 and the tosses.
+
+        Args:
+            informations: per particle, what the kept tosses teach at it; none where there are none.
+
+        Raises:
+            InvalidValueError: not once per particle, or scored at another theta or by another estimator.
+        """
+        each = informations or [()] * len(self.particles)
+        if len(each) != len(self.particles):
+            raise InvalidValueError("known tosses", f"scored at {len(each)} thetas", f"at {len(self.particles)}")
+        for particle, infos in zip(self.particles, each):
+            for info in infos:
+                _check_comparable(particle, info)
+        return tuple(accumulated(coordinates, infos) for coordinates, infos in zip(self._coordinates, each))
+
+    def plan(self, names: Sequence[str], known: Sequence[Accumulated], seed: int) -> Plan:
+        """Throws by these names, chosen together.
+
+        Raises:
+            InvalidValueError: fewer releases may be thrown than throws are wanted.
+        """
+        candidates = self.pool(seed)
+        batch = self._checked_batch(candidates, known, len(names))
+        batch = refined(self.outlook, known, batch, self.config.refinement, seed)
+        batch = batch.taken(greedy_batch(self.particles, known, batch.fishers, len(names)).indices)  # best first
+        return self.planned(names, batch, known, candidates.refusals)
+
+    def planned(
+        self, names: Sequence[str], batch: Candidates, known: Sequence[Accumulated], refusals: Sequence[str | None] = ()
+    ) -> Plan:
+        """The plan to make a batch in its order."""
+        throws = []
+        for index, name in enumerate(names):
+            gain = float(gains(known, [fishers[[index]] for fishers in batch.fishers])[0])
+            body = self.particles[0].body.name
+            throws.append(throw_of_state(name, body, batch.states[index], gain, self.version))
+            known = [with_fishers(state, fishers[[index]]) for state, fishers in zip(known, batch.fishers)]
+        refused = Counter(refusal.partition(":")[0] for refusal in refusals if refusal)
+        return Plan(tuple(throws), batch.fishers, refused, len(refusals))
+
+    def pool(self, seed: int) -> Candidates:
+        """Releases to pick from, and what they teach."""
+        return self.outlook.candidates(self.outlook.safe(self.prior, self.config.pool, np.random.default_rng(seed)))
+
+    def reference_gains(self, particle: int = 0) -> Array:
+        """(R,) what each reference release would add to A0 at one theta: what the canary compares."""
+        start = Accumulated.prior_only(self._coordinates[particle])
+        return gains([start], [self._reference.fishers[particle]])
+
+    def _checked_batch(self, candidates: Candidates, known: Sequence[Accumulated], count: int) -> Candidates:
+        """The greedy batch of those that keep the limits by many executions, too."""
+        usable = candidates.taken(np.flatnonzero(candidates.usable))
+        while len(usable.states) >= count:
+            picked = greedy_batch(self.particles, known, usable.fishers, count)
+            refusals = self.outlook.motion_refusals(usable.states[picked.indices])
+            refused = [int(index) for index, refusal in zip(picked.indices, refusals) if refusal]
+            if not refused:
+                return usable.taken(picked.indices)
+            usable = usable.taken(np.delete(np.arange(len(usable.states)), refused))
+        reasons = Counter(refusal for refusal in candidates.refusals if refusal)
+        found = f"{len(usable.states)} of {len(candidates.states)}" + "".join(
+            f" ({reason})" for reason, _ in reasons.most_common(1)
+        )
+        raise InvalidValueError("releases that may be thrown", found, f"at least {count}; a larger pool, or other limits")
+
+    def _referred(self) -> Candidates:
+        """Releases of the prior, the same at every theta; not all of them need be safe to throw."""
+        config = self.config
+        drawn = self.prior.draw(config.reference, np.random.default_rng(config.outlook.seed))
+        return self.outlook.candidates(drawn)
+
+
+def _check_comparable(particle: Particle, info: TossInformation) -> None:
+    scorer = particle.scorer
+    own = {"parameters_version": scorer.version, "estimator": scorer.config.estimator.value, "blocks": scorer.blocks}
+    for name, value in own.items():
+        if getattr(info, name) != value:
+            raise InvalidValueError(f"{name} of toss {info.toss_id}", getattr(info, name), f"{value}")

@@ -1,0 +1,129 @@
+"""Throws moved from where the pool had them to where they teach more, by CMA-ES (Hansen 2016; package `cmaes`).
+
+The objective is not smooth, because contacts come and go, and has 9 numbers: an evolution strategy needs neither gradient nor
+tuning. Each throw of a batch is moved in turn, with what is known and all the other throws given. A throw stays where it was
+unless a better one was found, so that the batch's value never falls.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from cmaes import CMA  # type: ignore[import-untyped]  # its wheel has no py.typed
+
+from contact_curation.design.outlook import Candidates, Outlook
+from contact_curation.design.planning import gains, with_fishers
+from contact_curation.design.releases import Releases
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.information.accumulated import Accumulated
+
+COORDINATES = 9
+LEAST_GAIN = 1e-9
+"""A throw moves only for more than this in log-det."""
+
+
+@dataclass(frozen=True)
+class RefinementConfig:
+    """How throws are moved.
+
+    Attributes:
+        generations: of each throw; 0 to leave throws where they are.
+        population: of a generation.
+        step: first standard deviation of a move, in units of `scales`.
+        scales: of height [m], speed along and up [m/s], spin (3) [rad/s] and turn (3) [rad].
+        tries: a move that may not be made is drawn again so often.
+    """
+
+    generations: int = 40
+    population: int = 12
+    step: float = 0.5
+    scales: tuple[float, ...] = (0.016, 0.085, 0.16, 1.5, 1.5, 1.5, 0.4, 0.4, 0.4)
+    tries: int = 5
+
+    def __post_init__(self) -> None:
+        for name, least in (("generations", 0), ("population", 2), ("tries", 1)):
+            if getattr(self, name) < least:
+                raise InvalidValueError(f"refinement.{name}", getattr(self, name), f"at least {least}")
+        if not (np.isfinite(self.step) and self.step > 0.0):
+            raise InvalidValueError("refinement.step", self.step, "a positive number")
+        if len(self.scales) != COORDINATES or not all(np.isfinite(scale) and scale > 0.0 for scale in self.scales):
+            raise InvalidValueError("refinement.scales", self.scales, f"{COORDINATES} positive numbers")
+
+
+DEFAULT_REFINEMENT = RefinementConfig()
+
+
+def refined(
+    outlook: Outlook, states: Sequence[Accumulated], batch: Candidates, config: RefinementConfig, seed: int
+) -> Candidates:
+    """A batch at least as good as the given one, about it.
+
+    Args:
+        outlook: judges moves.
+        states: per particle, what is known without the batch.
+        batch: throws that may be made.
+        config: how.
+        seed: of the moves.
+    """
+    for place in range(len(batch.states)) if config.generations else ():
+        others = np.delete(np.arange(len(batch.states)), place)
+        given = [with_fishers(state, fishers[others]) for state, fishers in zip(states, batch.fishers, strict=True)]
+        own_seed = int(np.random.default_rng([seed, place]).integers(2**31 - 1))
+        better = _moved(outlook, given, batch.taken([place]), config, own_seed)
+        batch = _replaced(batch, place, better)
+    return batch
+
+
+def _moved(
+    outlook: Outlook, given: Sequence[Accumulated], throw: Candidates, config: RefinementConfig, seed: int
+) -> Candidates:
+    """One throw, moved to the best place that was found and may be thrown from."""
+    strategy = CMA(np.zeros(COORDINATES), config.step, seed=seed, population_size=config.population)
+    found, best_gain = [throw], float(gains(given, throw.fishers)[0])
+    for _ in range(config.generations):
+        moves = np.array([strategy.ask() for _ in range(config.population)])
+        candidates = _judged(outlook, throw.releases, moves, config, strategy)
+        values = np.where(candidates.usable, gains(given, candidates.fishers), -np.inf)
+        winner = int(values.argmax())
+        if values[winner] > best_gain + LEAST_GAIN:
+            found.append(candidates.taken([winner]))
+            best_gain = float(values[winner])
+        worst = float(np.min(values, where=np.isfinite(values), initial=0.0)) - 1.0
+        strategy.tell([(move, -value) for move, value in zip(moves, np.maximum(values, worst).tolist())])
+        if strategy.should_stop():
+            break
+    while len(found) > 1 and outlook.motion_refusals(found[-1].states)[0]:  # by many executions, from the best down
+        found.pop()
+    return found[-1]
+
+
+def _judged(outlook: Outlook, base: Releases, moves: Array, config: RefinementConfig, strategy: CMA) -> Candidates:
+    """The moved releases; `moves` (B, 9) that may not be thrown are drawn again, in place, and the last try stands."""
+    for _ in range(config.tries):
+        refusals = outlook.refusals(_moved_releases(base, moves, config))
+        refused = [index for index, refusal in enumerate(refusals) if refusal is not None]
+        if not refused:
+            break
+        for index in refused:
+            moves[index] = strategy.ask()
+    releases = _moved_releases(base, moves, config)
+    early = outlook.refusals(releases)
+    judged = outlook.candidates(releases)
+    merged = tuple(first or second for first, second in zip(early, judged.refusals))
+    return Candidates(judged.releases, judged.states, judged.fishers, merged)
+
+
+def _moved_releases(base: Releases, moves: Array, config: RefinementConfig) -> Releases:
+    return base.taken(np.zeros(len(moves), dtype=np.int64)).moved(moves * np.array(config.scales))
+
+
+def _replaced(batch: Candidates, place: int, throw: Candidates) -> Candidates:
+    order = [len(batch.states) if index == place else index for index in range(len(batch.states))]
+    both = Candidates(
+        Releases.joined([batch.releases, throw.releases]),
+        np.concatenate([batch.states, throw.states]),
+        tuple(np.concatenate(pair) for pair in zip(batch.fishers, throw.fishers)),
+        (*batch.refusals, *throw.refusals),
+    )
+    return both.taken(order)

@@ -1,0 +1,82 @@
+"""Throws before anything is known of theta: different first impacts, by flight and shape alone (METHOD 2.4).
+
+What a toss can teach begins with how the body meets the board. Up to the first touch its motion is a ballistic flight with a
+constant spin (as in the model, without a gyroscopic term), whatever theta is; how it then stands and moves, seen from the
+body, is the feature: the direction of down, and the velocity of the body's centre. Throws are spread over these features as
+k-means++ spreads its seeds (Arthur and Vassilvitskii 2007), but always to the farthest: the next is the one farthest from all
+before it.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact_curation.contact.body import Body
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.quaternions import Array
+
+FLIGHT_STEP = 1.0 / 148.0
+"""[s]"""
+
+LONGEST_FLIGHT = 0.6
+"""[s] from the highest release that is safe a body has long landed."""
+
+VELOCITY_WEIGHT = 0.25
+"""A metre per second weighs as much as this part of the unit sphere of directions."""
+
+
+def impact_features(body: Body, states: Array) -> Array:
+    """(K, 6) how bodies first meet the board: down in the body's frame, and weighted velocity in the body's frame.
+
+    Args:
+        body: shape and gravity, as described.
+        states: (K, 13) releases in SI units.
+    """
+    times = FLIGHT_STEP * np.arange(round(LONGEST_FLIGHT / FLIGHT_STEP))
+    turned = quaternions.multiply(states[:, None, 3:7], quaternions.exp(times[None, :, None] * states[:, None, 10:]))
+    heights = states[:, None, 2] + times * states[:, None, 9] - 0.5 * body.gravity * times**2
+    rotations = quaternions.to_matrix(turned)  # (K, T, 3, 3)
+    lowest = heights + (rotations[:, :, 2] @ body.vertices.T).min(axis=-1)
+    first = (lowest <= 0.0).argmax(axis=1)
+    at = np.arange(len(states))
+    velocities = states[:, 7:10] - np.array([0.0, 0.0, body.gravity]) * times[first][:, None]
+    into_body = rotations[at, first].transpose(0, 2, 1)
+    down = -into_body[:, :, 2]
+    return np.concatenate([down, VELOCITY_WEIGHT * np.einsum("kij,kj->ki", into_body, velocities)], axis=1)
+
+
+def spread(features: Array, count: int, seen: Array, seed: int) -> NDArray[np.int64]:
+    """Indices (B,) of features far from each other and from those seen.
+
+    Args:
+        features: (K, D) to pick from.
+        count: how many, at most K.
+        seen: (M, D) of what was thrown before; the first pick is seeded where there is none.
+        seed: of that first pick.
+    """
+    if len(seen):
+        nearest = _squared(features, seen).min(axis=1)
+        picks: list[int] = []
+    else:
+        picks = [int(np.random.default_rng(seed).integers(len(features)))]
+        nearest = _squared(features, features[picks])[:, 0]
+    while len(picks) < min(count, len(features)):
+        nearest[picks] = -1.0
+        picks.append(int(nearest.argmax()))
+        nearest = np.minimum(nearest, _squared(features, features[picks[-1:]])[:, 0])
+    return np.array(picks[:count], dtype=np.int64)
+
+
+def _squared(one: Array, other: Array) -> Array:
+    return np.asarray(((one[:, None] - other[None]) ** 2).sum(axis=-1))
+
+
+def coverage(features: Array, seen: Array, radius: float) -> float:
+    """The share of features with one that was seen within `radius` of it."""
+    return float((_squared(features, seen).min(axis=1) <= radius**2).mean()) if len(seen) else 0.0
+
+
+def features_of(body: Body, releases: Sequence[Array]) -> Array:
+    """(M, 6) features of single releases (13,)."""
+    return impact_features(body, np.array(releases)) if releases else np.zeros((0, 6))
