@@ -11,6 +11,8 @@ from contact_curation.contact.evaluation import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.model import Rows
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.torch_contacts import Contacts
+from contact_curation.contact.torch_fisher import free_directions
+from contact_curation.contact.torch_loss import cone_problems
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.ghost_norms import ghost_norms, summed_gradient
 from contact_curation.information.network_pass import (
@@ -22,6 +24,7 @@ from contact_curation.information.network_pass import (
     frozen_copy,
     residuals_by_impulses,
 )
+from contact_curation.solver.certificate import objectives
 from test.information.network_cases import NETWORKS, long_scores, network, rows_of, tosses
 
 
@@ -117,6 +120,25 @@ def test_residuals_by_impulses_are_their_derivatives() -> None:
     expected = [torch.autograd.grad(column.sum(), impulses, retain_graph=True)[0] for column in said.T]
     derivatives = residuals_by_impulses(contacts, found.frames, found.impulses, DEFAULT_LOSS)
     torch.testing.assert_close(derivatives, torch.stack(expected, dim=1), rtol=1e-12, atol=1e-12)
+
+
+def test_unit_directions_take_out_what_impulses_explain_and_no_more_than_their_regularization_allows() -> None:
+    stiff = replace(DEFAULT_LOSS, regularization=1e-2)
+    found = forward_pass(frozen_copy(network(ModelKind.DEEP)), impacts(4), stiff)
+    units = torch.eye(found.directions_size, dtype=torch.float64)[:, None].expand(-1, 4, -1)
+    rows = torch.cat([slope.flatten(2) for slope in found.profile_slopes(units, np.ones(4))], dim=2)  # (n, B, C)
+    leaves = Contacts(*(value.detach().requires_grad_() for value in found.outputs))
+    assert found.impulses is not None
+    said = contact_residuals(leaves, found.frames, found.impulses, stiff)
+    columns = [torch.autograd.grad(column.sum(), leaves, retain_graph=True) for column in said.T]
+    by_contacts = torch.stack([torch.cat([part.flatten(1) for part in column], dim=1) for column in columns], dim=1)
+    gradients = objectives(cone_problems(leaves, found.frames, stiff), found.impulses.numpy()).gradients
+    bases = torch.as_tensor(free_directions(found.impulses.numpy(), gradients, stiff.cone))
+    by_impulses = residuals_by_impulses(leaves, found.frames, found.impulses, stiff).detach()
+    free = torch.einsum("brkc,bkcd->brkd", by_impulses, bases).flatten(2)
+    damped = free.mT @ free + stiff.regularization * torch.eye(free.shape[2])
+    kept = torch.eye(free.shape[1]) - free @ torch.linalg.solve(damped, free.mT)
+    torch.testing.assert_close(torch.einsum("nbi,nbj->bij", rows, rows), by_contacts.mT @ kept @ by_contacts)
 
 
 def test_an_end_to_end_models_unit_directions_give_its_jacobian() -> None:
