@@ -177,6 +177,7 @@ def test_a_spent_training_goes_on_with_a_fresh_budget_and_not_without() -> None:
     training.replace_data(toy_data([2.0]))
     assert training.advance(100).gradient_steps == 5
     training.replace_data(toy_data([2.0]), fresh_budget=True)
+    assert training.optimizer.moments() == {}
     progress = training.advance(100)
     assert (progress.state, progress.gradient_steps) == (TrainingState.SPENT, 10)
 

@@ -15,8 +15,8 @@ from contact_curation.learning.protocols import Pace, Patience, Schedule, Traini
 from contact_curation.motion.transitions import Transitions
 
 SOLVED, UNSOLVED, DIVERGING, BURSTING, STEEP = 0.0, 1.0, 2.0, 3.0, 4.0
-"""What the second number of a state before does: nothing, no certificate, none because gaps are infinite, an infinite loss, an
-infinite gradient."""
+"""What the second number of a state before does: nothing, no certificate, none because gaps are infinite, an infinite loss, a
+gradient that is none."""
 
 
 class Toy(ContactModel):
@@ -50,7 +50,7 @@ class Toy(ContactModel):
         if what in (UNSOLVED, DIVERGING):
             return torch.tensor(torch.nan, dtype=torch.float64)
         if what == STEEP:
-            return (self.theta - self.theta.detach()).sqrt()
+            return 0.0 * (self.theta - self.theta.detach()).sqrt()  # a slope of zero times infinity
         return (self.theta - x).square() + (torch.inf if what == BURSTING else 0.0)
 
 
