@@ -23,6 +23,7 @@ def add_reading_options(parser: argparse.ArgumentParser, stages: tuple[str, ...]
     group = parser.add_argument_group("where the poses are (found by themselves in TagSLAM bags)")
     group.add_argument("--topic", default="", help="topic with the object's poses")
     group.add_argument("--body-frame", default="", metavar="FRAME", help="the object's frame (default body_NAME)")
+    group.add_argument("--tag-map", default="", metavar="FILE", help="tags of object and board, to read detections with (YAML)")
     group.add_argument("--board-frame", metavar="FRAME", help="the board's frame, z up (default body_surface)")
     add_settings(parser, stages)
 
@@ -37,7 +38,7 @@ def stages_of(arguments: argparse.Namespace, others: Mapping[str, Any]) -> dict[
     from contact_curation.motion.segmenter_config import SegmenterConfig
     from contact_curation.storage.pose_source import PoseTopicConfig
 
-    poses = PoseTopicConfig(topic=arguments.topic, body_frame=arguments.body_frame)
+    poses = PoseTopicConfig(topic=arguments.topic, body_frame=arguments.body_frame, tag_map=arguments.tag_map)
     if arguments.board_frame is not None:
         poses = replace(poses, board_frame=arguments.board_frame)
     stages = {"poses": poses, "segmenter": SegmenterConfig(), "gates": GateConfig(), **others}

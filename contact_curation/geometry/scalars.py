@@ -4,7 +4,7 @@ A pose stream is handled pose by pose at 148 Hz and more, where a NumPy array of
 Same conventions as `quaternions` (wxyz, Hamilton) and `poses`; tests hold the two together.
 """
 
-from math import acos, sin, sqrt
+from math import acos, asin, sin, sqrt
 from typing import NamedTuple
 
 Vector = tuple[float, float, float]
@@ -69,6 +69,13 @@ def inverse(pose: ScalarPose) -> ScalarPose:
     back = conjugate(pose.orientation_wxyz)
     x, y, z = rotate(back, pose.position)
     return ScalarPose((-x, -y, -z), back)
+
+
+def angle_between(a: Quaternion, b: Quaternion) -> float:
+    """Angle [rad] of the rotation from a to b, by the chord where the cosine is blind to small ones."""
+    sign = -1.0 if sum(one * other for one, other in zip(a, b)) < 0.0 else 1.0
+    chord = sqrt(sum((one - sign * other) ** 2 for one, other in zip(a, b)))
+    return 4.0 * asin(min(1.0, 0.5 * chord))
 
 
 def between(start: ScalarPose, end: ScalarPose, share: float) -> ScalarPose:

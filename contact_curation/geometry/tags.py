@@ -1,13 +1,15 @@
 """AprilTags on a body or a board, and the one place that knows how others name their corners and turn their frames.
 
-Our tag frame is that of apriltag_ros and TagSLAM: origin in the middle of the tag, x to the right and y up as one reads it, z out
-of it towards the reader. Corners are in the order of the AprilTag library and apriltag_msgs: lower left, lower right, upper
+Our tag frame is that of apriltag_ros and TagSLAM: origin in the middle of the tag, x to the right and y up as one reads it, z
+out of it towards the reader. Corners are in the order of the AprilTag library and apriltag_msgs: lower left, lower right, upper
 right, upper left, which is counter-clockwise for the reader. A tag's edge is that of its black square, without the white rim.
+Pixels are OpenCV's and ROS': the middle of the first one is (0, 0); the AprilTag library has it at (0.5, 0.5).
 """
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,7 +47,7 @@ class TagAxes(Enum):
 
 
 class CornerOrder(Enum):
-    """In which order a detector lists the corners.
+    """In which order, and with which first pixel, a detector lists the corners.
 
     `APRILTAG`: as above. `OPENCV`: OpenCV's aruco, clockwise from the upper left. `OPENCV_TURNED`: likewise, by versions
     of OpenCV that hold the tags of this family upside down (measured: 4.14 and 5.0).
@@ -64,9 +66,12 @@ _PLACES = {
 """Where another order has our corners."""
 
 
+_MIDDLE_OF_FIRST_PIXEL = {CornerOrder.APRILTAG: 0.5, CornerOrder.OPENCV: 0.0, CornerOrder.OPENCV_TURNED: 0.0}
+
+
 def in_our_order(corners: ArrayLike, order: CornerOrder) -> Array:
-    """Corners (..., 4, d) of a detector in the order of this module."""
-    return np.asarray(np.asarray(corners, dtype=float)[..., _PLACES[order], :])
+    """A detector's corners (..., 4, 2) [px] in the order of this module, the middle of the first pixel at (0, 0)."""
+    return np.asarray(np.asarray(corners, dtype=float)[..., _PLACES[order], :]) - _MIDDLE_OF_FIRST_PIXEL[order]
 
 
 def in_our_axes(pose: Pose, axes: TagAxes) -> Pose:
@@ -91,12 +96,12 @@ class Tag:
     edge: float
 
     def __post_init__(self) -> None:
-        if isinstance(self.tag_id, bool) or not isinstance(self.tag_id, int) or not 0 <= self.tag_id <= LARGEST_ID:
+        if type(self.tag_id) is not int or not 0 <= self.tag_id <= LARGEST_ID:
             raise InvalidValueError("tag id", repr(self.tag_id), f"a whole number from 0 to {LARGEST_ID}")
         if not (np.isfinite(self.edge) and self.edge > 0.0):
             raise InvalidValueError(f"edge of tag {self.tag_id}", self.edge, "a positive length [m]")
 
-    @property
+    @cached_property
     def corners(self) -> Array:
         """(4, 3) in the frame of the body or board [m]."""
         return self.pose.position + quaternions.rotate(self.pose.orientation_wxyz, self.edge * CORNERS)

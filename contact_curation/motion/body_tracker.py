@@ -10,10 +10,11 @@ topics arrive. What cannot be used comes out with its reason.
 from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from math import dist, inf
 from typing import Any
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.geometry.scalars import ScalarPose, compose, inverse
+from contact_curation.geometry.scalars import ScalarPose, angle_between, compose, inverse
 from contact_curation.motion.frame_tree import FrameTree, Link, composed
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.toss import NANOSECONDS
@@ -29,6 +30,8 @@ class TrackerConfig:
         clock_jump: stamps that go back by more than this are a clock that jumped, e.g. a bag that loops [s].
         largest_wait: a body pose waits so long for the rig's poses, by the stamps [s].
         largest_rig_gap: poses of a moving board, camera or robot are interpolated over at most this [s].
+        largest_speed: a pose further from the last one than this is a jump, no motion, and is left out [m/s].
+        largest_spin: likewise for turns [rad/s].
     """
 
     body_frame: str
@@ -36,6 +39,8 @@ class TrackerConfig:
     clock_jump: float = 1.0
     largest_wait: float = 2.0
     largest_rig_gap: float = 0.5
+    largest_speed: float = inf
+    largest_spin: float = inf
 
     def __post_init__(self) -> None:
         if not self.body_frame or self.body_frame == self.board_frame:
@@ -43,6 +48,9 @@ class TrackerConfig:
         for name in ("clock_jump", "largest_wait", "largest_rig_gap"):
             if not getattr(self, name) > 0.0:
                 raise InvalidValueError(name, getattr(self, name), "a positive number of seconds")
+        for name in ("largest_speed", "largest_spin"):
+            if not getattr(self, name) > 0.0:
+                raise InvalidValueError(name, getattr(self, name), "a positive number")
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +97,7 @@ class BodyTracker:
         self._moving = config.body_frame
         self._waiting: deque[FramePose] = deque()
         self._last_ns: int | None = None
+        self._last_pose: BodyPose | None = None
 
     def push(self, measured: FramePose | BadPose) -> tuple[TrackerEvent, ...]:
         """Takes in a measurement of the body or the rig; gives the body poses that are known now, in order of their stamps."""
@@ -111,6 +120,7 @@ class BodyTracker:
             "links": {child: asdict(link) for child, link in self._tree.links.items()},
             "waiting": [asdict(measured) for measured in self._waiting],
             "last_ns": self._last_ns,
+            "last_pose": None if self._last_pose is None else asdict(self._last_pose),
             "counts": dict(self.counts),
         }
 
@@ -124,9 +134,12 @@ class BodyTracker:
             links = {child: _link_of(entry) for child, entry in snapshot["links"].items()}
             waiting = [_frame_pose_of(entry) for entry in snapshot["waiting"]]
             last_ns, counts = snapshot["last_ns"], Counter(snapshot["counts"])
+            last = snapshot.get("last_pose")  # states of before there was one go on without
+            last_pose = None if last is None else BodyPose(last["stamp_ns"], _pose_of(last["pose"]))
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise InvalidValueError("tracker state", repr(snapshot)[:80], "what BodyTracker.snapshot gave") from error
         self._tree.links, self._waiting, self._last_ns, self.counts = links, deque(waiting), last_ns, counts
+        self._last_pose = last_pose
         self._moving = self._tree.moving_ancestor(self.config.body_frame)
 
     def _body_measured(self, measured: FramePose) -> list[TrackerEvent]:
@@ -138,6 +151,7 @@ class BodyTracker:
                 ClockJump(measured.stamp_ns, back_ns / NANOSECONDS),
             ]
             self._tree.forget_after(measured.stamp_ns + int(self.config.clock_jump * NANOSECONDS))
+            self._last_pose = None
         elif self._last_ns is not None and back_ns >= 0:
             how = "stands still" if back_ns == 0 else f"goes back by {back_ns / NANOSECONDS:.6f} s"
             return [BadPose(measured.stamp_ns, measured.child, f"stamp: found one that {how}, expected a later one", "stamp")]
@@ -159,13 +173,27 @@ class BodyTracker:
             measured = self._waiting[0]
             found = self._in_board(measured)
             if isinstance(found, ScalarPose):
-                events.append(BodyPose(measured.stamp_ns, found))
+                events.append(self._without_jump(BodyPose(measured.stamp_ns, found)))
                 self._waiting.popleft()
             elif self._waiting[-1].stamp_ns - measured.stamp_ns > self.config.largest_wait * NANOSECONDS:
                 events += self._give_up(1, f"none within {self.config.largest_wait:g} s")
             else:
                 break
         return events
+
+    def _without_jump(self, found: BodyPose) -> TrackerEvent:
+        """The pose, if the body can have come there from where it was last."""
+        last = self._last_pose
+        if last is not None:
+            seconds = (found.stamp_ns - last.stamp_ns) / NANOSECONDS
+            speed = dist(found.pose.position, last.pose.position) / seconds
+            spin = angle_between(found.pose.orientation_wxyz, last.pose.orientation_wxyz) / seconds
+            if speed > self.config.largest_speed or spin > self.config.largest_spin:
+                limits = f"{self.config.largest_speed:g} m/s and {self.config.largest_spin:g} rad/s at most"
+                why = f"jump: found {speed:.3g} m/s and {spin:.3g} rad/s from the last pose, expected {limits}"
+                return BadPose(found.stamp_ns, self.config.body_frame, why, "jump")
+        self._last_pose = found
+        return found
 
     def _in_board(self, measured: FramePose) -> ScalarPose | None:
         """The body in the board's frame by a measurement; None as long as the rig's poses do not tell."""

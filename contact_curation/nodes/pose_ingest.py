@@ -13,7 +13,6 @@ from contact_curation_msgs.srv import GetTosses
 from rclpy.clock import Clock, ClockType
 
 from contact_curation.contact.body import Body
-from contact_curation.motion.body_tracker import TrackerConfig
 from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.ingest import IngestConfig, TossIngest
 from contact_curation.motion.segmenter_config import SegmenterConfig
@@ -139,8 +138,7 @@ def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> Inge
         with BagReader(Path(recording)) as reader:
             segmenter = with_recorded_rules(segmenter, reader.note(NOTE))
     gates = declare_config(node, replace(GateConfig(), gravity=body.gravity), "gates.")
-    tracker = TrackerConfig(poses.body_frame or f"body_{body.name}", poses.board_frame)
-    return IngestConfig(tracker, segmenter, gates)
+    return IngestConfig(poses.tracker(body.name, poses.board_frame), segmenter, gates)
 
 
 def main() -> int:

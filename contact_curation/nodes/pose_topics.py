@@ -18,6 +18,9 @@ from contact_curation.nodes.message_types import message_class
 from contact_curation.nodes.qos import profile
 from contact_curation.storage.pose_messages import POSE_TYPES, TF, Measured
 from contact_curation.storage.pose_source import PoseSource, PoseTopicConfig, TypedTopic, find_pose_source
+from contact_curation.storage.tag_detections import CAMERA_INFO, DETECTIONS
+
+READ_TYPES = (*POSE_TYPES, DETECTIONS, CAMERA_INFO)
 
 RIG = (TypedTopic("/tf", TF), TypedTopic("/tf_static", TF))
 
@@ -65,6 +68,7 @@ class PoseTopics:
         self._config = config
         self._type_name = type_name
         self._depth = depth
+        self._detections = config.detections(body)
         self._found = found
         self._newest: dict[str, int] = {}
         self._arrived = arrived
@@ -100,7 +104,7 @@ class PoseTopics:
             TypedTopic(name, kind)
             for name, kinds in self._node.get_topic_names_and_types()
             for kind in kinds
-            if kind in POSE_TYPES and self._node.count_publishers(name) and self._accepted(name, kind)
+            if kind in READ_TYPES and self._node.count_publishers(name) and self._accepted(name, kind)
         ]
         if self._config.topic in [one.name for one in RIG]:
             return find_pose_source("graph", [*present, *RIG], self._body, self._config)
@@ -112,17 +116,12 @@ class PoseTopics:
 
     def _offer(self, topic: str) -> Offer | None:
         """What the publishers of a topic offer; None while there are none of the right type."""
-        wanted = {one.name: one.type for one in (*RIG, *self._bodies())}[topic]
+        wanted = {one.name: one.type for one in (*RIG, *(self.source.typed if self.source else ()))}[topic]
         offered = [info.qos_profile for info in self._node.get_publishers_info_by_topic(topic) if info.topic_type == wanted]
         if not offered:
             return None
         reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
         return Offer(wanted, reliable, all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered))
-
-    def _bodies(self) -> tuple[TypedTopic, ...]:
-        if self.source is None:
-            return ()
-        return (self.source.body,) if self.source.board is None else (self.source.body, self.source.board)
 
     def _subscribe(self, topic: str, offer: Offer) -> None:
         after_ns = self._newest.get(topic, 0)
@@ -131,7 +130,12 @@ class PoseTopics:
             published_ns = info["source_timestamp"]
             if self.source is not None and not 0 < published_ns <= after_ns:
                 self._newest[topic] = published_ns
-                self._arrived(topic, published_ns, self.source.measured(topic, message))
+                measured = self.source.measured(topic, message, self._detections)
+                if self.source.camera is not None and topic == self.source.camera.name:
+                    topic_of_poses = self.source.body.name  # a CameraInfo is needed again after a restart: it is never known
+                    self._arrived(topic_of_poses, self._newest.get(topic_of_poses, 0), measured)
+                else:
+                    self._arrived(topic, published_ns, measured)
 
         if topic in self._subscriptions:
             self._node.destroy_subscription(self._subscriptions[topic][1])

@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from contact_curation.contact.body import Body
-from contact_curation.motion.body_tracker import TrackerConfig
 from contact_curation.motion.ingest import IngestConfig, IngestEvent, TossIngest
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.toss import NANOSECONDS
@@ -43,12 +42,13 @@ class _BagTosses:
 
     def __init__(self, origin: TossProvenance, source: PoseSource, body: Body, config: InputsConfig) -> None:
         stages = IngestConfig(
-            TrackerConfig(source.body_frame, source.board_frame),
+            config.poses.tracker(body.name, source.board_frame),
             replace(config.segmenter, gravity=body.gravity),
             replace(config.gates, gravity=body.gravity),
         )
         self._origin = origin
         self._source = source
+        self._detections = config.poses.detections(body.name)
         self._ingest = TossIngest(stages, body.polytope, body=body.name, source=source.body.name)
         self._first_ns: int | None = None
         self._last_ns: int | None = None
@@ -81,8 +81,8 @@ class _BagTosses:
 
     def _measured(self, message: BagMessage) -> tuple[Measured, ...]:
         try:
-            return self._source.measured(message.topic, message.message)
-        except (AttributeError, TypeError) as error:  # a bag may define a well-known type name as it likes
+            return self._source.measured(message.topic, message.message, self._detections)
+        except (AttributeError, TypeError, ValueError) as error:  # a bag may define a well-known type name as it likes
             why = f"{message.type}: found fields that are not its own ({error}), expected the type of ROS"
             return (BadPose(message.log_time_ns, message.topic, why, "type"),)
 

@@ -32,7 +32,9 @@ def test_corners_go_round_from_the_lower_left_as_the_reader_sees_them() -> None:
     ],
 )
 def test_every_order_of_corners_becomes_ours(order: CornerOrder, listed: list[list[float]]) -> None:
-    assert in_our_order(listed, order).tolist() == [LOWER_LEFT, LOWER_RIGHT, UPPER_RIGHT, UPPER_LEFT]
+    first_pixel = 0.5 if order is CornerOrder.APRILTAG else 0.0
+    expected = np.array([LOWER_LEFT, LOWER_RIGHT, UPPER_RIGHT, UPPER_LEFT]) - first_pixel
+    np.testing.assert_array_equal(in_our_order([listed], order), [expected])
 
 
 def test_a_frame_that_looks_into_the_tag_is_turned_by_half_a_turn_about_x() -> None:

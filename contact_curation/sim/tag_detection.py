@@ -1,0 +1,90 @@
+"""Tags in images, found by the AprilTag library (pupil-apriltags); corners are as the library gives them."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from contact_curation.errors import MissingDependencyError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.geometry.tags import FAMILY
+from contact_curation.sim.tag_textures import Image
+
+
+@dataclass(frozen=True)
+class DetectorConfig:
+    """Of the AprilTag library.
+
+    Attributes:
+        decimate: quads are looked for in an image this many times smaller.
+        blur: standard deviation of a Gaussian blur before that [px].
+        refine_edges: move edges to the strongest gradient nearby.
+        threads: that look for quads.
+    """
+
+    decimate: float = 2.0
+    blur: float = 0.0
+    refine_edges: bool = True
+    threads: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Detection:
+    """A tag in an image, with the fields of apriltag_msgs.
+
+    Attributes:
+        tag_id: of the family 36h11.
+        hamming: corrected bits.
+        margin: by how much its bits differ from the threshold; the greater the surer.
+        centre: (2,) [px].
+        corners: (4, 2) [px] in the library's order.
+        homography: (3, 3) from the square from -1 to 1 to pixels.
+    """
+
+    tag_id: int
+    hamming: int
+    margin: float
+    centre: Array
+    corners: Array
+    homography: Array
+
+
+class TagDetector:
+    """Looks for tags of the family 36h11.
+
+    Raises:
+        MissingDependencyError: the library is not installed.
+    """
+
+    def __init__(self, config: DetectorConfig | None = None) -> None:
+        config = config or DetectorConfig()
+        self._library = _library(
+            FAMILY,
+            nthreads=config.threads,
+            quad_decimate=config.decimate,
+            quad_sigma=config.blur,
+            refine_edges=int(config.refine_edges),
+        )
+
+    def detect(self, image: Image) -> tuple[Detection, ...]:
+        """The tags in a grey image (height, width), in order of their ids."""
+        found = [
+            Detection(
+                int(one.tag_id),
+                int(one.hamming),
+                float(one.decision_margin),
+                np.array(one.center, dtype=float),
+                np.array(one.corners, dtype=float),
+                np.array(one.homography, dtype=float),
+            )
+            for one in self._library.detect(image)
+        ]
+        return tuple(sorted(found, key=lambda one: one.tag_id))
+
+
+def _library(*arguments: Any, **options: Any) -> Any:
+    try:
+        from pupil_apriltags import Detector  # type: ignore[import-untyped]
+    except ImportError as error:
+        raise MissingDependencyError("the AprilTag library", "pip install pupil-apriltags") from error
+    return Detector(*arguments, **options)

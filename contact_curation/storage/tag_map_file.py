@@ -1,0 +1,150 @@
+"""Which tags are where, in a YAML file: ours, or TagSLAM's tagslam.yaml (its field names are those of its documentation).
+
+Ours (config/cube_tags.yaml):
+
+    family: tag36h11
+    axes: out                  # of the tags' frames: out of the tag, or into it
+    frames:
+      body_cube:
+        - {id: 0, edge: 0.08, position: [0, 0, 0.0524], orientation_wxyz: [1, 0, 0, 0]}
+
+TagSLAM's has `bodies`, a list of names with `tags` (id, size, pose with position and a rotation vector), or with a `board` of
+rows and columns. A body's frame is `body_<name>`, as TagSLAM publishes it. Tags without a pose are left for TagSLAM to find;
+they are none of a map.
+"""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.poses import Pose
+from contact_curation.geometry.quaternions import IDENTITY, Array
+from contact_curation.geometry.tag_rig import TagRig
+from contact_curation.geometry.tags import FAMILY, Tag, TagAxes, TagMap, in_our_axes
+
+LARGEST_FILE = 2**22
+"""Bytes."""
+
+BITS_OF_FAMILY = 6
+"""TagSLAM names families by the bits along an edge."""
+
+
+def read_tag_maps(path: Path) -> tuple[TagMap, ...]:
+    """The maps in a file, one for each frame that has tags.
+
+    Raises:
+        UnreadableInputError: there is no such file, or it is no such map; the line names what is wrong.
+    """
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise UnreadableInputError(path, f"found {path.stat().st_size} bytes, expected at most {LARGEST_FILE}")
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UnreadableInputError(path, f"cannot be read: {error.strerror}") from error
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        raise UnreadableInputError(path, f"found no YAML ({error}), expected a map of tags") from error
+    if not isinstance(content, Mapping) or not {"frames", "bodies"} & set(content):
+        raise UnreadableInputError(path, "found neither `frames` nor TagSLAM's `bodies`, expected a map of tags")
+    try:
+        return tuple(_maps(content) if "frames" in content else _tagslam_maps(content))
+    except ContactCurationError as error:
+        raise UnreadableInputError(path, str(error)) from error
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise UnreadableInputError(path, f"found a field missing or of the wrong form ({error!r}), expected a map") from error
+
+
+def read_tag_rig(path: Path, body_frame: str, board_frame: str) -> TagRig:
+    """The tags of a body and, if there are any, of the board.
+
+    Raises:
+        UnreadableInputError: as `read_tag_maps`, or the body has no tags, or an id is there twice.
+    """
+    maps = {one.frame: one for one in read_tag_maps(path)}
+    if body_frame not in maps:
+        raise UnreadableInputError(path, f"found tags of {sorted(maps)}, expected some of {body_frame}")
+    try:
+        return TagRig(maps[body_frame], maps.get(board_frame))
+    except InvalidValueError as error:
+        raise UnreadableInputError(path, str(error)) from error
+
+
+def tag_rig_yaml(rig: TagRig) -> str:
+    """A rig as our YAML; reading it gives the same rig, bit for bit."""
+    lines = [f"family: {FAMILY}", f"axes: {TagAxes.OUT.value}", "frames:"]
+    for tags in (rig.body, *([rig.board] if rig.board else [])):
+        lines.append(f"  {tags.frame}:")
+        lines += [f"    - {_line(tag)}" for tag in tags.tags]
+    return "\n".join(lines) + "\n"
+
+
+def _line(tag: Tag) -> str:
+    position, turn = (_listed(numbers) for numbers in (tag.pose.position, tag.pose.orientation_wxyz))
+    return f"{{id: {tag.tag_id}, edge: {float(tag.edge)!r}, position: {position}, orientation_wxyz: {turn}}}"
+
+
+def _listed(numbers: Array) -> str:
+    return "[" + ", ".join(repr(float(number) + 0.0) for number in numbers) + "]"
+
+
+def _maps(content: Mapping[str, Any]) -> Iterator[TagMap]:
+    if content.get("family", FAMILY) != FAMILY:
+        raise InvalidValueError("family", content["family"], FAMILY)
+    try:
+        axes = TagAxes(content.get("axes", TagAxes.OUT.value))
+    except ValueError as error:
+        raise InvalidValueError("axes", content["axes"], "out or into") from error
+    for frame, tags in content["frames"].items():
+        yield TagMap(str(frame), tuple(_tag(one, axes) for one in tags))
+
+
+def _tag(entry: Mapping[str, Any], axes: TagAxes) -> Tag:
+    position = np.array(entry["position"], dtype=float)
+    pose = Pose(position, np.array(entry.get("orientation_wxyz", IDENTITY), dtype=float))
+    return Tag(entry["id"], in_our_axes(pose, axes), float(entry["edge"]))
+
+
+def _tagslam_maps(content: Mapping[str, Any]) -> Iterator[TagMap]:
+    for named in content["bodies"]:
+        for name, body in named.items():
+            if isinstance(body, Mapping):
+                tags = _board_tags(body["board"]) if body.get("type") == "board" else list(_simple_tags(body))
+                if tags:
+                    yield TagMap(f"body_{name}", tuple(tags))
+
+
+def _simple_tags(body: Mapping[str, Any]) -> Iterator[Tag]:
+    for entry in body.get("tags") or ():
+        _check_bits(entry.get("bits", BITS_OF_FAMILY))
+        if "pose" in entry:
+            yield Tag(entry["id"], _tagslam_pose(entry["pose"]), float(entry.get("size", body.get("default_tag_size", 0.0))))
+
+
+def _board_tags(board: Mapping[str, Any]) -> list[Tag]:
+    """Row by row; TagSLAM's `pose` of a board says where the body is on it."""
+    _check_bits(board.get("tag_bits", BITS_OF_FAMILY))
+    edge, columns = float(board["tag_size"]), int(board["tag_columns"])
+    back = _tagslam_pose(board["pose"]).inverse() if "pose" in board else Pose.identity()
+    step = edge * (1.0 + float(board["tag_spacing"]))
+    return [
+        Tag(
+            int(board["tag_start_id"]) + number,
+            back.compose(Pose(np.array([step * (number % columns), step * (number // columns), 0.0]), IDENTITY)),
+            edge,
+        )
+        for number in range(int(board["tag_rows"]) * columns)
+    ]
+
+
+def _tagslam_pose(pose: Mapping[str, Any]) -> Pose:
+    position, rotation = ([float(pose[part][axis]) for axis in "xyz"] for part in ("position", "rotation"))
+    return Pose(np.array(position), quaternions.exp(np.array(rotation)))
+
+
+def _check_bits(bits: object) -> None:
+    if bits != BITS_OF_FAMILY:
+        raise InvalidValueError("bits of a tag", bits, f"{BITS_OF_FAMILY}, as of {FAMILY}")
