@@ -20,6 +20,8 @@ VERBS = {
     "score": ("score", "loss terms, impulses and scores of every transition, as an .npz file"),
     "train": ("train", "a model that learns from tosses, as a checkpoint"),
     "evaluate": ("evaluate", "how far a model's motions are from measured ones, and how surely its parameters are known"),
+    "design": ("design", "the throws that would teach most, given what is known"),
+    "simulate": ("simulate", "throws made in the simulated world, as the bag that a rig would have recorded"),
     "play": ("play", "a bag as live topics"),
 }
 """By their names: the module in this package, which has `add_options` and `run`, and what it does."""

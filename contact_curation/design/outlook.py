@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.design.execution_noise import DEFAULT_NOISE, ExecutionNoise, NoiseConfig, balanced_draws
 from contact_curation.design.forecast import DEFAULT_FORECAST, Forecast, ForecastConfig, expected, predicted_motions
 from contact_curation.design.particle import Particle
@@ -99,6 +100,10 @@ class Outlook:
         self.safety = SafetySet(self.particles[0].body, config.safety, noise, feasible)
         self._draws = balanced_draws(config.forecast.executions, np.random.default_rng(config.seed))
 
+    def with_noise(self, noise: ExecutionNoise) -> "Outlook":
+        """The same with other noise of executions."""
+        return Outlook(self.particles, noise, self.config, self.safety.feasible)
+
     def safe(self, prior: ReleasePrior, count: int, rng: np.random.Generator) -> Releases:
         """Draws releases until so many may be thrown, by what they show themselves and by what the thrower says.
 
@@ -155,6 +160,14 @@ class Outlook:
             unknown = (None if known else "motion: cannot be predicted" for known in forecasts[-1].known)
             refusals = [first or second or third for first, second, third in zip(refusals, found, unknown)]
         return forecasts, refusals
+
+    def described_refusals(self, states: Array) -> Refusals:
+        """Why releases (K, 13) may not be thrown, by where they lead if the body is as described; theta is not asked."""
+        body, config = self.particles[0].body, self.config.forecast
+        described = Particle(ContactGeometry.of_body(body), body, self.particles[0].loss)
+        executed = self.noise.executions(states, self._draws).reshape(-1, 13)
+        motions = predicted_motions(described, executed, config)
+        return self.safety.of_motions(described, motions, config.executions, config)
 
     def motion_refusals(self, states: Array) -> Refusals:
         """Why releases (K, 13) may not be thrown, by many executions of each."""

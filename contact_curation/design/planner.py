@@ -5,6 +5,7 @@ Everything follows from the thetas, what is known, the noise as it was learned a
 
 from collections import Counter
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +15,7 @@ from contact_curation.design.outlook import Candidates, Outlook, OutlookConfig
 from contact_curation.design.particle import Particle
 from contact_curation.design.planning import accumulated, gains, greedy_batch, prior_coordinates, with_fishers
 from contact_curation.design.refinement import DEFAULT_REFINEMENT, RefinementConfig, refined
+from contact_curation.design.releases import Releases
 from contact_curation.design.safety_set import Feasible
 from contact_curation.design.throw import Throw, throw_of_state
 from contact_curation.design.throw_prior import PUBLISHED_PRIOR, ReleasePrior
@@ -98,8 +100,14 @@ class Planner:
         self.prior = prior
         outlook = self.config.outlook
         self.outlook = Outlook(particles, noise or ExecutionNoise.expected(outlook.noise), outlook, feasible)
-        self._reference = self._referred()
+        self._reference = self.outlook.with_noise(ExecutionNoise.expected(outlook.noise)).candidates(self._referred())
         self._coordinates = [prior_coordinates(fishers, self.config.share) for fishers in self._reference.fishers]
+
+    def with_noise(self, noise: ExecutionNoise) -> "Planner":
+        """The same with other noise of executions; A0 stays what it was, so that gains can be compared."""
+        planner = copy(self)
+        planner.outlook = self.outlook.with_noise(noise)
+        return planner
 
     @property
     def particles(self) -> tuple[Particle, ...]:
@@ -178,11 +186,9 @@ class Planner:
         )
         raise InvalidValueError("releases that may be thrown", found, f"at least {count}; a larger pool, or other limits")
 
-    def _referred(self) -> Candidates:
-        """Releases of the prior, the same at every theta; not all of them need be safe to throw."""
-        config = self.config
-        drawn = self.prior.draw(config.reference, np.random.default_rng(config.outlook.seed))
-        return self.outlook.candidates(drawn)
+    def _referred(self) -> Releases:
+        """Releases of the prior, the same at every theta and noise; not all of them need be safe to throw."""
+        return self.prior.draw(self.config.reference, np.random.default_rng(self.config.outlook.seed))
 
 
 def _check_comparable(particle: Particle, info: TossInformation) -> None:

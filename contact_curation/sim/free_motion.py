@@ -40,7 +40,7 @@ def free_motion(body: Body, release: ArrayLike, frames: int, frame_period: float
     if not (np.isfinite(frame_period) and frame_period > 0.0):
         raise InvalidValueError("frame_period", frame_period, "a positive number of seconds")
     steps = config.steps_in(frame_period)
-    return _moved(world_of(body, frame_period / steps).compile(), first, frames, steps)
+    return _moved(world_of(body, frame_period / steps, config.contact_time).compile(), first, frames, steps)
 
 
 def _moved(model: mujoco.MjModel, release: Array, frames: int, steps: int) -> Array:

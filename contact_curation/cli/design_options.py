@@ -1,0 +1,110 @@
+"""The options of `design`, and what they ask for."""
+
+import argparse
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from contact_curation.cli.body_option import add_body_option, chosen_body
+from contact_curation.cli.option_types import PathEndingIn, natural_number, positive_integer
+from contact_curation.cli.reading import ReadingConfig
+from contact_curation.cli.report import add_json_option
+from contact_curation.cli.settings import add_settings, with_settings
+from contact_curation.contact.evaluation import DEFAULT_LOSS, LossConfig
+from contact_curation.design.outlook import OutlookConfig
+from contact_curation.design.planner import DesignConfig
+from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.segmenter_config import SegmenterConfig
+from contact_curation.storage.inputs import InputsConfig
+from contact_curation.storage.pose_source import PoseTopicConfig
+
+BASELINES = ("paper", "prior")
+STAGES = ("design", "forecast", "safety", "noise", "placement", "refinement", "loss", "segmenter", "gates")
+
+
+@dataclass(frozen=True, eq=False)
+class DesignOptions:
+    """What the options ask for.
+
+    Attributes:
+        design: how throws are chosen.
+        loss: of the information.
+        reading: how recordings become tosses.
+    """
+
+    design: DesignConfig
+    loss: LossConfig
+    reading: ReadingConfig
+
+
+def add_design_options(parser: argparse.ArgumentParser) -> None:
+    """Adds all options."""
+    _add_theta_options(parser.add_argument_group("what is to be learned"))
+    add_body_option(parser)
+    group = parser.add_argument_group("what is known")
+    group.add_argument(
+        "--known", type=Path, nargs="+", default=[], metavar="INPUT", help="recordings of tosses that are kept (default none)"
+    )
+    group.add_argument("--manifest", type=Path, metavar="FILE", help="of those recordings only the tosses that it kept")
+    group.add_argument(
+        "--prior",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="INPUT",
+        help="recordings of throws like those to be made (default: the published statistics of ContactNets' releases)",
+    )
+    group = parser.add_argument_group("throws")
+    group.add_argument("--throws", type=positive_integer, default=8, metavar="N", help="how many (default 8)")
+    group.add_argument("--seed", type=natural_number, default=0, metavar="N", help="the same gives the same throws (default 0)")
+    group.add_argument("--name", default="throw", help="that their ids begin with (default throw)")
+    ways = group.add_mutually_exclusive_group()
+    ways.add_argument(
+        "--baseline", choices=BASELINES, help="paper: a normal in raw coordinates, best by trace; prior: at random"
+    )
+    ways.add_argument(
+        "--warm-up", action="store_true", help="different first impacts instead of information, for an unknown theta"
+    )
+    add_settings(parser, STAGES)
+    group = parser.add_argument_group("output")
+    group.add_argument("--out", type=PathEndingIn(".json"), required=True, metavar="THROWS.json", help="the throws")
+    add_json_option(parser)
+
+
+def _add_theta_options(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--checkpoint",
+        type=PathEndingIn(".safetensors"),
+        action="append",
+        default=[],
+        metavar="C",
+        help="theta as `train` wrote it; given several times, gains are averaged over them (default: the object as described)",
+    )
+    group.add_argument("--params", type=Path, action="append", default=[], metavar="FILE", help="the same as a JSON file")
+
+
+def design_config(arguments: argparse.Namespace) -> DesignOptions:
+    """The options' configuration.
+
+    Raises:
+        ContactCurationError: the body's file cannot be used, or a setting is not accepted.
+    """
+    outlook = OutlookConfig()
+    design = DesignConfig()
+    plain = {
+        "design": design,
+        "forecast": outlook.forecast,
+        "safety": outlook.safety,
+        "noise": outlook.noise,
+        "placement": outlook.placement,
+        "refinement": design.refinement,
+        "loss": DEFAULT_LOSS,
+        "segmenter": SegmenterConfig(),
+        "gates": GateConfig(),
+    }
+    stages = with_settings(plain, arguments.settings)
+    judged = replace(outlook, **{name: stages[name] for name in ("forecast", "safety", "noise", "placement")})
+    return DesignOptions(
+        design=replace(stages["design"], outlook=judged, refinement=stages["refinement"]),
+        loss=stages["loss"],
+        reading=ReadingConfig(chosen_body(arguments), InputsConfig(PoseTopicConfig(), stages["segmenter"], stages["gates"])),
+    )

@@ -1,0 +1,103 @@
+"""`simulate THROWS.json --out BAG.mcap`: throws made in the simulated world, as the bag of a rig that saw them."""
+
+import argparse
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from contact_curation.cli.body_option import add_body_option, chosen_body
+from contact_curation.cli.option_types import natural_number
+from contact_curation.cli.progress import Progress
+from contact_curation.cli.report import add_json_option, counted, print_json, warn
+from contact_curation.cli.settings import add_settings, with_settings
+from contact_curation.contact.body import Body
+from contact_curation.design.execution_noise import DEFAULT_NOISE, ExecutionNoise
+from contact_curation.design.throw import Throw
+from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.motion.toss import Toss
+from contact_curation.sim.thrown_toss import DEFAULT_THROWN, ThrownTossConfig, executed_throw, thrown_toss
+
+STAGES = ("simulation", "noise")
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the verb's options to its parser."""
+    parser.description = (
+        "Makes throws in MuJoCo and writes what a tracker would have seen as the bag of a TagSLAM rig, for `rank` and the "
+        "nodes to read. A throw after which the body does not come to rest is a line on standard error; the others are written."
+    )
+    parser.add_argument("throws", type=Path, metavar="THROWS.json", help="what `contact-curation design` wrote")
+    parser.add_argument("--out", type=Path, required=True, metavar="BAG.mcap", help="the bag; without .mcap a folder")
+    add_body_option(parser)
+    parser.add_argument(
+        "--execution-noise",
+        action="store_true",
+        help="throws come out as in practice: off by 5 %% of the speed and 3 cm/s, 5 degrees, 0.4 rad/s, 5 mm (--set noise.*)",
+    )
+    parser.add_argument("--seed", type=natural_number, default=0, metavar="N", help="of that noise (default 0)")
+    add_settings(parser, STAGES)
+    add_json_option(parser)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Throws, writes the bag, and says what went into it.
+
+    Raises:
+        UnreadableInputError: the file holds no throws, or none of them comes to rest.
+        InvalidValueError: a throw of another body, or `--out` cannot be written.
+    """
+    from contact_curation.motion.segmenter_config import SegmenterConfig
+    from contact_curation.storage.bag_writer import BagWriter
+    from contact_curation.storage.tagslam_bag import TagslamRig, record
+    from contact_curation.storage.throws_file import read_throws
+
+    thrower = _thrower(arguments)
+    throws = read_throws(arguments.throws)
+    for throw in throws:
+        if throw.body != thrower.body.name:
+            raise InvalidValueError(f"body of throw {throw.throw_id}", throw.body, f"{thrower.body.name}; see --body")
+    rig = TagslamRig(rules=SegmenterConfig(frame_period=thrower.config.frame_period))
+    with Progress("throwing", "throws", len(throws)) as progress, BagWriter(arguments.out) as bag:
+        count, frames = record(bag, thrower.body.name, thrower.tosses(throws, progress.advance), rig)
+        if not count:
+            raise UnreadableInputError(arguments.throws, f"found no throw that comes to rest: {thrower.left_out[0]}")
+    warn([f"left out: {line}" for line in thrower.left_out])
+    made = [throw.to_mapping() for throw in thrower.executed]
+    if arguments.json:
+        content = {"out": str(arguments.out), "tosses": count, "frames": frames}
+        print_json({**content, "executed": made, "left_out": thrower.left_out})
+    else:
+        print(f"{arguments.out}: {count} of {counted(len(throws), 'throw')}, {frames} frames")
+    return 0
+
+
+class _Thrower:
+    """Makes throws one after the other; what was really thrown and what was left out stays."""
+
+    def __init__(self, body: Body, config: ThrownTossConfig, noise: ExecutionNoise | None, seed: int) -> None:
+        self.body, self.config = body, config
+        self.executed: list[Throw] = []
+        self.left_out: list[str] = []
+        self._noise = noise
+        self._rng = np.random.default_rng(seed)
+
+    def tosses(self, throws: Sequence[Throw], advance: Callable[[], None]) -> Iterator[Toss]:
+        """The motions of those that come to rest."""
+        for throw in throws:
+            executed = executed_throw(throw, self._noise, self._rng) if self._noise else throw
+            try:
+                toss = thrown_toss(self.body, executed, self.config)
+            except InvalidValueError as error:
+                self.left_out.append(str(error))
+            else:
+                self.executed.append(executed)
+                yield toss
+            advance()
+
+
+def _thrower(arguments: argparse.Namespace) -> _Thrower:
+    stages = with_settings({"simulation": DEFAULT_THROWN, "noise": DEFAULT_NOISE}, arguments.settings)
+    noise = ExecutionNoise.expected(stages["noise"]) if arguments.execution_noise else None
+    return _Thrower(chosen_body(arguments), stages["simulation"], noise, arguments.seed)
