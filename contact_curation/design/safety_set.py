@@ -57,7 +57,7 @@ class SafetyConfig:
     least_clearance: float = 0.01
     shortest_flight: float = 0.03
     board_half_width: float = 0.35
-    keep_out_place: tuple[float, float] = (-0.75, 0.0)
+    keep_out_place: tuple[float, float] = (-0.307, -0.5)
     keep_out_radius: float = 0.25
     share: float = 0.01
     executions: int = 200
