@@ -86,7 +86,7 @@ class PoolConfig:
 
         from contact_curation.information.network_scoring import NetworkScorer
 
-        torch.set_num_threads(config.loss.threads)
+        torch.set_num_threads(1)  # on busy cores threads wait for each other many times as long as they work
         return NetworkScorer(theta.model(), config, self.network, self.score_folder)
 
     @property

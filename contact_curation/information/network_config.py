@@ -16,7 +16,7 @@ class SketchConfig:
     """
 
     leading: int = 16
-    random: int = 4
+    random: int = 8
     seed: int = 0
 
     def __post_init__(self) -> None:
