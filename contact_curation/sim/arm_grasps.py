@@ -1,0 +1,64 @@
+"""Where a vacuum gripper may hold a body: the middle of each flat face that its pad fits on, at any turn about the face's normal."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from contact_curation.contact.body import Body
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+
+PAD_RADIUS = 0.015
+"""Of the pad's sealing lip [m]."""
+
+SAME_PLANE = 1e-6
+"""Facets whose planes differ by no more are one face."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grasps:
+    """The faces that the pad fits on, in the body's frame.
+
+    Attributes:
+        places: (G, 3) where the pad is put [m].
+        normals: (G, 3) out of the body.
+    """
+
+    places: Array
+    normals: Array
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+
+def grasps_of(body: Body, pad_radius: float = PAD_RADIUS) -> Grasps:
+    """The grasps of a body.
+
+    Raises:
+        InvalidValueError: no face is large enough for the pad.
+    """
+    hull = ConvexHull(body.vertices)
+    planes = np.unique(np.round(hull.equations / SAME_PLANE) * SAME_PLANE, axis=0)
+    places, normals, radii = [], [], []
+    for plane in planes:
+        facets = hull.simplices[np.abs(hull.equations - plane).max(axis=1) <= 2.0 * SAME_PLANE]
+        place = _centroid(body.vertices, facets)
+        edges = np.abs((planes[:, :3] @ place + planes[:, 3]))  # distances to all planes, its own is 0
+        slopes = np.linalg.norm(np.cross(planes[:, :3], plane[:3]), axis=1)
+        apart = slopes > 1e-3
+        places.append(place)
+        normals.append(plane[:3] / np.linalg.norm(plane[:3]))
+        radii.append(float((edges[apart] / slopes[apart]).min()))
+    fits = np.array(radii) >= pad_radius
+    if not fits.any():
+        raise InvalidValueError(
+            f"body {body.name}", f"faces with room for a circle of {max(radii):.3f} m", f"one of {pad_radius} m for the pad"
+        )
+    return Grasps(np.array(places)[fits], np.array(normals)[fits])
+
+
+def _centroid(vertices: Array, facets: Array) -> Array:
+    corners = vertices[facets]  # (F, 3, 3)
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return np.asarray(areas @ corners.mean(axis=1) / areas.sum())

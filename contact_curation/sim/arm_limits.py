@@ -1,0 +1,79 @@
+"""What a Franka Research 3 may do: the published limits of its joints, and how far a motion is from breaking one.
+
+Sources: positions, speeds and torques from franka_description (robots/fr3/joint_limits.yaml); accelerations, and speeds that fall
+towards the ends of a joint's range, from libfranka's rate limiting and "Robot and interface specifications" of Franka's
+control interface. Jerk (5000 rad/s^3) is far from being reached by ramps that take tens of milliseconds.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+
+JOINTS = 7
+
+
+@dataclass(frozen=True, eq=False)
+class JointLimits:
+    """Limits of the seven joints, each (7,).
+
+    A joint may move towards an end of its range no faster than it could brake before it: sqrt(2 * braking * way) - slack.
+
+    Attributes:
+        lowest: position [rad].
+        highest: position [rad].
+        speed: [rad/s].
+        acceleration: [rad/s^2].
+        torque: [N m].
+        braking: deceleration that the speed limit near an end reckons with [rad/s^2].
+        slack: what it takes off that speed [rad/s].
+        brake_end_low: where that speed would be minus the slack at the lower end [rad].
+        brake_end_high: and at the upper [rad].
+    """
+
+    lowest: Array
+    highest: Array
+    speed: Array
+    acceleration: Array
+    torque: Array
+    braking: Array
+    slack: Array
+    brake_end_low: Array
+    brake_end_high: Array
+
+    def __post_init__(self) -> None:
+        for name in self.__dataclass_fields__:
+            values = np.asarray(getattr(self, name), dtype=float)
+            if values.shape != (JOINTS,) or not np.isfinite(values).all():
+                raise InvalidValueError(f"joint limits {name}", np.array2string(values), f"{JOINTS} finite numbers")
+            object.__setattr__(self, name, values)
+
+    def fastest(self, positions: Array) -> tuple[Array, Array]:
+        """The lowest and the highest speed (..., 7) [rad/s] that may be had at positions (..., 7)."""
+        down = np.sqrt(np.maximum(2.0 * self.braking * (positions - self.brake_end_low), 0.0)) - self.slack
+        up = np.sqrt(np.maximum(2.0 * self.braking * (self.brake_end_high - positions), 0.0)) - self.slack
+        return -np.clip(down, 0.0, self.speed), np.clip(up, 0.0, self.speed)
+
+    def speed_use(self, positions: Array, speeds: Array) -> Array:
+        """What share of the speed limit is used, (..., 7); more than 1 breaks it, infinite where no speed is allowed."""
+        low, high = self.fastest(positions)
+        allowed = np.where(speeds < 0.0, -low, high)
+        idle = np.abs(speeds) < 1e-9
+        with np.errstate(divide="ignore"):
+            return np.where(idle, 0.0, np.abs(speeds) / np.where(idle, 1.0, allowed))
+
+
+FR3_LIMITS = JointLimits(
+    lowest=np.array([-2.7437, -1.7837, -2.9007, -3.0421, -2.8065, 0.5445, -3.0159]),
+    highest=np.array([2.7437, 1.7837, 2.9007, -0.1518, 2.8065, 4.5169, 3.0159]),
+    speed=np.array([2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26]),
+    acceleration=np.full(JOINTS, 10.0),
+    torque=np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0]),
+    braking=np.array([6.0, 2.585, 3.5, 4.0, 17.0, 5.5, 17.0]),
+    slack=np.array([0.30, 0.20, 0.20, 0.30, 0.35, 0.35, 0.35]),
+    brake_end_low=np.array([-2.7501, -1.7918, -2.9065, -3.0481, -2.8101, 0.54092, -3.0196]),
+    brake_end_high=np.array([2.7501, 1.7918, 2.9065, -0.1458, 2.8101, 4.5205, 3.0196]),
+)
+"""Of a Franka Research 3."""

@@ -1,0 +1,116 @@
+"""Motions of the joints as samples, one per control step, made of ramps whose acceleration is bounded and has no jumps.
+
+A ramp takes a joint from rest to a speed v (backwards in time: from v to rest) with a trapezoid of acceleration a that rises in
+the time r: it takes v/a + r and half that times v of way. Each joint ramps for itself and is done at the instant of release, so
+every joint takes the shortest way there is.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_curation.geometry.quaternions import Array
+
+
+@dataclass(frozen=True)
+class RampConfig:
+    """How hard joints speed up.
+
+    Attributes:
+        acceleration: of a ramp [rad/s^2].
+        rise: time in which the acceleration gets there [s].
+        moving: largest speed between postures, as a share of what a joint may do.
+    """
+
+    acceleration: float = 9.0
+    rise: float = 0.04
+    moving: float = 0.8
+
+
+DEFAULT_RAMP = RampConfig()
+
+
+@dataclass(frozen=True, eq=False)
+class JointPath:
+    """A motion of N samples.
+
+    Attributes:
+        positions: (N, 7) [rad].
+        speeds: (N, 7) [rad/s].
+        accelerations: (N, 7) [rad/s^2].
+    """
+
+    positions: Array
+    speeds: Array
+    accelerations: Array
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    @staticmethod
+    def joined(*parts: "JointPath") -> "JointPath":
+        """One after the other."""
+        return JointPath(
+            np.concatenate([part.positions for part in parts]),
+            np.concatenate([part.speeds for part in parts]),
+            np.concatenate([part.accelerations for part in parts]),
+        )
+
+    def thinned(self, every: int) -> "JointPath":
+        """Every so many samples, and the last."""
+        kept = np.unique(np.append(np.arange(0, len(self), every), len(self) - 1))
+        return JointPath(self.positions[kept], self.speeds[kept], self.accelerations[kept])
+
+
+def ramp_way(speeds: Array, config: RampConfig) -> Array:
+    """The way (...) [rad] in which speeds (...) are reached from rest, with their sign."""
+    return 0.5 * speeds * _duration(speeds, config)
+
+
+def speeding_up(posture: Array, speeds: Array, step: float, config: RampConfig) -> JointPath:
+    """From rest to a posture (7,) passed with speeds (7,): samples up to and with the last, which is there exactly."""
+    backwards = slowing_down(posture, -speeds, step, config)
+    return JointPath(backwards.positions[::-1], -backwards.speeds[::-1], backwards.accelerations[::-1])
+
+
+def slowing_down(posture: Array, speeds: Array, step: float, config: RampConfig) -> JointPath:
+    """From a posture (7,) passed with speeds (7,) to rest: samples from the first, which is there exactly."""
+    durations = _duration(speeds, config)
+    count = int(np.ceil(durations.max() / step)) + 1
+    times = np.arange(count)[:, None] * step  # (N, 1)
+    plateau = np.minimum(config.acceleration, np.abs(speeds) / config.rise) * np.sign(speeds)
+    rise = config.rise
+    gone = [np.clip(times - start, 0.0, None) for start in (np.zeros(7), np.full(7, rise), durations - rise, durations)]
+    signs = np.array([-1.0, 1.0, 1.0, -1.0])
+    slope = plateau / rise  # of the acceleration
+    accelerations = slope * sum(sign * time for sign, time in zip(signs, gone))
+    lost = slope * sum(sign * time**2 / 2.0 for sign, time in zip(signs, gone))
+    fallen = slope * sum(sign * time**3 / 6.0 for sign, time in zip(signs, gone))
+    return JointPath(posture + speeds * times + fallen, speeds + lost, np.asarray(accelerations))
+
+
+def moving(start: Array, end: Array, fastest: Array, step: float, config: RampConfig) -> JointPath:
+    """From rest at one posture (7,) to rest at another, straight in the joints' space, by a quintic.
+
+    Args:
+        start: first posture.
+        end: last posture.
+        fastest: speeds (7,) that the joints may have [rad/s].
+        step: between samples [s].
+        config: how fast and how hard.
+    """
+    way = end - start
+    by_speed = (15.0 / 8.0 * np.abs(way) / (config.moving * fastest)).max()
+    by_acceleration = np.sqrt(10.0 / np.sqrt(3.0) * np.abs(way).max() / (config.moving * config.acceleration))
+    count = max(int(np.ceil(max(by_speed, by_acceleration) / step)), 2)
+    s = np.linspace(0.0, 1.0, count + 1)[:, None]
+    total = count * step
+    return JointPath(
+        start + way * (10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5),
+        way / total * (30.0 * s**2 - 60.0 * s**3 + 30.0 * s**4),
+        way / total**2 * (60.0 * s - 180.0 * s**2 + 120.0 * s**3),
+    )
+
+
+def _duration(speeds: Array, config: RampConfig) -> Array:
+    return np.maximum(np.abs(speeds) / config.acceleration, config.rise) + config.rise
