@@ -21,12 +21,14 @@ class CanaryConfig:
     """When theta is trusted.
 
     Attributes:
+        enabled: whether it is asked at all; without, any theta is trusted.
         least_tosses: known at it.
         largest_loss: median over the tosses of their mean loss (METHOD 1.2), characteristic units; real tosses have 0.02 at the
             true parameters.
         least_agreement: Spearman correlation of the reference throws' gains between thetas.
     """
 
+    enabled: bool = True
     least_tosses: int = 4
     largest_loss: float = 0.1
     least_agreement: float = 0.5

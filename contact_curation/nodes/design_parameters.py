@@ -1,0 +1,37 @@
+"""The parameters of a design, by the names that `--set` of `contact-curation design` has for them."""
+
+from dataclasses import replace
+
+from rclpy.node import Node
+
+from contact_curation.design.canary import CanaryConfig
+from contact_curation.design.outlook import OutlookConfig
+from contact_curation.design.planner import DesignConfig
+from contact_curation.nodes.design_stage import ONE_THREAD, DesignStageConfig
+from contact_curation.nodes.parameters import declare, declare_config
+
+JUDGED = ("forecast", "safety", "noise", "placement")
+
+
+def declared_design(node: Node) -> DesignStageConfig:
+    """How throws are designed.
+
+    Raises:
+        InvalidValueError: a value that is not accepted.
+        rclpy.exceptions.ParameterException: a value of another type.
+    """
+    default = DesignConfig()
+    described = {
+        "pool": "safe releases that throws are picked from",
+        "reference": "releases that make the prior information, and that the canary asks about",
+        "share": "of their mean information that is the prior information",
+    }
+    own = {name: declare(node, f"design.{name}", getattr(default, name), text) for name, text in described.items()}
+    outlook = OutlookConfig()
+    judged = {name: declare_config(node, getattr(outlook, name), f"{name}.") for name in JUDGED}
+    refinement = declare_config(node, default.refinement, "refinement.")
+    return DesignStageConfig(
+        planner=replace(default, **own, outlook=replace(outlook, **judged), refinement=refinement),
+        canary=declare_config(node, CanaryConfig(), "canary."),
+        loss=declare_config(node, ONE_THREAD, "loss."),
+    )

@@ -1,0 +1,218 @@
+"""throw_designer: theta and what is known in, the throw that will teach most out; with `auto` throws are made, one by one."""
+
+import sys
+from collections.abc import Sequence
+from concurrent.futures import Future
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from contact_curation_msgs.msg import CuratedBuffer, ModelParameters
+from contact_curation_msgs.msg import TossInformation as TossInformationMessage
+from contact_curation_msgs.srv import GetInformation, ProposeThrow
+from rclpy.clock import Clock, ClockType
+
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.design.throw import Throw
+from contact_curation.errors import ContactCurationError, InvalidValueError
+from contact_curation.motion.toss import NANOSECONDS
+from contact_curation.nodes.body_parameter import declared_body
+from contact_curation.nodes.catch_up import CatchUp, Cursor, Source
+from contact_curation.nodes.complaints import Complaints
+from contact_curation.nodes.design_parameters import declared_design
+from contact_curation.nodes.design_stage import DesignStage, Proposal
+from contact_curation.nodes.door import StageNode, run
+from contact_curation.nodes.health import Health, HealthReport
+from contact_curation.nodes.messages.headers import Stamped, nanoseconds_of
+from contact_curation.nodes.messages.model_parameters import MODEL, geometry_of_bytes
+from contact_curation.nodes.messages.throw import throw_message, throw_of
+from contact_curation.nodes.messages.toss_information import information_of
+from contact_curation.nodes.parameters import declare
+from contact_curation.nodes.qos import kept
+from contact_curation.nodes.scored_theta import read_scored_theta
+from contact_curation.nodes.throw_goals import Outcome, ThrowGoals
+from contact_curation.nodes.worker import Worker
+from contact_curation.storage.state_store import StateStore
+
+INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
+
+PERIOD = 0.2
+"""[s] between looks at whether the next throw is due."""
+
+LONGEST_PROPOSAL = 120.0
+"""[s] that the service waits for the worker."""
+
+
+class ThrowDesigner(StageNode):
+    """Proposes throws when asked, and in `auto` has them made, the next when the last one's toss was scored."""
+
+    def __init__(self) -> None:
+        super().__init__("throw_designer")
+        self._body = declared_body(self)
+        config = declared_design(self)
+        parameters = declare(self, "params", "", "theta to begin with: JSON file or checkpoint; empty: none yet")
+        store = Path(declare(self, "store", "throws.sqlite", "file that throws, theta and what they taught are kept in"))
+        self._board_frame = declare(self, "board_frame", "body_surface", "frame that throws are given in")
+        declare(self, "auto", False, "throws are made one after the other; can be changed while the node runs", fixed=False)
+        self._max_throws = declare(self, "max_throws", 0, "no more throws than these in auto; 0: no end", bounds=(0, 1 << 31))
+        self._toss_timeout = declare(self, "toss_timeout", 15.0, "waits so long for a throw's toss [s]", bounds=(0.0, 3600.0))
+        self._pause = declare(self, "retry_period", 2.0, "pause after a throw that was not made [s]", bounds=(0.1, 3600.0))
+        goal_timeout = declare(self, "goal_timeout", 60.0, "gives a throw up after this [s]", bounds=(0.1, 3600.0))
+        geometry: ContactGeometry | None = None
+        if parameters:
+            theta, self._body = read_scored_theta(Path(parameters), self._body)
+            geometry = polytope_in(theta.model, theta.data)
+        self._states = StateStore(store)
+        self._stage = DesignStage(self._body, config, self._states, geometry)
+        self._complaints = Complaints(self)
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._not_before = self._now()
+        self._toss_until = self._now() + self._toss_timeout
+        self._at_work = False
+        self._commanded: tuple[Throw, int] | None = None
+        self._last: Proposal | None = None
+        self._goals = ThrowGoals(self, self._told, goal_timeout)
+        self._worker = Worker(self.fail)
+        self.create_service(ProposeThrow, "propose_throw", self._propose)
+        self.create_subscription(ModelParameters, "model_parameters", self._parameters_came, kept(1))
+        self.create_subscription(CuratedBuffer, "curated_buffer", self._buffer_came, kept(1))
+        self._information = CatchUp(self, self._worker, INFORMATION, Cursor(), self._take)
+        self.create_timer(PERIOD, self._look, clock=self._steady)
+        HealthReport(self, self._health)
+
+    def close(self) -> None:
+        self._worker.stop()
+        self._states.close()
+
+    def _look(self) -> None:
+        """Begins the next throw when it is due."""
+        self._goals.look()
+        if not self.get_parameter("auto").value or self._at_work or self._goals.busy or not self._goals.ready:
+            return
+        waits = self._stage.awaited and self._now() < self._toss_until
+        done = self._max_throws and len(self._stage.throws) >= self._max_throws
+        if not (waits or done or self._now() < self._not_before):
+            self._at_work = True
+            self._worker.do(self._throw_next)
+
+    def _throw_next(self) -> None:
+        """On the worker's thread."""
+        try:
+            self._last = self._stage.propose()
+        except ContactCurationError as error:
+            self._complaints.note("no throw", str(error))
+            self._not_before, self._at_work = self._now() + self._pause, False
+            return
+        throw = self._last.throw
+        self._commanded = (throw, self._stage.begin())
+        self._goals.send(throw_message(throw, Stamped(0, self._board_frame)))
+
+    def _told(self, outcome: Outcome) -> None:
+        self._worker.do(partial(self._finish, outcome))
+
+    def _finish(self, outcome: Outcome) -> None:
+        """On the worker's thread: the next throw may begin."""
+        assert self._commanded is not None
+        throw, after_ns = self._commanded
+        try:
+            if outcome.executed is None:
+                raise InvalidValueError(f"throw {throw.throw_id}", outcome.message or "no reason", "one that was made")
+            executed = throw_of(outcome.executed)
+            self._stage.finish(throw, executed, max(after_ns, nanoseconds_of(outcome.executed.header.stamp)))
+            self._toss_until = self._now() + self._toss_timeout
+        except InvalidValueError as error:
+            self._complaints.note("throw not made", str(error))
+            self._not_before = self._now() + self._pause
+        self._at_work = False
+
+    def _propose(self, request: Any, response: Any) -> Any:
+        """Answers when the worker has come to it; what is heard meanwhile waits in its queues."""
+        proposed: Future[Proposal] = Future()
+        self._worker.do(partial(self._proposal, request, proposed))
+        try:
+            proposal = proposed.result(LONGEST_PROPOSAL)
+        except ContactCurationError as error:
+            response.message = str(error)
+            return response
+        except TimeoutError:
+            response.message = f"found no throw within {LONGEST_PROPOSAL:g} s"
+            return response
+        response.success = True
+        response.message = "designed" if proposal.warm_up is None else f"warm-up ({proposal.warm_up})"
+        response.throw_command = throw_message(proposal.throw, Stamped(0, self._board_frame))
+        return response
+
+    def _proposal(self, request: Any, proposed: "Future[Proposal]") -> None:
+        """On the worker's thread."""
+        try:
+            if request.body not in ("", self._body.name):
+                raise InvalidValueError("body", request.body, self._body.name)
+            proposed.set_result(self._stage.propose(int(request.seed)))
+        except ContactCurationError as error:
+            proposed.set_exception(error)
+
+    def _parameters_came(self, message: Any) -> None:
+        self._worker.do(partial(self._renew, message))
+
+    def _renew(self, message: Any) -> None:
+        """On the worker's thread."""
+        try:
+            if message.body != self._body.name:
+                raise InvalidValueError("body of the parameters", message.body, self._body.name)
+            self._stage.renew(polytope_in(message.model, bytes(message.safetensors)))
+        except InvalidValueError as error:
+            self._complaints.note("bad parameters", str(error))
+
+    def _buffer_came(self, message: Any) -> None:
+        if message.body == self._body.name:
+            self._worker.do(partial(self._stage.keep, tuple(message.toss_ids)))
+
+    def _take(self, messages: Sequence[Any], cursor: Cursor) -> None:
+        """On the worker's thread."""
+        for message in messages:
+            try:
+                if message.body != self._body.name:
+                    raise InvalidValueError(f"body of toss {message.toss_id}", message.body, self._body.name)
+                self._stage.add(information_of(message), nanoseconds_of(message.header.stamp))
+            except InvalidValueError as error:
+                self._complaints.note("bad information", str(error))
+
+    def _now(self) -> float:
+        """[s] of the steady clock: simulated time may stand still."""
+        return float(self._steady.now().nanoseconds) / NANOSECONDS
+
+    def _health(self) -> Health:
+        made, last = self._stage.throws, self._last
+        values = {
+            "throws": len(made),
+            "under_way": self._goals.busy,
+            "awaiting_toss": self._stage.awaited,
+            "realised_ratio": round(self._stage.ratio, 3),
+            "parameters_version": self._stage.version,
+            "queue": self._worker.waiting,
+            **self._complaints.counts,
+        }
+        if last is None:
+            return Health(f"{len(made)} throws made", values)
+        how = f"planned to gain {last.throw.expected_information:.3g}" if last.warm_up is None else f"warm-up: {last.warm_up}"
+        return Health(f"{len(made)} throws made, {last.throw.throw_id} {how}", values)
+
+
+def polytope_in(model: str, data: bytes) -> ContactGeometry:
+    """The polytope that ModelParameters carries.
+
+    Raises:
+        InvalidValueError: a network, whose motions are not predicted here, or no parameters.
+    """
+    if model != MODEL:
+        raise InvalidValueError("model to design throws with", repr(model), MODEL)
+    return geometry_of_bytes(data)
+
+
+def main() -> int:
+    """Runs the node."""
+    return run(ThrowDesigner, "throw_designer")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,95 @@
+"""ExecuteThrow goals, one at a time: what becomes of each is told once, whatever happens to the thrower."""
+
+import threading
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from action_msgs.msg import GoalStatus
+from contact_curation_msgs.action import ExecuteThrow
+from rclpy.action import ActionClient
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.task import Future
+
+from contact_curation.motion.toss import NANOSECONDS
+
+
+class Outcome(NamedTuple):
+    """What became of a goal: the executed throw's message, or None and why there is none."""
+
+    executed: Any
+    message: str
+
+
+class ThrowGoals:
+    """Sends one goal after the other to `execute_throw`.
+
+    Args:
+        node: that sends.
+        told: called once per goal, on the executor's thread.
+        patience: a goal without an outcome is given up after this time of the steady clock [s].
+    """
+
+    def __init__(self, node: Node, told: Callable[[Outcome], None], patience: float) -> None:
+        self._client = ActionClient(node, ExecuteThrow, "execute_throw")
+        self._told = told
+        self._patience = patience
+        self._clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._lock = threading.RLock()
+        self._begun_ns: int | None = None
+        self._handle: Any = None
+        self._number = 0
+
+    @property
+    def ready(self) -> bool:
+        """Whether there is a thrower."""
+        return bool(self._client.server_is_ready())
+
+    @property
+    def busy(self) -> bool:
+        """Whether a goal is under way."""
+        return self._begun_ns is not None
+
+    def send(self, throw: Any) -> None:
+        """Commands a throw, a message; not while another is under way."""
+        with self._lock:
+            self._number += 1
+            number, self._begun_ns = self._number, self._clock.now().nanoseconds
+            future = self._client.send_goal_async(ExecuteThrow.Goal(throw_command=throw))
+        future.add_done_callback(lambda done: self._answered(number, done))
+
+    def look(self) -> None:
+        """Gives up what takes too long, or what nobody works on any more; to be called now and then."""
+        with self._lock:
+            if self._begun_ns is None:
+                return
+            waited = (self._clock.now().nanoseconds - self._begun_ns) / NANOSECONDS
+            gone = not self.ready
+            handle = self._handle
+        if gone or waited > self._patience:
+            if handle is not None and not gone:
+                handle.cancel_goal_async()
+            self._end(self._number, Outcome(None, "the thrower is gone" if gone else f"no result within {self._patience:g} s"))
+
+    def _answered(self, number: int, future: Future) -> None:
+        handle = future.result()
+        if not handle.accepted:
+            self._end(number, Outcome(None, "the thrower did not take the goal"))
+            return
+        with self._lock:
+            if number == self._number:
+                self._handle = handle
+        handle.get_result_async().add_done_callback(lambda done: self._resulted(number, done))
+
+    def _resulted(self, number: int, future: Future) -> None:
+        result = future.result()
+        fine = result.status == GoalStatus.STATUS_SUCCEEDED and result.result.success
+        self._end(number, Outcome(result.result.executed if fine else None, result.result.message))
+
+    def _end(self, number: int, outcome: Outcome) -> None:
+        """Tells what became of a goal, unless that was told before."""
+        with self._lock:
+            if self._begun_ns is None or number != self._number:
+                return
+            self._begun_ns, self._handle = None, None
+        self._told(outcome)

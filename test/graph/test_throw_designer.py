@@ -1,0 +1,124 @@
+"""The designer as a process: it proposes, has throws made one after the other, and goes on where it was killed."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from contact_curation_msgs.msg import ModelParameters
+from contact_curation_msgs.srv import ProposeThrow
+
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.design.particle import Particle
+from contact_curation.nodes.messages.throw import throw_of
+from contact_curation.nodes.qos import kept
+from contact_curation.storage.state_store import StateStore
+from test.cli.commands import write_parameters
+from test.graph.graph import Graph
+from test.graph.thrower import Thrower, settled
+
+LONG = 60.0
+SMALL: dict[str, Any] = {
+    "design.pool": 24,
+    "design.reference": 8,
+    "refinement.generations": 2,
+    "forecast.executions": 2,
+    "safety.motions": 20,
+    "safety.share": 0.1,
+}
+
+
+def started(graph: Graph, **changed: Any) -> Any:
+    parameters = {**SMALL, "store": graph.folder / "throws.sqlite", "retry_period": 0.3, **changed}
+    return graph.start("throw_designer", label=f"designer{len(graph.processes)}", **parameters)
+
+
+def trusted(graph: Graph) -> dict[str, Any]:
+    return {"params": write_parameters(graph.folder / "true.json"), "canary.enabled": False}
+
+
+def made(folder: Path) -> list[Any]:
+    with StateStore(folder / "throws.sqlite") as states:
+        entries: list[Any] = json.loads(states.load("throws") or b"[]")
+    return entries
+
+
+def counted(heard: list[Any], kind: str) -> int:
+    values = {pair.key: pair.value for array in list(heard) for status in array.status for pair in status.values}
+    return int(values.get(kind, 0))
+
+
+def test_a_throw_is_proposed_without_being_made_and_the_same_seed_proposes_it_again(graph: Graph) -> None:
+    thrower = Thrower(graph.listener)
+    started(graph, **trusted(graph))
+    answers = [
+        graph.listener.call(ProposeThrow, "propose_throw", ProposeThrow.Request(body="cube", seed=seed), LONG)
+        for seed in (5, 5, 6)
+    ]
+    assert [answer.success for answer in answers] == [True] * 3, graph.logs()
+    assert answers[0].throw_command == answers[1].throw_command != answers[2].throw_command
+    throw = throw_of(answers[0].throw_command)
+    assert throw.expected_information > 0.0
+    assert throw.parameters_version == Particle(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE).version
+    other = graph.listener.call(ProposeThrow, "propose_throw", ProposeThrow.Request(body="brick"), LONG)
+    assert not other.success
+    assert other.message == "body: found brick, expected cube"
+    assert not thrower.commands
+
+
+def test_without_a_theta_that_it_can_use_throws_warm_up(graph: Graph) -> None:
+    publisher = graph.listener.node.create_publisher(ModelParameters, "/model_parameters", kept(1))
+    publisher.publish(ModelParameters(body="cube", model="deep", safetensors=b"nothing"))
+    heard = graph.diagnostics()
+    started(graph)
+    graph.until(lambda: counted(heard, "bad parameters") == 1, LONG, "a complaint")
+    request = ProposeThrow.Request(body="cube", seed=1)
+    first = graph.listener.call(ProposeThrow, "propose_throw", request, LONG)
+    assert first.success
+    assert first.message == "warm-up (parameters: found none, expected model_parameters)"
+    assert first.throw_command.expected_information == 0.0
+
+
+def test_in_auto_throws_are_made_one_after_the_other_each_when_the_last_ones_toss_was_scored(graph: Graph) -> None:
+    thrower = Thrower(graph.listener)
+    started(graph, auto=True, max_throws=3, toss_timeout=LONG, **trusted(graph))
+    graph.until(lambda: len(made(graph.folder)) == 3 and made(graph.folder)[-1]["realised"], LONG, "three throws and tosses")
+    settled(1.0)
+    entries = made(graph.folder)
+    assert [entry["toss_id"] for entry in entries] == thrower.toss_ids
+    assert len(thrower.commands) == 3
+    ratios = [entry["realised"]["realised"] / entry["realised"]["planned"] for entry in entries]
+    assert all(0.3 < ratio < 3.0 for ratio in ratios), ratios
+    assert entries[1]["realised"]["planned"] < entries[0]["realised"]["planned"]  # what is known is not gained again
+
+
+def test_a_designer_that_is_killed_goes_on_with_the_throws_it_had(graph: Graph) -> None:
+    thrower = Thrower(graph.listener)
+    thrower.silent.set()  # so that it waits for a toss
+    designer = started(graph, auto=True, max_throws=2, toss_timeout=LONG, **trusted(graph))
+    graph.until(lambda: len(made(graph.folder)) == 1, LONG, "a first throw")
+    designer.kill()
+    thrower.silent.clear()
+    started(graph, auto=True, max_throws=2, toss_timeout=0.5, **trusted(graph))
+    graph.until(lambda: len(made(graph.folder)) == 2, LONG, "a second throw")
+    names = [entry["commanded"]["throw_id"] for entry in made(graph.folder)]
+    assert names == ["cube-throw-0", "cube-throw-1"]
+
+
+def test_a_thrower_that_refuses_is_asked_again_after_a_pause_and_the_loop_goes_on_when_it_takes_throws(graph: Graph) -> None:
+    thrower = Thrower(graph.listener)
+    thrower.refuse = True
+    started(graph, auto=True, max_throws=1, **trusted(graph))
+    heard = graph.diagnostics()
+
+    graph.until(lambda: counted(heard, "throw not made") >= 2, LONG, "two refusals")
+    assert not thrower.commands
+    thrower.refuse = False
+    graph.until(lambda: len(made(graph.folder)) == 1, LONG, "a throw")
+
+
+def test_settings_that_no_stage_accepts_are_one_line(graph: Graph) -> None:
+    designer = started(graph, **{"forecast.executions": 3})
+    assert designer.wait(30.0) == 1
+    assert "throw_designer: forecast.executions: found 3, expected an even number of at least 2" in designer.log()
+    assert "Traceback" not in designer.log()
