@@ -18,7 +18,7 @@ from contact_curation.information.curation import curate_particles
 from contact_curation.information.factors import Compression
 from contact_curation.information.model_version import model_version
 from contact_curation.information.network_config import NetworkConfig
-from contact_curation.information.network_pass import NetworkModel
+from contact_curation.information.network_pass import NetworkModel, forward_pass, frozen_copy
 from contact_curation.information.network_scoring import NetworkScorer
 from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.pool_subspace import LEADING_DIRECTIONS
@@ -112,6 +112,15 @@ def test_a_toss_without_a_solved_transition_is_not_scored_and_says_why() -> None
     found = NetworkScorer(network(ModelKind.DEEP), ScoringConfig(loss=LossConfig(max_iterations=1))).score(SHORT[:1])[0]
     assert isinstance(found, NotScored)
     assert found.reason.startswith(f"0 of {SHORT[0].frames - 1} transitions solved")
+
+
+def test_transitions_that_are_not_solved_are_counted_and_left_out() -> None:
+    model, rows = network(ModelKind.DEEPVERTEX), rows_of(SHORT[:1])
+    misfits = forward_pass(frozen_copy(model), rows, LossConfig()).misfits
+    strict = LossConfig(tolerance=float(np.median(misfits)))
+    info = scored(model, replace(EMPIRICAL, loss=strict), SHORT[:1])[0]
+    assert 0 < info.not_scored < info.transitions
+    assert info.trace == pytest.approx(np.square(long_scores(model, rows, strict)["network"]).sum(), rel=1e-9)
 
 
 def test_a_toss_of_another_body_is_refused() -> None:
