@@ -1,0 +1,372 @@
+"""The arm at work in MuJoCo: a torque-limited controller follows a planned motion, the gripper opens, the body flies and rests.
+
+The whole motion is one path with a parameter that normally advances one sample per control step. A stop lets it advance ever slower, so the
+arm brakes on the path that was found to be free; re-arming runs it back home, or forward if the body is gone. Control is by
+computed torque, tau = M (a + Kp e + Kd e') + bias, clipped to the joints' limits; the joints' dry friction is not known to it.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from contact_curation.contact.body import Body
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.poses import Pose
+from contact_curation.geometry.quaternions import IDENTITY, Array
+from contact_curation.sim.arm import (
+    DEFAULT_ARM,
+    FLANGE,
+    GRIPPER_LENGTH,
+    HELD,
+    JOINT_NAMES,
+    ArmConfig,
+    free_model,
+    holding_model,
+    put_into_gripper,
+)
+from contact_curation.sim.arm_grasps import grasps_of
+from contact_curation.sim.arm_limits import JOINTS
+from contact_curation.sim.arm_path import JointPath
+from contact_curation.sim.throw_motion import STEP, STEPS_PER_FRAME, ThrowMotion
+
+PER_FRAME = STEP * STEPS_PER_FRAME
+
+
+class Phase(StrEnum):
+    """What the arm is doing."""
+
+    RESTING = "resting"
+    MOVING = "moving"
+    THROWING = "throwing"
+    RELEASED = "released"
+    STOPPING = "stopping"
+    STOPPED = "stopped"
+    RETURNING = "returning"
+
+
+@dataclass(frozen=True)
+class ControlConfig:
+    """How motions are followed.
+
+    Attributes:
+        stiffness: Kp [1/s^2].
+        damping: Kd [1/s].
+        release_jitter: the gripper opens late by the size of a normal number with this deviation [s].
+        braking: acceleration that a stop may take [rad/s^2].
+        return_rate: speed of the way back after a stop, as a share of the motion's.
+        rest_speed: a body slower than this rests [m/s].
+        rest_spin: and turning slower than this [rad/s].
+        rest_time: that it is watched resting before it is taken away [s].
+        longest_flight: after which it is taken away in any case [s].
+    """
+
+    stiffness: float = 2500.0
+    damping: float = 100.0
+    release_jitter: float = 0.001
+    braking: float = 8.0
+    return_rate: float = 0.3
+    rest_speed: float = 2e-3
+    rest_spin: float = 2e-2
+    rest_time: float = 0.3
+    longest_flight: float = 5.0
+
+    def __post_init__(self) -> None:
+        for name in self.__dataclass_fields__:
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0.0) or (value == 0.0 and name != "release_jitter"):
+                raise InvalidValueError(f"control.{name}", value, "a positive number")
+
+
+DEFAULT_CONTROL = ControlConfig()
+
+
+@dataclass(frozen=True, eq=False)
+class ArmFrame:
+    """The world once per frame.
+
+    Attributes:
+        time: simulated [s].
+        phase: of the arm.
+        progress: of the motion, 0 to 1.
+        joints: (7,) [rad].
+        speeds: (7,) [rad/s].
+        torques: (7,) that the motors gave [N m].
+        body: (13,) state in SI units, in the board's frame.
+        free: whether the body has left the gripper.
+    """
+
+    time: float
+    phase: Phase
+    progress: float
+    joints: Array
+    speeds: Array
+    torques: Array
+    body: Array
+    free: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Peaks:
+    """The largest shares of the joints' limits that were used, (7,) each."""
+
+    torque: Array
+    speed: Array
+    position: Array
+
+
+class ArmSimulation:
+    """Arm, body and board, moved on frame by frame.
+
+    Args:
+        body: that is thrown.
+        config: of the arm.
+        control: of its motions.
+        seed: of the gripper's delay.
+    """
+
+    def __init__(
+        self, body: Body, config: ArmConfig = DEFAULT_ARM, control: ControlConfig = DEFAULT_CONTROL, seed: int = 0
+    ) -> None:
+        self.body, self.config, self.control = body, config, control
+        self._rng = np.random.default_rng(seed)
+        self._models = {True: holding_model(body, config, STEP), False: free_model(body, config, STEP)}
+        self._data = {held: mujoco.MjData(model) for held, model in self._models.items()}
+        self._arm = {held: _addresses(model) for held, model in self._models.items()}
+        self._held = True
+        self._data[True].qpos[:] = config.home_posture
+        self.time = 0.0
+        self.phase = Phase.RESTING
+        self.release: Array | None = None
+        self.touched = False
+        self._path = _still(config.home_posture)
+        self._at, self._rate, self._wanted, self._slowing = 0.0, 0.0, 0.0, 1.0
+        self._release_row, self._swing_row, self._opens_at = -1, -1, -1.0
+        self._still_for, self._free_for = 0.0, 0.0
+        self._torques = np.zeros(JOINTS)
+        self._clear_peaks()
+        self._take(_first_grip(body))
+
+    @property
+    def holding(self) -> bool:
+        """Whether the body is in the gripper."""
+        return self._held
+
+    @property
+    def rested(self) -> bool:
+        """Whether the body has left the gripper and lies still."""
+        return not self._held and self._still_for >= self.control.rest_time
+
+    @property
+    def peaks(self) -> Peaks:
+        """Of the limits, since the motion began."""
+        return Peaks(self._torque_peak.copy(), self._speed_peak.copy(), self._position_peak.copy())
+
+    def begin(self, motion: ThrowMotion) -> None:
+        """Begins a throw: the body is put into the gripper the way the throw wants it.
+
+        Raises:
+            InvalidValueError: the arm is not at rest at home.
+        """
+        if self.phase is not Phase.RESTING:
+            raise InvalidValueError("arm", self.phase.value, "an arm that rests at home")
+        self._take(motion.grip)
+        lead = -(len(motion.approach) + len(motion.swing) - 1) % STEPS_PER_FRAME  # so that the release falls on a frame
+        before = JointPath.joined(_still(self.config.home_posture, lead), motion.approach)
+        self._path = JointPath.joined(before, motion.swing, motion.stopping, motion.returning)
+        self._swing_row, self._release_row = len(before), len(before) + len(motion.swing) - 1
+        delay = abs(float(self._rng.standard_normal())) * self.control.release_jitter
+        self._opens_at = self._release_row + round(delay / STEP)
+        self._slowing = self.control.braking / max(float(np.abs(self._path.speeds).max()), 1e-6)
+        self._at, self._rate, self._wanted, self.release, self.touched = 0.0, 1.0, 1.0, None, False
+        self._clear_peaks()
+        self.phase = Phase.MOVING
+
+    def stop(self) -> None:
+        """Brakes on the path; nothing moves afterwards until `rearm`, and the gripper stays as it is."""
+        if self.phase in (Phase.RESTING, Phase.STOPPED):
+            self.phase = Phase.STOPPED
+        else:
+            self.phase, self._wanted = Phase.STOPPING, 0.0
+
+    def rearm(self) -> None:
+        """After a stop: goes home, back on the way it came, or forward when the body is gone."""
+        if self.phase is Phase.STOPPED:
+            self.phase, self._wanted = Phase.RETURNING, -self.control.return_rate if self._held else 1.0
+
+    def advance(self) -> ArmFrame:
+        """The next frame."""
+        for _ in range(STEPS_PER_FRAME):
+            self._step()
+        self._after_frame()
+        return self.frame()
+
+    def frame(self) -> ArmFrame:
+        """The world as it is now."""
+        data, (joints, speeds) = self._data[self._held], self._arm[self._held]
+        return ArmFrame(
+            self.time,
+            self.phase,
+            min(self._at / max(len(self._path) - 1, 1), 1.0),
+            data.qpos[joints].copy(),
+            data.qvel[speeds].copy(),
+            self._torques.copy(),
+            self._body_state(),
+            not self._held,
+        )
+
+    def _step(self) -> None:
+        """One control step: along the path, torques, physics, and the gripper when it is time."""
+        before, rate = self._at, self._rate
+        self._at, self._rate = self._ahead()
+        posture, speed = self._reference(before, rate)
+        next_speed = self._reference(self._at, self._rate)[1]
+        model, data, (joints, dofs) = self._models[self._held], self._data[self._held], self._arm[self._held]
+        mujoco.mj_step1(model, data)
+        pull = self.control.stiffness * (posture - data.qpos[joints]) + self.control.damping * (speed - data.qvel[dofs])
+        wanted, moment = np.zeros(model.nv), np.zeros(model.nv)
+        wanted[dofs] = (next_speed - speed) / STEP + pull
+        mujoco.mj_mulM(model, data, moment, wanted)
+        limit = self.config.limits.torque
+        self._torques = np.clip(moment[dofs] + data.qfrc_bias[dofs], -limit, limit)
+        data.qfrc_applied[dofs] = self._torques
+        mujoco.mj_step2(model, data)
+        self.time += STEP
+        self._note(data.qpos[joints], data.qvel[dofs])
+        if self._held and self.phase is Phase.THROWING and self._at >= self._opens_at:
+            self._open()
+
+    def _ahead(self) -> tuple[float, float]:
+        """The path's parameter and its rate after the next step."""
+        rate, change = self._rate, self._slowing * STEP
+        past_release = self._release_row < self._at < self._release_row + self._stopping_rows
+        if not (past_release and self._wanted == 0.0):  # there the path slows down by itself, as hard as it may
+            rate += float(np.clip(self._wanted - rate, -change, change))
+        return float(np.clip(self._at + rate, 0.0, len(self._path) - 1)), rate
+
+    @property
+    def _stopping_rows(self) -> int:
+        rest = np.flatnonzero(~self._path.speeds[self._release_row + 1 :].any(axis=1))
+        return int(rest[0]) + 1 if len(rest) else 0
+
+    def _reference(self, at: float, rate: float) -> tuple[Array, Array]:
+        low = min(int(at), len(self._path) - 1)
+        high, part = min(low + 1, len(self._path) - 1), at - low
+        path = self._path
+        posture = (1.0 - part) * path.positions[low] + part * path.positions[high]
+        speed = (1.0 - part) * path.speeds[low] + part * path.speeds[high]
+        return posture, rate * speed
+
+    def _after_frame(self) -> None:
+        """What follows from where everything is."""
+        if self.phase is Phase.MOVING and self._at >= self._swing_row:
+            self.phase = Phase.THROWING
+        if not self._held:
+            self._watch_body()
+        at_end = self._at >= len(self._path) - 1
+        if self.phase is Phase.STOPPING and (abs(self._rate) < 1e-9 or at_end or self._stands()):
+            self.phase, self._rate = Phase.STOPPED, 0.0
+        elif self.phase is Phase.RETURNING and self._held and self._at <= 0.0:
+            self._home()
+        elif self.phase in (Phase.RELEASED, Phase.RETURNING) and at_end and not self._held and self._taken_away():
+            self._take(_first_grip(self.body))
+            self._home()
+
+    def _stands(self) -> bool:
+        row = min(int(self._at), len(self._path) - 1)
+        return bool(self._at > self._release_row >= 0 and np.abs(self._path.speeds[row]).max() < 1e-9)
+
+    def _home(self) -> None:
+        self._path, self._at, self._rate, self._wanted = _still(self.config.home_posture), 0.0, 0.0, 0.0
+        self._release_row = self._swing_row = -1
+        self.phase = Phase.RESTING
+
+    def _watch_body(self) -> None:
+        self._free_for += PER_FRAME
+        data = self._data[False]
+        body = self._body_state()
+        slow = np.abs(body[7:10]).max() < self.control.rest_speed and np.abs(body[10:]).max() < self.control.rest_spin
+        self._still_for = self._still_for + PER_FRAME if slow else 0.0
+        own = self._models[False].geom(self.body.name).id
+        board = self._models[False].geom("board").id
+        for contact in data.contact:
+            self.touched |= own in contact.geom and board not in contact.geom
+
+    def _taken_away(self) -> bool:
+        return self.rested or self._free_for >= self.control.longest_flight
+
+    def _open(self) -> None:
+        """Hands arm and body to the world in which the body is free."""
+        model, data = self._models[True], self._data[True]
+        mujoco.mj_forward(model, data)
+        self.release = self._body_state()
+        free, (joints, speeds) = self._data[False], self._arm[False]
+        mujoco.mj_resetData(self._models[False], free)
+        free.qpos[joints], free.qvel[speeds] = data.qpos, data.qvel
+        place, motion = self._free_addresses()
+        free.qpos[place : place + 7], free.qvel[motion : motion + 6] = self.release[:7], self.release[7:]
+        self._held, self._still_for, self._free_for = False, 0.0, 0.0
+        self.phase = Phase.RELEASED
+
+    def _take(self, grip: Pose) -> None:
+        """Puts the body into the gripper; picking it up is not simulated."""
+        put_into_gripper(self._models[True], grip.position, grip.orientation_wxyz)
+        holding = self._data[True]
+        if not self._held:
+            joints, speeds = self._arm[False]
+            holding.qpos[:], holding.qvel[:] = self._data[False].qpos[joints], self._data[False].qvel[speeds]
+            self._held = True
+        mujoco.mj_forward(self._models[True], holding)
+
+    def _body_state(self) -> Array:
+        if not self._held:
+            place, motion = self._free_addresses()
+            data = self._data[False]
+            return np.concatenate([data.qpos[place : place + 7], data.qvel[motion : motion + 6]])
+        model, data = self._models[True], self._data[True]
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        held, twist = data.body(HELD), np.zeros(6)
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, held.id, twist, 0)
+        spin = held.xmat.reshape(3, 3).T @ twist[:3]
+        return np.concatenate([held.xpos, held.xquat, twist[3:], spin])
+
+    def _free_addresses(self) -> tuple[int, int]:
+        model = self._models[False]
+        joint = model.joint(self.body.name).id
+        return int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
+
+    def _note(self, joints: Array, speeds: Array) -> None:
+        limits = self.config.limits
+        middle, half = 0.5 * (limits.highest + limits.lowest), 0.5 * (limits.highest - limits.lowest)
+        self._torque_peak = np.maximum(self._torque_peak, np.abs(self._torques) / limits.torque)
+        self._speed_peak = np.maximum(self._speed_peak, limits.speed_use(joints, speeds))
+        self._position_peak = np.maximum(self._position_peak, np.abs(joints - middle) / half)
+
+    def _clear_peaks(self) -> None:
+        self._torque_peak, self._speed_peak, self._position_peak = np.zeros((3, JOINTS))
+
+
+def _addresses(model: mujoco.MjModel) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Where the arm's joints are among a state's positions and speeds."""
+    joints = [model.joint(name).id for name in JOINT_NAMES]
+    return np.array(model.jnt_qposadr[joints], dtype=np.int64), np.array(model.jnt_dofadr[joints], dtype=np.int64)
+
+
+def _still(posture: Array, count: int = 1) -> JointPath:
+    return JointPath(np.tile(posture, (count, 1)), np.zeros((count, JOINTS)), np.zeros((count, JOINTS)))
+
+
+def _first_grip(body: Body) -> Pose:
+    """The body on the pad by the first face it can be held by, in the last link's frame."""
+    grasps = grasps_of(body)
+    down = np.array([0.0, 0.0, 1.0])
+    normal = -grasps.normals[0]  # of the face, into the body; it goes along the pad's axis
+    half = np.concatenate([[1.0 + normal @ down], np.cross(normal, down)])
+    turn = half / np.linalg.norm(half) if np.linalg.norm(half) > 1e-9 else np.array([0.0, 1.0, 0.0, 0.0])
+    pad = Pose(np.array([0.0, 0.0, FLANGE + GRIPPER_LENGTH]), IDENTITY)
+    on_face = Pose(np.zeros(3), turn)
+    return pad.compose(on_face).compose(Pose(-grasps.places[0], IDENTITY))
