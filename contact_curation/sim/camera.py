@@ -13,7 +13,8 @@ from contact_curation.errors import InvalidValueError, MissingDependencyError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.pinhole import Pinhole, pinhole_of_view
 from contact_curation.geometry.poses import Pose
-from contact_curation.geometry.tags import HALF_TURN_ABOUT_X, TagMap
+from contact_curation.geometry.tag_rig import TagRig
+from contact_curation.geometry.tags import HALF_TURN_ABOUT_X
 from contact_curation.sim.tag_textures import Image, add_tags
 from contact_curation.sim.world import world_of
 
@@ -39,7 +40,7 @@ class CameraConfig:
         grey_noise: standard deviation of each pixel's grey value, of 255.
     """
 
-    position: tuple[float, float, float] = (0.0, -0.75, 0.75)
+    position: tuple[float, float, float] = (0.0, -0.8, 0.8)
     target: tuple[float, float, float] = (0.0, 0.0, 0.08)
     vertical_view: float = 0.80
     width: int = 1280
@@ -87,19 +88,19 @@ class CameraView:
 
     Args:
         body: what is tossed.
-        body_tags: on it.
-        board_tags: on the board.
+        rig: the tags on it and on the board.
         config: of the camera.
 
     Raises:
         MissingDependencyError: there is no EGL to render with.
     """
 
-    def __init__(self, body: Body, body_tags: TagMap, board_tags: TagMap, config: CameraConfig) -> None:
+    def __init__(self, body: Body, rig: TagRig, config: CameraConfig) -> None:
         self.config = config
         spec = world_of(body, STEP)
-        add_tags(spec, body_tags, body.name)
-        add_tags(spec, board_tags)
+        add_tags(spec, rig.body, body.name)
+        if rig.board is not None:
+            add_tags(spec, rig.board)
         add_camera(spec, config)
         _light(spec)
         self.model = spec.compile()

@@ -1,4 +1,4 @@
-"""Tags in images, found by the AprilTag library (pupil-apriltags); corners are as the library gives them."""
+"""Tags in images, found by the AprilTag library (pupil-apriltags); corners are in its order and with its pixels."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,6 +8,7 @@ import numpy as np
 from contact_curation.errors import MissingDependencyError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.tags import FAMILY
+from contact_curation.sim.corner_refinement import refined_corners
 from contact_curation.sim.tag_textures import Image
 
 
@@ -19,12 +20,14 @@ class DetectorConfig:
         decimate: quads are looked for in an image this many times smaller.
         blur: standard deviation of a Gaussian blur before that [px].
         refine_edges: move edges to the strongest gradient nearby.
+        refine_corners: then fit lines to all pixels of the edges (`sim.corner_refinement`), which the library does not.
         threads: that look for quads.
     """
 
     decimate: float = 2.0
     blur: float = 0.0
     refine_edges: bool = True
+    refine_corners: bool = True
     threads: int = 1
 
 
@@ -57,7 +60,7 @@ class TagDetector:
     """
 
     def __init__(self, config: DetectorConfig | None = None) -> None:
-        config = config or DetectorConfig()
+        self._config = config = config or DetectorConfig()
         self._library = _library(
             FAMILY,
             nthreads=config.threads,
@@ -74,12 +77,15 @@ class TagDetector:
                 int(one.hamming),
                 float(one.decision_margin),
                 np.array(one.center, dtype=float),
-                np.array(one.corners, dtype=float),
+                self._corners(image, np.array(one.corners, dtype=float)),
                 np.array(one.homography, dtype=float),
             )
             for one in self._library.detect(image)
         ]
         return tuple(sorted(found, key=lambda one: one.tag_id))
+
+    def _corners(self, image: Image, corners: Array) -> Array:
+        return refined_corners(image, corners) if self._config.refine_corners else corners
 
 
 def _library(*arguments: Any, **options: Any) -> Any:

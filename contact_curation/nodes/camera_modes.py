@@ -1,0 +1,152 @@
+"""The two ways in which `sim_camera` tells where the body is: as a tracker's poses, or as tags in rendered images."""
+
+from collections import deque
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from apriltag_msgs.msg import AprilTagDetectionArray
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import CameraInfo
+from sensor_msgs.msg import Image as ImageMessage
+from tf2_msgs.msg import TFMessage
+
+from contact_curation.contact.body import Body
+from contact_curation.geometry.poses import Pose
+from contact_curation.geometry.tag_rig import TagRig
+from contact_curation.motion.toss import NANOSECONDS
+from contact_curation.nodes.door import StageNode
+from contact_curation.nodes.messages.camera import camera_info_message, detections_message, image_message
+from contact_curation.nodes.messages.headers import Stamped
+from contact_curation.nodes.messages.tracked import odometry_message, static_transform_message
+from contact_curation.nodes.qos import kept, profile
+from contact_curation.sim.camera import CameraConfig, CameraView
+from contact_curation.sim.tag_detection import DetectorConfig, TagDetector
+from contact_curation.sim.tracker_noise import TrackerNoise, TrackerNoiseConfig
+from contact_curation.storage.tagslam_bag import TagslamRig
+
+KEPT = 2000
+"""Frames that are there for whoever comes late."""
+
+IMAGES_KEPT = 5
+
+CAMERA_FRAME = "camera"
+
+
+class TrueFrame(NamedTuple):
+    """Where the body really is.
+
+    Attributes:
+        stamp_ns: simulated time.
+        pose: of the body on the board.
+    """
+
+    stamp_ns: int
+    pose: Pose
+
+
+class Sight(Protocol):
+    """What sees the body and tells of it; all of it on one thread."""
+
+    def see(self, true: TrueFrame) -> None:
+        """Tells of a frame, at once or when its time has come."""
+
+    def rest(self) -> None:
+        """Tells what still waits: no frames come any more."""
+
+    def close(self) -> None:
+        """Gives back what it holds."""
+
+
+class TrackedPoses:
+    """Tells poses as TagSLAM does, with a tracker's faults; the board stands somewhere in the map.
+
+    Args:
+        node: that publishes.
+        body: its name.
+        rig: frames, the board in the map, deviations.
+        noise: the tracker's faults.
+        seed: of them.
+    """
+
+    def __init__(self, node: StageNode, body: str, rig: TagslamRig, noise: TrackerNoiseConfig, seed: int) -> None:
+        self._noise = TrackerNoise(noise, seed)
+        self._latency_ns = round(noise.latency * NANOSECONDS)
+        self._rig = rig
+        self._body_frame = f"body_{body}"
+        self._board = Pose(np.array(rig.board.position), np.array(rig.board.orientation_wxyz))
+        self._waiting: deque[tuple[int, Any]] = deque()
+        self._poses = node.create_publisher(Odometry, f"tagslam/odom/{self._body_frame}", kept(KEPT))
+        self._static = node.create_publisher(TFMessage, "/tf_static", kept(1))
+        self._static.publish(static_transform_message(Stamped(0, rig.map_frame), rig.board_frame, self._board))
+
+    def see(self, true: TrueFrame) -> None:
+        pose = self._noise.seen(true.stamp_ns, true.pose)
+        if pose is not None:
+            stamped, deviations = Stamped(true.stamp_ns, self._rig.map_frame), self._deviations
+            message = odometry_message(stamped, self._body_frame, self._board.compose(pose), deviations)
+            self._waiting.append((true.stamp_ns, message))
+        while self._waiting and not 0 <= true.stamp_ns - self._waiting[0][0] < self._latency_ns:  # a clock may jump back
+            self._poses.publish(self._waiting.popleft()[1])
+
+    def rest(self) -> None:
+        while self._waiting:
+            self._poses.publish(self._waiting.popleft()[1])
+
+    def close(self) -> None:
+        self.rest()
+
+    @property
+    def _deviations(self) -> tuple[float, float]:
+        return self._rig.position_deviation, self._rig.turn_deviation
+
+
+class RenderedTags:
+    """Renders what the camera sees and tells which tags are in it.
+
+    The view is made when the first frame comes, for OpenGL belongs to a thread.
+
+    Args:
+        node: that publishes.
+        body: that is tossed.
+        rig: the tags on it and on the board.
+        camera: that sees them.
+        detector: of the tags.
+        seed: of the pixels' noise.
+        images: publish the images too.
+    """
+
+    def __init__(
+        self,
+        node: StageNode,
+        body: Body,
+        rig: TagRig,
+        camera: CameraConfig,
+        detector: DetectorConfig,
+        seed: int,
+        *,
+        images: bool,
+    ) -> None:
+        self._scene = body, rig, camera
+        self._seed = seed
+        self._view: CameraView | None = None
+        self._detector = TagDetector(detector)
+        self._detections = node.create_publisher(AprilTagDetectionArray, "detections", kept(KEPT))
+        self._camera_info = node.create_publisher(CameraInfo, "camera_info", kept(1))
+        images_kept = profile(IMAGES_KEPT, reliable=True, latched=False)
+        self._images = node.create_publisher(ImageMessage, "image", images_kept) if images else None
+
+    def see(self, true: TrueFrame) -> None:
+        self._view = self._view or CameraView(*self._scene)
+        image = self._view.image(true.pose, np.random.default_rng([self._seed, true.stamp_ns]))
+        stamped = Stamped(true.stamp_ns, CAMERA_FRAME)
+        self._camera_info.publish(camera_info_message(stamped, self._view.config.pinhole))
+        self._detections.publish(detections_message(stamped, self._detector.detect(image)))
+        if self._images is not None:
+            self._images.publish(image_message(stamped, image))
+
+    def rest(self) -> None:
+        """Nothing waits here."""
+
+    def close(self) -> None:
+        if self._view is not None:
+            self._view.close()

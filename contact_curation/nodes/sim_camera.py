@@ -1,0 +1,105 @@
+"""sim_camera: the tracker of the simulated world. A body's true pose in; what a tracker, or a camera, would tell of it out.
+
+In mode `poses` that is TagSLAM's Odometry with a tracker's faults; in mode `rendered` images are rendered, and the tags that
+the AprilTag library finds in them are published. Stamps are those of the ground truth, however long rendering takes.
+"""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from nav_msgs.msg import Odometry
+from rclpy.clock import Clock, ClockType
+
+from contact_curation.geometry.poses import Pose
+from contact_curation.geometry.tag_rig import rig_of
+from contact_curation.motion.pose_stream import BadPose
+from contact_curation.nodes.body_parameter import declared_body
+from contact_curation.nodes.camera_modes import KEPT, RenderedTags, Sight, TrackedPoses, TrueFrame
+from contact_curation.nodes.complaints import Complaints
+from contact_curation.nodes.door import StageNode, run
+from contact_curation.nodes.health import Health, HealthReport, Rate
+from contact_curation.nodes.parameters import declare, declare_config
+from contact_curation.nodes.qos import profile
+from contact_curation.nodes.worker import Worker
+from contact_curation.sim.camera import CameraConfig
+from contact_curation.sim.tag_detection import DetectorConfig
+from contact_curation.sim.tracker_noise import TrackerNoiseConfig
+from contact_curation.storage.pose_messages import ODOMETRY, measured_pose
+from contact_curation.storage.tag_map_file import read_tag_rig
+from contact_curation.storage.tagslam_bag import TagslamRig
+
+SILENCE = 0.2
+"""After so long [s] without a frame, what waits for its latency is told."""
+
+
+class SimCamera(StageNode):
+    """Publishes what is seen of one body."""
+
+    def __init__(self) -> None:
+        super().__init__("sim_camera")
+        self._body = declared_body(self)
+        self._body_frame = f"body_{self._body.name}"
+        self._complaints = Complaints(self)
+        self._received, self._told, self._before = Rate(), 0, 0
+        self._sight = self._declared_sight()
+        self._worker = Worker(self.fail)
+        self.create_subscription(Odometry, "ground_truth", self._arrived, profile(KEPT, reliable=True, latched=False))
+        self.create_timer(SILENCE, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        HealthReport(self, self._health)
+
+    def close(self) -> None:
+        self._worker.do(self._sight.close)
+        self._worker.stop()
+
+    def _declared_sight(self) -> Sight:
+        mode = declare(self, "mode", "poses", "what is published", choices=("poses", "rendered"))
+        seed = declare(self, "seed", 0, "of the noise", bounds=(0, 2**31))
+        board_frame = declare(self, "board_frame", "body_surface", "the board's frame, in which the ground truth is")
+        tag_map = declare(
+            self, "tag_map", "", "YAML file with the tags; empty: one on each of the body's faces, seven on the board"
+        )
+        images = declare(self, "images", False, "publish rendered images too")
+        noise = declare_config(self, TrackerNoiseConfig(), "noise.")
+        camera, detector = declare_config(self, CameraConfig(), "camera."), declare_config(self, DetectorConfig(), "detector.")
+        if mode == "poses":
+            return TrackedPoses(self, self._body.name, TagslamRig(board_frame=board_frame), noise, seed)
+        if tag_map:
+            rig = read_tag_rig(Path(tag_map), self._body_frame, board_frame)
+        else:
+            rig = rig_of(self._body.polytope, self._body_frame, board_frame)
+        return RenderedTags(self, self._body, rig, camera, detector, seed, images=images)
+
+    def _arrived(self, message: Any) -> None:
+        self._received.count += 1
+        measured = measured_pose(ODOMETRY, message, self._body_frame)
+        if isinstance(measured, BadPose):
+            self._complaints.note("bad pose", measured.why)
+            return
+        position, orientation = measured.pose
+        true = TrueFrame(measured.stamp_ns, Pose(np.array(position), np.array(orientation)))
+        self._worker.do(lambda: self._see(true))
+
+    def _see(self, true: TrueFrame) -> None:
+        self._sight.see(true)
+        self._told += 1
+
+    def _look(self) -> None:
+        if self._received.count == self._before:
+            self._worker.do(self._sight.rest)
+        self._before = self._received.count
+
+    def _health(self) -> Health:
+        rate = self._received.per_second()
+        values = {"frames": self._received.count, "told": self._told, "queue": self._worker.waiting, **self._complaints.counts}
+        return Health(f"{rate:.0f} frames/s", values, warning=rate == 0.0)
+
+
+def main() -> int:
+    """Runs the node."""
+    return run(SimCamera, "sim_camera")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
