@@ -33,8 +33,8 @@ STEP = FRAME_PERIOD / STEPS_PER_FRAME
 CHECKED_EVERY = 8
 """Samples between those that are checked for collisions and torques."""
 
-SEPARATION_TIME, SEPARATION = 0.15, 0.001
-"""So long after the release the gripper keeps so far from the flying body [s, m]."""
+SEPARATION_TIME, SEPARATION, SEPARATION_SPEED = 0.15, 0.001, 0.15
+"""So long after the release the gripper keeps away from the flying body [s]: so far at first [m], and so much further [m/s]."""
 
 GRIPPER_POINTS = np.array([0.025, 0.06, 0.105, FLANGE + GRIPPER_LENGTH - 0.07, FLANGE + GRIPPER_LENGTH])
 GRIPPER_RADII = np.array([0.02, 0.02, 0.03, 0.045, 0.045])
@@ -141,7 +141,8 @@ class ThrowPlanner:
         joint = int(candidate.speed_use.argmax())
         if candidate.speed_use[joint] > 1.0:
             found = abs(float(candidate.speeds[joint]))
-            return Refused(f"speed of joint {joint + 1}", found, min(found / candidate.speed_use[joint], margin * limits.speed[joint]), "rad/s")
+            allowed = min(found / float(candidate.speed_use[joint]), margin * float(limits.speed[joint]))
+            return Refused(f"speed of joint {joint + 1}", found, allowed, "rad/s")
         joint = int(candidate.range_use.argmax())
         if candidate.range_use[joint] > 1.0:
             half = 0.5 * float(limits.highest[joint] - limits.lowest[joint])
@@ -189,7 +190,7 @@ class ThrowPlanner:
         places = throw.position + throw.linear_velocity * times + fallen
         turned = quaternions.multiply(throw.orientation_wxyz, quaternions.exp(throw.angular_velocity * times))
         seen = quaternions.rotate(quaternions.conjugate(turned)[:, None], points - places[:, None])
-        gaps = (seen @ self._normals.T - self._offsets).max(axis=2) - GRIPPER_RADII  # (T, S)
+        gaps = (seen @ self._normals.T - self._offsets).max(axis=2) - GRIPPER_RADII - SEPARATION_SPEED * times  # (T, S)
         nearest = float(gaps.min())
         if nearest >= SEPARATION:
             return None
@@ -206,7 +207,8 @@ class ThrowPlanner:
         hardest = np.abs(path.accelerations).max(axis=0)
         joint = int((hardest / limits.acceleration).argmax())
         if hardest[joint] > limits.acceleration[joint]:
-            return Refused(f"acceleration of joint {joint + 1}", float(hardest[joint]), float(limits.acceleration[joint]), "rad/s^2")
+            found, allowed = float(hardest[joint]), float(limits.acceleration[joint])
+            return Refused(f"acceleration of joint {joint + 1}", found, allowed, "rad/s^2")
         return None
 
     def _clear(self, model: mujoco.MjModel, data: mujoco.MjData, path: JointPath) -> Refused | None:
@@ -231,7 +233,8 @@ class ThrowPlanner:
             use = np.abs(data.qfrc_inverse) / limits
             joint = int(use.argmax())
             if use[joint] > 1.0:
-                return Refused(f"torque of joint {joint + 1}", abs(float(data.qfrc_inverse[joint])), float(limits[joint]), "N m")
+                found = abs(float(data.qfrc_inverse[joint]))
+                return Refused(f"torque of joint {joint + 1}", found, float(limits[joint]), "N m")
         return None
 
 
