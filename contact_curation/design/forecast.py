@@ -167,7 +167,7 @@ def scaled(states: Array, length: float) -> Array:
 
 
 def _until_rest(motion: Array, rolled: Rollout, scale: float, config: ForecastConfig) -> Motions:
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):  # of motions that the model could not follow
         slow = np.linalg.norm(motion[:, :, 7:10], axis=2) * scale < config.still_speed
         still = slow & (np.linalg.norm(motion[:, :, 10:], axis=2) < config.still_spin)
     run = np.cumsum(still, axis=1)

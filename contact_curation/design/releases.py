@@ -80,7 +80,7 @@ class Releases:
 
     def taken(self, indices: ArrayLike) -> "Releases":
         """Some of them."""
-        chosen = np.asarray(indices)
+        chosen = np.asarray(indices, dtype=np.int64)
         return Releases(self.motion[chosen], self.orientations_wxyz[chosen])
 
     def moved(self, steps: Array) -> "Releases":
