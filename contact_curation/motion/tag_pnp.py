@@ -71,7 +71,7 @@ class CornerNoise:
 
 @dataclass(frozen=True, eq=False)
 class Minima:
-    """What C first guesses were refined to, the best one first.
+    """What C of G first guesses were refined to, the best one first.
 
     Attributes:
         positions: (C, 3) of the thing in the camera [m].
@@ -79,6 +79,8 @@ class Minima:
         residuals: (C, 4 T, 2) pixels beside the projection [px].
         deviations: (C, 4 T) what is expected of them [px].
         informations: (C, 6, 6) J^T W J of position and turn, both in the camera's axes.
+        guessed_wxyz: (G, 4) orientations of the first guesses themselves.
+        guessed_misfits: (G,) of those, without refinement; inf where a tag does not face the camera.
     """
 
     positions: Array
@@ -86,11 +88,13 @@ class Minima:
     residuals: Array
     deviations: Array
     informations: Array
+    guessed_wxyz: Array
+    guessed_misfits: Array
 
     @property
     def misfits(self) -> Array:
         """(C,) root mean square of the residuals in deviations; increasing."""
-        return np.asarray(np.sqrt(np.mean((self.residuals / self.deviations[..., None]) ** 2, axis=(1, 2))))
+        return _misfits(self.residuals, self.deviations)
 
 
 def undistorted(pixels: Array, camera: Pinhole) -> Array:
@@ -116,11 +120,15 @@ def minima(seen: tuple[SeenTag, ...], camera: Pinhole, noise: CornerNoise) -> Mi
     normals = np.array([quaternions.rotate(one.tag.pose.orientation_wxyz, [0.0, 0.0, 1.0]) for one in seen])
     middles = np.array([one.tag.pose.position for one in seen])
     corners = np.concatenate([one.tag.corners for one in seen])
+    guessed = orientations
+    guessed_misfits: Array | None = None
     for _ in range(STEPS):
         matrices = quaternions.to_matrix(orientations)
         views = _views(positions, matrices, middles, normals)  # (C, T)
         residuals, slopes = _residuals(positions, matrices, corners, pixels, camera)
         deviations = np.repeat(noise.deviations(views), 4, axis=1)  # (C, 4 T)
+        if guessed_misfits is None:
+            guessed_misfits = np.where((views > 0.0).all(axis=1), _misfits(residuals, deviations), np.inf)
         weighted = (slopes / deviations[..., None, None]).reshape(len(positions), -1, 6)  # (C, 8 T, 6)
         turned_over = weighted.transpose(0, 2, 1)
         informations = turned_over @ weighted + DAMPING * np.eye(6)
@@ -131,7 +139,7 @@ def minima(seen: tuple[SeenTag, ...], camera: Pinhole, noise: CornerNoise) -> Mi
             break
         positions = positions + steps[:, :3]
         orientations = quaternions.normalized(quaternions.multiply(quaternions.exp(steps[:, 3:]), orientations))
-    found = Minima(positions, orientations, residuals, deviations, informations)
+    found = Minima(positions, orientations, residuals, deviations, informations, guessed, np.asarray(guessed_misfits))
     ahead = (_in_camera(positions, matrices, corners)[..., 2] > NEAREST).all(axis=1)
     return _sorted(found, np.flatnonzero(ahead & (views > 0.0).all(axis=1) & np.isfinite(found.misfits)))
 
@@ -198,7 +206,14 @@ def _sorted(found: Minima, kept: NDArray[np.intp]) -> Minima | None:
         found.residuals[order],
         found.deviations[order],
         found.informations[order],
+        found.guessed_wxyz,
+        found.guessed_misfits,
     )
+
+
+def _misfits(residuals: Array, deviations: Array) -> Array:
+    """(C,) root mean squares."""
+    return np.asarray(np.sqrt(np.mean((residuals / deviations[..., None]) ** 2, axis=(1, 2))))
 
 
 def area(pixels: Array) -> float:

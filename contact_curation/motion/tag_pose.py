@@ -176,8 +176,8 @@ def _judged(found: Minima, tag_ids: tuple[int, ...], frame: str, config: TagPose
     misfit = float(found.misfits[0])
     if misfit > config.largest_misfit:
         return NoTagPose("misfit", f"corners of {frame}: found {misfit:.1f} deviations, expected {config.largest_misfit:g}")
-    others = quaternions.angle_between(found.orientations_wxyz[0], found.orientations_wxyz) > config.flip_angle
-    if others.any() and (ratio := float(found.misfits[others][0]) / max(misfit, 1.0)) < config.flip_ratio:
+    ratio = _second_misfit(found, config.flip_angle) / max(misfit, 1.0)
+    if ratio < config.flip_ratio:
         return NoTagPose("flip", f"second pose of {frame}: found {ratio:.2f} times the misfit, expected {config.flip_ratio:g}")
     residuals = found.residuals[0].size
     scale = (residuals * misfit**2 + PRIOR_WEIGHT) / (residuals - 6 + PRIOR_WEIGHT)
@@ -187,3 +187,14 @@ def _judged(found: Minima, tag_ids: tuple[int, ...], frame: str, config: TagPose
         limit = config.largest_turn_deviation
         return NoTagPose("unsure", f"turn of {frame}: found a deviation of {turn:.3f} rad, expected {limit:g} at most")
     return TagPose(Pose(found.positions[0], found.orientations_wxyz[0]), covariance, tag_ids, misfit)
+
+
+def _second_misfit(found: Minima, angle: float) -> float:
+    """The least misfit of a pose that is turned from the best one by more than `angle`; inf where there is none.
+
+    A first guess counts as it is: where two minima are about to merge, refinement leads both guesses down one flat valley.
+    """
+    orientations = np.concatenate([found.orientations_wxyz, found.guessed_wxyz])
+    misfits = np.concatenate([found.misfits, found.guessed_misfits])
+    others = quaternions.angle_between(found.orientations_wxyz[0], orientations) > angle
+    return float(misfits[others].min(initial=np.inf))
