@@ -20,11 +20,13 @@ class RampConfig:
         acceleration: of a ramp [rad/s^2].
         rise: time in which the acceleration gets there [s].
         moving: largest speed between postures, as a share of what a joint may do.
+        moving_acceleration: and largest acceleration; there has to be room for braking in a stop [rad/s^2].
     """
 
     acceleration: float = 9.0
     rise: float = 0.04
     moving: float = 0.8
+    moving_acceleration: float = 4.5
 
 
 DEFAULT_RAMP = RampConfig()
@@ -101,7 +103,7 @@ def moving(start: Array, end: Array, fastest: Array, step: float, config: RampCo
     """
     way = end - start
     by_speed = (15.0 / 8.0 * np.abs(way) / (config.moving * fastest)).max()
-    by_acceleration = np.sqrt(10.0 / np.sqrt(3.0) * np.abs(way).max() / (config.moving * config.acceleration))
+    by_acceleration = np.sqrt(10.0 / np.sqrt(3.0) * np.abs(way).max() / config.moving_acceleration)
     count = max(int(np.ceil(max(by_speed, by_acceleration) / step)), 2)
     s = np.linspace(0.0, 1.0, count + 1)[:, None]
     total = count * step

@@ -1,7 +1,7 @@
 """The arm at work in MuJoCo: a torque-limited controller follows a planned motion, the gripper opens, the body flies and rests.
 
-The whole motion is one path with a parameter that normally advances one sample per control step. A stop lets it advance ever slower, so the
-arm brakes on the path that was found to be free; re-arming runs it back home, or forward if the body is gone. Control is by
+The whole motion is one path with a parameter that advances one sample per control step. A stop lets it advance ever slower, so
+the arm brakes on the path that was found to be free; re-arming runs it back home, or forward if the body is gone. Control is by
 computed torque, tau = M (a + Kp e + Kd e') + bias, clipped to the joints' limits; the joints' dry friction is not known to it.
 """
 
@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
+from contact_curation.geometry import quaternions
 from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.quaternions import IDENTITY, Array
 from contact_curation.sim.arm import (
     DEFAULT_ARM,
-    FLANGE,
     GRIPPER_LENGTH,
     HELD,
     JOINT_NAMES,
@@ -28,6 +28,7 @@ from contact_curation.sim.arm import (
     put_into_gripper,
 )
 from contact_curation.sim.arm_grasps import grasps_of
+from contact_curation.sim.arm_kinematics import FLANGE
 from contact_curation.sim.arm_limits import JOINTS
 from contact_curation.sim.arm_path import JointPath
 from contact_curation.sim.throw_motion import STEP, STEPS_PER_FRAME, ThrowMotion
@@ -66,7 +67,7 @@ class ControlConfig:
     stiffness: float = 2500.0
     damping: float = 100.0
     release_jitter: float = 0.001
-    braking: float = 8.0
+    braking: float = 5.0
     return_rate: float = 0.3
     rest_speed: float = 2e-3
     rest_spin: float = 2e-2
@@ -107,6 +108,12 @@ class ArmFrame:
     body: Array
     free: bool
 
+    @property
+    def twist_in_body(self) -> Array:
+        """(6,) velocity and angular velocity in the body's own frame."""
+        back = quaternions.conjugate(self.body[3:7])
+        return np.concatenate([quaternions.rotate(back, self.body[7:10]), self.body[10:]])
+
 
 @dataclass(frozen=True, eq=False)
 class Peaks:
@@ -146,7 +153,7 @@ class ArmSimulation:
         self._release_row, self._swing_row, self._opens_at = -1, -1, -1.0
         self._still_for, self._free_for = 0.0, 0.0
         self._torques = np.zeros(JOINTS)
-        self._clear_peaks()
+        self._torque_peak, self._speed_peak, self._position_peak = np.zeros((3, JOINTS))
         self._take(_first_grip(body))
 
     @property
@@ -181,7 +188,7 @@ class ArmSimulation:
         self._opens_at = self._release_row + round(delay / STEP)
         self._slowing = self.control.braking / max(float(np.abs(self._path.speeds).max()), 1e-6)
         self._at, self._rate, self._wanted, self.release, self.touched = 0.0, 1.0, 1.0, None, False
-        self._clear_peaks()
+        self._torque_peak, self._speed_peak, self._position_peak = np.zeros((3, JOINTS))
         self.phase = Phase.MOVING
 
     def stop(self) -> None:
@@ -345,9 +352,6 @@ class ArmSimulation:
         self._torque_peak = np.maximum(self._torque_peak, np.abs(self._torques) / limits.torque)
         self._speed_peak = np.maximum(self._speed_peak, limits.speed_use(joints, speeds))
         self._position_peak = np.maximum(self._position_peak, np.abs(joints - middle) / half)
-
-    def _clear_peaks(self) -> None:
-        self._torque_peak, self._speed_peak, self._position_peak = np.zeros((3, JOINTS))
 
 
 def _addresses(model: mujoco.MjModel) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -1,8 +1,8 @@
-"""The one gate that every command to an arm passes, and the watchdog beside it (FIELD 6). Nothing is allowed that was not found good.
+"""The gate that every command to an arm passes, and the watchdog beside it. What is not known to be good is refused (FIELD 6).
 
-A gate begins disarmed. It is armed by hand, and disarmed by a stop, by a watchdog that heard no heartbeat for a while, or by whoever holds
-it; then it stays so until it is armed again. Each arming has a number, so that what was allowed before a stop can be told from
-what is allowed now: nothing that waited resumes. The gate owns no clock: every call is given the time of one that never jumps.
+A gate begins disarmed. It is armed by hand, and disarmed by a stop or by a watchdog that heard no heartbeat for a while; then
+it stays so until it is armed again. Each arming has a number, so that what was allowed before a stop can be told from what is
+allowed now: nothing that waited resumes. The gate owns no clock: every call is given the time of one that never jumps.
 """
 
 import threading
@@ -52,7 +52,7 @@ class GateConfig:
                 raise InvalidValueError(f"gate.{name}", getattr(self, name), "a number of at least 0")
         if self.lowest_release >= self.highest_release:
             raise InvalidValueError("gate.lowest_release", self.lowest_release, f"less than {self.highest_release}")
-        if len(self.keep_out_place) != 2 or not np.isfinite(self.keep_out_place).all():
+        if np.shape(self.keep_out_place) != (2,) or not np.isfinite(self.keep_out_place).all():
             raise InvalidValueError("gate.keep_out_place", self.keep_out_place, "2 finite numbers [m]")
         if self.heartbeat_timeout > 0.5:
             raise InvalidValueError("gate.heartbeat_timeout", self.heartbeat_timeout, "at most 0.5 s")
@@ -78,7 +78,7 @@ def out_of_limits(throw: Throw, config: GateConfig) -> str | None:
 
 
 def path_out_of_limits(path: JointPath, limits: JointLimits) -> str | None:
-    """Why a motion of the joints may not be sent to them; None if it may. The planner has checked it: this is the second time."""
+    """Why a motion may not be sent to the joints; None if it may. The planner has checked it: this is the second time."""
     if not all(np.isfinite(part).all() for part in (path.positions, path.speeds, path.accelerations)):
         return "path: found a number that is not finite, expected finite numbers"
     outside = np.maximum(path.positions - limits.highest, limits.lowest - path.positions)

@@ -1,9 +1,9 @@
 """A throw becomes a motion of the arm: from its home to the wind-up, through the release, to rest, and home again.
 
-For each way to hold the body that promises to work (`arm_postures`), joints ramp up so that all of them reach the release posture at
-the release speeds in the same instant, and ramp down from there. A motion is accepted when every sample keeps positions, speeds,
-accelerations and torques (inverse dynamics) inside the limits, nothing comes near the table or the arm itself, and
-the body that flies off does not meet the gripper. Otherwise the throw is refused with the limit that the best attempt breaks.
+For each way to hold the body that promises to work (`arm_postures`), joints ramp up so that all of them reach the release
+posture at the release speeds in the same instant, and ramp down from there. A motion is accepted when every sample keeps
+positions, speeds, accelerations and torques (inverse dynamics) inside the limits, nothing comes near the table or the arm itself, and the
+body that flies off does not meet the gripper. Otherwise the throw is refused with the limit that the best attempt breaks.
 """
 
 from dataclasses import dataclass, field
@@ -205,10 +205,10 @@ class ThrowPlanner:
             found = abs(float(path.speeds[row, joint]))
             return Refused(f"speed of joint {joint + 1} on the way", found, found / float(use[row, joint]), "rad/s")
         hardest = np.abs(path.accelerations).max(axis=0)
-        joint = int((hardest / limits.acceleration).argmax())
-        if hardest[joint] > limits.acceleration[joint]:
-            found, allowed = float(hardest[joint]), float(limits.acceleration[joint])
-            return Refused(f"acceleration of joint {joint + 1}", found, allowed, "rad/s^2")
+        worst = int((hardest / limits.acceleration).argmax())
+        if hardest[worst] > limits.acceleration[worst]:
+            found, allowed = float(hardest[worst]), float(limits.acceleration[worst])
+            return Refused(f"acceleration of joint {worst + 1}", found, allowed, "rad/s^2")
         return None
 
     def _clear(self, model: mujoco.MjModel, data: mujoco.MjData, path: JointPath) -> Refused | None:
