@@ -1,0 +1,149 @@
+"""The designer without its node: when it trusts theta, which toss belongs to which throw, and what a restart finds."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contact_curation.design.canary import CanaryConfig
+from contact_curation.design.particle import Particle
+from contact_curation.design.throw import Throw
+from contact_curation.errors import InvalidValueError
+from contact_curation.information.record import TossInformation
+from contact_curation.nodes.design_stage import DesignStage, DesignStageConfig
+from contact_curation.sim.thrown_toss import thrown_toss
+from contact_curation.storage.state_store import StateStore
+from test.design.cases import CUBE, LOSS, PARTICLE, SMALL, TRUE, other_theta
+from test.simulated import simulated_tosses
+
+CONFIG = DesignStageConfig(SMALL, CanaryConfig(least_tosses=2, least_agreement=-1.0), LOSS)
+TRUSTING = replace(CONFIG, canary=CanaryConfig(enabled=False))
+NEARLY = other_theta(1.001, 0.181)
+SECOND = 1_000_000_000
+
+
+@pytest.fixture
+def states(tmp_path: Path) -> Iterator[StateStore]:
+    with StateStore(tmp_path / "throws.sqlite") as store:
+        yield store
+
+
+def information(throw: Throw, stamp_ns: int, theta: Particle = PARTICLE) -> tuple[TossInformation, int]:
+    """What the throw's toss teaches, and its last stamp, where it was released at `stamp_ns`."""
+    toss = thrown_toss(CUBE, throw, first_stamp_ns=stamp_ns)
+    found = theta.scorer.score([toss])[0]
+    assert isinstance(found, TossInformation)
+    return found, int(toss.stamps_ns[-1])
+
+
+def thrown(stage: DesignStage, stamp_ns: int) -> Throw:
+    """Makes the next throw, exactly as commanded."""
+    throw = stage.propose().throw
+    newest = stage.begin()
+    stage.finish(throw, throw, max(newest, stamp_ns))
+    return throw
+
+
+def known(stage: DesignStage, count: int, seed: int = 0) -> list[TossInformation]:
+    """Tosses that are scored and kept."""
+    infos = [info for info in PARTICLE.scorer.score(simulated_tosses(count, seed)) if isinstance(info, TossInformation)]
+    for number, info in enumerate(infos):
+        stage.add(info, number)
+    stage.keep([info.toss_id for info in infos])
+    return infos
+
+
+def test_without_theta_throws_warm_up_each_unlike_those_before(states: StateStore) -> None:
+    stage = DesignStage(CUBE, CONFIG, states)
+    first = thrown(stage, SECOND)
+    proposal = stage.propose()
+    assert proposal.warm_up == "parameters: found none, expected model_parameters"
+    assert (first.expected_information, first.parameters_version) == (0.0, "")
+    assert proposal.throw.throw_id == "cube-throw-1"
+    assert np.abs(proposal.throw.orientation_wxyz - first.orientation_wxyz).max() > 0.05
+
+
+def test_theta_is_trusted_when_tosses_fit_it_and_the_theta_before_it_was_like_it(states: StateStore) -> None:
+    stage = DesignStage(CUBE, CONFIG, states)
+    assert stage.renew(NEARLY.geometry)
+    known(stage, 3)
+    assert stage.distrust() == "tosses: found 0, expected at least 2"  # they were scored at another theta
+    for info in NEARLY.scorer.score(simulated_tosses(3, 0)):
+        assert isinstance(info, TossInformation)
+        stage.add(info, 5)
+    assert stage.distrust() == "thetas: found 1, expected two that agree"
+    assert stage.renew(TRUE)
+    assert not stage.renew(TRUE)
+    assert stage.distrust() is None
+    proposal = stage.propose()
+    assert proposal.warm_up is None
+    assert proposal.throw.parameters_version == PARTICLE.version
+    assert proposal.throw.expected_information > 0.0
+
+
+def test_proposals_repeat_by_seed_and_state(states: StateStore) -> None:
+    stage = DesignStage(CUBE, TRUSTING, states, TRUE)
+    one, other, third = (stage.propose(seed).throw.to_mapping() for seed in (7, 7, 8))
+    assert one == other != third
+    assert one["throw_id"] == "cube-throw-0-7"
+
+
+def test_the_first_toss_behind_a_throw_is_the_throws_whenever_it_is_heard_of(states: StateStore) -> None:
+    stage = DesignStage(CUBE, TRUSTING, states, TRUE)
+    old = known(stage, 2)
+    throw = thrown(stage, SECOND)
+    assert stage.awaited
+    stage.add(old[0], 3)  # an old one, scored again
+    assert stage.awaited
+    info, stamp_ns = information(throw, SECOND)
+    stage.add(info, stamp_ns)
+    made = stage.throws[-1]
+    assert made.toss_id == info.toss_id
+    assert made.realised is not None
+    assert 0.5 < made.realised.ratio < 1.5
+    early, early_ns = information(stage.propose().throw, 20 * SECOND)
+    stage.add(early, early_ns)  # scored before the thrower said that it was thrown
+    second = stage.propose().throw
+    stage.finish(second, second, 20 * SECOND)
+    assert stage.throws[-1].toss_id == early.toss_id
+
+
+def test_what_is_known_lowers_what_is_planned(states: StateStore) -> None:
+    stage = DesignStage(CUBE, TRUSTING, states, TRUE)
+    before = stage.propose(1).throw.expected_information
+    known(stage, 6)
+    assert stage.propose(1).throw.expected_information < 0.5 * before
+
+
+def test_a_stage_that_comes_back_knows_its_throws_theta_and_numbers(states: StateStore) -> None:
+    stage = DesignStage(CUBE, TRUSTING, states, TRUE)
+    stage.renew(NEARLY.geometry)
+    throw = thrown(stage, SECOND)
+    stage.add(*information(throw, SECOND, NEARLY))
+    stage.begin()  # and killed while the throw is under way
+    again = DesignStage(CUBE, TRUSTING, states)
+    assert again.version == NEARLY.version
+    assert [made.toss_id for made in again.throws] == [made.toss_id for made in stage.throws]
+    assert again.throws[-1].realised == stage.throws[-1].realised
+    assert again.throws[-1].commanded.to_mapping() == throw.to_mapping()
+    assert again.propose().throw.throw_id == "cube-throw-2"
+    assert again.ratio == stage.ratio
+
+
+def test_information_that_was_made_in_another_way_ends_a_proposal_in_one_line(states: StateStore) -> None:
+    stage = DesignStage(CUBE, TRUSTING, states, TRUE)
+    info = known(stage, 1)[0]
+    stage.add(replace(info, estimator="empirical"), 3)
+    with pytest.raises(InvalidValueError, match=r"estimator of toss .*: found empirical, expected gauss-newton"):
+        stage.propose()
+
+
+def test_information_of_old_thetas_is_forgotten(states: StateStore) -> None:
+    stage = DesignStage(CUBE, TRUSTING, states, TRUE)
+    info = known(stage, 1)[0]
+    before = stage.propose(1).throw.expected_information
+    for version in ("a", "b", "c"):
+        stage.add(replace(info, parameters_version=version), 3)
+    assert stage.propose(1).throw.expected_information == before
