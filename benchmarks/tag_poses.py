@@ -2,8 +2,8 @@
 
 Tosses of the cube are simulated by MuJoCo, rendered frame by frame at 148 Hz, and their tags detected; that is kept in a
 folder, a file per toss, so that a run goes on where the last one stopped. Then the detections go the way that `pose_ingest` and
-`rank` take them: joint pose of all visible tags, flip and jump gates, tosses, gates, and a ranking at a theta that was fitted to other
-tosses with true poses. METHOD 6 asks for under 1 mm and 0.5 degrees (median), no flip past the gates, and a Spearman
+`rank` take them: joint pose of all visible tags, flip and jump gates, tosses, gates, and a ranking at a theta that was fitted
+to other tosses with true poses. Wanted are under 1 mm and 0.5 degrees (median), no flip past the gates, and a Spearman
 correlation of log-det over 0.9.
 
     python -m benchmarks.tag_poses [--tosses N] [--seed N] [--folder DIR] [--json]

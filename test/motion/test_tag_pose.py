@@ -213,6 +213,6 @@ def test_distortion_is_undone(model: str, coefficients: tuple[float, ...]) -> No
 @pytest.mark.parametrize("field", ["fewest_tags", "largest_misfit", "flip_angle", "flip_ratio", "largest_turn_deviation"])
 def test_limits_that_cannot_be_are_refused(field: str) -> None:
     with pytest.raises(InvalidValueError, match=field):
-        replace(CONFIG, **{field: 0})
+        replace(CONFIG, **{field: 0})  # type: ignore[arg-type]
     with pytest.raises(InvalidValueError, match="deviation, oblique"):
         CornerNoise(deviation=0.0)
