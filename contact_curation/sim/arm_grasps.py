@@ -1,4 +1,4 @@
-"""Where a vacuum gripper may hold a body: the middle of each flat face that its pad fits on, at any turn about the face's normal."""
+"""Where a vacuum gripper may hold a body: the middle of each flat face that its pad fits on, at any turn about the normal."""
 
 from dataclasses import dataclass
 
@@ -39,12 +39,12 @@ def grasps_of(body: Body, pad_radius: float = PAD_RADIUS) -> Grasps:
         InvalidValueError: no face is large enough for the pad.
     """
     hull = ConvexHull(body.vertices)
-    planes = np.unique(np.round(hull.equations / SAME_PLANE) * SAME_PLANE, axis=0)
+    planes = _distinct(hull.equations)
     places, normals, radii = [], [], []
     for plane in planes:
-        facets = hull.simplices[np.abs(hull.equations - plane).max(axis=1) <= 2.0 * SAME_PLANE]
+        facets = hull.simplices[np.abs(hull.equations - plane).max(axis=1) <= SAME_PLANE]
         place = _centroid(body.vertices, facets)
-        edges = np.abs((planes[:, :3] @ place + planes[:, 3]))  # distances to all planes, its own is 0
+        edges = np.abs(planes[:, :3] @ place + planes[:, 3])  # distances to all planes, its own is 0
         slopes = np.linalg.norm(np.cross(planes[:, :3], plane[:3]), axis=1)
         apart = slopes > 1e-3
         places.append(place)
@@ -56,6 +56,15 @@ def grasps_of(body: Body, pad_radius: float = PAD_RADIUS) -> Grasps:
             f"body {body.name}", f"faces with room for a circle of {max(radii):.3f} m", f"one of {pad_radius} m for the pad"
         )
     return Grasps(np.array(places)[fits], np.array(normals)[fits])
+
+
+def _distinct(planes: Array) -> Array:
+    """One of each set of equal planes, normals and offsets (F, 4)."""
+    kept: list[Array] = []
+    for plane in planes:
+        if all(np.abs(plane - one).max() > SAME_PLANE for one in kept):
+            kept.append(plane)
+    return np.array(kept)
 
 
 def _centroid(vertices: Array, facets: Array) -> Array:

@@ -2,8 +2,9 @@
 
 For each way to hold the body that promises to work (`arm_postures`), joints ramp up so that all of them reach the release
 posture at the release speeds in the same instant, and ramp down from there. A motion is accepted when every sample keeps
-positions, speeds, accelerations and torques (inverse dynamics) inside the limits, nothing comes near the table or the arm itself, and the
-body that flies off does not meet the gripper. Otherwise the throw is refused with the limit that the best attempt breaks.
+positions, speeds, accelerations and torques (inverse dynamics) inside the limits, nothing comes near the table or the arm
+itself, and the body that flies off does not meet the gripper. Otherwise the throw is refused with the limit that the best
+attempt breaks.
 """
 
 from dataclasses import dataclass, field

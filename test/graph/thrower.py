@@ -1,91 +1,94 @@
-"""A thrower for tests: it makes every throw at once, by rolling the body out, and tells what its toss teaches."""
+"""A client of sim_arm, for tests: arms it, sends it throws, and waits for what becomes of them."""
 
-import threading
 import time
+from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from contact_curation_msgs.action import ExecuteThrow
-from contact_curation_msgs.msg import TossInformation as TossInformationMessage
-from contact_curation_msgs.srv import GetInformation
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from rclpy.action.server import ServerGoalHandle
-from rclpy.callback_groups import ReentrantCallbackGroup
+from nav_msgs.msg import Odometry
+from rclpy.action import ActionClient
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 
-from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.design.execution_noise import ExecutionNoise, NoiseConfig
-from contact_curation.design.particle import Particle
-from contact_curation.information.record import TossInformation
-from contact_curation.motion.toss import NANOSECONDS
+from contact_curation.design.throw import Throw
 from contact_curation.nodes.messages.headers import Stamped
-from contact_curation.nodes.messages.throw import throw_message, throw_of
-from contact_curation.nodes.messages.toss_information import information_message
-from contact_curation.nodes.qos import RESULTS_KEPT, kept
-from contact_curation.sim.thrown_toss import executed_throw, thrown_toss
-from test.graph.graph import Listener
+from contact_curation.nodes.messages.throw import throw_message
+from contact_curation.nodes.qos import profile
+from test.graph.graph import Graph
 
-BODY = CONTACTNETS_CUBE
+LONG = 60.0
+SETTLING = 0.7
+"""From seeing a server to being seen by it [s]."""
+
+
+class Goal:
+    """A goal that was sent.
+
+    Args:
+        future: of its acceptance.
+        phases: that its feedback told, in their order.
+    """
+
+    def __init__(self, future: Any, phases: list[str]) -> None:
+        self.phases = phases
+        self.answer: Any = None
+        self.handle: Any = None
+        future.add_done_callback(self._taken)
+
+    def _taken(self, future: Any) -> None:
+        self.handle = future.result()
+        self.handle.get_result_async().add_done_callback(self._ended)
+
+    def _ended(self, future: Any) -> None:
+        self.answer = future.result()
 
 
 class Thrower:
-    """Serves `execute_throw`, and scores the tosses as fisher_scorer would.
+    """Talks to the one sim_arm of a graph."""
 
-    Args:
-        listener: its node serves.
-        geometry: theta that tosses are scored at.
-    """
+    def __init__(self, graph: Graph) -> None:
+        self._graph = graph
+        self._client = ActionClient(graph.listener.node, ExecuteThrow, "execute_throw")
+        qos = profile(2000, reliable=True, latched=False)
+        self.truth: list[Any] = []
+        self.joints: list[Any] = []
+        graph.listener.node.create_subscription(Odometry, "ground_truth", self.truth.append, qos)
+        graph.listener.node.create_subscription(JointState, "/joint_states", self.joints.append, qos)
 
-    def __init__(self, listener: Listener, geometry: ContactGeometry | None = None) -> None:
-        self._scorer = Particle(geometry or ContactGeometry.of_body(BODY), BODY).scorer
-        self._noise = ExecutionNoise.expected(NoiseConfig())
-        self._rng = np.random.default_rng(0)
-        self._informations: list[TossInformation] = []
-        self._messages: list[Any] = []
-        self.commands: list[Any] = []
-        self.refuse = False
-        self.silent = threading.Event()
-        node = listener.node
-        self._publisher = node.create_publisher(TossInformationMessage, "toss_information", kept(RESULTS_KEPT))
-        node.create_service(GetInformation, "get_information", self._get)
-        self.server = ActionServer(
-            node,
-            ExecuteThrow,
-            "execute_throw",
-            self._throw,
-            goal_callback=lambda goal: GoalResponse.REJECT if self.refuse else GoalResponse.ACCEPT,
-            cancel_callback=lambda handle: CancelResponse.ACCEPT,
-            callback_group=ReentrantCallbackGroup(),
-        )
+    def trigger(self, name: str) -> str:
+        """Calls one of the services `arm` and `stop`."""
+        return str(self._graph.listener.call(Trigger, f"/sim_arm/{name}", Trigger.Request(), LONG).message)
 
-    @property
-    def toss_ids(self) -> list[str]:
-        return [one.toss_id for one in self._informations]
+    def send(self, throw: Throw | Any) -> Goal:
+        """Sends a throw, a record or a message."""
+        self._await_server()
+        phases: list[str] = []
 
-    def _throw(self, handle: ServerGoalHandle) -> Any:
-        self.commands.append(handle.request.throw_command)
-        executed = executed_throw(throw_of(handle.request.throw_command), self._noise, self._rng)
-        stamp_ns = 10 * NANOSECONDS * len(self.commands)
-        toss = thrown_toss(BODY, executed, first_stamp_ns=stamp_ns)
-        handle.succeed()
-        if not self.silent.is_set():
-            self._announce(toss)
-        return ExecuteThrow.Result(success=True, executed=throw_message(executed, Stamped(stamp_ns, "body_surface")))
+        def told(message: Any) -> None:
+            if not phases or phases[-1] != message.feedback.phase:
+                phases.append(message.feedback.phase)
 
-    def _announce(self, toss: Any) -> None:
-        information = self._scorer.score([toss])[0]
-        assert isinstance(information, TossInformation)
-        self._informations.append(information)
-        stamped = Stamped(int(toss.stamps_ns[-1]), "body_surface")
-        self._messages.append(information_message(information, len(self._informations), stamped))
-        self._publisher.publish(self._messages[-1])
+        message = throw_message(throw, Stamped(0, "body_surface")) if isinstance(throw, Throw) else throw
+        return Goal(self._client.send_goal_async(ExecuteThrow.Goal(throw_command=message), told), phases)
 
-    def _get(self, request: Any, response: Any) -> Any:
-        response.last_sequence = len(self._messages)
-        response.information = self._messages[request.after_sequence :][: request.limit or 64]
-        return response
+    def ended(self, goal: Goal) -> Any:
+        """Waits for a goal's end; its status and result."""
+        self._graph.until(lambda: goal.answer is not None, LONG, "the end of a goal")
+        return goal.answer
+
+    def until_phase(self, goal: Goal, phase: str) -> None:
+        self._graph.until(lambda: phase in goal.phases, LONG, f"phase {phase}")
+
+    def _await_server(self) -> None:
+        """A server that is seen may not see its client yet, and its answer would be lost."""
+        if not self._client.server_is_ready():
+            assert self._client.wait_for_server(LONG), self._graph.logs()
+            time.sleep(SETTLING)
+
+    def close(self) -> None:
+        self._client.destroy()
 
 
-def settled(seconds: float) -> None:
-    """Lets a graph do what it should not do."""
-    time.sleep(seconds)
+def speeds(joints: Sequence[Any]) -> list[float]:
+    """The fastest joint of each message [rad/s]."""
+    return [max(abs(speed) for speed in message.velocity) for message in joints]
