@@ -8,7 +8,6 @@ never zero.
 """
 
 import ctypes
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from enum import StrEnum
@@ -22,7 +21,7 @@ from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.time_step import checked_states, checked_time_steps
 from contact_curation.errors import InvalidValueError, MissingDependencyError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.solver.compiled import load_kernel
+from contact_curation.solver.compiled import load_kernel, processor_count
 from contact_curation.solver.cone_problem import MAX_CONTACTS, ConeWeights
 from contact_curation.solver.cone_problem import Cone as Cone
 from contact_curation.solver.cone_problem import SolveStatus as SolveStatus
@@ -317,7 +316,7 @@ def _run(
         dt=periods.ctypes.data,
         starts=starts.ctypes.data,
         tosses=starts.size - 1,
-        threads=config.threads or os.cpu_count() or 1,
+        threads=config.threads or processor_count(),
         estimator=0 if estimator is None else 1 + list(Estimator).index(estimator),
         max_iterations=config.max_iterations,
         residual_tolerance=config.tolerance,

@@ -1,12 +1,11 @@
 """Solves the inner problem of many transitions with the compiled interior point method (METHOD 4.1; kernel/cone_solver.cpp)."""
 
 import ctypes
-import os
 from collections.abc import Callable
 
 import numpy as np
 
-from contact_curation.solver.compiled import load_kernel
+from contact_curation.solver.compiled import load_kernel, processor_count
 from contact_curation.solver.cone_problem import DEFAULT_TOLERANCE, Cone, ConeProblems, ConeSolutions
 
 MAX_ITERATIONS = 60
@@ -56,7 +55,7 @@ def solve_compiled(
         batch=problems.batch,
         contacts=problems.contacts,
         circular=int(problems.cone is Cone.CIRCULAR),
-        threads=threads or os.cpu_count() or 1,
+        threads=threads or processor_count(),
         max_iterations=max_iterations,
         residual_tolerance=tolerance,
         **{name: getattr(problems.weights, name) for name in _WEIGHTS},
