@@ -61,7 +61,8 @@ class Run:
 
     def curve(self) -> Curve:
         errors = {POSITION: self.position, ROTATION: self.rotation, LOSS: self.loss}
-        return Curve(np.array(self.tosses), {name: np.array(values) for name, values in errors.items()})
+        places = np.array((0, *self.tosses[1:]))  # untrained it was from the start
+        return Curve(places, {name: np.array(values) for name, values in errors.items()})
 
 
 def folders(source: Path, into: Path) -> tuple[Path, Path]:
