@@ -18,7 +18,7 @@ from contact_curation.nodes.door import StageNode
 from contact_curation.nodes.messages.camera import camera_info_message, detections_message, image_message
 from contact_curation.nodes.messages.headers import Stamped
 from contact_curation.nodes.messages.tracked import odometry_message, static_transform_message
-from contact_curation.nodes.qos import kept, profile
+from contact_curation.nodes.qos import kept
 from contact_curation.sim.camera import CameraConfig, CameraView
 from contact_curation.sim.tag_detection import DetectorConfig, TagDetector
 from contact_curation.sim.tracker_noise import TrackerNoise, TrackerNoiseConfig
@@ -132,8 +132,7 @@ class RenderedTags:
         self._detector = TagDetector(detector)
         self._detections = node.create_publisher(AprilTagDetectionArray, "detections", kept(KEPT))
         self._camera_info = node.create_publisher(CameraInfo, "camera_info", kept(1))
-        images_kept = profile(IMAGES_KEPT, reliable=True, latched=False)
-        self._images = node.create_publisher(ImageMessage, "image", images_kept) if images else None
+        self._images = node.create_publisher(ImageMessage, "image", kept(IMAGES_KEPT)) if images else None
 
     def see(self, true: TrueFrame) -> None:
         self._view = self._view or CameraView(*self._scene)
