@@ -1,9 +1,10 @@
 """Whether theta can be trusted with choosing throws (METHOD 0.6, 2.4).
 
 At a theta that training has not brought near the truth a ranking of throws is noise: two random initialisations rank them
-with a correlation of -0.01. Three things are asked, none of which needs the truth: enough tosses are known; they fit theta, by
-the median of their mean losses; and thetas that should be alike (the newest and the one before it, or several particles) rank
-the same reference throws alike.
+with a correlation of -0.01. Three things are asked, none of which needs the truth: enough tosses are known; theta predicted the
+newest of them, by the losses they had when they were first scored, before anybody learned from them; and thetas that should be
+alike (the newest and the one before it, or several particles) say the same of the same reference throws. Losses of tosses that
+theta learned from would tell nothing: few tosses are fitted well by many thetas.
 """
 
 from collections.abc import Sequence
@@ -23,41 +24,44 @@ class CanaryConfig:
     Attributes:
         enabled: whether it is asked at all; without, any theta is trusted.
         least_tosses: known at it.
-        largest_loss: median over the tosses of their mean loss (METHOD 1.2), characteristic units; real tosses have 0.02 at the
-            true parameters.
-        least_agreement: Spearman correlation of the reference throws' gains between thetas.
+        recent: of so many newest tosses the losses are looked at.
+        largest_loss: median of what those had when they were first scored (METHOD 1.2), characteristic units; at the true
+            parameters real tosses have 0.02.
+        least_agreement: Spearman correlation of the reference throws' information between thetas.
     """
 
     enabled: bool = True
     least_tosses: int = 4
-    largest_loss: float = 0.1
+    recent: int = 6
+    largest_loss: float = 0.15
     least_agreement: float = 0.5
 
     def __post_init__(self) -> None:
-        if self.least_tosses < 0:
-            raise InvalidValueError("canary.least_tosses", self.least_tosses, "at least 0")
+        for name, least in (("least_tosses", 0), ("recent", 1)):
+            if getattr(self, name) < least:
+                raise InvalidValueError(f"canary.{name}", getattr(self, name), f"at least {least}")
         if not self.largest_loss > 0.0:
             raise InvalidValueError("canary.largest_loss", self.largest_loss, "a positive number")
         if not -1.0 <= self.least_agreement <= 1.0:
             raise InvalidValueError("canary.least_agreement", self.least_agreement, "a correlation")
 
 
-def distrust(config: CanaryConfig, losses: Sequence[float], gains: Sequence[Array]) -> str | None:
+def distrust(config: CanaryConfig, losses: Sequence[float], scores: Sequence[Array]) -> str | None:
     """Why theta is not to be trusted, in one line; None when it is.
 
     Args:
         config: when it is.
-        losses: mean loss of each known toss.
-        gains: of the same reference throws at each theta, (R,) each; with less than two thetas nothing can agree.
+        losses: mean loss of each known toss when it was first scored, oldest first.
+        scores: of the same reference throws at each theta, (R,) each; with less than two thetas nothing can agree.
     """
     if len(losses) < config.least_tosses:
         return f"tosses: found {len(losses)}, expected at least {config.least_tosses}"
-    loss = float(np.median(losses)) if losses else 0.0
+    loss = float(np.median(losses[-config.recent :])) if losses else 0.0
     if not loss <= config.largest_loss:
         return f"loss: found a median of {loss:.3g}, expected at most {config.largest_loss:g}"
-    if len(gains) < 2:
-        return f"thetas: found {len(gains)}, expected two that agree"
-    agreement = min(spearman(one, other) for one, other in pairwise(gains))
+    if len(scores) < 2:
+        return f"thetas: found {len(scores)}, expected two that agree"
+    agreement = min(spearman(one, other) for one, other in pairwise(scores))
     if not agreement >= config.least_agreement:
         return f"agreement: found a rank correlation of {agreement:.2f}, expected at least {config.least_agreement:g}"
     return None

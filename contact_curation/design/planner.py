@@ -165,10 +165,14 @@ class Planner:
         """Releases to pick from, and what they teach."""
         return self.outlook.candidates(self.outlook.safe(self.prior, self.config.pool, np.random.default_rng(seed)))
 
-    def reference_gains(self, particle: int = 0) -> Array:
-        """(R,) what each reference release would add to A0 at one theta: what the canary compares."""
-        start = Accumulated.prior_only(self._coordinates[particle])
-        return gains([start], [self._reference.fishers[particle]])
+    def reference_scores(self, particle: int = 0) -> Array:
+        """(R,) what each reference release tells at one theta, in units of what their mean tells: what the canary compares.
+
+        The trace, whitened: of all measures tried it agrees best between thetas that are near each other.
+        """
+        coordinates = self._coordinates[particle]
+        whitened = np.einsum("pi,kpq,qi->k", coordinates, self._reference.fishers[particle], coordinates, optimize=True)
+        return np.asarray(whitened * self.config.share / coordinates.shape[1])
 
     def _checked_batch(self, candidates: Candidates, known: Sequence[Accumulated], count: int) -> Candidates:
         """The greedy batch of those that keep the limits by many executions, too."""

@@ -23,11 +23,12 @@ from contact_curation.design.safety_set import Feasible
 from contact_curation.design.throw import Throw
 from contact_curation.design.throw_prior import PUBLISHED_PRIOR, ReleasePrior
 from contact_curation.design.warm_up_plan import warm_up_plan
+from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
 from contact_curation.nodes.messages.model_parameters import bytes_of_geometry, geometry_of_bytes
 from contact_curation.storage.state_store import StateStore
 
-THETA, GAINS, THROWS, BEGUN = "theta", "reference gains", "throws", "begun"
+THETA, SCORES, THROWS, BEGUN = "theta", "reference scores", "throws", "begun"
 
 ONE_THREAD = replace(DEFAULT_LOSS, threads=1)
 """The nodes of a graph share the processors."""
@@ -123,7 +124,7 @@ class DesignStage:
         return tuple(self._throws)
 
     @property
-    def awaited(self) -> bool:
+    def awaits_toss(self) -> bool:
         """Whether the toss of the last throw was not scored yet."""
         return bool(self._throws) and not self._throws[-1].toss_id
 
@@ -155,6 +156,8 @@ class DesignStage:
         while len(self._infos) > VERSIONS_KEPT:
             oldest = next(version for version in self._infos if version != self.version)
             del self._infos[oldest]
+        if info.toss_id not in self._stamps and self._states.load(_loss_key(info.toss_id)) is None:
+            self._states.save({_loss_key(info.toss_id): repr(info.mean_loss).encode()})
         self._stamps[info.toss_id] = stamp_ns
         self._match(info, stamp_ns)
 
@@ -181,14 +184,14 @@ class DesignStage:
         """Why theta is not trusted with choosing throws; None when it is."""
         if self._theta is None:
             return "parameters: found none, expected model_parameters"
-        infos = self._known_infos()
         canary = self._config.canary
         if not canary.enabled:
             return None
-        early = distrust(replace(canary, least_agreement=-1.0), [info.mean_loss for info in infos], [np.arange(2.0)] * 2)
+        losses = self._first_losses()
+        early = distrust(replace(canary, least_agreement=-1.0), losses, [np.arange(2.0)] * 2)
         if early is not None:
             return early  # before anything costly is asked
-        return distrust(canary, [info.mean_loss for info in infos], self._reference_gains())
+        return distrust(canary, losses, self._reference_scores())
 
     def begin(self) -> int:
         """A throw is about to be commanded: its number is used up, whatever becomes of it; returns the newest known stamp."""
@@ -233,14 +236,19 @@ class DesignStage:
         pairs = [(made.commanded, made.executed) for made in self._throws]
         return AdaptiveDesign(self._planner, [self._known_infos(without)], pairs)
 
-    def _reference_gains(self) -> list[np.ndarray[tuple[int, ...], np.dtype[np.float64]]]:
+    def _first_losses(self) -> list[float]:
+        """Of the tosses that are known at this theta, as they were scored first, oldest first."""
+        ids = sorted((info.toss_id for info in self._known_infos()), key=lambda toss_id: (self._stamps[toss_id], toss_id))
+        return [float(self._states.load(_loss_key(toss_id)) or b"nan") for toss_id in ids]
+
+    def _reference_scores(self) -> list[Array]:
         """Of the last two thetas, this one last; kept on disk, so that a restart asks nothing again."""
-        kept: dict[str, list[float]] = json.loads(self._states.load(GAINS) or b"{}")
+        kept: dict[str, list[float]] = json.loads(self._states.load(SCORES) or b"{}")
         if self.version not in kept:
-            kept[self.version] = self._design().planner.reference_gains().tolist()
+            kept[self.version] = self._design().planner.reference_scores().tolist()
             kept = dict(list(kept.items())[-VERSIONS_KEPT:])
-            self._states.save({GAINS: json.dumps(kept).encode()})
-        return [np.array(gains) for gains in kept.values()]
+            self._states.save({SCORES: json.dumps(kept).encode()})
+        return [np.array(scores) for scores in kept.values()]
 
     def _particle(self, geometry: ContactGeometry) -> Particle:
         return Particle(geometry, self._body, self._config.loss)
@@ -250,6 +258,10 @@ class DesignStage:
 
     def _save_throws(self) -> None:
         self._states.save({THROWS: json.dumps([_entry_of(made) for made in self._throws]).encode()})
+
+
+def _loss_key(toss_id: str) -> str:
+    return f"first loss/{toss_id}"
 
 
 def _entry_of(made: Made) -> dict[str, object]:

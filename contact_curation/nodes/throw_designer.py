@@ -89,7 +89,7 @@ class ThrowDesigner(StageNode):
         self._goals.look()
         if not self.get_parameter("auto").value or self._at_work or self._goals.busy or not self._goals.ready:
             return
-        waits = self._stage.awaited and self._now() < self._toss_until
+        waits = self._stage.awaits_toss and self._now() < self._toss_until
         done = self._max_throws and len(self._stage.throws) >= self._max_throws
         if not (waits or done or self._now() < self._not_before):
             self._at_work = True
@@ -186,7 +186,7 @@ class ThrowDesigner(StageNode):
         values = {
             "throws": len(made),
             "under_way": self._goals.busy,
-            "awaiting_toss": self._stage.awaited,
+            "awaiting_toss": self._stage.awaits_toss,
             "realised_ratio": round(self._stage.ratio, 3),
             "parameters_version": self._stage.version,
             "queue": self._worker.waiting,

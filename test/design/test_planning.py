@@ -10,6 +10,7 @@ import pytest
 
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.design.baselines import random_plan, top_trace_plan
+from contact_curation.design.canary import spearman
 from contact_curation.design.execution_noise import ERRORS, ExecutionNoise
 from contact_curation.design.forecast import forecast, predicted_motions
 from contact_curation.design.outlook import Candidates
@@ -137,6 +138,17 @@ def test_noise_changes_the_plan_and_not_what_gains_are_measured_from(planner: Pl
     fishers = [known_infos(1)[0].fisher()[None]]
     assert gains(noisy.known(), fishers)[0] == gains(planner.known(), fishers)[0]
     assert noisy.pool(0).fishers[0].tobytes() != planner.pool(0).fishers[0].tobytes()
+
+
+def test_what_reference_throws_tell_is_in_units_of_their_mean_and_agrees_between_thetas_that_are_alike(
+    planner: Planner,
+) -> None:
+    scores = planner.reference_scores()
+    assert scores.mean() == pytest.approx(1.0)
+    agreement = [
+        spearman(scores, Planner([other_theta(*like)], config=SMALL).reference_scores()) for like in ((1.0, 0.182), (1.4, 0.9))
+    ]
+    assert agreement[0] > 0.8 > agreement[1]
 
 
 def test_a_thrower_that_can_do_nothing_ends_in_one_line_that_says_why() -> None:

@@ -83,6 +83,30 @@ def test_theta_is_trusted_when_tosses_fit_it_and_the_theta_before_it_was_like_it
     assert proposal.throw.expected_information > 0.0
 
 
+def test_what_theta_learned_from_does_not_count_as_predicted(states: StateStore) -> None:
+    stage = DesignStage(CUBE, CONFIG, states, TRUE)
+    stage.renew(NEARLY.geometry)
+    infos = known(stage, 3)
+    for info in infos:  # the same tosses at the theta that learned from them
+        stage.add(replace(info, parameters_version=NEARLY.version, mean_loss=0.001), 5)
+    stage.keep([info.toss_id for info in infos])
+    assert stage.distrust() == "thetas: found 1, expected two that agree"
+    strange = replace(infos[0], toss_id="strange", mean_loss=7.0, parameters_version="some first theta")
+    for number in range(4):
+        one = replace(strange, toss_id=f"strange-{number}")
+        stage.add(one, 10 + number)
+        stage.add(replace(one, parameters_version=NEARLY.version, mean_loss=0.001), 10 + number)
+    stage.keep([f"strange-{number}" for number in range(4)])
+    assert stage.distrust() == "loss: found a median of 7, expected at most 0.15"
+    again = DesignStage(CUBE, CONFIG, states)
+    for number in range(4):  # all that a scorer still has after a restart
+        again.add(
+            replace(strange, toss_id=f"strange-{number}", parameters_version=NEARLY.version, mean_loss=0.001), 10 + number
+        )
+    again.keep([f"strange-{number}" for number in range(4)])
+    assert again.distrust() == "loss: found a median of 7, expected at most 0.15"
+
+
 def test_proposals_repeat_by_seed_and_state(states: StateStore) -> None:
     stage = DesignStage(CUBE, TRUSTING, states, TRUE)
     one, other, third = (stage.propose(seed).throw.to_mapping() for seed in (7, 7, 8))
@@ -94,9 +118,9 @@ def test_the_first_toss_behind_a_throw_is_the_throws_whenever_it_is_heard_of(sta
     stage = DesignStage(CUBE, TRUSTING, states, TRUE)
     old = known(stage, 2)
     throw = thrown(stage, SECOND)
-    assert stage.awaited
+    assert stage.awaits_toss
     stage.add(old[0], 3)  # an old one, scored again
-    assert stage.awaited
+    assert stage.awaits_toss
     info, stamp_ns = information(throw, SECOND)
     stage.add(info, stamp_ns)
     made = stage.throws[-1]
