@@ -158,6 +158,8 @@ def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: st
             if config.topic
             else f"one topic with poses of {body}; name it if there are several"
         )
+        if any(one.type == DETECTIONS for one in topics):
+            wanted += "; detections of tags are read with a tag map"
         raise MissingTopicError(where, wanted, listed)
     leads_to_board = bool(transforms) or board is not None
     return PoseSource(chosen, body_frame, board, config.board_frame if leads_to_board else "", transforms, config.array_index)

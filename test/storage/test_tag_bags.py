@@ -63,6 +63,7 @@ def test_without_a_tag_map_a_bag_of_detections_is_a_line_that_says_what_is_in_it
     (problem,) = opened(write_detections(tmp_path / "a.mcap", images[:5]), replace(WITH_MAP, poses=PoseTopicConfig()))
     assert isinstance(problem, Problem)
     assert "AprilTagDetectionArray" in problem.what
+    assert "are read with a tag map" in problem.what
 
 
 def test_a_tag_map_that_cannot_be_read_is_a_line(tmp_path: Path, images: tuple[TaggedImage, ...]) -> None:
