@@ -5,9 +5,10 @@ identify, of what the batch teaches per throw in units of what a replayed throw 
 throw comes out as commanded. Executed: each comes out with METHOD 5's noise, geometric mean over several tries. Batches are
 drawn at random from releases (data: those of the real tosses 0-399 where they are at hand, else draws of the published
 statistics; canonical: normal in the heading frame; raw: the paper's normal in the board's frame), or designed at the truth, at
-a theta fitted to 16 random tosses, or at a random initialisation (without limits on the motion: it predicts none that keeps them).
+a theta fitted to 16 random tosses, or at a random initialisation (there without limits on motions: it
+predicts few that keep them).
 
-    python -m benchmarks.design [--json] [--seeds N] [--only timing|worth] [--pool N]
+    python -m benchmarks.design [--json] [--seeds N] [--only timing|worth|trust] [--pool N]
 
 The fits use real tosses of 0-399 where they are at hand, else tosses thrown in MuJoCo. Everything else is simulated.
 """
@@ -30,6 +31,7 @@ from contact_curation.contact.evaluation import LossConfig
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel, initial_geometry
+from contact_curation.design.canary import spearman
 from contact_curation.design.execution_noise import ERRORS, ExecutionNoise
 from contact_curation.design.forecast import ForecastConfig, forecast, predicted_motions
 from contact_curation.design.particle import Particle
@@ -40,6 +42,7 @@ from contact_curation.design.releases import Placement
 from contact_curation.design.throw import throw_of_state
 from contact_curation.design.throw_prior import ReleasePrior, fitted_prior, published_releases, raw_prior
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.record import TossInformation
 from contact_curation.information.subspace import identifiable_subspace
 from contact_curation.learning.polytope_fit import FitConfig, fit_polytope
 from contact_curation.motion.toss import Toss
@@ -47,6 +50,7 @@ from contact_curation.motion.transitions import states_of, transitions_of
 from contact_curation.sim.thrown_toss import thrown_toss
 from contact_curation.storage.contactnets import read_contactnets
 
+PARTS = ("timing", "worth", "trust")
 BATCHES = (4, 8, 16)
 REFINED = 8
 """Throws of the batch that is also refined."""
@@ -57,6 +61,9 @@ EXECUTIONS = 16
 TRAINING_TOSSES = 16
 TRAINING_IDS = range(400)
 TIMED_THROWS = 2000
+LEARNED_FROM = (0, 4, 8, 16, 32)
+UNSEEN = 20
+"""Tosses that no theta learned from."""
 BODY = CONTACTNETS_CUBE
 EXACT = ForecastConfig(thinning=1)
 NOISE = ExecutionNoise.expected()
@@ -93,6 +100,23 @@ class Gain:
     planned_interval: tuple[float, float]
     executed: float
     executed_interval: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Trust:
+    """What the canary sees of a theta fitted to so many tosses (0: a random initialisation), quartiles over the seeds.
+
+    Attributes:
+        tosses: learned from.
+        loss: median loss of tosses that it did not learn from.
+        agreement: rank correlation of the reference throws' scores with those of the theta before it in the table.
+        truth: the same with those at the true cube, which the canary cannot see.
+    """
+
+    tosses: int
+    loss: tuple[float, float, float]
+    agreement: tuple[float, float, float]
+    truth: tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,9 +190,7 @@ def thetas(shared: Setting, seed: int) -> dict[str, Particle]:
     )
     pivot = chosen.before[:, :3].mean(axis=0) * np.array([1.0, 1.0, 0.0])
     start = initial_geometry(BODY, Form.PHYSICAL, pivot, rng)
-    fit = fit_polytope(
-        PolytopeModel(start, BODY, Form.PHYSICAL), chosen, FitConfig(loss=shared.loss, max_steps=60, tolerance=1e-6)
-    )
+    fit = fit_polytope(PolytopeModel(start, BODY, Form.PHYSICAL), chosen, _fit_config(shared.loss))
     geometries = {"truth": shared.truth.geometry, "fit": fit.model.geometry(), "init": start}
     return {name: Particle(geometry, BODY, shared.loss) for name, geometry in geometries.items()}
 
@@ -228,6 +250,41 @@ def _gain(arrays: Mapping[tuple[str, int], Array], how: str, throws: int, draws:
     return Gain(how, throws, float(ratio[0]), (low[0], high[0]), float(ratio[1]), (low[1], high[1]))
 
 
+def trusts(shared: Setting, seeds: int) -> list[Trust]:
+    """As more tosses are learned from."""
+    prior = fitted_prior(shared.releases)
+    config = DesignConfig(refinement=RefinementConfig(generations=0))
+    truth = Planner([shared.truth], prior, NOISE, config).reference_scores()
+    found: dict[int, list[tuple[float, float, float]]] = {count: [] for count in LEARNED_FROM}
+    for seed in range(seeds):
+        rng = np.random.default_rng([seed, 1])
+        order = [shared.tosses[k] for k in rng.choice(len(shared.tosses), LEARNED_FROM[-1] + UNSEEN, replace=False)]
+        first = transitions_of(order[:1], BODY.length_scale)
+        pivot = first.before[:, :3].mean(axis=0) * np.array([1.0, 1.0, 0.0])
+        model = PolytopeModel(initial_geometry(BODY, Form.PHYSICAL, pivot, rng), BODY, Form.PHYSICAL)
+        before = np.zeros(config.reference)
+        for count in LEARNED_FROM:
+            if count:
+                model = fit_polytope(model, transitions_of(order[:count], BODY.length_scale), _fit_config(shared.loss)).model
+            particle = Particle(model.geometry(), BODY, shared.loss)
+            infos = particle.scorer.score(order[-UNSEEN:])
+            loss = float(np.median([info.mean_loss for info in infos if isinstance(info, TossInformation)]))
+            scores = Planner([particle], prior, NOISE, config).reference_scores()
+            found[count].append((loss, spearman(scores, before) if count else np.nan, spearman(scores, truth)))
+            before = scores
+    quartiles = {count: np.percentile(rows, [25, 50, 75], axis=0) for count, rows in found.items()}
+    return [Trust(count, *map(_three, rows.T)) for count, rows in quartiles.items()]
+
+
+def _three(values: Array) -> tuple[float, float, float]:
+    low, middle, high = values.tolist()
+    return low, middle, high
+
+
+def _fit_config(loss: LossConfig) -> FitConfig:
+    return FitConfig(loss=loss, max_steps=60, tolerance=1e-6)
+
+
 def timings(loss: LossConfig, repeats: int) -> list[Timing]:
     """Of what a user waits for."""
     particle = Particle(ContactGeometry.of_body(BODY), BODY, loss)
@@ -253,10 +310,16 @@ def _seconds(job: Callable[[], object]) -> float:
     return time.perf_counter() - begun
 
 
-def _print(times: Sequence[Timing], rows: Sequence[Worth], gains: Sequence[Gain]) -> None:
+def _print(times: Sequence[Timing], rows: Sequence[Worth], gains: Sequence[Gain], trusted: Sequence[Trust]) -> None:
     for timing in times:
         print(f"{timing.seconds:7.2f} s on {timing.processors} processors: {timing.what}")
-    for title, lines in (("D-efficiency at the truth", rows), ("relative to the best random column", gains)):
+    if trusted:
+        print("\nwhat the canary sees, quartiles over the seeds")
+        print(f"{'tosses':>6} {'loss':>24} {'agreement':>24} {'with the truth':>24}")
+    for one in trusted:
+        cells = [" ".join(f"{value:7.3f}" for value in values) for values in (one.loss, one.agreement, one.truth)]
+        print(f"{one.tosses:>6} {cells[0]:>24} {cells[1]:>24} {cells[2]:>24}")
+    for title, lines in (("D-efficiency at the truth", rows), ("relative to the best random column", gains)) if rows else ():
         print(f"\n{title}, mean and 95 % interval over the seeds\n{'':<28} {'b':>3} {'planned':>22} {'executed':>22}")
         for line in lines:
             cells = [
@@ -273,15 +336,24 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--pool", type=int, default=256)
     parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--only", choices=("timing", "worth"))
+    parser.add_argument("--only", choices=PARTS)
     arguments = parser.parse_args()
+    wanted = PARTS if arguments.only is None else (arguments.only,)
     loss = LossConfig()
-    times = timings(loss, arguments.repeats) if arguments.only != "worth" else []
-    rows, gains = worths(setting(loss), arguments.seeds, arguments.pool) if arguments.only != "timing" else ([], [])
+    times = timings(loss, arguments.repeats) if "timing" in wanted else []
+    shared = setting(loss) if set(wanted) & {"worth", "trust"} else None
+    rows, gains = worths(shared, arguments.seeds, arguments.pool) if shared and "worth" in wanted else ([], [])
+    trusted = trusts(shared, arguments.seeds) if shared and "trust" in wanted else []
     if arguments.json:
-        print(json.dumps({"timings": [*map(asdict, times)], "worth": [*map(asdict, rows)], "gains": [*map(asdict, gains)]}))
+        parts: dict[str, Sequence[Timing | Worth | Gain | Trust]] = {
+            "timings": times,
+            "worth": rows,
+            "gains": gains,
+            "trust": trusted,
+        }
+        print(json.dumps({name: [asdict(one) for one in lines] for name, lines in parts.items()}))
     else:
-        _print(times, rows, gains)
+        _print(times, rows, gains, trusted)
     return 0
 
 
