@@ -69,7 +69,7 @@ class SimArm(StageNode):
         self._clock_hertz = declare(self, "clock", 0.0, "rate of /clock in simulated time [Hz]; 0: none", bounds=(0.0, 148.0))
         self._board_frame = declare(self, "board_frame", "body_surface", "frame of the board")
         epoch = declare(self, "epoch", 0.0, "time at which the simulation begins [s]; 0: now", bounds=(0.0, 4e9))
-        armed = declare(self, "armed", False, "begin armed")
+        self._arm_first = declare(self, "armed", False, "be armed with the first heartbeat, without a call of ~/arm")
         outside = declare(self, "external_heartbeat", False, "beat on topic ~/heartbeat (std_msgs/Empty), not the node itself")
         seed = declare(self, "seed", 0, "of the gripper's delays", bounds=(0, 2**31))
         arm, control = declare_config(self, ArmConfig(), "arm."), declare_config(self, ControlConfig(), "control.")
@@ -86,8 +86,6 @@ class SimArm(StageNode):
         self._wake = threading.Event()
         self._paced: tuple[float, float] | None = None
         self._publish()
-        if armed:
-            self._gate.arm(self._now())
         if outside:
             self.create_subscription(Empty, "~/heartbeat", lambda _: self._beat(), profile(1, reliable=True, latched=False))
         else:
@@ -121,6 +119,9 @@ class SimArm(StageNode):
 
     def _beat(self) -> None:
         self._gate.heartbeat(self._now())
+        if self._arm_first:
+            self._arm_first = False
+            self._gate.arm(self._now())
 
     def _stop(self, _: Any, response: Any) -> Any:
         self._gate.stop("the stop service was called")

@@ -7,8 +7,8 @@ The numbers are published, the shapes are our own (capsules):
     friction      half of the amplitudes that Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca identified (IEEE RA-L 4(4), 2019)
 
 A vacuum gripper holds any convex body that has a flat spot, and does so rigidly. There are therefore two simulated worlds: in
-one the body is part of the arm, in the other it is free. Opening the gripper hands the state of the one to the other, so the body leaves
-with exactly the pose and twist that the pad's motion gave it, and no spring of a soft weld adds to them.
+one the body is part of the arm, in the other it is free. Opening the gripper hands the state of the one to the other, so the
+body leaves with exactly the pose and twist that the pad's motion gave it, and no spring of a soft weld adds to them.
 """
 
 from dataclasses import dataclass
@@ -114,8 +114,8 @@ MEETS = {5: LOWER_BIT | BODY_BIT, 6: LOWER_BIT, 7: LOWER_BIT, 4: BODY_BIT}
 class ArmConfig:
     """Where the arm stands, and how it is held to its limits.
 
-    The robot stands on the floor beside the table that carries the board; by default so that throws that start before the board's
-    middle and go along x are made sideways, which the arm is best at.
+    The robot stands on the floor beside the table that carries the board; by default so that throws that start before the
+    board's middle and go along x are made sideways, which the arm is best at.
 
     Attributes:
         base: place of its foot in the board's frame [m].
@@ -136,7 +136,7 @@ class ArmConfig:
     friction: float = 1.0
 
     def __post_init__(self) -> None:
-        if len(self.base) != 3 or not np.isfinite([*self.base, self.yaw]).all():
+        if np.shape(self.base) != (3,) or not np.isfinite([*self.base, self.yaw]).all():
             raise InvalidValueError("arm.base, arm.yaw", (self.base, self.yaw), "3 and 1 finite numbers")
         home = np.asarray(self.home, dtype=float)
         if home.shape != (JOINTS,) or not ((FR3_LIMITS.lowest <= home) & (home <= FR3_LIMITS.highest)).all():
@@ -164,16 +164,7 @@ def planning_model(body: Body | None, config: ArmConfig) -> mujoco.MjModel:
     """The arm over a table of its true size, with the body in its gripper or with nothing; contacts come with the clearance."""
     spec = mujoco.MjSpec()
     spec.option.gravity = [0.0, 0.0, -(body.gravity if body else STANDARD_GRAVITY)]
-    half, thick = config.table_half_width, 0.02
-    spec.worldbody.add_geom(
-        name=TABLE,
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        pos=[0.0, 0.0, -thick],
-        size=[half, half, thick],
-        contype=BOARD_BIT,
-        conaffinity=0,
-        margin=config.clearance,
-    )
+    _add_table(spec, config, margin=config.clearance)
     last = add_arm(spec, config, meets_itself=True, friction=0.0)
     if body is not None:
         _hold(spec, last, body, contype=BODY_BIT, conaffinity=BOARD_BIT | LOWER_BIT)
@@ -184,6 +175,8 @@ def holding_model(body: Body, config: ArmConfig, step: float) -> mujoco.MjModel:
     """The simulated world while the gripper holds the body."""
     spec = world_of(body, step)
     spec.delete(spec.body(body.name))
+    spec.delete(spec.geom("board"))
+    _add_table(spec, config, margin=0.0)  # beside the table there is nothing that a wind-up could hit
     last = add_arm(spec, config, meets_itself=False, friction=config.friction)
     _hold(spec, last, body, contype=BOARD_BIT, conaffinity=BOARD_BIT)
     return spec.compile()
@@ -195,6 +188,19 @@ def free_model(body: Body, config: ArmConfig, step: float) -> mujoco.MjModel:
     spec.geom(body.name).conaffinity = BOARD_BIT | ARM_BIT
     add_arm(spec, config, meets_itself=False, friction=config.friction)
     return spec.compile()
+
+
+def _add_table(spec: mujoco.MjSpec, config: ArmConfig, *, margin: float) -> None:
+    half, thick = config.table_half_width, 0.02
+    spec.worldbody.add_geom(
+        name=TABLE,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        pos=[0.0, 0.0, -thick],
+        size=[half, half, thick],
+        contype=BOARD_BIT,
+        conaffinity=0,
+        margin=margin,
+    )
 
 
 def add_arm(spec: mujoco.MjSpec, config: ArmConfig, *, meets_itself: bool, friction: float) -> Any:

@@ -90,6 +90,11 @@ class ArmThrower:
         self.planner = planner
         self._simulation = ArmSimulation(planner.body, planner.config, control, seed)
 
+    @property
+    def time(self) -> float:
+        """Simulated, since it was made [s]."""
+        return self._simulation.time
+
     def execute(self, throw: Throw) -> ExecutedThrow:
         """Throws, and waits for the body to rest and for the arm to be home again.
 

@@ -7,7 +7,7 @@ itself, and the body that flies off does not meet the gripper. Otherwise the thr
 attempt breaks.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import mujoco
@@ -156,12 +156,11 @@ class ThrowPlanner:
         put_into_gripper(self._holding, grip.position, grip.orientation_wxyz)
         swing = speeding_up(candidate.joints, candidate.speeds, STEP, self.ramp)
         stopping = slowing_down(candidate.joints, candidate.speeds, STEP, self.ramp)
-        home, fastest = self.config.home_posture, self.config.limits.speed
-        approach = moving(home, swing.positions[0], fastest, STEP, self.ramp)
-        returning = moving(stopping.positions[-1], home, fastest, STEP, self.ramp)
+        approach = self._moving(self.config.home_posture, swing.positions[0])
+        returning = self._moving(stopping.positions[-1], self.config.home_posture)
         refused = (
             self._separation(throw, stopping)
-            or self._within(JointPath.joined(swing, stopping))
+            or self._within(JointPath.joined(approach, swing, stopping, returning))
             or self._clear(self._holding, self._holding_data, swing)
             or self._clear(self._empty, self._empty_data, stopping)
             or self._strong(self._holding, self._holding_data, swing)
@@ -170,6 +169,15 @@ class ThrowPlanner:
             or self._clear(self._empty, self._empty_data, returning)
         )
         return refused or ThrowMotion(throw, candidate, grip, approach, swing, stopping, returning)
+
+    def _moving(self, start: Array, end: Array) -> JointPath:
+        """Between two postures, slower where an end of a range is near, as the speed limits there want it."""
+        for share in (1.0, 0.5, 0.25):
+            ramp = replace(self.ramp, moving=share * self.ramp.moving)
+            path = moving(start, end, self.config.limits.speed, STEP, ramp)
+            if self._within(path) is None:
+                break
+        return path
 
     def _grip(self, throw: Throw, candidate: Candidate) -> Pose:
         self._empty_data.qpos[:] = candidate.joints

@@ -1,5 +1,6 @@
 """A client of sim_arm, for tests: arms it, sends it throws, and waits for what becomes of them."""
 
+import math
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -17,8 +18,8 @@ from contact_curation.nodes.qos import profile
 from test.graph.graph import Graph
 
 LONG = 60.0
-SETTLING = 0.7
-"""From seeing a server to being seen by it [s]."""
+ATTEMPTS, PATIENCE = 12, 5.0
+"""To have a goal taken, and how long each waits [s]."""
 
 
 class Goal:
@@ -60,15 +61,28 @@ class Thrower:
         return str(self._graph.listener.call(Trigger, f"/sim_arm/{name}", Trigger.Request(), LONG).message)
 
     def send(self, throw: Throw | Any) -> Goal:
-        """Sends a throw, a record or a message."""
-        self._await_server()
+        """Sends a throw, a record or a message, and waits until it is taken.
+
+        A server that is seen may not see its client yet, or may be one that was killed; the goal is then sent again.
+        """
+        assert self._client.wait_for_server(LONG), self._graph.logs()
+        message = throw_message(throw, Stamped(0, "body_surface")) if isinstance(throw, Throw) else throw
+        for _ in range(ATTEMPTS):
+            goal = self._sent(message)
+            end = time.monotonic() + PATIENCE
+            while goal.handle is None and time.monotonic() < end:
+                time.sleep(0.02)
+            if goal.handle is not None:
+                return goal
+        raise AssertionError(f"no goal was taken\n{self._graph.logs()}")
+
+    def _sent(self, message: Any) -> Goal:
         phases: list[str] = []
 
         def told(message: Any) -> None:
             if not phases or phases[-1] != message.feedback.phase:
                 phases.append(message.feedback.phase)
 
-        message = throw_message(throw, Stamped(0, "body_surface")) if isinstance(throw, Throw) else throw
         return Goal(self._client.send_goal_async(ExecuteThrow.Goal(throw_command=message), told), phases)
 
     def ended(self, goal: Goal) -> Any:
@@ -76,14 +90,9 @@ class Thrower:
         self._graph.until(lambda: goal.answer is not None, LONG, "the end of a goal")
         return goal.answer
 
-    def until_phase(self, goal: Goal, phase: str) -> None:
-        self._graph.until(lambda: phase in goal.phases, LONG, f"phase {phase}")
-
-    def _await_server(self) -> None:
-        """A server that is seen may not see its client yet, and its answer would be lost."""
-        if not self._client.server_is_ready():
-            assert self._client.wait_for_server(LONG), self._graph.logs()
-            time.sleep(SETTLING)
+    def until_body_moves(self, speed: float) -> None:
+        """Waits until the body is seen to move faster than this [m/s]."""
+        self._graph.until(lambda: self.truth and body_speed(self.truth[-1]) > speed, LONG, f"a body at {speed} m/s")
 
     def close(self) -> None:
         self._client.destroy()
@@ -92,3 +101,9 @@ class Thrower:
 def speeds(joints: Sequence[Any]) -> list[float]:
     """The fastest joint of each message [rad/s]."""
     return [max(abs(speed) for speed in message.velocity) for message in joints]
+
+
+def body_speed(truth: Any) -> float:
+    """Of a ground truth's body [m/s]."""
+    velocity = truth.twist.twist.linear
+    return math.sqrt(velocity.x**2 + velocity.y**2 + velocity.z**2)
