@@ -216,3 +216,23 @@ def test_limits_that_cannot_be_are_refused(field: str) -> None:
         replace(CONFIG, **{field: 0})  # type: ignore[arg-type]
     with pytest.raises(InvalidValueError, match="deviation, oblique"):
         CornerNoise(deviation=0.0)
+
+
+def test_the_covariance_on_the_board_follows_finite_differences() -> None:
+    rng = np.random.default_rng(12)
+    body, board = random_pose(rng), Pose(np.array([0.1, -0.3, 0.8]), quaternions.normalized(rng.standard_normal(4)))
+    spreads = [np.diag(rng.uniform(1e-6, 1e-4, 6)) for _ in range(2)]
+    made = [TagPose(pose, spread, (), 1.0) for pose, spread in zip((body, board), spreads)]
+    here, step = on_board(*made).pose, 1e-6
+    columns = []
+    for which in range(2):
+        for axis in range(6):
+            off = step * np.eye(6)[axis]
+            poses = [body, board]
+            turned = quaternions.multiply(quaternions.exp(off[3:]), poses[which].orientation_wxyz)
+            poses[which] = Pose(poses[which].position + off[:3], turned)
+            moved = on_board(*(replace(one, pose=pose) for one, pose in zip(made, poses))).pose
+            columns.append(error(moved, here) / step)
+    slopes = np.array(columns).T  # (6, 12)
+    expected = slopes[:, :6] @ spreads[0] @ slopes[:, :6].T + slopes[:, 6:] @ spreads[1] @ slopes[:, 6:].T
+    np.testing.assert_allclose(on_board(*made).covariance, expected, atol=1e-9)
