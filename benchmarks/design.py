@@ -71,10 +71,18 @@ NOISE = ExecutionNoise.expected()
 
 @dataclass(frozen=True)
 class Timing:
-    """Seconds of the wall clock, the best of some repetitions, on `processors`."""
+    """The quickest of some repetitions on `processors`.
+
+    Attributes:
+        what: was done.
+        seconds: of the wall clock, which other work on the machine makes longer.
+        processor_seconds: of all processors together.
+        processors: there are.
+    """
 
     what: str
     seconds: float
+    processor_seconds: float
     processors: int
 
 
@@ -301,18 +309,21 @@ def timings(loss: LossConfig, repeats: int) -> list[Timing]:
         "next throw from a pool of 256, CMA-ES of 40 generations of 12": lambda: planner.plan(["next"], known, 0),
         "new theta: reference throws and prior information": lambda: Planner([particle], config=DesignConfig()),
     }
-    return [Timing(what, min(_seconds(job) for _ in range(repeats)), os.cpu_count() or 1) for what, job in jobs.items()]
+    processors = os.cpu_count() or 1
+    return [Timing(what, *min(_seconds(job) for _ in range(repeats)), processors) for what, job in jobs.items()]
 
 
-def _seconds(job: Callable[[], object]) -> float:
-    begun = time.perf_counter()
+def _seconds(job: Callable[[], object]) -> tuple[float, float]:
+    """Of the wall clock and of all processors."""
+    begun, worked = time.perf_counter(), time.process_time()
     job()
-    return time.perf_counter() - begun
+    return time.perf_counter() - begun, time.process_time() - worked
 
 
 def _print(times: Sequence[Timing], rows: Sequence[Worth], gains: Sequence[Gain], trusted: Sequence[Trust]) -> None:
     for timing in times:
-        print(f"{timing.seconds:7.2f} s on {timing.processors} processors: {timing.what}")
+        on = f"s on {timing.processors} processors, {timing.processor_seconds:.2f} s of work"
+        print(f"{timing.seconds:7.2f} {on}: {timing.what}")
     if trusted:
         print("\nwhat the canary sees, quartiles over the seeds")
         print(f"{'tosses':>6} {'loss':>24} {'agreement':>24} {'with the truth':>24}")

@@ -54,7 +54,7 @@ class ForecastConfig:
     still_speed: float = 0.044
     still_spin: float = 0.5
     still_frames: int = 10
-    thinning: int = 8
+    thinning: int = 16
     touching: float = 0.02
     airborne: float = 0.3
 
