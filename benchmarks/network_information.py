@@ -32,7 +32,7 @@ from contact_curation.contact.model import Rows
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.ghost_norms import ghost_norms
-from contact_curation.information.network_config import NetworkConfig, SketchConfig
+from contact_curation.information.network_config import NetworkConfig, SketchConfig, network_config_for
 from contact_curation.information.network_pass import NetworkModel, forward_pass, frozen_copy
 from contact_curation.information.network_scoring import NetworkScorer
 from contact_curation.information.network_sketch import network_sketch
@@ -51,7 +51,7 @@ BODY = CONTACTNETS_CUBE
 NETWORKS = (ModelKind.DEEP, ModelKind.DEEPVERTEX, ModelKind.END_TO_END)
 TRAINING_TOSSES = 400
 COMPARED_TOSSES, COMPARED_TRANSITIONS, COMPARED_TRACE = 50, 1500, 0.9999
-SKETCHES = ((0, 16), (12, 4), (16, 4), (16, 8), (24, 8))
+SKETCHES = ((0, 16), (12, 4), (16, 4), (16, 8), (24, 8), (24, 24), (16, 32))
 """Leading and random rows."""
 
 DRAWS = (1, 2, 4, 6, 8)
@@ -158,11 +158,11 @@ def network(kind: ModelKind, tosses: Sequence[Toss], params: Path | None, steps:
 
 def timings(model: NetworkModel, tosses: Sequence[Toss], some: int, threads: int) -> list[Timing]:
     """Exact traces of all tosses, and whole records of some."""
-    rows = []
+    rows, usual = [], network_config_for(model.kind)
     for what, given, work in (
         ("exact traces", tosses, lambda: exact_traces(model, tosses)),
-        ("records, empirical", tosses[:some], lambda: scored(model, tosses[:some], Estimator.EMPIRICAL, NetworkConfig())),
-        ("records, gauss-newton", tosses[:some], lambda: scored(model, tosses[:some], Estimator.GAUSS_NEWTON, NetworkConfig())),
+        ("records, empirical", tosses[:some], lambda: scored(model, tosses[:some], Estimator.EMPIRICAL, usual)),
+        ("records, gauss-newton", tosses[:some], lambda: scored(model, tosses[:some], Estimator.GAUSS_NEWTON, usual)),
     ):
         clock, processor = time.perf_counter(), time.process_time()
         work()

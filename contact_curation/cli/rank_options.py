@@ -16,7 +16,7 @@ from contact_curation.cli.theta_options import form_of, thetas_of
 from contact_curation.contact.evaluation import DEFAULT_LOSS, Estimator
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.parameter_form import Form
-from contact_curation.information.network_config import NetworkConfig
+from contact_curation.information.network_config import network_config_for
 from contact_curation.information.orthogonal import VARIANTS
 from contact_curation.information.ranker import CRITERIA, RankingConfig
 from contact_curation.information.score_folder import ScoreFolder
@@ -128,7 +128,8 @@ def rank_config(arguments: argparse.Namespace) -> RankConfig:
     """
     body = chosen_body(arguments)
     ranking = RankingConfig(arguments.criterion, arguments.top, arguments.seed, variant=arguments.variant)
-    stages = stages_of(arguments, {"loss": DEFAULT_LOSS, "network": NetworkConfig(), "ranking": ranking})
+    network = network_config_for(ModelKind(arguments.model))
+    stages = stages_of(arguments, {"loss": DEFAULT_LOSS, "network": network, "ranking": ranking})
     gates = replace(stages["gates"], enabled=stages["gates"].enabled and not arguments.no_gate)
     thetas = thetas_of(arguments, body)
     pool = PoolConfig(

@@ -26,7 +26,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.ghost_norms import ghost_norms, summed_gradient
 from contact_curation.information.leading_slopes import leading_slopes
 from contact_curation.information.model_version import model_version
-from contact_curation.information.network_config import NetworkConfig
+from contact_curation.information.network_config import NetworkConfig, network_config_for
 from contact_curation.information.network_pass import ForwardPass, NetworkModel, Slopes, forward_pass, frozen_copy
 from contact_curation.information.network_sketch import NetworkSketch, network_sketch
 from contact_curation.information.physical_scores import PhysicalScores
@@ -54,7 +54,7 @@ class NetworkScorer:
     Args:
         model: is copied, and may go on learning.
         config: estimator, influence bound, compression and loss.
-        network: what is peculiar to networks.
+        network: what is peculiar to networks; None for what is usual for the model.
         folder: takes each toss's exact score by the networks' weights, under the toss's digest.
 
     Raises:
@@ -70,7 +70,7 @@ class NetworkScorer:
     ) -> None:
         if not all(bool(torch.isfinite(value).all()) for value in model.parameters()):
             raise InvalidValueError(f"parameters of {model.kind.value}", "a value that is not finite", "finite numbers")
-        self.model, self.config, self.network = frozen_copy(model), config, network or NetworkConfig()
+        self.model, self.config, self.network = frozen_copy(model), config, network or network_config_for(model.kind)
         self.version = model_version(model)
         self._folder = folder
         self._physical = PhysicalScores.of(model.polytope) if isinstance(model, DeepModel) else None

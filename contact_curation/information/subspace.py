@@ -22,6 +22,9 @@ Rounding leaves about 1e-32; a change of units by 1e6 between two parameters mov
 EIGENVALUE_CUT = 1e-8
 """Directions below this share of the largest eigenvalue are not identifiable (METHOD 1.6)."""
 
+LARGEST_DENSE = 4096
+"""Parameters above which a few eigenvectors are iterated for: reducing the whole matrix takes minutes then."""
+
 
 @dataclass(frozen=True, eq=False)
 class IdentifiableSubspace:
@@ -85,11 +88,21 @@ def leading_subspace(fisher: Array, directions: int, cut: float = EIGENVALUE_CUT
     Raises:
         InvalidValueError: nothing is identifiable, because no toss carries information.
     """
-    import scipy.linalg  # only networks need it
-
-    size = len(fisher)
-    values, vectors = scipy.linalg.eigh(fisher, subset_by_index=(max(size - directions, 0), size - 1))  # ascending
-    if not values[-1] > 0.0:
+    if not np.trace(fisher) > 0.0:
         raise InvalidValueError("pooled information", "zero", "at least one toss that tells something about theta")
+    values, vectors = _leading_eigenvectors(fisher, directions)
     kept = values > cut * values[-1]
     return IdentifiableSubspace(vectors[:, kept] / np.sqrt(values[kept]), eigenvalues=values[kept])
+
+
+def _leading_eigenvectors(fisher: Array, directions: int) -> tuple[Array, Array]:
+    """The largest eigenvalues, ascending, and their eigenvectors (P, at most `directions`)."""
+    import scipy.linalg  # only networks need these
+    import scipy.sparse.linalg
+
+    size = len(fisher)
+    if size <= LARGEST_DENSE:
+        return scipy.linalg.eigh(fisher, subset_by_index=(max(size - directions, 0), size - 1))  # type: ignore[no-any-return]
+    values, vectors = scipy.sparse.linalg.eigsh(fisher, k=directions, v0=np.ones(size))
+    order = np.argsort(values)
+    return values[order], vectors[:, order]

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information import subspace
 from contact_curation.information.pool import pool_of
 from contact_curation.information.prior import log_det_prior, prior_of_matrix
 from contact_curation.information.subspace import identifiable_subspace
@@ -98,3 +99,14 @@ def test_a_pools_prior_is_a_share_of_its_mean_toss_unless_it_has_its_own() -> No
 def test_a_prior_refuses_tosses_of_other_parameters() -> None:
     with pytest.raises(InvalidValueError, match="as in the prior"):
         prior_of_matrix(np.eye(4), np.zeros(3)).rows(tosses(1, 5, 2, seed=0)[0])
+
+
+def test_a_few_directions_of_many_parameters_are_the_same_however_they_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = np.random.default_rng(5).standard_normal((20, 60)) * np.linspace(1.0, 3.0, 60)
+    whole = subspace.leading_subspace(rows.T @ rows, 8)
+    monkeypatch.setattr(subspace, "LARGEST_DENSE", 10)
+    few = subspace.leading_subspace(rows.T @ rows, 8)
+    np.testing.assert_allclose(few.eigenvalues, whole.eigenvalues, rtol=1e-10)
+    np.testing.assert_allclose(few.whitening @ few.whitening.T, whole.whitening @ whole.whitening.T, atol=1e-10)
+    with pytest.raises(InvalidValueError, match="at least one toss that tells something"):
+        subspace.leading_subspace(np.zeros((20, 20)), 8)
