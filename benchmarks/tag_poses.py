@@ -173,17 +173,19 @@ def _pose_errors(recorded: Sequence[Recorded]) -> dict[str, Any]:
     """Errors of what comes out of all gates for single poses."""
     tracker_config = PoseTopicConfig(tag_map="given").tracker("cube", "body_surface")
     errors: list[Array] = []
+    changes: list[Array] = []
     left_out: Counter[str] = Counter()
     for toss in recorded:
         reader, tracker = _reader(), BodyTracker(tracker_config)
         by_stamp = dict(zip(stamps_ns(len(toss["states"])).tolist(), toss["states"]))
         events = [event for _, message in _messages(toss, 0) for one in reader.detected(message) for event in tracker.push(one)]
-        for event in (*events, *tracker.flush()):
-            if isinstance(event, BodyPose):
-                errors.append(_error(event.pose, by_stamp[event.stamp_ns]))
-            elif isinstance(event, BadPose):
-                left_out[event.kind] += 1
-    off = np.array(errors)
+        found = [event for event in (*events, *tracker.flush()) if isinstance(event, BodyPose)]
+        left_out.update(event.kind for event in events if isinstance(event, BadPose))
+        own = np.array([_error(event.pose, by_stamp[event.stamp_ns]) for event in found])
+        errors += list(own)
+        changes += list(np.diff(own, axis=0) / np.sqrt(2.0))
+    off = np.linalg.norm(np.reshape(errors, (-1, 2, 3)), axis=2)  # (N, 2) [m, rad]
+    noise = np.sqrt(np.mean(np.square(np.reshape(changes, (-1, 2, 3))), axis=(0, 2)))
     return {
         "median position error [mm]": round(1e3 * float(np.median(off[:, 0])), 3),
         "95th percentile [mm]": round(1e3 * float(np.percentile(off[:, 0], 95)), 3),
@@ -191,15 +193,16 @@ def _pose_errors(recorded: Sequence[Recorded]) -> dict[str, Any]:
         "median turn error [deg]": round(float(np.degrees(np.median(off[:, 1]))), 4),
         "95th percentile [deg]": round(float(np.degrees(np.percentile(off[:, 1], 95))), 4),
         "largest [deg]": round(float(np.degrees(off[:, 1].max())), 3),
+        "noise from frame to frame, per axis": f"{1e3 * noise[0]:.3f} mm, {np.degrees(noise[1]):.4f} deg",
         "flips past the gates": int((off[:, 1] > FLIP).sum()),
         "frames left out": dict(left_out),
     }
 
 
 def _error(pose: ScalarPose, state: Array) -> Array:
-    """Distance [m] and turn [rad] (2,)."""
-    turn = quaternions.angle_between(state[3:7], np.array(pose.orientation_wxyz))
-    return np.array([np.linalg.norm(np.array(pose.position) - state[:3]), float(turn)])
+    """Displacement [m] and turn [rad] about the body's axes (6,)."""
+    turn = quaternions.log(quaternions.multiply(quaternions.conjugate(state[3:7]), np.array(pose.orientation_wxyz)))
+    return np.concatenate([np.array(pose.position) - state[:3], turn])
 
 
 def _rankings(recorded: Sequence[Recorded], seed: int) -> dict[str, Any]:

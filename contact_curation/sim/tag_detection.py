@@ -1,14 +1,12 @@
 """Tags in images, found by the AprilTag library (pupil-apriltags); corners are in its order and with its pixels."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from contact_curation.errors import MissingDependencyError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.geometry.tags import FAMILY
 from contact_curation.sim.corner_refinement import refined_corners
+from contact_curation.sim.tag_library import tag_library
 from contact_curation.sim.tag_textures import Image
 
 
@@ -61,13 +59,12 @@ class TagDetector:
 
     def __init__(self, config: DetectorConfig | None = None) -> None:
         self._config = config = config or DetectorConfig()
-        self._library = _library(
-            FAMILY,
+        self._library = tag_library(
             nthreads=config.threads,
             quad_decimate=config.decimate,
             quad_sigma=config.blur,
             refine_edges=int(config.refine_edges),
-        )
+        ).detector
 
     def detect(self, image: Image) -> tuple[Detection, ...]:
         """The tags in a grey image (height, width), in order of their ids."""
@@ -86,11 +83,3 @@ class TagDetector:
 
     def _corners(self, image: Image, corners: Array) -> Array:
         return refined_corners(image, corners) if self._config.refine_corners else corners
-
-
-def _library(*arguments: Any, **options: Any) -> Any:
-    try:
-        from pupil_apriltags import Detector  # type: ignore[import-untyped]
-    except ImportError as error:
-        raise MissingDependencyError("the AprilTag library", "pip install pupil-apriltags") from error
-    return Detector(*arguments, **options)

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact_curation.geometry import quaternions
-from contact_curation.geometry.tags import BLACK_CELLS, CELLS, FAMILY, Tag, TagMap
+from contact_curation.geometry.tags import BLACK_CELLS, CELLS, Tag, TagMap
+from contact_curation.sim.tag_library import tag_library
 
 Image = NDArray[np.uint8]
 
@@ -83,13 +84,11 @@ def _add_tag(spec: mujoco.MjSpec, holder: Any, tag: Tag) -> None:
 
 def _code_table(tag_id: int) -> tuple[int, list[int], list[int]]:
     """A tag's code, and per bit, the first one being the highest, its column and row in the black square."""
-    family = _detector().tag_families[FAMILY].contents
+    family = _family()
     return int(family.codes[tag_id]), list(family.bit_x[: family.nbits]), list(family.bit_y[: family.nbits])
 
 
 @cache
-def _detector() -> Any:
-    """A detector of the library, for its table; making one takes a while."""
-    from pupil_apriltags import Detector  # type: ignore[import-untyped]
-
-    return Detector(FAMILY)
+def _family() -> Any:
+    """The library's table; getting it takes a while."""
+    return tag_library().family.contents

@@ -19,6 +19,7 @@ from contact_curation.geometry.tags import CornerOrder, TagAxes, in_our_axes, in
 from contact_curation.motion.tag_pose import DetectedTag, TagPose, TagPoseConfig, on_board, tag_pose
 from contact_curation.sim.camera import CAMERA, CameraConfig, CameraView, add_camera, egl_context
 from contact_curation.sim.tag_detection import Detection, DetectorConfig, TagDetector
+from contact_curation.sim.tag_library import tag_library
 from contact_curation.sim.world import world_of
 from test.tag_scene import BOARD, RIG
 
@@ -101,13 +102,25 @@ def test_rendered_tags_are_where_they_are_projected_and_give_the_pose(
     assert degrees < 0.1
 
 
-def test_the_librarys_own_pose_looks_into_the_tag_and_becomes_ours(view: CameraView) -> None:
-    from pupil_apriltags import Detector  # type: ignore[import-untyped]
+def test_corners_on_fitted_lines_are_off_by_less_than_half_of_what_the_library_leaves(view: CameraView) -> None:
+    errors = []
+    for refine in (True, False):
+        looked_at = TagDetector(DetectorConfig(decimate=1.0, refine_corners=refine))
+        found = [(one, true) for true in POSES for one in looked_at.detect(view.image(true, np.random.default_rng(0)))]
+        off = [
+            in_our_order(one.corners, CornerOrder.APRILTAG) - _projected(true, one.tag_id)
+            for one, true in found
+            if one.tag_id in RIG.body.ids
+        ]
+        errors.append(float(np.median(np.abs(off))))
+    assert errors[0] < 0.5 * errors[1]
 
+
+def test_the_librarys_own_pose_looks_into_the_tag_and_becomes_ours(view: CameraView) -> None:
     true = POSES[1]
     (fx, fy), (cx, cy) = SMALL.pinhole.focal, SMALL.pinhole.middle
     intrinsics = (fx, fy, cx + 0.5, cy + 0.5)
-    found = Detector("tag36h11").detect(view.image(true), True, intrinsics, RIG.body.tags[0].edge)
+    found = tag_library().detector.detect(view.image(true), True, intrinsics, RIG.body.tags[0].edge)
     mine = [one for one in found if one.tag_id in RIG.body.ids]
     assert mine
     best = max(mine, key=lambda one: one.decision_margin)

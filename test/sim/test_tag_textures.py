@@ -1,10 +1,12 @@
 """Images of tags are those of the family, as its own library and OpenCV read them; the one place for conventions is right."""
 
+import sys
 from typing import Any
 
 import numpy as np
 import pytest
 
+from contact_curation.errors import MissingDependencyError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.tags import CornerOrder, in_our_order
 from contact_curation.sim.tag_detection import TagDetector
@@ -50,3 +52,15 @@ def test_opencv_reads_the_same_tag_and_its_corners_become_ours() -> None:
 
 def test_an_image_without_tags_has_none() -> None:
     assert TagDetector().detect(np.full((200, 200), 128, dtype=np.uint8)) == ()
+
+
+def test_detectors_that_are_made_and_let_go_again_and_again_do_no_harm() -> None:
+    image = picture(3)
+    for _ in range(12):
+        assert [one.tag_id for one in TagDetector().detect(image)] == [3]
+
+
+def test_without_the_library_the_package_to_install_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pupil_apriltags", None)
+    with pytest.raises(MissingDependencyError, match="pip install pupil-apriltags"):
+        TagDetector()
