@@ -42,7 +42,7 @@ class RefinementConfig:
     tries: int = 5
 
     def __post_init__(self) -> None:
-        for name, least in (("generations", 0), ("population", 2), ("tries", 1)):
+        for name, least in (("generations", 0), ("population", 4), ("tries", 1)):
             if getattr(self, name) < least:
                 raise InvalidValueError(f"refinement.{name}", getattr(self, name), f"at least {least}")
         if not (np.isfinite(self.step) and self.step > 0.0):

@@ -52,6 +52,9 @@ def test_with_few_throws_the_expected_noise_holds_and_with_none_nothing_else() -
     commands = releases(2)
     noise = ExecutionNoise.learned(commands, commands)
     np.testing.assert_allclose(noise.covariance, np.eye(ERRORS) * CONFIG.spread_counts / (CONFIG.spread_counts + 2.0))
+    np.testing.assert_allclose(noise.bias, 0.0, atol=1e-12)
+    missed = ExecutionNoise.learned(commands, with_errors(commands, CONFIG.units(commands)))
+    np.testing.assert_allclose(missed.bias, 2.0 / (2.0 + CONFIG.bias_counts))
     none = ExecutionNoise.learned(commands[:0], commands[:0])
     np.testing.assert_array_equal(none.covariance, np.eye(ERRORS))
 

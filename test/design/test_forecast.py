@@ -59,6 +59,7 @@ def test_leaving_out_the_air_and_thinning_hardly_change_what_throws_would_add() 
         return np.asarray(np.linalg.slogdet(known + fishers)[1] - np.linalg.slogdet(known)[1])
 
     assert spearman(gains(whole), gains(short)) > 0.97
+    np.testing.assert_allclose(np.trace(short, axis1=1, axis2=2), np.trace(whole, axis1=1, axis2=2), rtol=0.25)
 
 
 def test_neither_place_nor_heading_of_a_throw_changes_its_information() -> None:

@@ -108,11 +108,21 @@ def test_refinement_never_loses_and_with_a_few_generations_wins(planner: Planner
     assert values[6] > value + 0.1
 
 
-def test_refined_throws_keep_the_limits(planner: Planner) -> None:
+def test_moves_that_lead_astray_are_not_taken(planner: Planner) -> None:
     batch, known = batch_of(planner, 1)
-    better = refined(planner.outlook, known, batch, RefinementConfig(generations=6, population=6, step=3.0), 1)
-    assert planner.outlook.refusals(better.releases) == (None,)
-    assert planner.outlook.motion_refusals(better.states) == (None,)
+    value = log_det(known, batch.fishers, [0])
+    for seed in range(6):
+        config = RefinementConfig(generations=2, population=4, step=2.0)
+        assert log_det(known, refined(planner.outlook, known, batch, config, seed).fishers, [0]) >= value
+
+
+def test_refined_throws_keep_the_limits_however_far_moves_go(planner: Planner) -> None:
+    batch, known = batch_of(planner, 1)
+    for seed in range(4):
+        config = RefinementConfig(generations=3, population=6, step=4.0, tries=1)
+        better = refined(planner.outlook, known, batch, config, seed)
+        assert planner.outlook.refusals(better.releases) == (None,)
+        assert planner.outlook.motion_refusals(better.states) == (None,)
 
 
 def test_a_plan_repeats_by_its_seed_and_names_gains_that_fall_as_more_is_known(planner: Planner) -> None:

@@ -92,6 +92,11 @@ def test_a_body_stays_away_from_the_thrower_or_the_throw_is_refused() -> None:
     assert found.startswith("distance to the thrower: found ")
 
 
+def test_a_throw_may_begin_beside_the_thrower() -> None:
+    beside = (float(LEVEL[0]), 0.0)
+    assert motion_refusal(LEVEL, replace(FEW, keep_out_place=beside, keep_out_radius=0.1)) is None
+
+
 def test_a_body_that_does_not_come_to_rest_is_refused() -> None:
     fast = with_value(SPEED, 9.0)
     found = motion_refusal(fast, replace(FEW, board_half_width=99.0))
