@@ -7,6 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from contact_curation import __version__
+from contact_curation.cli.held_out_tosses import held_out_tosses
 from contact_curation.cli.pool_scoring import ScoredPool, score_pool
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.rank_options import RankConfig, add_rank_options, rank_config
@@ -27,8 +28,9 @@ from contact_curation.storage.provenance import InputProvenance, RunProvenance
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Scores every toss that passes the gates, ranks them, and says what to think of the result. An input that "
-        "cannot be read is a line on standard error, and the others are ranked; the exit status is 1 only if none could be."
+        "Scores every toss that passes the gates and is not held out, ranks them, and says what to think of the result. An "
+        "input that cannot be read is a line on standard error, and the others are ranked; the exit status is 1 only if none "
+        "could be."
     )
     add_rank_options(parser)
     parser.set_defaults(run=run)
@@ -42,21 +44,29 @@ def run(arguments: argparse.Namespace) -> int:
     """
     config = rank_config(arguments)
     jobs = min(arguments.jobs or os.cpu_count() or 1, len(arguments.inputs))
+    with Progress("reading", "tosses") as progress:
+        held_out = held_out_tosses(arguments.inputs, config.pool.reading, config.held_out, jobs, progress.advance)
+    config = config.without(held_out)
     with FactorSpool() as spool, TemporaryDirectory(prefix="contact-curation-") as folder:
         config = config.with_exact_scores_in(Path(folder))
         with Progress("scoring", "tosses") as progress:
             scored = score_pool(arguments.inputs, config.pool, jobs, progress.advance, spool)
         pool = pool_of_inputs(scored.inputs)
         curation = curated(pool, config) if pool.rankable else None
-    _report(arguments, config, scored, pool, curation)
+    _report(arguments, config, scored, pool, curation, held_out.warnings)
     return 0
 
 
 def _report(
-    arguments: argparse.Namespace, config: RankConfig, scored: ScoredPool, pool: TossPool, curation: Curation | None
+    arguments: argparse.Namespace,
+    config: RankConfig,
+    scored: ScoredPool,
+    pool: TossPool,
+    curation: Curation | None,
+    missing: Sequence[str],
 ) -> None:
     """Writes what is wanted, and says what came out; InvalidValueError where nothing did."""
-    warnings = (*(line for one in scored.inputs for line in one.reading.warnings), *pool.left_out)
+    warnings = (*(line for one in scored.inputs for line in one.reading.warnings), *pool.left_out, *missing)
     report = RankReport(manifest_of(arguments, config, scored, pool, curation), warnings, arguments.out, _figure(arguments))
     if report.out:
         write_manifest(report.manifest, report.out)

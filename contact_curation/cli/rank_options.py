@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from contact_curation.cli.body_option import chosen_body
+from contact_curation.cli.held_out_option import add_held_out_option, held_out_rule
+from contact_curation.cli.held_out_tosses import HeldOutTosses
 from contact_curation.cli.option_types import PathEndingIn, natural_number, positive_integer, positive_number
 from contact_curation.cli.pool_scoring import PoolConfig
 from contact_curation.cli.reading import ReadingConfig
@@ -21,6 +23,7 @@ from contact_curation.information.orthogonal import VARIANTS
 from contact_curation.information.ranker import CRITERIA, RankingConfig
 from contact_curation.information.score_folder import ScoreFolder
 from contact_curation.information.scoring import ScoringConfig
+from contact_curation.learning.held_out import HeldOutRule
 from contact_curation.storage.inputs import InputsConfig
 
 STAGES = ("poses", "segmenter", "gates", "loss", "network", "ranking")
@@ -31,6 +34,7 @@ FORMATS = (".parquet", ".csv", ".json")
 def add_rank_options(parser: argparse.ArgumentParser) -> None:
     """Adds all options."""
     add_reading_options(parser, STAGES)
+    add_held_out_option(parser.add_argument_group("what is neither scored nor ranked"), "default none")
     _add_model_options(parser)
     _add_ranking_options(parser)
     _add_output_options(parser)
@@ -106,11 +110,18 @@ class RankConfig:
         pool: how recordings become scored tosses.
         ranking: how these are ranked.
         parameters: where theta comes from, for the manifest.
+        held_out: what is neither scored nor ranked.
     """
 
     pool: PoolConfig
     ranking: RankingConfig
     parameters: str
+    held_out: HeldOutRule
+
+    def without(self, held_out: HeldOutTosses) -> "RankConfig":
+        """The same; tosses that are held out are kept back."""
+        reading = replace(self.pool.reading, held_out=held_out.reasons)
+        return replace(self, pool=replace(self.pool, reading=reading))
 
     def with_exact_scores_in(self, folder: Path) -> "RankConfig":
         """The same; where the criterion asks for networks' scores themselves they go to a folder, whole."""
@@ -127,6 +138,7 @@ def rank_config(arguments: argparse.Namespace) -> RankConfig:
         ContactCurationError: a file that an option names cannot be used, or a setting is not accepted.
     """
     body = chosen_body(arguments)
+    held_out = HeldOutRule() if arguments.held_out is None else held_out_rule(arguments.held_out)
     ranking = RankingConfig(arguments.criterion, arguments.top, arguments.seed, variant=arguments.variant)
     network = network_config_for(ModelKind(arguments.model))
     stages = stages_of(arguments, {"loss": DEFAULT_LOSS, "network": network, "ranking": ranking})
@@ -145,4 +157,4 @@ def rank_config(arguments: argparse.Namespace) -> RankConfig:
         network=replace(stages["network"], physical_only=arguments.block == "physical"),
     )
     pool.scorers(pool.fixed_bounds, jobs=1)  # so that a theta that does not fit its form is refused before anything is read
-    return RankConfig(pool, stages["ranking"], ", ".join(map(str, arguments.params)) or f"body {body.name}")
+    return RankConfig(pool, stages["ranking"], ", ".join(map(str, arguments.params)) or f"body {body.name}", held_out)

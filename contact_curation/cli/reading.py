@@ -1,7 +1,7 @@
 """Reading one recording: tosses that may be scored come out one after the other, what else was seen is noted."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from contact_curation.contact.body import Body
@@ -17,10 +17,12 @@ class ReadingConfig:
     Attributes:
         body: what was tossed.
         inputs: topics, rules of segmenting, gates.
+        held_out: tosses that are kept back though they pass the gates: why, by id.
     """
 
     body: Body
     inputs: InputsConfig
+    held_out: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,16 +82,19 @@ class InputReader:
     def __init__(self, path: Path, config: ReadingConfig) -> None:
         self._path = path
         self._inputs = open_inputs([path], config.body, config.inputs)
+        self._held_out = config.held_out
         self._seen: dict[str, SeenToss] = {}
         self._problems: list[str] = []
 
     def tosses(self) -> Iterator[Toss]:
-        """Those that passed the gates."""
+        """Those that passed the gates and are not held out."""
         for item in self._inputs:
             if isinstance(item, Problem):
                 self._problems.append(str(item))
             elif isinstance(item, Rejected):
                 self._note(item.toss, item.reasons)
+            elif item.toss_id in self._held_out:
+                self._note(item, (self._held_out[item.toss_id],))
             else:
                 self._note(item, ())
                 yield item

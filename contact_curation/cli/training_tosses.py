@@ -1,20 +1,17 @@
 """From recordings to what is learned from and what is held out; whatever is left out is a line."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from contact_curation.cli.reading import InputReader, Reading, ReadingConfig
+from contact_curation.cli.numbered_pool import NumberedPool, check_something_is_held_out, listed, unknown_ids
+from contact_curation.cli.reading import InputReader, ReadingConfig
 from contact_curation.cli.report import nothing_found
 from contact_curation.cli.workers import Advance
 from contact_curation.errors import InvalidValueError
-from contact_curation.learning.held_out import HeldOutRule, NumberedToss, Twin, split, toss_number
+from contact_curation.learning.held_out import HeldOutRule, NumberedToss, Twin, split
 from contact_curation.motion.toss import Toss
-from contact_curation.storage.known_tosses import KnownTosses
-
-LISTED = 3
-"""Ids that fit a line."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +65,7 @@ def learning_tosses(paths: Sequence[Path], config: TossesConfig, advance: Advanc
     Raises:
         InvalidValueError: there is nothing to learn from, or nothing of what was to be held out.
     """
-    pool = _Pool()
+    pool = NumberedPool()
     for path in paths:
         reader = InputReader(path, config.reading)
         found = {toss.toss_id: toss for toss in _counted(reader.tosses(), advance)}
@@ -78,50 +75,17 @@ def learning_tosses(paths: Sequence[Path], config: TossesConfig, advance: Advanc
     return _divided(pool, config)
 
 
-class _Pool:
-    """The tosses of several recordings, each once, and what was wrong with the others."""
-
-    def __init__(self) -> None:
-        self.warnings: list[str] = []
-        self._known = KnownTosses()
-        self._tosses: dict[str, NumberedToss] = {}
-        self._reasons: dict[str, str] = {}
-
-    @property
-    def tosses(self) -> list[NumberedToss]:
-        """Those that passed the gates, in the order of their ids."""
-        return sorted(self._tosses.values(), key=lambda one: one.toss.toss_id)
-
-    @property
-    def reasons(self) -> Counter[str]:
-        """How many were kept back, by reason."""
-        return Counter(reason for toss_id, reason in self._reasons.items() if toss_id not in self._tosses)
-
-    def add(self, found: Mapping[str, Toss], reading: Reading) -> None:
-        """One recording more."""
-        self.warnings += reading.warnings
-        for place, seen in enumerate(reading.seen):
-            standing = self._known.see(seen.toss_id, seen.digest, reading.path, whole=not seen.reasons)
-            if standing.left_out:
-                self.warnings.append(f"{standing.left_out.where}: {standing.left_out.why}")
-            if standing.taken and seen.reasons:
-                self._reasons[seen.toss_id] = seen.reasons[0].partition(":")[0]
-            elif standing.taken:
-                toss = found[seen.toss_id]
-                self._tosses[seen.toss_id] = NumberedToss(toss, toss_number(toss, place))
-
-
-def _divided(pool: _Pool, config: TossesConfig) -> LearningTosses:
+def _divided(pool: NumberedPool, config: TossesConfig) -> LearningTosses:
     tosses = pool.tosses
     kept = None if config.kept is None else frozenset(config.kept)
     exempt = frozenset() if config.said or kept is None else kept
     held_out = [one for one in tosses if one.toss.toss_id not in exempt and config.rule.holds_out(one)]
-    if config.said and not held_out and config.rule != HeldOutRule():
-        raise InvalidValueError("--held-out", f"none of {len(tosses)} tosses", "at least one")
+    if config.said:
+        check_something_is_held_out(config.rule, len(held_out), len(tosses))
     others = [one for one in tosses if kept is None or one.toss.toss_id in kept]
     if not others:
         raise InvalidValueError(
-            f"kept tosses of {config.manifest}", f"none in the inputs: no {_listed(config.kept or ())}", "some"
+            f"kept tosses of {config.manifest}", f"none in the inputs: no {listed(config.kept or ())}", "some"
         )
     ids = frozenset(one.toss.toss_id for one in held_out)
     parts = split([*held_out, *(one for one in others if one.toss.toss_id not in ids)], HeldOutRule(ids=ids), config.with_twins)
@@ -135,17 +99,14 @@ def _divided(pool: _Pool, config: TossesConfig) -> LearningTosses:
 def _missing(tosses: Sequence[NumberedToss], held_out: frozenset[str], config: TossesConfig) -> list[str]:
     """Lines about ids that were named and are not there, or not to be learned from."""
     there = {one.toss.toss_id for one in tosses}
-    lines: list[str] = []
-    unknown = [toss_id for toss_id in sorted(config.rule.ids) if toss_id not in there]
-    if unknown:
-        lines.append(f"--held-out: {len(unknown)} of {len(config.rule.ids)} ids are not among the tosses: {_listed(unknown)}")
+    lines = unknown_ids(config.rule, tosses)
     kept = config.kept or ()
     absent = [toss_id for toss_id in kept if toss_id not in there]
     if absent:
-        lines.append(f"{config.manifest}: {len(absent)} of {len(kept)} kept tosses are not in the inputs: {_listed(absent)}")
+        lines.append(f"{config.manifest}: {len(absent)} of {len(kept)} kept tosses are not in the inputs: {listed(absent)}")
     withheld = [toss_id for toss_id in kept if toss_id in held_out]
     if withheld:
-        lines.append(f"{config.manifest}: {len(withheld)} of {len(kept)} kept tosses are held out: {_listed(withheld)}")
+        lines.append(f"{config.manifest}: {len(withheld)} of {len(kept)} kept tosses are held out: {listed(withheld)}")
     return lines
 
 
@@ -153,10 +114,6 @@ def _counted(tosses: Iterable[Toss], advance: Advance) -> Iterable[Toss]:
     for toss in tosses:
         advance(1)
         yield toss
-
-
-def _listed(ids: Sequence[str]) -> str:
-    return ", ".join(ids[:LISTED]) + (", ..." if len(ids) > LISTED else "")
 
 
 def _because(kept_back: Counter[str]) -> str:

@@ -145,12 +145,13 @@ def two_inputs(contactnets_folder: Path, tmp_path: Path) -> list[Path]:
 def test_processes_change_nothing(golden: Path, two_inputs: list[Path]) -> None:
     # From the door on: the BLAS sums in another order with more threads, and those of this process are started already.
     command = [sys.executable, "-m", "contact_curation.cli.main", "rank", *map(str, [golden, *two_inputs])]
-    command += ["--bound-influence", "--json"]
+    command += ["--bound-influence", "--json", "--held-out", "1,5"]
     alone, together = (
         subprocess.run([*command, "--jobs", jobs], capture_output=True, check=True).stdout for jobs in ("1", "3")
     )
     assert alone == together
-    assert len(ids(json.loads(alone))) == 27
+    assert len(ids(json.loads(alone))) == 24
+    assert json.loads(alone)["outcomes"]["held out"] == 3  # the fourth of that number, a golden one, fails a gate
 
 
 def test_the_order_of_the_inputs_does_not_matter_to_the_ranking(cli: Cli, golden: Path, two_inputs: list[Path]) -> None:

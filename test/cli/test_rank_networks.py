@@ -133,10 +133,10 @@ def test_transitions_are_not_scored_for_a_network_and_it_says_so(cli: Cli, folde
     assert done.err.endswith("found deep, expected polytope; networks go with `rank --model deep`\n")
 
 
-def test_ranking_for_a_polytope_imports_no_torch(folder: Path) -> None:
+def test_ranking_for_a_polytope_imports_no_torch(golden: Path) -> None:
     code = (
         "import sys; from contact_curation.cli.main import main; "
-        f"status = main(['rank', {str(folder / 'a.mcap')!r}, '--no-figure']); "
+        f"status = main(['rank', {str(golden)!r}, '--no-figure', '--held-out', '0']); "
         "assert status == 0 and 'torch' not in sys.modules"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

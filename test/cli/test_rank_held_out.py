@@ -1,0 +1,75 @@
+"""`rank --held-out`: what is held out is counted and named, and changes no number of the others."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from test.cli.commands import Cli
+from test.storage.test_tagslam_bag import save_contactnets, synthetic_toss
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Four tosses and, in another folder, the third of them under another heading."""
+    (tmp_path / "files").mkdir()
+    (tmp_path / "more").mkdir()
+    for number, height in enumerate((0.2, 0.18, 0.25, 0.22)):
+        save_contactnets(tmp_path / "files", number, synthetic_toss(height))
+    rows = torch.load(tmp_path / "files" / "2.pt", weights_only=True)
+    half_turn = torch.tensor([-1.0, -1.0, 1.0])
+    rows[..., 0:3] *= half_turn
+    rows[..., 7:10] *= half_turn
+    rows[..., 3:7] = torch.stack([-rows[..., 6], -rows[..., 5], rows[..., 4], rows[..., 3]], dim=-1)
+    torch.save(rows, tmp_path / "more" / "7.pt")
+    return tmp_path
+
+
+def ranked(report: Any) -> dict[str, tuple[int, float]]:
+    return {row["toss_id"]: (row["rank"], row["score"]) for row in report["tosses"] if row["rank"] is not None}
+
+
+def test_held_out_tosses_and_their_twins_are_not_in_the_pool(cli: Cli, folder: Path) -> None:
+    inputs = (folder / "more", folder / "files")  # the twin comes before what is held out
+    words = ("--no-figure", "--json", "--bound-influence", "--no-gate", "--jobs", "1")
+    report = cli("rank", *inputs, "--held-out", "2-3", *words).json
+    (folder / "fewer").mkdir()
+    for number in (0, 1):
+        (folder / "fewer" / f"{number}.pt").symlink_to(folder / "files" / f"{number}.pt")
+    alone = cli("rank", folder / "fewer", *words).json
+    assert ranked(report) == ranked(alone)
+    assert (report["influence_bound"], report["diagnostics"]) == (alone["influence_bound"], alone["diagnostics"])
+    others = {row["toss_id"]: row for row in report["tosses"] if row["rank"] is None}
+    assert {toss_id: row["reasons"] for toss_id, row in others.items()} == {
+        "2": ["held out"], "3": ["held out"], "7": ["twin of a held-out toss: 2"],
+    }  # fmt: skip
+    assert not any(row["kept"] or row["trace"] for row in others.values())
+    assert report["outcomes"] == {"kept": 2, "ranked, not kept": 0, "held out": 2, "twin of a held-out toss": 1}
+
+
+def test_a_toss_is_held_out_by_its_place_in_a_recording_and_kept_back_ones_count(cli: Cli, golden: Path) -> None:
+    whole = cli("rank", golden, "--no-figure", "--json").json
+    some = cli("rank", golden, "--no-figure", "--json", "--held-out", "0-9").json
+    rows = sorted(some["tosses"], key=lambda row: row["first_stamp_ns"])
+    gated = {row["toss_id"] for row in whole["tosses"] if row["gated"]}
+    for row in rows[:10]:
+        assert row["toss_id"] in gated or row["reasons"] == ["held out"]
+    assert all(row["rank"] or row["toss_id"] in gated for row in rows[10:])
+    said = cli("rank", golden, "--no-figure", "--held-out", "0-9").out
+    assert f"kept back: {some['outcomes']['held out']} (held out)" in said
+
+
+def test_what_holds_out_nothing_or_everything_is_one_line(cli: Cli, golden: Path, tmp_path: Path) -> None:
+    none = cli("rank", golden, "--held-out", "400-569")
+    assert (none.status, none.err) == (
+        1,
+        "contact-curation: error: --held-out: found none of 21 tosses, expected at least one\n",
+    )
+    everything = cli("rank", golden, "--held-out", "0-99")
+    assert everything.status == 1
+    assert "21 held out" in everything.err
+    (tmp_path / "ids.txt").write_text("nobody\n" + cli("rank", golden, "--json", "--no-figure").json["tosses"][0]["toss_id"])
+    unknown = cli("rank", golden, "--no-figure", "--held-out", tmp_path / "ids.txt")
+    assert (unknown.status, len(unknown.err_lines)) == (0, 1)
+    assert "1 of 2 ids are not among the tosses: nobody" in unknown.err
