@@ -66,6 +66,7 @@ def diagnostics_of(curation: Curation, config: PoolConfig) -> dict[str, Diagnost
         "efficiency": asdict(curation.efficiency),
         "frame_efficiency": asdict(curation.frame_efficiency),
         "certificate": asdict(certificate) if certificate else None,
+        "kept_gram": asdict(curation.kept_gram) if curation.kept_gram else None,
         "block_shares": {share.name: share.share for share in curation.block_shares},
         "warnings": list(curation.warnings),
     }
@@ -141,6 +142,12 @@ def _print_evidence(report: RankReport, curation: Curation) -> None:
         print(
             f"certificate: D-efficiency at least {certificate.subset:.3g} of the best set of that size, "
             f"{certificate.kiefer_wolfowitz:.3g} of the best weighting"
+        )
+    gram = curation.kept_gram
+    if gram:
+        print(
+            f"Gram matrix of the kept scores: eigenvalues {gram.smallest:.3g} to {gram.largest:.3g}, rank {gram.rank}, "
+            f"effectively {gram.effective_rank:.3g}"
         )
     shares = ", ".join(f"{share.name} {100.0 * share.share:.1f} %" for share in curation.block_shares)
     print(f"share of the trace: {shares}")

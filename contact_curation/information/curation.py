@@ -19,6 +19,7 @@ from contact_curation.information.diagnostics import (
     smallest_sufficient_k,
     spectral_distance,
 )
+from contact_curation.information.kept_gram import KeptGram, kept_gram
 from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.information.ranker import RankingConfig, rank_particles
@@ -45,6 +46,7 @@ class Curation:
         frame_efficiency: of the kept set per scored transition.
         block_shares: of the pool's trace.
         warnings: sentences about what to be careful with.
+        kept_gram: of the kept tosses' exact scores by a network's weights, where the pool has them; else None.
     """
 
     ranking: Ranking
@@ -57,6 +59,7 @@ class Curation:
     frame_efficiency: Efficiency
     block_shares: tuple[BlockShare, ...]
     warnings: tuple[str, ...]
+    kept_gram: KeptGram | None = None
 
 
 def curate(infos: Iterable[TossInformation], config: RankingConfig) -> Curation:
@@ -83,4 +86,5 @@ def curate_particles(pools: Sequence[Pool], config: RankingConfig) -> Curation:
         frame_efficiency=efficiency(pool, subspace, kept, per_transition=True),
         block_shares=shares,
         warnings=(*ranking.diagnostics, *dominance_warnings(shares)),
+        kept_gram=None if pool.network_scores is None else kept_gram(pool.toss_scores[pool.indices_of(kept)]),
     )
