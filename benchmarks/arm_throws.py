@@ -97,9 +97,8 @@ def main() -> None:
     rested, touched = sum(one.rested for one in made), sum(one.touched for one in made)
     print(f"came to rest: {rested} of {len(made)}; touched the arm: {touched}")
     frames = sum(len(one.states) for one in made)
-    print(
-        f"simulated {simulated:.0f} s in {elapsed:.1f} s: {simulated / elapsed:.1f} times real time ({frames * FRAME_PERIOD:.0f} s of flight)"
-    )
+    flight, ratio = frames * FRAME_PERIOD, simulated / elapsed
+    print(f"simulated {simulated:.0f} s ({flight:.0f} s of flight) in {elapsed:.1f} s: {ratio:.1f} times real time")
 
     beyond = impossible_throws([motion.throw for motion in motions])
     refused = sum(answer is not None for answer in feasibility(beyond))

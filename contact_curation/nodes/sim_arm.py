@@ -11,8 +11,10 @@ from typing import Any
 
 from contact_curation_msgs.action import ExecuteThrow
 from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.clock import Clock, ClockType
+from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
@@ -65,7 +67,8 @@ class SimArm(StageNode):
     def __init__(self) -> None:
         super().__init__("sim_arm")
         self._body = declared_body(self)
-        self._rate = declare(self, "rate", 1.0, "simulated seconds a second; 0: as fast as possible", bounds=(0.0, 1e3))
+        about_rate = "simulated seconds a second; 0: as fast as possible"
+        self._rate = declare(self, "rate", 1.0, about_rate, bounds=(0.0, 1e3), fixed=False)
         self._clock_hertz = declare(self, "clock", 0.0, "rate of /clock in simulated time [Hz]; 0: none", bounds=(0.0, 148.0))
         self._board_frame = declare(self, "board_frame", "body_surface", "frame of the board")
         epoch = declare(self, "epoch", 0.0, "time at which the simulation begins [s]; 0: now", bounds=(0.0, 4e9))
@@ -92,6 +95,7 @@ class SimArm(StageNode):
             self.create_timer(BEAT, self._beat, clock=self._steady)
         self._worker = Worker(self.fail)
         self._worker.do(self._work)
+        self.add_on_set_parameters_callback(self._parameters_set)
         HealthReport(self, self._health)
 
     def close(self) -> None:
@@ -116,6 +120,13 @@ class SimArm(StageNode):
             handle_accepted_callback=self._goal_came,
             cancel_callback=self._cancelled,
         )
+
+    def _parameters_set(self, parameters: list[Parameter]) -> SetParametersResult:
+        for parameter in parameters:
+            if parameter.name == "rate":
+                self._rate, self._paced = parameter.value, None
+        self._wake.set()
+        return SetParametersResult(successful=True)
 
     def _beat(self) -> None:
         self._gate.heartbeat(self._now())
@@ -195,12 +206,12 @@ class SimArm(StageNode):
 
     def _keep_pace(self, time: float) -> None:
         """Waits until a frame's time has come."""
-        if self._rate == 0.0:
+        rate, paced, now = self._rate, self._paced, self._now()
+        if rate == 0.0:
             return
-        now = self._now()
-        began, simulated = self._paced or (now, time)
-        ahead = began + (time - simulated) / self._rate - now
-        if ahead < -LAG or self._paced is None:
+        began, simulated = paced or (now, time)
+        ahead = began + (time - simulated) / rate - now
+        if ahead < -LAG or paced is None:
             self._paced = (now, time)
         elif ahead > 0.0:
             self._wake.wait(ahead)

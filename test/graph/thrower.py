@@ -7,6 +7,8 @@ from typing import Any
 
 from contact_curation_msgs.action import ExecuteThrow
 from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -60,6 +62,12 @@ class Thrower:
         """Calls one of the services `arm` and `stop`."""
         return str(self._graph.listener.call(Trigger, f"/sim_arm/{name}", Trigger.Request(), LONG).message)
 
+    def set_rate(self, rate: float) -> None:
+        """Simulated seconds a second, from now on."""
+        request = SetParameters.Request(parameters=[Parameter(name="rate", value=ParameterValue(type=3, double_value=rate))])
+        answer = self._graph.listener.call(SetParameters, "/sim_arm/set_parameters", request, LONG)
+        assert answer.results[0].successful
+
     def send(self, throw: Throw | Any) -> Goal:
         """Sends a throw, a record or a message, and waits until it is taken.
 
@@ -92,7 +100,12 @@ class Thrower:
 
     def until_body_moves(self, speed: float) -> None:
         """Waits until the body is seen to move faster than this [m/s]."""
-        self._graph.until(lambda: self.truth and body_speed(self.truth[-1]) > speed, LONG, f"a body at {speed} m/s")
+        seen = len(self.truth)
+
+        def moved() -> bool:
+            return any(body_speed(message) > speed for message in self.truth[seen:])
+
+        self._graph.until(moved, LONG, f"a body at {speed} m/s")
 
     def close(self) -> None:
         self._client.destroy()
