@@ -34,8 +34,9 @@ def held_out_rule(spec: str) -> HeldOutRule:
     """
     if spec == NOTHING:
         return HeldOutRule()
-    if NUMBERS.fullmatch(spec):
-        return HeldOutRule(spans=tuple(_span(part) for part in spec.split(",")))
+    spans = spans_of(spec)
+    if spans is not None:
+        return HeldOutRule(spans=spans)
     if SHARE.fullmatch(spec):
         return HeldOutRule(share=float(spec))
     path = Path(spec)
@@ -43,6 +44,11 @@ def held_out_rule(spec: str) -> HeldOutRule:
         expected = "numbers such as 400-569, a share such as 0.2, none, or the name of a file with ids"
         raise InvalidValueError("--held-out", spec, expected)
     return HeldOutRule(ids=_ids_in(path))
+
+
+def spans_of(spec: str) -> tuple[tuple[int, int], ...] | None:
+    """First and last numbers, both included, of `400-569` or `3,7-9`; None where it is no numbers."""
+    return tuple(_span(part) for part in spec.split(",")) if NUMBERS.fullmatch(spec) else None
 
 
 def _span(text: str) -> tuple[int, int]:

@@ -1,11 +1,14 @@
 """`import contactnets DIR --out BAG.mcap`: public data as the bag that a rig would have recorded of it."""
 
 import argparse
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
 from contact_curation.cli.body_option import add_body_option, chosen_body
+from contact_curation.cli.held_out_option import spans_of
 from contact_curation.cli.report import add_json_option, print_json, warn
+from contact_curation.errors import InvalidValueError
 
 
 def add_options(verb: argparse.ArgumentParser) -> None:
@@ -19,6 +22,9 @@ def add_options(verb: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("input", type=Path, metavar="DIR", help="folder of N.pt files, or one file")
     parser.add_argument("--out", type=Path, required=True, metavar="BAG.mcap", help="the bag; without .mcap a folder")
+    parser.add_argument(
+        "--tosses", metavar="NUMBERS", help="only the files of these numbers: 0-399, or 3,7-9 (default all)"
+    )
     add_body_option(parser)
     add_json_option(parser)
     parser.set_defaults(run=run)
@@ -28,7 +34,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Writes the bag and says what went into it."""
     from contact_curation.storage.tagslam_bag import import_contactnets
 
-    report = import_contactnets(arguments.input, arguments.out, chosen_body(arguments))
+    chosen = None if arguments.tosses is None else _chosen(arguments.tosses)
+    report = import_contactnets(arguments.input, arguments.out, chosen_body(arguments), chosen=chosen)
     warn([*(f"skipped {line}" for line in report.skipped), *report.inexact])
     if arguments.json:
         print_json({"out": str(arguments.out), **asdict(report)})
@@ -38,3 +45,10 @@ def run(arguments: argparse.Namespace) -> int:
             f"{report.timed_steps} of {report.steps} periods recovered for certain"
         )
     return 0
+
+
+def _chosen(spec: str) -> Callable[[int], bool]:
+    spans = spans_of(spec)
+    if spans is None:
+        raise InvalidValueError("--tosses", spec, "numbers such as 0-399 or 3,7-9")
+    return lambda number: any(first <= number <= last for first, last in spans)

@@ -47,7 +47,8 @@ class NumberedPool:
                 self._reasons[seen.toss_id] = seen.reasons[0].partition(":")[0]
             elif standing.taken:
                 toss = found[seen.toss_id]
-                self._tosses[seen.toss_id] = NumberedToss(toss, toss_number(toss, place))
+                said = seen.origin.number
+                self._tosses[seen.toss_id] = NumberedToss(toss, toss_number(toss, place) if said is None else said)
 
 
 def check_something_is_held_out(rule: HeldOutRule, held_out: int, of: int) -> None:

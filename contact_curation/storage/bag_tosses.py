@@ -7,14 +7,17 @@ from pathlib import Path
 from contact_curation.contact.body import Body
 from contact_curation.motion.ingest import IngestConfig, IngestEvent, TossIngest
 from contact_curation.motion.pose_stream import BadPose, FramePose
-from contact_curation.motion.toss import NANOSECONDS
+from contact_curation.motion.toss import NANOSECONDS, Rejected
 from contact_curation.storage.bag_reader import BagReader
 from contact_curation.storage.bag_records import BagMessage
 from contact_curation.storage.input_records import Found, InputReading, InputsConfig, InputSummary, Problem
 from contact_curation.storage.pose_messages import Measured
 from contact_curation.storage.pose_source import PoseSource, TypedTopic, find_pose_source
 from contact_curation.storage.provenance import TossProvenance
+from contact_curation.storage.recorded_numbers import NUMBERS_NOTE, RecordedNumbers, recorded_numbers
 from contact_curation.storage.recorded_rules import NOTE, with_recorded_rules
+
+UNNUMBERED = RecordedNumbers()
 
 
 def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReading:
@@ -29,7 +32,8 @@ def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReadin
         source = find_pose_source(path, topics, body.name, config.poses)
         rules = with_recorded_rules(config.segmenter, reader.note(NOTE))
         origin = TossProvenance(str(path), reader.sha256, source.body.name)
-        tosses = _BagTosses(origin, source, body, replace(config, segmenter=rules))
+        numbers = recorded_numbers(reader.note(NUMBERS_NOTE))
+        tosses = _BagTosses(origin, source, body, replace(config, segmenter=rules), numbers)
         for message in reader.messages(source.topics):
             yield from tosses.of(message)
         yield from tosses.rest()
@@ -40,13 +44,21 @@ def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReadin
 class _BagTosses:
     """Follows the messages of one bag."""
 
-    def __init__(self, origin: TossProvenance, source: PoseSource, body: Body, config: InputsConfig) -> None:
+    def __init__(
+        self,
+        origin: TossProvenance,
+        source: PoseSource,
+        body: Body,
+        config: InputsConfig,
+        numbers: RecordedNumbers = UNNUMBERED,
+    ) -> None:
         stages = IngestConfig(
             config.poses.tracker(body.name, source.board_frame),
             replace(config.segmenter, gravity=body.gravity),
             replace(config.gates, gravity=body.gravity),
         )
         self._origin = origin
+        self._numbers = numbers
         self._source = source
         self._detections = config.poses.detections(body.name)
         self._ingest = TossIngest(stages, body.polytope, body=body.name, source=source.body.name)
@@ -92,4 +104,6 @@ class _BagTosses:
                 self._bad.setdefault(event.kind, event)
                 self._bad_counts[event.kind] = self._bad_counts.get(event.kind, 0) + 1
             else:
-                yield Found(event, self._origin)
+                toss = event.toss if isinstance(event, Rejected) else event
+                number = self._numbers.number_at(int(toss.stamps_ns[0]))
+                yield Found(event, replace(self._origin, number=number))

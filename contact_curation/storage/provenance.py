@@ -11,11 +11,13 @@ class TossProvenance:
         input: path of the bag or file; empty for a toss that came live.
         input_sha256: of its bytes (`BagReader.sha256`); empty for a toss that came live.
         topic: the pose topic; empty where the input has none.
+        number: of the file that the recording was made of; None where it does not say.
     """
 
     input: str = ""
     input_sha256: str = ""
     topic: str = ""
+    number: int | None = None
 
 
 @dataclass(frozen=True)

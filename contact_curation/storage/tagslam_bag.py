@@ -11,7 +11,7 @@ had been stopped; the frames just before and after each are made up (`motion.lea
 detected release.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from math import cos, pi, sin
 from pathlib import Path
@@ -28,8 +28,9 @@ from contact_curation.motion.restored_toss import RestoredToss, restored
 from contact_curation.motion.segmenter_config import CONTACTNETS_RULES, SegmenterConfig
 from contact_curation.motion.toss import NANOSECONDS, Toss
 from contact_curation.storage.bag_writer import BagWriter
-from contact_curation.storage.contactnets import read_contactnets
+from contact_curation.storage.contactnets import contactnets_files, read_contactnets
 from contact_curation.storage.pose_messages import ODOMETRY, TF
+from contact_curation.storage.recorded_numbers import NUMBERS_NOTE, RecordedNumbers, number_of_file
 from contact_curation.storage.recorded_rules import NOTE, note_of_rules
 
 EXACT = 1e-5
@@ -91,7 +92,13 @@ class ImportReport:
     skipped: tuple[str, ...]
 
 
-def import_contactnets(source: Path, out: Path, body: Body = CONTACTNETS_CUBE, rig: TagslamRig | None = None) -> ImportReport:
+def import_contactnets(
+    source: Path,
+    out: Path,
+    body: Body = CONTACTNETS_CUBE,
+    rig: TagslamRig | None = None,
+    chosen: Callable[[int], bool] | None = None,
+) -> ImportReport:
     """Writes ContactNets' tosses as a bag, one after the other.
 
     Args:
@@ -99,18 +106,22 @@ def import_contactnets(source: Path, out: Path, body: Body = CONTACTNETS_CUBE, r
         out: the bag, `*.mcap` or a folder to be.
         body: what was tossed.
         rig: what it was tossed over.
+        chosen: says of a file's number whether its toss goes in; None for all files, also those without a number.
 
     Raises:
         UnreadableInputError: there is no toss in `source`; no bag is written then.
-        InvalidValueError: `out` cannot be written.
+        InvalidValueError: `out` cannot be written, or no file is chosen.
     """
+    files = [file for file in contactnets_files(source) if chosen is None or _is_chosen(file, chosen)]
+    if not files:
+        raise InvalidValueError("numbers to import", f"none among the files of {source}", "at least one")
     skipped: list[str] = []
     inexact: list[str] = []
     steps = timed = 0
 
     def sound() -> Iterator[Toss]:
         nonlocal steps, timed
-        for item in read_contactnets(source, body):
+        for item in _read(files, body):
             if isinstance(item, Toss):
                 original = restored(item)
                 steps, timed = steps + item.frames - 1, timed + original.timed_steps
@@ -124,6 +135,17 @@ def import_contactnets(source: Path, out: Path, body: Body = CONTACTNETS_CUBE, r
         if not tosses:
             raise UnreadableInputError(source, f"found {len(skipped)} files and no toss, e.g. {skipped[0]}")
     return ImportReport(tosses, frames, steps, timed, tuple(inexact), tuple(skipped))
+
+
+def _read(files: Iterable[Path], body: Body) -> Iterator[Toss | UnreadableInputError]:
+    """Tosses; in place of a file that is none, why not."""
+    for file in files:
+        yield from read_contactnets(file, body)
+
+
+def _is_chosen(file: Path, chosen: Callable[[int], bool]) -> bool:
+    number = number_of_file(file.name)
+    return number is not None and chosen(number)
 
 
 def _misfit(original: RestoredToss) -> list[str]:
@@ -146,13 +168,20 @@ def record(bag: BagWriter, body: str, tosses: Iterable[Toss], rig: TagslamRig) -
     bag.note(NOTE, note_of_rules(rig.rules))
     bag.write("/tf_static", messages.board(), rig.epoch_ns, latched=True)
     start_ns, count, frames = rig.epoch_ns + NANOSECONDS, 0, 0
+    numbered: list[tuple[int, int]] = []
     for toss in tosses:
         if toss.body != body:
             raise InvalidValueError(f"body of toss {toss.toss_id}", toss.body, f"{body}, as of the others")
+        number = number_of_file(toss.source)
+        if number is not None:
+            numbered.append((start_ns, number))
         for stamp_ns, pose in _frames(toss, start_ns, rig):
             bag.write(f"/tagslam/odom/body_{body}", messages.odometry(stamp_ns, compose(rig.board, pose)), stamp_ns)
         start_ns = stamp_ns + round(rig.pause * NANOSECONDS)
         count, frames = count + 1, frames + toss.frames
+    if numbered:
+        starts_ns, numbers = zip(*numbered, strict=True)
+        bag.note(NUMBERS_NOTE, RecordedNumbers(starts_ns, numbers).note())
     return count, frames
 
 

@@ -43,3 +43,20 @@ def test_a_folder_without_tosses_is_one_clear_error_and_leaves_no_bag(cli: Cli, 
     assert (done.status, done.out) == (1, "")
     assert done.err == f"contact-curation: error: {tmp_path}: found no .pt files, expected ContactNets' N.pt\n"
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_bag_of_some_files_keeps_their_numbers(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    done = cli("import", "contactnets", folder, "--tosses", "1-2", "--out", tmp_path / "some.mcap", "--json")
+    assert (done.status, done.json["tosses"], done.json["skipped"]) == (0, 2, [])
+    report = cli("rank", tmp_path / "some.mcap", "--no-figure", "--json", "--held-out", "2,400-569").json
+    rows = sorted(report["tosses"], key=lambda row: row["first_stamp_ns"])
+    assert [row["reasons"] for row in rows] == [[], ["held out"]]
+    nothing = cli("rank", tmp_path / "some.mcap", "--held-out", "0")
+    assert (nothing.status, "none of 2 tosses" in nothing.err) == (1, True)
+
+
+def test_numbers_that_are_none_or_of_no_file_are_one_line(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    for words, line in (("seven", "--tosses: found seven"), ("400-569", "numbers to import: found none among the files")):
+        done = cli("import", "contactnets", folder, "--tosses", words, "--out", tmp_path / "none.mcap")
+        assert (done.status, len(done.err_lines), line in done.err) == (1, 1, True)
+    assert not (tmp_path / "none.mcap").exists()
