@@ -18,7 +18,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.factors import Compression
 from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.ranker import RankingConfig, rank
-from contact_curation.information.record import TossInformation
+from contact_curation.information.record import Rows, TossInformation
 from contact_curation.information.scoring import Scorer, ScoringConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions
@@ -254,7 +254,7 @@ def test_new_units_change_the_order_of_the_trace_but_not_of_log_det_and_leverage
         assert (rank(flat, config).kept_ids == rank(scaled, config).kept_ids) == same, criterion
 
 
-def in_units(info: TossInformation, factor: Array, scale: float | Array) -> TossInformation:
+def in_units(info: TossInformation, factor: Rows, scale: float | Array) -> TossInformation:
     """The same toss with a factor in other units and a tilt about a fixed pivot."""
     new = factor * scale
     traces = np.array([np.square(new[:, block.start : block.stop]).sum() for block in info.blocks])
