@@ -11,10 +11,12 @@ from contact_curation.cli.design_options import add_design_options, design_confi
 from contact_curation.cli.known_tosses import tosses_in
 from contact_curation.cli.report import counted, print_json, warn
 from contact_curation.cli.theta_options import polytope_of
+from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.design.baselines import random_plan, top_trace_plan
 from contact_curation.design.particle import Particle
 from contact_curation.design.planner import DesignConfig, Plan, Planner
+from contact_curation.design.safety_set import Feasible
 from contact_curation.design.throw_prior import PUBLISHED_PRIOR, ReleasePrior, fitted_prior, published_releases, raw_prior
 from contact_curation.design.warm_up_plan import warm_up_plan
 from contact_curation.geometry.quaternions import Array
@@ -51,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     known, seen = tosses_in(arguments.known, arguments.manifest, config.reading)
     examples, warnings = tosses_in(arguments.prior, None, config.reading)
     warn([*seen, *warnings])
-    situation = _Situation(particles, tuple(known), _states(examples), config.design)
+    situation = _Situation(particles, tuple(known), _states(examples), config.design, _arm(body) if arguments.arm else None)
     names = [f"{arguments.name}-{arguments.seed}-{number}" for number in range(arguments.throws)]
     plan = situation.plan(names, arguments.seed, "warm-up" if arguments.warm_up else arguments.baseline)
     write_throws(arguments.out, plan.throws)
@@ -68,16 +70,18 @@ class _Situation:
         known: tosses.
         examples: (K, 13) releases that the prior is fitted to; none for the published one.
         config: how.
+        feasible: what the thrower says.
     """
 
     particles: Sequence[Particle]
     known: tuple[Toss, ...]
     examples: Array
     config: DesignConfig
+    feasible: Feasible | None = None
 
     def plan(self, names: Sequence[str], seed: int, method: str | None) -> Plan:
         """Throws by the way that was asked for."""
-        planner = Planner(self.particles, self._prior(method, seed), config=self.config)
+        planner = Planner(self.particles, self._prior(method, seed), config=self.config, feasible=self.feasible)
         known = planner.known([self._scored(particle) for particle in self.particles])
         if method == "prior":
             return random_plan(planner, names, known, seed)
@@ -96,6 +100,15 @@ class _Situation:
     def _scored(self, particle: Particle) -> list[TossInformation]:
         results = particle.scorer.score(self.known) if self.known else ()
         return [result for result in results if isinstance(result, TossInformation)]
+
+
+def _arm(body: Body) -> Feasible:
+    """What the simulated arm says; MuJoCo is imported only for it."""
+    from contact_curation.sim.arm_feasibility import ArmFeasibility
+    from contact_curation.sim.safety import GateConfig
+    from contact_curation.sim.throw_motion import ThrowPlanner
+
+    return ArmFeasibility(ThrowPlanner(body), GateConfig())
 
 
 def _states(tosses: Sequence[Toss]) -> Array:

@@ -64,6 +64,7 @@ def add_design_options(parser: argparse.ArgumentParser) -> None:
     ways.add_argument(
         "--warm-up", action="store_true", help="different first impacts instead of information, for an unknown theta"
     )
+    group.add_argument("--arm", action="store_true", help="only throws that the simulated arm can make")
     add_settings(parser, STAGES)
     group = parser.add_argument_group("output")
     group.add_argument("--out", type=PathEndingIn(".json"), required=True, metavar="THROWS.json", help="the throws")

@@ -35,7 +35,7 @@ def _first(planner: Planner, names: Sequence[str], known: Sequence[Accumulated],
     for index in descending(scores):
         if len(picked) == len(names):
             break
-        if candidates.refusals[index] is None and planner.outlook.motion_refusals(candidates.states[[index]])[0] is None:
+        if candidates.refusals[index] is None and planner.outlook.last_refusals(candidates.states[[index]])[0] is None:
             picked.append(int(index))
     if len(picked) < len(names):
         raise InvalidValueError("releases that may be thrown", f"{len(picked)} of {len(scores)}", f"{len(names)}")

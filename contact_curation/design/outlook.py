@@ -105,7 +105,7 @@ class Outlook:
         return Outlook(self.particles, noise, self.config, self.safety.feasible)
 
     def safe(self, prior: ReleasePrior, count: int, rng: np.random.Generator) -> Releases:
-        """Draws releases until so many may be thrown, by what they show themselves and by what the thrower says.
+        """Draws releases until so many may be thrown, by what they show themselves.
 
         Raises:
             InvalidValueError: hardly any may be; the limit that refused most is named.
@@ -125,12 +125,19 @@ class Outlook:
         raise InvalidValueError("safe releases", f"{found} of {found + refused.total()} (refused by {limits})", f"{count}")
 
     def refusals(self, releases: Releases) -> Refusals:
-        """Why releases may not be thrown, by what they show themselves and by what the thrower says."""
-        states = releases.states(self.config.placement)
-        found = list(self.safety.refusals(states))
+        """Why releases may not be thrown, by what they show themselves."""
+        return self.safety.refusals(releases.states(self.config.placement))
+
+    def thrower_refusals(self, states: Array) -> Refusals:
+        """Why the thrower cannot make releases (K, 13). It may take its time, so that only those that are wanted are asked."""
+        name = self.particles[0].body.name
+        return self.safety.thrower_refusals([throw_of_state(f"candidate-{k}", name, state) for k, state in enumerate(states)])
+
+    def last_refusals(self, states: Array) -> Refusals:
+        """Why releases (K, 13) that are wanted may not be thrown, by many executions of each and by what the thrower says."""
+        found = list(self.motion_refusals(states))
         sound = [index for index, refusal in enumerate(found) if refusal is None]
-        throws = [throw_of_state(f"candidate-{index}", self.particles[0].body.name, states[index]) for index in sound]
-        for index, answer in zip(sound, self.safety.thrower_refusals(throws)):
+        for index, answer in zip(sound, self.thrower_refusals(states[sound])):
             found[index] = answer
         return tuple(found)
 

@@ -175,16 +175,17 @@ class Planner:
         return np.asarray(whitened * self.config.share / coordinates.shape[1])
 
     def _checked_batch(self, candidates: Candidates, known: Sequence[Accumulated], count: int) -> Candidates:
-        """The greedy batch of those that keep the limits by many executions, too."""
+        """The greedy batch of those that keep the limits by many executions, too, and that the thrower can make."""
         usable = candidates.taken(np.flatnonzero(candidates.usable))
+        reasons = Counter(refusal for refusal in candidates.refusals if refusal)
         while len(usable.states) >= count:
             picked = greedy_batch(self.particles, known, usable.fishers, count)
-            refusals = self.outlook.motion_refusals(usable.states[picked.indices])
+            refusals = self.outlook.last_refusals(usable.states[picked.indices])
+            reasons.update(refusal for refusal in refusals if refusal)
             refused = [int(index) for index, refusal in zip(picked.indices, refusals) if refusal]
             if not refused:
                 return usable.taken(picked.indices)
             usable = usable.taken(np.delete(np.arange(len(usable.states)), refused))
-        reasons = Counter(refusal for refusal in candidates.refusals if refusal)
         found = f"{len(usable.states)} of {len(candidates.states)}" + "".join(
             f" ({reason})" for reason, _ in reasons.most_common(1)
         )

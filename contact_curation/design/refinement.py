@@ -85,10 +85,13 @@ def _moved(
         moves = np.array([strategy.ask() for _ in range(config.population)])
         candidates = _judged(outlook, throw.releases, moves, config, strategy)
         values = np.where(candidates.usable, gains(given, candidates.fishers), -np.inf)
-        winner = int(values.argmax())
-        if values[winner] > best_gain + LEAST_GAIN:
-            found.append(candidates.taken([winner]))
-            best_gain = float(values[winner])
+        while values.max() > best_gain + LEAST_GAIN:
+            winner = int(values.argmax())
+            if outlook.thrower_refusals(candidates.states[[winner]])[0] is None:
+                found.append(candidates.taken([winner]))
+                best_gain = float(values[winner])
+            else:
+                values[winner] = -np.inf
         worst = float(np.min(values, where=np.isfinite(values), initial=0.0)) - 1.0
         strategy.tell([(move, -value) for move, value in zip(moves, np.maximum(values, worst).tolist())])
         if strategy.should_stop():

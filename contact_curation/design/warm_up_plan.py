@@ -33,7 +33,14 @@ def warm_up_plan(
     states = releases.states(planner.config.outlook.placement)
     refusals = planner.outlook.described_refusals(states)
     fine = np.array([index for index, refusal in enumerate(refusals) if refusal is None], dtype=np.int64)
-    if len(fine) < len(names):
-        raise InvalidValueError("releases that may be thrown", f"{len(fine)} of {len(states)}", f"{len(names)}")
-    picked = fine[spread(impact_features(body, states[fine]), len(names), features_of(body, thrown), seed)]
+    features, seen = impact_features(body, states), features_of(body, thrown)
+    while True:
+        if len(fine) < len(names):
+            raise InvalidValueError("releases that may be thrown", f"{len(fine)} of {len(states)}", f"{len(names)}")
+        picked = fine[spread(features[fine], len(names), seen, seed)]
+        answers = planner.outlook.thrower_refusals(states[picked])
+        refused = [index for index, answer in zip(picked, answers) if answer]
+        if not refused:
+            break
+        fine = fine[~np.isin(fine, refused)]
     return planner.planned(names, planner.outlook.candidates(releases.taken(picked)), known, refusals)

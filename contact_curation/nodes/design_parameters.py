@@ -4,13 +4,34 @@ from dataclasses import replace
 
 from rclpy.node import Node
 
+from contact_curation.contact.body import Body
 from contact_curation.design.canary import CanaryConfig
 from contact_curation.design.outlook import OutlookConfig
 from contact_curation.design.planner import DesignConfig
+from contact_curation.design.safety_set import Feasible
 from contact_curation.nodes.design_stage import ONE_THREAD, DesignStageConfig
 from contact_curation.nodes.parameters import declare, declare_config
 
 JUDGED = ("forecast", "safety", "noise", "placement")
+
+
+def declared_thrower(node: Node, body: Body) -> Feasible | None:
+    """What the thrower says of throws; None where parameter `thrower` is empty.
+
+    Raises:
+        InvalidValueError: an arm that there cannot be.
+    """
+    if not declare(
+        node, "thrower", "", "arm: only throws that sim_arm can make, with its parameters arm.*", choices=("", "arm")
+    ):
+        return None
+    from contact_curation.sim.arm import ArmConfig  # MuJoCo takes a while to import
+    from contact_curation.sim.arm_feasibility import ArmFeasibility
+    from contact_curation.sim.safety import GateConfig
+    from contact_curation.sim.throw_motion import ThrowPlanner
+
+    arm = declare_config(node, ArmConfig(), "arm.")
+    return ArmFeasibility(ThrowPlanner(body, arm), GateConfig(keep_out_place=(arm.base[0], arm.base[1])))
 
 
 def declared_design(node: Node) -> DesignStageConfig:

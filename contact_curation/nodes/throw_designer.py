@@ -19,7 +19,7 @@ from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.body_parameter import declared_body
 from contact_curation.nodes.catch_up import CatchUp, Cursor, Source
 from contact_curation.nodes.complaints import Complaints
-from contact_curation.nodes.design_parameters import declared_design
+from contact_curation.nodes.design_parameters import declared_design, declared_thrower
 from contact_curation.nodes.design_stage import DesignStage, Proposal
 from contact_curation.nodes.door import StageNode, run
 from contact_curation.nodes.health import Health, HealthReport
@@ -63,7 +63,7 @@ class ThrowDesigner(StageNode):
             theta, self._body = read_scored_theta(Path(parameters), self._body)
             geometry = polytope_in(theta.model, theta.data)
         self._states = StateStore(store)
-        self._stage = DesignStage(self._body, config, self._states, geometry)
+        self._stage = DesignStage(self._body, config, self._states, geometry, feasible=declared_thrower(self, self._body))
         self._complaints = Complaints(self)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._not_before = self._now()

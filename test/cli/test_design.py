@@ -11,6 +11,7 @@ from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.information.scoring import parameters_version
+from contact_curation.sim.arm_feasibility import feasible
 from contact_curation.storage.checkpoint_file import save_model
 from contact_curation.storage.throws_file import read_throws
 from test.cli.commands import Cli, Outcome, write_parameters
@@ -103,6 +104,12 @@ def test_what_cannot_be_designed_is_one_line(cli: Cli, tmp_path: Path, words: tu
     assert line in outcome.err
     assert len(outcome.err_lines) == 1
     assert not (tmp_path / "throws.json").exists()
+
+
+def test_with_an_arm_only_throws_that_it_can_make_are_written(cli: Cli, tmp_path: Path) -> None:
+    outcome = design(cli, tmp_path / "throws.json", "--arm")
+    assert outcome.status == 0, outcome.err
+    assert feasible(read_throws(tmp_path / "throws.json"), CONTACTNETS_CUBE) == (None, None)
 
 
 def test_bad_usage_is_status_2(cli: Cli, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from contact_curation.nodes.qos import kept
 from contact_curation.storage.state_store import StateStore
 from test.cli.commands import write_parameters
 from test.graph.graph import Graph
-from test.graph.thrower import Thrower, settled
+from test.graph.instant_thrower import Thrower, settled
 
 LONG = 60.0
 SMALL: dict[str, Any] = {
