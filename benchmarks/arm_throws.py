@@ -92,8 +92,9 @@ def main() -> None:
     elapsed = time.perf_counter() - began
     report_errors(made)
     for name in ("torque", "speed", "position"):
-        used = max(float(getattr(one.peaks, name).max()) for one in made)
-        print(f"largest share of a {name} limit: {used:.3f}")
+        used = [float(getattr(one.peaks, name).max()) for one in made]
+        most = int(np.argmax(used))
+        print(f"largest share of a {name} limit: {used[most]:.3f} ({made[most].throw.throw_id})")
     rested, touched = sum(one.rested for one in made), sum(one.touched for one in made)
     print(f"came to rest: {rested} of {len(made)}; touched the arm: {touched}")
     frames = sum(len(one.states) for one in made)

@@ -167,6 +167,8 @@ class ThrowPlanner:
             or self._strong(self._empty, self._empty_data, stopping)
             or self._clear(self._holding, self._holding_data, approach)
             or self._clear(self._empty, self._empty_data, returning)
+            or self._strong(self._holding, self._holding_data, approach)
+            or self._strong(self._empty, self._empty_data, returning)
         )
         return refused or ThrowMotion(throw, candidate, grip, approach, swing, stopping, returning)
 
