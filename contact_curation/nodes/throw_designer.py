@@ -70,6 +70,7 @@ class ThrowDesigner(StageNode):
         self._toss_until = self._now() + self._toss_timeout
         self._at_work = False
         self._commanded: tuple[Throw, int] | None = None
+        self._to_send: Any = None
         self._last: Proposal | None = None
         self._goals = ThrowGoals(self, self._told, goal_timeout)
         self._worker = Worker(self.fail)
@@ -85,8 +86,11 @@ class ThrowDesigner(StageNode):
         self._states.close()
 
     def _look(self) -> None:
-        """Begins the next throw when it is due."""
+        """Begins the next throw when it is due, and commands it once it is planned."""
         self._goals.look()
+        if self._to_send is not None:
+            message, self._to_send = self._to_send, None
+            self._goals.send(message)
         if not self.get_parameter("auto").value or self._at_work or self._goals.busy or not self._goals.ready:
             return
         waits = self._stage.awaits_toss and self._now() < self._toss_until
@@ -105,7 +109,7 @@ class ThrowDesigner(StageNode):
             return
         throw = self._last.throw
         self._commanded = (throw, self._stage.begin())
-        self._goals.send(throw_message(throw, Stamped(0, self._board_frame)))
+        self._to_send = throw_message(throw, Stamped(0, self._board_frame))
 
     def _told(self, outcome: Outcome) -> None:
         self._worker.do(partial(self._finish, outcome))

@@ -24,6 +24,9 @@ class Outcome(NamedTuple):
 class ThrowGoals:
     """Sends one goal after the other to `execute_throw`.
 
+    Only to be used on the executor's thread: where another thread sends, the answer may come before the client waits for it,
+    and is dropped.
+
     Args:
         node: that sends.
         told: called once per goal, on the executor's thread.
