@@ -150,7 +150,7 @@ class ArmSimulation:
         self.touched = False
         self._path = _still(config.home_posture)
         self._at, self._rate, self._wanted, self._slowing = 0.0, 0.0, 0.0, 1.0
-        self._release_row, self._swing_row, self._opens_at = -1, -1, -1.0
+        self._release_row, self._swing_row, self._stopped_row, self._opens_at = -1, -1, -1, -1.0
         self._still_for, self._free_for = 0.0, 0.0
         self._torques = np.zeros(JOINTS)
         self._torque_peak, self._speed_peak, self._position_peak = np.zeros((3, JOINTS))
@@ -184,6 +184,7 @@ class ArmSimulation:
         before = JointPath.joined(_still(self.config.home_posture, lead), motion.approach)
         self._path = JointPath.joined(before, motion.swing, motion.stopping, motion.returning)
         self._swing_row, self._release_row = len(before), len(before) + len(motion.swing) - 1
+        self._stopped_row = self._release_row + len(motion.stopping)
         delay = abs(float(self._rng.standard_normal())) * self.control.release_jitter
         self._opens_at = self._release_row + round(delay / STEP)
         self._slowing = self.control.braking / max(float(np.abs(self._path.speeds).max()), 1e-6)
@@ -248,15 +249,12 @@ class ArmSimulation:
     def _ahead(self) -> tuple[float, float]:
         """The path's parameter and its rate after the next step."""
         rate, change = self._rate, self._slowing * STEP
-        past_release = self._release_row < self._at < self._release_row + self._stopping_rows
+        past_release = self._release_row < self._at < self._stopped_row
         if not (past_release and self._wanted == 0.0):  # there the path slows down by itself, as hard as it may
             rate += float(np.clip(self._wanted - rate, -change, change))
-        return float(np.clip(self._at + rate, 0.0, len(self._path) - 1)), rate
-
-    @property
-    def _stopping_rows(self) -> int:
-        rest = np.flatnonzero(~self._path.speeds[self._release_row + 1 :].any(axis=1))
-        return int(rest[0]) + 1 if len(rest) else 0
+        # The arm goes home when the body rests, so that it does not meet it on the way.
+        waits = not self._held and self._at <= self._stopped_row and not self._taken_away()
+        return float(np.clip(self._at + rate, 0.0, self._stopped_row if waits else len(self._path) - 1)), rate
 
     def _reference(self, at: float, rate: float) -> tuple[Array, Array]:
         low = min(int(at), len(self._path) - 1)
@@ -287,7 +285,7 @@ class ArmSimulation:
 
     def _home(self) -> None:
         self._path, self._at, self._rate, self._wanted = _still(self.config.home_posture), 0.0, 0.0, 0.0
-        self._release_row = self._swing_row = -1
+        self._release_row = self._swing_row = self._stopped_row = -1
         self.phase = Phase.RESTING
 
     def _watch_body(self) -> None:
@@ -299,7 +297,7 @@ class ArmSimulation:
         own = self._models[False].geom(self.body.name).id
         board = self._models[False].geom("board").id
         for contact in data.contact:
-            self.touched |= own in contact.geom and board not in contact.geom
+            self.touched |= own in contact.geom and board not in contact.geom and not self._taken_away()
 
     def _taken_away(self) -> bool:
         return self.rested or self._free_for >= self.control.longest_flight
