@@ -53,8 +53,8 @@ class ArmFeasibility:
     def nearest(self, throw: Throw) -> Throw | None:
         """The feasible throw nearest to one that is not, on a line to one that is; None if nothing is found.
 
-        The line first keeps the pose and takes the twist down to nothing; where the pose itself is out of reach, it goes to a throw
-        in the middle of what the arm can do.
+        The line first keeps the pose and takes the twist down to nothing; where the pose itself is out of reach, it goes to a
+        throw in the middle of what the arm can do.
         """
         still = replace(throw, linear_velocity=np.zeros(3), angular_velocity=np.zeros(3))
         easy = replace(still, position=np.array(EASY_PLACE), linear_velocity=np.array(EASY_VELOCITY))

@@ -1,7 +1,7 @@
 """What a Franka Research 3 may do: the published limits of its joints, and how far a motion is from breaking one.
 
-Sources: positions, speeds and torques from franka_description (robots/fr3/joint_limits.yaml); accelerations, and speeds that fall
-towards the ends of a joint's range, from libfranka's rate limiting and "Robot and interface specifications" of Franka's
+Sources: positions, speeds and torques from franka_description (robots/fr3/joint_limits.yaml); accelerations, and speeds that
+fall towards the ends of a joint's range, from libfranka's rate limiting and "Robot and interface specifications" of Franka's
 control interface. Jerk (5000 rad/s^3) is far from being reached by ramps that take tens of milliseconds.
 """
 

@@ -2,8 +2,8 @@
 
 The pad's place and axis are five conditions on seven joints, and the face is free too: a large family. It is searched through a
 table of postures (which is as good at every turn of the first joint, so it only has to cover a slice), the best few are brought
-onto the release pose by differential inverse kinematics (mink), and joint speeds are found on the line of those that give the twist, so
-that the largest share of a limit is the smallest.
+onto the release pose by differential inverse kinematics (mink), and joint speeds are found on the line of those that give the
+twist, so that the largest share of a limit is the smallest.
 """
 
 from dataclasses import dataclass
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import mink
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -20,6 +21,8 @@ from contact_curation.sim.arm_grasps import Grasps
 from contact_curation.sim.arm_kinematics import Postures, about_z, postures_of
 from contact_curation.sim.arm_limits import JOINTS, JointLimits
 from contact_curation.sim.arm_path import RampConfig, ramp_way
+
+Indices = NDArray[np.int64]
 
 REACHED = 1e-6
 """A posture is on the release pose within this [m, rad]."""
@@ -82,13 +85,13 @@ class Target:
     """The pad at release, in the frame of the arm's base, for each of G faces.
 
     Attributes:
-        grasps: (G,) indices of faces.
+        grasps: (G,) indices of faces, integers.
         places: (G, 3) [m].
         axes: (G, 3) into the body.
         twists: (G, 6) velocity [m/s] and angular velocity [rad/s].
     """
 
-    grasps: Array
+    grasps: Indices
     places: Array
     axes: Array
     twists: Array
@@ -146,7 +149,7 @@ class PostureSearch:
         reached = [one for one in found if one.miss <= 1e3 * REACHED]
         return sorted(reached, key=lambda one: one.cost) or sorted(found, key=lambda one: one.miss)[:1]
 
-    def _seeds(self, target: Target) -> tuple[Array, Array]:
+    def _seeds(self, target: Target) -> tuple[Array, Indices]:
         """Postures (R, 7) from the table that promise most, and for which face each (R,)."""
         azimuths = np.arctan2(target.places[:, 1], target.places[:, 0])
         back = about_z(-azimuths)
@@ -198,8 +201,8 @@ class PostureSearch:
 def least_speeds(jacobians: Array, twists: Array, limits: JointLimits) -> Array:
     """Joint speeds (N, 7) that give twists (N, 6), the largest share of a speed limit as small as possible.
 
-    They lie on a line, the least one plus any multiple of the motion that leaves the pad where it is; along it the largest share
-    is convex.
+    They lie on a line, the least one plus any multiple of the motion that leaves the pad where it is; along it the largest
+    share is convex.
     """
     scaled = jacobians * limits.speed  # (N, 6, 7)
     transposed = scaled.transpose(0, 2, 1)
@@ -234,7 +237,7 @@ def _swung(axis: Array, wanted: Array) -> Array:
     """The smallest rotation (3, 3) that takes one unit vector to another."""
     normal, angle = np.cross(axis, wanted), np.arccos(np.clip(axis @ wanted, -1.0, 1.0))
     length = np.linalg.norm(normal)
-    return Rotation.from_rotvec(normal / max(length, 1e-12) * angle).as_matrix()
+    return np.asarray(Rotation.from_rotvec(normal / max(length, 1e-12) * angle).as_matrix())
 
 
 def _wrapped(angles: Array) -> Array:
