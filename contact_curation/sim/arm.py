@@ -4,7 +4,7 @@ The numbers are published, the shapes are our own (capsules):
     kinematics    Denavit-Hartenberg parameters, see `arm_kinematics`
     masses        franka_description, robots/fr3/inertials.yaml; the gripper's from end_effectors/cobot_pump
     rotors        inertia seen at the joints: Drake's franka_description README, as given by Franka for the FR3
-    friction      half of the amplitudes that Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca identified (IEEE RA-L 4(4), 2019)
+    friction      of the size that Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca identified (IEEE RA-L 4(4), 2019)
 
 A vacuum gripper holds any convex body that has a flat spot, and does so rigidly. There are therefore two simulated worlds: in
 one the body is part of the arm, in the other it is free. Opening the gripper hands the state of the one to the other, so the
