@@ -25,6 +25,9 @@ from contact_curation.solver.compiled import load_kernel
 
 STATE_SIZE = 13
 
+SMALLEST_SQUARE, LARGEST_SQUARE = (1.0 - QUATERNION_TOLERANCE) ** 2, (1.0 + QUATERNION_TOLERANCE) ** 2
+"""Of the norm of a quaternion that counts as a unit one."""
+
 
 class StepStatus(IntEnum):
     """How a step ended."""
@@ -134,9 +137,9 @@ def checked_states(states: ArrayLike) -> Array:
     rows = np.array(states, dtype=float, order="C")
     if rows.ndim != 2 or rows.shape[1] != STATE_SIZE:
         raise InvalidValueError("states", f"shape {rows.shape}", f"(N, {STATE_SIZE})")
-    with np.errstate(over="ignore"):
-        norms = np.linalg.norm(rows[:, 3:7], axis=1)
-    if np.any(np.abs(norms - 1.0) > QUATERNION_TOLERANCE):
+    squares = np.einsum("ni,ni->n", rows[:, 3:7], rows[:, 3:7])
+    if ((squares < SMALLEST_SQUARE) | (squares > LARGEST_SQUARE)).any():
+        norms = np.sqrt(squares)
         found = f"{np.nanmin(norms):.6g} to {np.nanmax(norms):.6g}"
         raise InvalidValueError("quaternion norms", found, f"1 within {QUATERNION_TOLERANCE}")
     return rows
