@@ -21,8 +21,9 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 demo: setup
 	$(PYTHON) -m contact_curation.cli.demo $(if $(DATA),--data $(DATA))
 
+# Each file on one of two processes; the tests of live graphs wait more than they work.
 test: setup
-	$(PYTHON) -m pytest
+	$(PYTHON) -m pytest -n 2 --dist loadfile
 
 test-slow: setup
 	$(PYTHON) -m pytest -m slow

@@ -22,9 +22,7 @@ def add_options(verb: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("input", type=Path, metavar="DIR", help="folder of N.pt files, or one file")
     parser.add_argument("--out", type=Path, required=True, metavar="BAG.mcap", help="the bag; without .mcap a folder")
-    parser.add_argument(
-        "--tosses", metavar="NUMBERS", help="only the files of these numbers: 0-399, or 3,7-9 (default all)"
-    )
+    parser.add_argument("--tosses", metavar="NUMBERS", help="only the files of these numbers: 0-399, or 3,7-9 (default all)")
     add_body_option(parser)
     add_json_option(parser)
     parser.set_defaults(run=run)

@@ -46,6 +46,9 @@ FRAMES_PER_FEEDBACK = 15
 BEAT = 0.1
 """Between the node's own heartbeats, of the thread that would hear a stop [s]."""
 
+BREATH = 1e-3
+"""Given to the other threads after a frame that nothing waits for, or the heartbeat would starve [s]."""
+
 IDLE = 0.05
 """Between looks for a goal where simulated time stands still [s]."""
 
@@ -208,6 +211,7 @@ class SimArm(StageNode):
         """Waits until a frame's time has come."""
         rate, paced, now = self._rate, self._paced, self._now()
         if rate == 0.0:
+            self._wake.wait(BREATH)
             return
         began, simulated = paced or (now, time)
         ahead = began + (time - simulated) / rate - now

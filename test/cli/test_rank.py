@@ -142,6 +142,7 @@ def two_inputs(contactnets_folder: Path, tmp_path: Path) -> list[Path]:
     return folders
 
 
+@pytest.mark.slow
 def test_processes_change_nothing(golden: Path, two_inputs: list[Path]) -> None:
     # From the door on: the BLAS sums in another order with more threads, and those of this process are started already.
     command = [sys.executable, "-m", "contact_curation.cli.main", "rank", *map(str, [golden, *two_inputs])]

@@ -62,7 +62,7 @@ def test_every_criterion_ranks_for_a_deep_model(cli: Cli, folder: Path, criterio
 
 
 @pytest.mark.parametrize("estimator", list(Estimator))
-@pytest.mark.parametrize("kind", NETWORKS)
+@pytest.mark.parametrize("kind", [*NETWORKS[:2], pytest.param(ModelKind.END_TO_END, marks=pytest.mark.slow)])
 def test_every_estimator_ranks_for_every_network_as_the_library_does(
     cli: Cli, folder: Path, kind: ModelKind, estimator: Estimator
 ) -> None:

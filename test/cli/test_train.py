@@ -176,12 +176,13 @@ def test_metrics_beyond_the_checkpoint_are_cut_when_it_goes_on(cli: Cli, folder:
 
 
 def test_a_second_signal_does_not_wait() -> None:
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
     with StopSignals() as stop:
         os.kill(os.getpid(), signal.SIGTERM)
         assert stop.wanted
         with pytest.raises(KeyboardInterrupt):
             os.kill(os.getpid(), signal.SIGINT)
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.signal(signal.SIGINT, before) is signal.default_int_handler
 
 
 def test_a_checkpoint_is_neither_overwritten_nor_taken_for_another_training(cli: Cli, folder: Path, tmp_path: Path) -> None:

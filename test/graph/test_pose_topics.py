@@ -97,6 +97,7 @@ def test_bad_poses_are_counted_and_said_once_and_cost_no_toss(
     assert "elsewhere" in log
 
 
+@pytest.mark.slow
 def test_a_clock_that_jumps_back_ends_the_toss_and_the_same_tosses_come_once(
     graph: Graph, rig: tuple[FramePose, ...], poses: tuple[FramePose, ...]
 ) -> None:
@@ -115,6 +116,7 @@ def test_a_clock_that_jumps_back_ends_the_toss_and_the_same_tosses_come_once(
     assert "clock: found a jump back" in rejected[0].reasons[0]
 
 
+@pytest.mark.slow
 def test_what_a_live_tracker_sends_while_the_node_is_dead_shows_as_a_gap(
     graph: Graph, rig: tuple[FramePose, ...], poses: tuple[FramePose, ...]
 ) -> None:

@@ -39,6 +39,7 @@ def thrower(graph: Graph) -> Iterator[Thrower]:
     made.close()
 
 
+@pytest.mark.slow
 def test_a_throw_is_made_and_told_as_it_was_and_the_next_one_too(graph: Graph, thrower: Thrower) -> None:
     times: list[Clock] = []
     graph.listener.node.create_subscription(Clock, "/clock", times.append, profile(100, reliable=True, latched=False))

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from apriltag_msgs.msg import AprilTagDetectionArray
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import CameraInfo
@@ -57,6 +58,7 @@ def test_detections_that_are_published_and_those_in_a_bag_give_the_same_tosses(g
     graph.until(lambda: "bad lost" in str(diagnostics), 5.0, "the count of lost tags")
 
 
+@pytest.mark.slow
 def test_a_restarted_node_needs_no_second_camera_info_of_a_latched_camera(graph: Graph) -> None:
     images = list(tagged_tosses(2))
     tosses = graph.tosses()

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pytest
 from contact_curation_msgs.msg import ModelParameters
 from contact_curation_msgs.srv import ProposeThrow
 
@@ -92,6 +93,7 @@ def test_in_auto_throws_are_made_one_after_the_other_each_when_the_last_ones_tos
     assert entries[1]["realised"]["planned"] < entries[0]["realised"]["planned"]  # what is known is not gained again
 
 
+@pytest.mark.slow
 def test_a_designer_that_is_killed_goes_on_with_the_throws_it_had(graph: Graph) -> None:
     thrower = Thrower(graph.listener)
     thrower.silent.set()  # so that it waits for a toss

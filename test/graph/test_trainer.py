@@ -59,6 +59,7 @@ def test_what_is_kept_is_trained_on_and_everything_is_scored_and_ranked_again_at
     assert (heard.vertices_normal == model.geometry().vertices_normal).all()
 
 
+@pytest.mark.slow
 def test_a_trainer_that_is_killed_in_mid_stream_goes_on_from_its_checkpoint(graph: Graph, golden_bag: Path) -> None:
     statuses, _, _ = graph.statuses(), graph.buffers(), graph.parameters()
     seen = len(tosses_of(golden_bag))
@@ -80,6 +81,7 @@ def test_held_out_recordings_that_are_not_there_are_one_line(graph: Graph) -> No
     assert "Traceback" not in trainer.log()
 
 
+@pytest.mark.slow
 def test_a_trainer_that_is_asked_to_end_while_it_trains_ends_with_status_0_and_a_checkpoint(
     graph: Graph, golden_bag: Path
 ) -> None:
