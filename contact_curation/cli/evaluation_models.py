@@ -10,8 +10,9 @@ from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.errors import UnreadableInputError
 from contact_curation.learning.selection_document import selections_of
 from contact_curation.learning.stored_model import MALFORMED
-from contact_curation.storage.checkpoint_file import read_model, read_notes
-from contact_curation.storage.parameters_file import read_parameters
+from contact_curation.storage.checkpoint_file import read_notes
+from contact_curation.storage.parameters_file import Parameters
+from contact_curation.storage.theta_file import read_theta
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,13 +42,13 @@ def judged_model(path: Path, body: Body) -> JudgedModel:
     Raises:
         ContactCurationError: there is none, or it is for another body.
     """
-    if path.suffix == ".json":
-        theta = read_parameters(path, body)
+    theta = read_theta(path, body)
+    if isinstance(theta, Parameters):
         form = Form.PHYSICAL if is_physical(theta.geometry) else Form.CONTACTNETS
         return JudgedModel(path, PolytopeModel(theta.geometry, theta.body, form))
     notes = read_notes(path)
     learned, held_out = (frozenset(notes.get(name, "").split("\n")) - {""} for name in ("training ids", "held-out ids"))
-    return JudgedModel(path, read_model(path, body), _selected(notes, path) or learned, held_out)
+    return JudgedModel(path, theta, _selected(notes, path) or learned, held_out)
 
 
 def _selected(notes: dict[str, str], path: Path) -> frozenset[str]:

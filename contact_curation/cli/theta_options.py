@@ -16,12 +16,11 @@ from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.parameter_form import Form, is_physical
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.storage.parameters_file import Parameters, read_parameters
+from contact_curation.storage.parameters_file import Parameters
+from contact_curation.storage.theta_file import CHECKPOINT, is_checkpoint, read_theta
 
 if TYPE_CHECKING:
     from contact_curation.information.network_pass import NetworkModel
-
-CHECKPOINT = ".safetensors"
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,12 +81,11 @@ def polytope_of(path: Path, body: Body) -> Parameters:
     Raises:
         ContactCurationError: the file cannot be used, or holds another model.
     """
-    if path.suffix != CHECKPOINT:
-        return read_parameters(path, body)
+    model = read_theta(path, body)
+    if isinstance(model, Parameters):
+        return model
     from contact_curation.contact.polytope_model import PolytopeModel
-    from contact_curation.storage.checkpoint_file import read_model
 
-    model = read_model(path, body)
     if not isinstance(model, PolytopeModel):
         raise InvalidValueError(
             f"model of {path}", model.kind.value, f"polytope; networks go with `rank --model {model.kind.value}`"
@@ -96,7 +94,7 @@ def polytope_of(path: Path, body: Body) -> Parameters:
 
 
 def _network(path: Path, kind: ModelKind, body: Body) -> NetworkTheta:
-    if path.suffix != CHECKPOINT:
+    if not is_checkpoint(path):
         raise InvalidValueError(f"theta of model {kind.value}", str(path), f"a checkpoint, a {CHECKPOINT} file")
     from contact_curation.contact.models import tensors_of
     from contact_curation.storage.checkpoint_file import read_model

@@ -27,10 +27,10 @@ from contact_curation.learning.held_out import HeldOutRule
 from contact_curation.learning.protocols import TrainingConfig, budgeted, published
 from contact_curation.learning.reranking import CanaryConfig, RerankingConfig
 from contact_curation.learning.training_plan import TrainingPlan
-from contact_curation.storage.checkpoint_file import read_model
 from contact_curation.storage.inputs import InputsConfig
 from contact_curation.storage.manifest_file import read_manifest
-from contact_curation.storage.parameters_file import Parameters, read_parameters
+from contact_curation.storage.parameters_file import Parameters
+from contact_curation.storage.theta_file import is_checkpoint, read_theta
 
 ONLY_WITH_TOP = ("criterion", "variant", "estimator", "rerank_every", "canary")
 
@@ -133,14 +133,12 @@ def _kept_ids(manifest: Path | None) -> tuple[str, ...] | None:
 def _start(path: Path | None, kind: ModelKind, body: Body) -> Model | Parameters | None:
     if path is None:
         return None
-    if path.suffix != ".json":
-        model = read_model(path, body)
-        if model.kind is not kind:
-            raise InvalidValueError(f"model of {path}", model.kind.value, f"{kind.value}, as --model says")
-        return model
-    if kind is not ModelKind.POLYTOPE:
+    if not is_checkpoint(path) and kind is not ModelKind.POLYTOPE:
         raise InvalidValueError("--params", f"{path}, a polytope", f"a checkpoint of a {kind.value} model")
-    return read_parameters(path, body)
+    theta = read_theta(path, body)
+    if isinstance(theta, Model) and theta.kind is not kind:
+        raise InvalidValueError(f"model of {path}", theta.kind.value, f"{kind.value}, as --model says")
+    return theta
 
 
 def _polytope(start: Parameters, form: Form, tosses: LearningTosses) -> PolytopeModel:

@@ -16,9 +16,8 @@ from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.nodes.messages.model_parameters import bytes_of_geometry, geometry_of_bytes
-from contact_curation.storage.parameters_file import read_parameters
-
-CHECKPOINT = ".safetensors"
+from contact_curation.storage.parameters_file import Parameters
+from contact_curation.storage.theta_file import read_theta
 
 
 class ScoredTheta(NamedTuple):
@@ -62,14 +61,12 @@ def read_scored_theta(path: Path, body: Body) -> tuple[ScoredTheta, Body]:
     Raises:
         UnreadableInputError, InvalidValueError: the file holds no theta.
     """
-    if path.suffix != CHECKPOINT:
-        theta = read_parameters(path, body)
+    theta = read_theta(path, body)
+    if isinstance(theta, Parameters):
         return theta_of_geometry(theta.geometry), theta.body
     from contact_curation.nodes.messages.trained_model import theta_bytes
-    from contact_curation.storage.checkpoint_file import read_model
 
-    model = read_model(path, body)
-    return ScoredTheta(model.kind.value, theta_bytes(model)), body
+    return ScoredTheta(theta.kind.value, theta_bytes(theta)), body
 
 
 def scorer_of(theta: ScoredTheta, body: Body, config: ScoringConfig) -> TossScorer:

@@ -17,8 +17,8 @@ from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.protocols import TrainingConfig, budgeted
 from contact_curation.nodes.parameters import declare, declare_config
-from contact_curation.storage.checkpoint_file import read_model
-from contact_curation.storage.parameters_file import read_parameters
+from contact_curation.storage.parameters_file import Parameters
+from contact_curation.storage.theta_file import read_theta
 
 ROUND_STEPS = 400
 """A round begins where the last one ended, so that it needs fewer steps than a training of its own."""
@@ -57,7 +57,5 @@ def declared_first_model(node: Node, kind: ModelKind, body: Body, form: Form, se
 
 
 def _stored_model(path: Path, body: Body, form: Form) -> Model:
-    if path.suffix == ".json":
-        theta = read_parameters(path, body)
-        return PolytopeModel(theta.geometry, theta.body, form)
-    return read_model(path, body)
+    theta = read_theta(path, body)
+    return PolytopeModel(theta.geometry, theta.body, form) if isinstance(theta, Parameters) else theta

@@ -3,10 +3,9 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-import yaml
-
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.storage.bounded_file import read_yaml
 
 LARGEST_FILE = 2**22
 """Bytes."""
@@ -18,14 +17,7 @@ def read_body(path: Path) -> Body:
     Raises:
         UnreadableInputError: there is no such file, it is no YAML mapping, or it describes no body; the line names the key.
     """
-    try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise UnreadableInputError(path, f"found {path.stat().st_size} bytes, expected at most {LARGEST_FILE}")
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UnreadableInputError(path, f"cannot be read: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise UnreadableInputError(path, f"found no YAML ({error}), expected the description of a body") from error
+    content = read_yaml(path, LARGEST_FILE, "the description of a body")
     if not isinstance(content, Mapping) or not all(isinstance(key, str) for key in content):
         raise UnreadableInputError(path, f"found a {type(content).__name__}, expected the keys of a body and their values")
     try:

@@ -4,13 +4,13 @@ from pathlib import Path
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.model import Model
-from contact_curation.errors import UnreadableInputError
 from contact_curation.learning.checkpoint import checkpoint_bytes, training_of_bytes
 from contact_curation.learning.safetensors_bytes import LARGEST_BYTES
 from contact_curation.learning.stored_model import model_bytes, model_of_bytes, notes_of_bytes
 from contact_curation.learning.training import Training
 from contact_curation.motion.transitions import Transitions
 from contact_curation.storage.atomic_file import write_atomically
+from contact_curation.storage.bounded_file import read_bounded
 
 
 def save_checkpoint(path: Path, training: Training, notes: dict[str, str] | None = None) -> None:
@@ -47,11 +47,4 @@ def read_notes(path: Path) -> dict[str, str]:
 
 
 def _content(path: Path) -> bytes:
-    try:
-        with path.open("rb") as file:
-            data = file.read(LARGEST_BYTES + 1)
-    except OSError as error:
-        raise UnreadableInputError(path, f"cannot be read: {error.strerror}") from error
-    if len(data) > LARGEST_BYTES:
-        raise UnreadableInputError(path, f"holds more than {LARGEST_BYTES} bytes, expected a checkpoint or a model")
-    return data
+    return read_bounded(path, LARGEST_BYTES, "a checkpoint or a model")

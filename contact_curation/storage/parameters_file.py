@@ -6,7 +6,6 @@ and, where they differ from the body's, "mass" [kg], "inertia" [kg per squared c
 "length_scale" [m], the characteristic length itself.
 """
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +16,7 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.storage.bounded_file import read_json
 
 REQUIRED = ("vertices_normal", "normal", "vertices_tangent", "tangents")
 OPTIONAL = ("mass", "inertia", "length_scale")
@@ -57,17 +57,7 @@ def parameters_from_mapping(data: dict[str, Any], body: Body, name: str) -> Para
 
 
 def _json_object(path: Path) -> dict[str, Any]:
-    try:
-        with path.open("rb") as file:
-            text = file.read(LARGEST_BYTES + 1)
-    except OSError as error:
-        raise UnreadableInputError(path, f"cannot be read: {error.strerror}") from error
-    if len(text) > LARGEST_BYTES:
-        raise UnreadableInputError(path, f"holds more than {LARGEST_BYTES} bytes, expected a JSON object with {_accepted()}")
-    try:
-        data = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise UnreadableInputError(path, f"is not JSON: {error}") from error
+    data = read_json(path, LARGEST_BYTES, f"a JSON object with {_accepted()}")
     if not isinstance(data, dict):
         raise UnreadableInputError(path, f"holds a JSON {type(data).__name__}, expected an object with {_accepted()}")
     return data

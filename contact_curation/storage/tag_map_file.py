@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
 from contact_curation.geometry import quaternions
@@ -26,6 +25,7 @@ from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.quaternions import IDENTITY, Array
 from contact_curation.geometry.tag_rig import TagRig
 from contact_curation.geometry.tags import FAMILY, Tag, TagAxes, TagMap, in_our_axes
+from contact_curation.storage.bounded_file import read_yaml
 
 LARGEST_FILE = 2**22
 """Bytes."""
@@ -40,14 +40,7 @@ def read_tag_maps(path: Path) -> tuple[TagMap, ...]:
     Raises:
         UnreadableInputError: there is no such file, or it is no such map; the line names what is wrong.
     """
-    try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise UnreadableInputError(path, f"found {path.stat().st_size} bytes, expected at most {LARGEST_FILE}")
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UnreadableInputError(path, f"cannot be read: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise UnreadableInputError(path, f"found no YAML ({error}), expected a map of tags") from error
+    content = read_yaml(path, LARGEST_FILE, "a map of tags")
     if not isinstance(content, Mapping) or not {"frames", "bodies"} & set(content):
         raise UnreadableInputError(path, "found neither `frames` nor TagSLAM's `bodies`, expected a map of tags")
     try:

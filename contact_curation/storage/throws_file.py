@@ -14,6 +14,7 @@ from typing import Any
 from contact_curation.design.throw import Throw
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.storage.atomic_file import write_atomically
+from contact_curation.storage.bounded_file import read_json
 
 VERSION = 1
 LARGEST_BYTES = 64 << 20
@@ -36,7 +37,7 @@ def read_throws(path: Path) -> tuple[Throw, ...]:
     Raises:
         UnreadableInputError: there is no such file, or it holds no throws.
     """
-    listed = _listed(path, _parsed(path))
+    listed = _listed(path, read_json(path, LARGEST_BYTES, "throws"))
     throws: list[Throw] = []
     for number, entry in enumerate(listed):
         if not isinstance(entry, dict):
@@ -47,20 +48,6 @@ def read_throws(path: Path) -> tuple[Throw, ...]:
             raise UnreadableInputError(path, f"throw {number}: {error}") from error
     _check_ids(path, throws)
     return tuple(throws)
-
-
-def _parsed(path: Path) -> Any:
-    try:
-        with path.open("rb") as file:
-            text = file.read(LARGEST_BYTES + 1)
-    except OSError as error:
-        raise UnreadableInputError(path, f"cannot be read: {error.strerror}") from error
-    if len(text) > LARGEST_BYTES:
-        raise UnreadableInputError(path, f"holds more than {LARGEST_BYTES} bytes, expected throws")
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise UnreadableInputError(path, f"is not JSON: {error}") from error
 
 
 def _listed(path: Path, document: Any) -> list[Any]:
