@@ -126,6 +126,35 @@ def test_a_kill_at_any_slice_changes_no_digit(tmp_path: Path, slices: int) -> No
     assert results[0].round == results[1].round
 
 
+def test_what_was_stepped_is_not_stepped_again_after_a_kill(tmp_path: Path, store: TossStore) -> None:
+    for toss in tosses():
+        store.add(toss)
+    training = stage(tmp_path, store)
+    training.follow(kept(1, 3, 2, 0))
+    for expected in (0, 6, 12, 18, 20):
+        training.advance()
+        resumed = stage(tmp_path, store)
+        assert resumed.progress is not None
+        assert resumed.progress.gradient_steps == expected
+    assert not resumed.due
+    assert resumed.now is not None
+    assert resumed.now.ended
+
+
+def test_a_round_trains_on_every_toss_of_the_set_whatever_their_order(tmp_path: Path, store: TossStore) -> None:
+    for toss in tosses():
+        store.add(toss)
+    learned = []
+    for name, numbers in (("one", (0, 2)), ("other", (0, 3)), ("turned", (2, 0))):
+        folder = tmp_path / name
+        folder.mkdir()
+        training = stage(folder, store)
+        training.follow(kept(1, 3, *numbers))
+        learned.append(numbers_of(until_idle(training)[-1].model))
+    assert learned[0] != learned[1]
+    assert learned[0] == learned[2]
+
+
 def test_where_the_tosses_of_a_round_are_lost_it_goes_on_from_its_parameters(tmp_path: Path, store: TossStore) -> None:
     for toss in tosses():
         store.add(toss)
