@@ -8,6 +8,7 @@ never zero.
 """
 
 import ctypes
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from enum import StrEnum
@@ -334,6 +335,7 @@ def _kernel_is_there() -> bool:
     return True
 
 
+@functools.cache
 def _compiled_evaluation() -> Callable[..., int]:
     function = load_kernel().contact_curation_evaluate
     function.argtypes = (ctypes.POINTER(_Model), ctypes.POINTER(_Job))

@@ -44,8 +44,9 @@ class _ScaleExcess(torch.autograd.Function):
         apart = unit[..., None, :] * overlap
         by_normal = (overlap * (across - apart)).sum(axis=-2) / size[..., None].clip(SMALLEST) + (size - 1.0)[..., None] * unit
         by_tangents = overlap * (unit[..., None, :] - overlap * across) / width
-        ctx.slopes = tuple(torch.as_tensor(2.0 * value).to(normals.device) for value in (by_normal, by_tangents))
-        return torch.as_tensor(np.square(size - 1.0) + (overlap * overlap).sum(axis=(-2, -1))).to(normals.device)
+        ctx.slopes = tuple(torch.from_numpy(2.0 * value).to(normals.device) for value in (by_normal, by_tangents))
+        excess = np.square(size - 1.0) + (overlap * overlap).sum(axis=(-2, -1))
+        return torch.as_tensor(excess).to(normals.device)
 
     @staticmethod
     @torch.autograd.function.once_differentiable

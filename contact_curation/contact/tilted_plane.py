@@ -32,7 +32,7 @@ class _TiltedPlane(torch.autograd.Function):
         ctx.slopes, ctx.friction = by_lean @ axes, friction  # (2, 3, 3): of the turned frame
         turned = turn @ axes
         ctx.tangents = friction * turned[1:]
-        return torch.as_tensor(turned[0]).to(tilt), torch.as_tensor(ctx.tangents).to(tilt)
+        return torch.from_numpy(turned[0]).to(tilt), torch.from_numpy(ctx.tangents).to(tilt)
 
     @staticmethod
     @torch.autograd.function.once_differentiable
@@ -40,7 +40,7 @@ class _TiltedPlane(torch.autograd.Function):
         first, rest = by_normal.cpu().numpy(), by_tangents.cpu().numpy()
         by_tilt = ctx.slopes[:, 0] @ first + ctx.friction * (ctx.slopes[:, 1:] * rest).sum(axis=(1, 2))
         by_friction = np.sum(ctx.tangents * rest)
-        return torch.as_tensor(by_tilt).to(by_normal), torch.as_tensor(by_friction).to(by_normal), None
+        return torch.from_numpy(by_tilt).to(by_normal), torch.as_tensor(by_friction).to(by_normal), None
 
 
 def _turn(a: float, b: float) -> tuple[Array, Array]:

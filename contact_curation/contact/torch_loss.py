@@ -140,10 +140,10 @@ class _PolytopeLoss(torch.autograd.Function):
     ) -> tuple[Tensor, Tensor]:
         theta = Theta(vertices_normal, normal, vertices_tangent, tangents, height, pivot)
         found = evaluate(theta.geometry(), body, before, after, dt, config)
-        solved = torch.as_tensor(found.solved, device=normal.device)
+        solved = torch.from_numpy(found.solved).to(normal.device)
         ctx.solved, ctx.scores, ctx.own = found.solved, found.scores, vertices_normal.numel()
         ctx.mark_non_differentiable(solved)
-        return torch.as_tensor(np.where(found.solved, found.losses, np.nan), device=normal.device), solved
+        return torch.from_numpy(np.where(found.solved, found.losses, np.nan)).to(normal.device), solved
 
     @staticmethod
     def backward(ctx: Any, weight: Tensor, _: Tensor) -> tuple[Tensor | None, ...]:
@@ -156,8 +156,9 @@ class _PolytopeLoss(torch.autograd.Function):
             slope[own : own + 3],
             slope[own + 3 : -7].reshape(-1, 3),
             slope[-7:-1].reshape(2, 3),
+            slope[-1:].reshape(()),
         )
-        return (*(torch.as_tensor(piece).to(weight) for piece in (*pieces, slope[-1])), *[None] * 6)
+        return (*(torch.from_numpy(piece).to(weight) for piece in pieces), *[None] * 6)
 
 
 def _refuse_second_derivative() -> None:

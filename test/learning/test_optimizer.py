@@ -87,3 +87,13 @@ def test_a_gradient_that_is_not_finite_changes_nothing() -> None:
 def test_moments_that_do_not_fit_are_refused(moments: dict[str, torch.Tensor]) -> None:
     with pytest.raises(InvalidValueError, match="optimizer"):
         Optimizer(Toy(), toy_config()).restore(moments)
+
+
+def test_moments_after_different_numbers_of_steps_are_refused() -> None:
+    model = model_of(ModelKind.DEEP, Form.PHYSICAL)
+    optimizer = Optimizer(model, toy_config())
+    assert optimizer.minimize(torch.stack([value.sum() for value in model.parameters()]).sum(), 0)
+    moments = optimizer.moments()
+    moments["polytope.tilt/step"] = torch.tensor(5.0)
+    with pytest.raises(InvalidValueError, match="after as many steps"):
+        optimizer.restore(moments)
