@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from benchmarks._data import contactnets_folder
+from benchmarks._data import contactnets_folder, training_and_held_out
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.model import Model
@@ -32,15 +32,12 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.learning.bootstrap import BootstrapConfig, spread
 from contact_curation.learning.evaluation import EvaluationConfig, evaluate_model
-from contact_curation.learning.held_out import HeldOutRule, NumberedToss, Split, split, toss_number
 from contact_curation.learning.progress import TrainingState
 from contact_curation.learning.protocols import budgeted
 from contact_curation.learning.training import Training, rows_of
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
-from contact_curation.storage.inputs import open_inputs
 
-HELD_OUT = HeldOutRule(spans=((400, 569),))
 CRITERIA = ("random", "longest")
 
 
@@ -69,12 +66,6 @@ class Result:
     vertex_rms: float | None
     friction: float | None
     seconds: float
-
-
-def tosses_of(folder: Path) -> Split:
-    """Training and held-out tosses."""
-    found = [one for one in open_inputs([folder], CONTACTNETS_CUBE) if isinstance(one, Toss)]
-    return split([NumberedToss(one, toss_number(one, place)) for place, one in enumerate(found)], HELD_OUT)
 
 
 def chosen(tosses: Sequence[Toss], criterion: str, count: int, seed: int) -> list[Toss]:
@@ -110,7 +101,7 @@ def trained(case: tuple[str, str, int, int, Path]) -> Result:
     """Trains one model and judges it; in a process of its own."""
     kind, criterion, seed, count, folder = ModelKind(case[0]), *case[1:]
     torch.set_num_threads(1)
-    parts = tosses_of(folder)
+    parts = training_and_held_out(folder)
     data = transitions_of(chosen(parts.training, criterion, count, seed), CONTACTNETS_CUBE.length_scale)
     config = budgeted(kind)
     model = initial_model(kind, CONTACTNETS_CUBE, config.form, rows_of(data), np.random.default_rng(seed))
@@ -126,7 +117,7 @@ def trained(case: tuple[str, str, int, int, Path]) -> Result:
 def floor(folder: Path) -> Result:
     """The true cube."""
     true = PolytopeModel(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE, Form.PHYSICAL)
-    return judged(true, tosses_of(folder).held_out, ("true cube", "", 0), 0.0)
+    return judged(true, training_and_held_out(folder).held_out, ("true cube", "", 0), 0.0)
 
 
 def print_table(results: Sequence[Result], level: Result) -> None:

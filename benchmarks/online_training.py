@@ -20,21 +20,20 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._data import contactnets_folder
+from benchmarks._data import contactnets_folder, training_and_held_out
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel, initial_geometry
 from contact_curation.dashboard.learning_curves import Curve, save_learning_curves
 from contact_curation.learning.evaluation import EvaluationConfig, evaluate_model
-from contact_curation.learning.held_out import HeldOutRule, NumberedToss, split, toss_number
+from contact_curation.learning.held_out import toss_number
 from contact_curation.motion.toss import Toss
 from contact_curation.storage.checkpoint_file import save_model
 from contact_curation.storage.inputs import open_inputs
 from contact_curation.storage.tagslam_bag import import_contactnets
 from test.graph.graph import Graph, until
 
-HELD_OUT = HeldOutRule(spans=((400, 569),))
 POSITION, ROTATION, LOSS = "position error [% of width]", "rotation error [deg]", "held-out loss"
 
 
@@ -67,8 +66,7 @@ class Run:
 
 def folders(source: Path, into: Path) -> tuple[Path, Path]:
     """Links to what is played and to what is held out."""
-    tosses = [one for one in open_inputs([source], CONTACTNETS_CUBE) if isinstance(one, Toss)]
-    parts = split([NumberedToss(one, toss_number(one, place)) for place, one in enumerate(tosses)], HELD_OUT)
+    parts = training_and_held_out(source)
     made = []
     for name, chosen in (("played", parts.training), ("held_out", parts.held_out)):
         folder = into / name

@@ -64,10 +64,6 @@ class Calibration:
         """The bootstrap's deviation of a parameter over the sandwich's; 1 is perfect."""
         return self._ratio(name, "sandwich")
 
-    def cramer_rao_ratio(self, name: str) -> float:
-        """Likewise over the Cramer-Rao deviation."""
-        return self._ratio(name, "cramer_rao")
-
     def naive_ratio(self, name: str) -> float:
         """Likewise over the naive one."""
         return self._ratio(name, "naive")

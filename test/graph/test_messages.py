@@ -10,7 +10,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.stored_model import model_bytes
 from contact_curation.nodes.messages.headers import Stamped, stamped_of
-from contact_curation.nodes.messages.model_parameters import geometry_of_bytes, parameters_message
+from contact_curation.nodes.messages.model_parameters import bytes_of_geometry, geometry_of_bytes
 from contact_curation.nodes.messages.toss import toss_message, toss_of
 from contact_curation.nodes.messages.toss_information import information_message, information_of
 from contact_curation.nodes.scored_theta import ScoredTheta, scorer_of
@@ -63,7 +63,7 @@ def test_theta_comes_back_from_safetensors_bit_for_bit() -> None:
     theta = ContactGeometry(
         cube.vertices_normal * 1.01, cube.normal, cube.vertices_tangent, cube.tangents, np.array([0.1, 0.2, 0.3]), 0.02
     )
-    heard = geometry_of_bytes(bytes(parameters_message(theta, "cube", "v").safetensors))
+    heard = geometry_of_bytes(bytes(ModelParameters(safetensors=bytes_of_geometry(theta)).safetensors))
     for name in ("vertices_normal", "normal", "vertices_tangent", "tangents", "pivot", "height"):
         assert np.array_equal(getattr(heard, name), getattr(theta, name)), name
 

@@ -5,7 +5,6 @@ where the ground is not through the origin pivot (3) and height (1); all in char
 """
 
 import numpy as np
-from contact_curation_msgs.msg import ModelParameters
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
@@ -45,8 +44,3 @@ def bytes_of_geometry(geometry: ContactGeometry) -> bytes:
     """A polytope as safetensors bytes; `geometry_of_bytes` gives it back bit for bit."""
     arrays = {name: np.ascontiguousarray(getattr(geometry, name)) for name in (*REQUIRED, "pivot")}
     return bytes(save({**arrays, "height": np.array([geometry.height])}))
-
-
-def parameters_message(geometry: ContactGeometry, body: str, version: str) -> ModelParameters:
-    """A polytope as it is published."""
-    return ModelParameters(body=body, model=MODEL, version=version, safetensors=bytes_of_geometry(geometry))
