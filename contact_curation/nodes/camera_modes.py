@@ -24,9 +24,6 @@ from contact_curation.sim.tag_detection import DetectorConfig, TagDetector
 from contact_curation.sim.tracker_noise import TrackerNoise, TrackerNoiseConfig
 from contact_curation.storage.tagslam_bag import TagslamRig
 
-KEPT = 2000
-"""Frames that are there for whoever comes late."""
-
 IMAGES_KEPT = 5
 
 CAMERA_FRAME = "camera"
@@ -66,16 +63,19 @@ class TrackedPoses:
         rig: frames, the board in the map, deviations.
         noise: the tracker's faults.
         seed: of them.
+        history: so many poses are there for whoever comes late.
     """
 
-    def __init__(self, node: StageNode, body: str, rig: TagslamRig, noise: TrackerNoiseConfig, seed: int) -> None:
+    def __init__(
+        self, node: StageNode, body: str, rig: TagslamRig, noise: TrackerNoiseConfig, seed: int, *, history: int
+    ) -> None:
         self._noise = TrackerNoise(noise, seed)
         self._latency_ns = round(noise.latency * NANOSECONDS)
         self._rig = rig
         self._body_frame = f"body_{body}"
         self._board = Pose(np.array(rig.board.position), np.array(rig.board.orientation_wxyz))
         self._waiting: deque[tuple[int, Any]] = deque()
-        self._poses = node.create_publisher(Odometry, f"tagslam/odom/{self._body_frame}", kept(KEPT))
+        self._poses = node.create_publisher(Odometry, f"tagslam/odom/{self._body_frame}", kept(history))
         self._static = node.create_publisher(TFMessage, "/tf_static", kept(1))
         self._static.publish(static_transform_message(Stamped(0, rig.map_frame), rig.board_frame, self._board))
 
@@ -112,6 +112,7 @@ class RenderedTags:
         camera: that sees them.
         detector: of the tags.
         seed: of the pixels' noise.
+        history: the detections of so many images are there for whoever comes late.
         images: publish the images too.
     """
 
@@ -124,13 +125,14 @@ class RenderedTags:
         detector: DetectorConfig,
         seed: int,
         *,
+        history: int,
         images: bool,
     ) -> None:
         self._scene = body, rig, camera
         self._seed = seed
         self._view: CameraView | None = None
         self._detector = TagDetector(detector)
-        self._detections = node.create_publisher(AprilTagDetectionArray, "detections", kept(KEPT))
+        self._detections = node.create_publisher(AprilTagDetectionArray, "detections", kept(history))
         self._camera_info = node.create_publisher(CameraInfo, "camera_info", kept(1))
         self._images = node.create_publisher(ImageMessage, "image", kept(IMAGES_KEPT)) if images else None
 

@@ -2,6 +2,8 @@
 
 In mode `poses` that is TagSLAM's Odometry with a tracker's faults; in mode `rendered` images are rendered, and the tags that
 the AprilTag library finds in them are published. Stamps are those of the ground truth, however long rendering takes.
+
+The last ones stay there for whoever comes late (`history`): a `pose_ingest` that was killed gets again what it missed.
 """
 
 import sys
@@ -16,7 +18,7 @@ from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.tag_rig import rig_of
 from contact_curation.motion.pose_stream import BadPose
 from contact_curation.nodes.body_parameter import declared_body
-from contact_curation.nodes.camera_modes import KEPT, RenderedTags, Sight, TrackedPoses, TrueFrame
+from contact_curation.nodes.camera_modes import RenderedTags, Sight, TrackedPoses, TrueFrame
 from contact_curation.nodes.complaints import Complaints
 from contact_curation.nodes.door import StageNode, run
 from contact_curation.nodes.health import Health, HealthReport, Rate
@@ -29,6 +31,9 @@ from contact_curation.sim.tracker_noise import TrackerNoiseConfig
 from contact_curation.storage.pose_messages import ODOMETRY, measured_pose
 from contact_curation.storage.tag_map_file import read_tag_rig
 from contact_curation.storage.tagslam_bag import TagslamRig
+
+TRUTH_KEPT = 2000
+"""Frames of the ground truth that may wait until they are taken."""
 
 SILENCE = 0.2
 """After so long [s] without a frame, what waits for its latency is told."""
@@ -45,7 +50,7 @@ class SimCamera(StageNode):
         self._received, self._told, self._before = Rate(), 0, 0
         self._sight = self._declared_sight()
         self._worker = Worker(self.fail)
-        self.create_subscription(Odometry, "ground_truth", self._arrived, profile(KEPT, reliable=True, latched=False))
+        self.create_subscription(Odometry, "ground_truth", self._arrived, profile(TRUTH_KEPT, reliable=True, latched=False))
         self.create_timer(SILENCE, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         HealthReport(self, self._health)
 
@@ -60,16 +65,17 @@ class SimCamera(StageNode):
         tag_map = declare(
             self, "tag_map", "", "YAML file with the tags; empty: one on each of the body's faces, seven on the board"
         )
+        history = declare(self, "history", 4096, "poses or detections kept for late subscribers", bounds=(1, 1 << 20))
         images = declare(self, "images", False, "publish rendered images too")
         noise = declare_config(self, TrackerNoiseConfig(), "noise.")
         camera, detector = declare_config(self, CameraConfig(), "camera."), declare_config(self, DetectorConfig(), "detector.")
         if mode == "poses":
-            return TrackedPoses(self, self._body.name, TagslamRig(board_frame=board_frame), noise, seed)
+            return TrackedPoses(self, self._body.name, TagslamRig(board_frame=board_frame), noise, seed, history=history)
         if tag_map:
             rig = read_tag_rig(Path(tag_map), self._body_frame, board_frame)
         else:
             rig = rig_of(self._body.polytope, self._body_frame, board_frame)
-        return RenderedTags(self, self._body, rig, camera, detector, seed, images=images)
+        return RenderedTags(self, self._body, rig, camera, detector, seed, history=history, images=images)
 
     def _arrived(self, message: Any) -> None:
         self._received.count += 1

@@ -1,18 +1,27 @@
 """What a tracker makes of true poses: white noise, outliers, losses, and a delay.
 
 The white noise has the size of the real tosses' second differences in the air: 0.022 mm and 0.024 degrees per axis (METHOD 3;
-the tests hold it against them). The other faults are off by default: of the real rig only the kept tosses are known. Each
-frame's noise hangs on the seed and the frame's stamp alone.
+the tests hold it against them). The other faults are off by default: of the real rig only the kept tosses are known. What
+is said of an instant hangs on the seed and its stamp alone, so that a tracker that is started again says the same of it.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.toss import NANOSECONDS
+
+BLOCK = 1024
+"""Frames whose losses are drawn together."""
+
+LONGEST_MEAN = 128.0
+"""[frames] A loss ends within the block after its own, which one of so many frames on average practically always does."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +36,7 @@ class TrackerNoiseConfig:
         spike_turn: likewise [rad].
         dropout_rate: share of the seen frames with which a loss of the tags begins.
         dropout_frames: how many frames a loss lasts, on average.
+        frame_period: time between those frames [s]; others count by the time that they are in.
         latency: from a frame's stamp until its pose is told [s].
     """
 
@@ -37,6 +47,7 @@ class TrackerNoiseConfig:
     spike_turn: float = 0.3
     dropout_rate: float = 0.0
     dropout_frames: float = 3.0
+    frame_period: float = 1.0 / 148.0
     latency: float = 0.0
 
     def __post_init__(self) -> None:
@@ -46,12 +57,14 @@ class TrackerNoiseConfig:
         for name in ("spike_rate", "dropout_rate"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise InvalidValueError(name, getattr(self, name), "a share from 0 to 1")
-        if not (np.isfinite(self.dropout_frames) and self.dropout_frames >= 1.0):
-            raise InvalidValueError("dropout_frames", self.dropout_frames, "1 or more")
+        if not 1.0 <= self.dropout_frames <= LONGEST_MEAN:
+            raise InvalidValueError("dropout_frames", self.dropout_frames, f"1 to {LONGEST_MEAN:g}")
+        if not (np.isfinite(self.frame_period) and round(self.frame_period * NANOSECONDS) > 0):
+            raise InvalidValueError("frame_period", self.frame_period, "a nanosecond or more")
 
 
 class TrackerNoise:
-    """A tracker of one body; remembers only how long a loss goes on.
+    """A tracker of one body.
 
     Args:
         config: its faults.
@@ -61,20 +74,35 @@ class TrackerNoise:
     def __init__(self, config: TrackerNoiseConfig, seed: int) -> None:
         self.config = config
         self._seed = seed
-        self._lost = 0
+        self._period_ns = round(config.frame_period * NANOSECONDS)
+        self._losses_of = lru_cache(maxsize=2)(self._losses) if config.dropout_rate else None
 
     def seen(self, stamp_ns: int, pose: Pose) -> Pose | None:
         """What the tracker makes of a frame; None where it has lost the body."""
+        if self._lost(stamp_ns):
+            return None
         config, rng = self.config, np.random.default_rng([self._seed, stamp_ns])
         white, far = rng.standard_normal((2, 3)), rng.standard_normal((2, 3))
-        begins, spikes = rng.random(2) < (config.dropout_rate, config.spike_rate)
-        if self._lost == 0 and begins:
-            self._lost = int(rng.geometric(1.0 / config.dropout_frames))
-        if self._lost > 0:
-            self._lost -= 1
-            return None
+        spikes = rng.random() < config.spike_rate
         sizes = np.array([[config.position], [config.turn]])
         return _moved(pose, sizes * white + spikes * np.array([[config.spike_position], [config.spike_turn]]) * far)
+
+    def _lost(self, stamp_ns: int) -> bool:
+        if self._losses_of is None:
+            return False
+        block, frame = divmod(stamp_ns // self._period_ns, BLOCK)
+        return bool(self._losses_of(block)[frame] or (block > 0 and self._losses_of(block - 1)[BLOCK + frame]))
+
+    def _losses(self, block: int) -> NDArray[np.bool_]:
+        """Frames (2 BLOCK,) of a block and the next one that are in a loss which began in this block."""
+        rng = np.random.default_rng([self._seed, block, BLOCK])
+        begins = rng.random(BLOCK) < self.config.dropout_rate
+        lengths = rng.geometric(1.0 / self.config.dropout_frames, BLOCK)
+        lost = np.zeros(2 * BLOCK, dtype=bool)
+        for frame in np.flatnonzero(begins):
+            if not lost[frame]:
+                lost[frame : frame + lengths[frame]] = True
+        return lost
 
 
 def _moved(pose: Pose, off: Array) -> Pose:

@@ -1,6 +1,7 @@
 """sim_camera tells of a true pose what a tracker, or a camera with a detector, would."""
 
 import math
+import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,6 +17,7 @@ from contact_curation.geometry import quaternions
 from contact_curation.geometry.poses import Pose
 from contact_curation.motion.body_tracker import BodyPose, BodyTracker, TrackerConfig
 from contact_curation.nodes.messages.headers import Stamped
+from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.tracked import odometry_message
 from contact_curation.nodes.qos import profile
 from contact_curation.storage.pose_messages import ODOMETRY, measured_pose, measured_transforms
@@ -101,6 +103,35 @@ def test_a_bad_ground_truth_is_left_out_and_counted(graph: Graph) -> None:
     graph.until(lambda: heard, LONG, "the sound frame")
     assert len(heard) == 1
     assert "expected finite numbers" in node.log()
+
+
+@pytest.mark.slow
+def test_a_pose_ingest_that_is_killed_in_mid_throw_hears_from_the_camera_what_it_missed(graph: Graph) -> None:
+    """Beside one that was left in peace, under the same name of the source."""
+    ingest: dict[str, Any] = {"topic": "/tagslam/odom/body_cube", "source": "camera"}
+    calm, killed = graph.tosses("/calm/toss"), graph.tosses("/toss")
+    rejected = graph.rejected()
+    graph.start("sim_camera", seed=4)
+    graph.start("pose_ingest", {"__ns": "/calm"}, "calm", **ingest)
+    first = graph.start("pose_ingest", **ingest)
+    frames = [(one.stamp_ns, one.true) for one in tagged_tosses(3)]
+    middle = len(frames) // 2
+    truth = ground_truth(graph)
+    graph.until(lambda: graph.listener.node.count_subscribers("/tagslam/odom/body_cube") == 2, LONG, "two of pose_ingest")
+    for frame in frames[:middle]:
+        tell(truth, [frame])
+        time.sleep(0.003)
+    graph.until(lambda: len(killed) >= 1, LONG, "the first toss")
+    first.kill()
+    tell(truth, frames[middle : middle + 40])
+    graph.start("pose_ingest", **ingest)
+    for frame in frames[middle + 40 :]:
+        tell(truth, [frame])
+        time.sleep(0.003)
+    graph.until(lambda: len(calm) == 3 and len({one.toss_id for one in killed}) == 3, LONG, "the tosses")
+    assert not rejected
+    expected = {one.toss_id: toss_of(one).digest() for one in calm}
+    assert {one.toss_id: toss_of(one).digest() for one in killed} == expected
 
 
 @pytest.mark.slow

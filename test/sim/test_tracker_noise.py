@@ -9,18 +9,19 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.quaternions import Array
-from contact_curation.sim.tracker_noise import TrackerNoise, TrackerNoiseConfig
+from contact_curation.sim.tracker_noise import BLOCK, TrackerNoise, TrackerNoiseConfig
 from test.simulated import RIG_NOISE
 
 TRUE = Pose(np.array([0.1, -0.2, 0.3]), quaternions.normalized([0.8, 0.3, -0.4, 0.2]))
 NONE = TrackerNoiseConfig(position=0.0, turn=0.0)
 FRAMES = 4000
+PERIOD_NS = round(TrackerNoiseConfig().frame_period * 1e9)
 
 
 def errors_of(config: TrackerNoiseConfig, seed: int = 0, frames: int = FRAMES) -> list[Array | None]:
     """Per frame the position's error [m] and the turn's about the body's axes [rad] (6,); None where it is lost."""
     tracker = TrackerNoise(config, seed)
-    found = [tracker.seen(stamp_ns, TRUE) for stamp_ns in range(frames)]
+    found = [tracker.seen(stamp_ns, TRUE) for stamp_ns in range(0, frames * PERIOD_NS, PERIOD_NS)]
     return [None if pose is None else _error(pose) for pose in found]
 
 
@@ -54,12 +55,33 @@ def test_without_faults_poses_come_as_they_are() -> None:
 
 def test_noise_hangs_on_seed_and_stamp_alone() -> None:
     config = TrackerNoiseConfig()
-    late = TrackerNoise(config, 5).seen(77, TRUE)
+    late = TrackerNoise(config, 5).seen(77 * PERIOD_NS, TRUE)
     assert late is not None
     np.testing.assert_array_equal(_error(late), errors_of(config, seed=5, frames=78)[77])
-    other = TrackerNoise(config, 6).seen(77, TRUE)
+    other = TrackerNoise(config, 6).seen(77 * PERIOD_NS, TRUE)
     assert other is not None
     assert not np.array_equal(other.position, late.position)
+
+
+def test_a_tracker_that_is_started_again_says_the_same_of_every_instant() -> None:
+    config = TrackerNoiseConfig(spike_rate=0.05, dropout_rate=0.03, dropout_frames=40.0)
+    whole = errors_of(config, seed=2, frames=2500)
+    assert any(one is None for one in whole)
+    for frame in np.random.default_rng(0).permutation(2500)[:400].tolist():
+        pose = TrackerNoise(config, 2).seen(frame * PERIOD_NS, TRUE)
+        assert (pose is None) == (whole[frame] is None)
+        if pose is not None:
+            np.testing.assert_array_equal(_error(pose), whole[frame])
+
+
+def test_losses_go_on_from_one_block_of_frames_into_the_next() -> None:
+    config = replace(NONE, dropout_rate=0.02, dropout_frames=100.0)
+    across = 0
+    for seed in range(20):
+        tracker = TrackerNoise(config, seed)
+        before, after = (tracker.seen(frame * PERIOD_NS, TRUE) for frame in (BLOCK - 1, BLOCK))
+        across += before is None and after is None
+    assert across > 5  # two thirds of the time is lost
 
 
 @pytest.mark.parametrize(
@@ -70,6 +92,8 @@ def test_noise_hangs_on_seed_and_stamp_alone() -> None:
         ("spike_rate", 1.1),
         ("dropout_rate", -0.1),
         ("dropout_frames", 0.5),
+        ("dropout_frames", 1e4),
+        ("frame_period", 0.0),
         ("latency", -1.0),
     ],
 )
