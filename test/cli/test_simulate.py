@@ -81,3 +81,16 @@ def test_throws_of_another_body_and_files_without_throws_are_one_line(cli: Cli, 
     outcome = cli("simulate", path, "--out", tmp_path / "b.mcap")
     assert (outcome.status, len(outcome.err_lines)) == (1, 1)
     assert "holds no throws" in outcome.err
+
+
+def test_bags_of_other_throws_have_tosses_of_other_ids(cli: Cli, throws: Path, tmp_path: Path) -> None:
+    others = tmp_path / "others.json"
+    write_throws(others, [throw_of_state("throw-0", "cube", STATES[0]), throw_of_state("throw-1", "cube", STATES[2])])
+    ids = []
+    for number, file in enumerate((throws, others, others)):
+        assert cli("simulate", file, "--out", tmp_path / f"{number}.mcap").status == 0
+        manifest = tmp_path / f"{number}.json"
+        assert cli("rank", tmp_path / f"{number}.mcap", "--no-figure", "--out", manifest).status == 0
+        ids.append({row["toss_id"] for row in json.loads(manifest.read_text())["tosses"]})
+    assert not ids[0] & ids[1]
+    assert ids[1] == ids[2]

@@ -1,0 +1,76 @@
+"""The commands of the documentation, copied from it and run: README.md and docs/tutorial.md.
+
+Commands stand in fenced blocks that begin with ```sh. A block marked `background` has a terminal of its own and runs until the
+end; one marked `ros2` needs a full ROS 2, which the package index does not have.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from contact_curation.storage.state_store import StateStore
+from test.conftest import REPOSITORY
+
+BLOCK = re.compile(r"^```(sh[^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+FROM_TERMINAL_TO_TERMINAL = 8
+"""[s] that a person takes at least, and a node has to come up."""
+
+RUN_ELSEWHERE = {
+    "make demo": "test/cli/test_demo.py",
+    "make test": "this is one of its tests",
+    "sudo apt install": "system packages",
+    "rosdep install": "test/packaging/test_colcon_build.py",
+}
+"""Beginnings of README's blocks, and what runs them."""
+
+
+def blocks(page: str) -> list[tuple[str, str]]:
+    """How each block of a page is marked, and its commands."""
+    return [(mark.removeprefix("sh").strip(), text) for mark, text in BLOCK.findall((REPOSITORY / page).read_text())]
+
+
+def script(page: str) -> str:
+    """One script of all blocks, which ends what is left in the background."""
+    lines = ["set -euo pipefail", "trap 'jobs -p | xargs -r kill -INT; wait' EXIT"]
+    waiting = False
+    for number, (mark, text) in enumerate(blocks(page)):
+        if mark == "background":
+            lines.append(f"({text.strip()}) > terminal_{number}.log 2>&1 &")
+            waiting = True
+        elif not mark:
+            lines += [f"sleep {FROM_TERMINAL_TO_TERMINAL}"] if waiting else []
+            lines.append(text)
+            waiting = False
+    return "\n".join(lines)
+
+
+def test_every_block_is_marked_as_one_that_a_test_knows() -> None:
+    assert {mark for mark, _ in blocks("docs/tutorial.md")} == {"", "background", "ros2"}
+
+
+@pytest.mark.parametrize("text", [text for _, text in blocks("README.md")])
+def test_every_command_of_the_readme_is_run_by_some_test(text: str) -> None:
+    place = next(found for beginning, found in RUN_ELSEWHERE.items() if text.startswith(beginning))
+    assert not place.endswith(".py") or (REPOSITORY / place).is_file()
+
+
+@pytest.mark.slow
+def test_the_tutorials_commands_run_as_they_are_written(tmp_path: Path) -> None:
+    environment = {**os.environ, "HOME": str(tmp_path), "ROS_DOMAIN_ID": "77", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    environment["PATH"] = f"{Path(sys.executable).parent}:{environment['PATH']}"
+    done = subprocess.run(
+        ["bash", "-c", script("docs/tutorial.md")],
+        cwd=REPOSITORY, env=environment, capture_output=True, text=True, timeout=600, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    made = tmp_path / "brick"
+    for name in ("manifest.csv", "manifest_2.csv", "motion.png", "brick.safetensors", "next.json"):
+        assert (made / name).is_file(), name
+    with StateStore(made / "buffer.sqlite.state") as state:
+        assert len(json.loads(state.load("buffer") or b"{}")["kept"]) == 8
