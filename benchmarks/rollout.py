@@ -1,6 +1,7 @@
 """Rolls motions out from the first state of every real toss, with every model and with MuJoCo: how fast, and how far from it.
 
-The errors are those of METHOD 1.11, the solver is that of 4.2. The polytope is the true cube; the networks have their published
+The errors are those of METHOD 1.11, the solver is that of 4.2. MuJoCo's world is the one that `sim_arm` and `simulate` use, and
+once more with MuJoCo's own softness of contacts ("its own"). The polytope is the true cube; the networks have their published
 size and random initialisation, for their time does not depend on what they learned. torch works on one thread. The tosses are
 found through CONTACTNETS_DATA.
 
@@ -33,6 +34,7 @@ from contact_curation.contact.time_step import StepStatus, SweepLimits
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.motion_errors import motion_errors
 from contact_curation.sim.free_motion import free_motion
+from contact_curation.sim.world import DEFAULT_WORLD, MUJOCO_DEFAULTS, WorldConfig
 
 DT = 1.0 / 148.0
 FRICTIONS = (0.10, 0.15, 0.18, 0.22, 0.30)
@@ -85,7 +87,8 @@ def main() -> int:
     timings.append(mujoco_timing(tosses, arguments.repeats))
     frames = np.concatenate(tosses)
     accuracies = [accuracy(tosses, "ours", friction, replay(tosses, friction).states) for friction in FRICTIONS]
-    accuracies += [accuracy(tosses, "MuJoCo", CONTACTNETS_CUBE.friction, moved_by_mujoco(tosses))]
+    for engine, world in (("MuJoCo", DEFAULT_WORLD), ("its own", MUJOCO_DEFAULTS)):
+        accuracies += [accuracy(tosses, engine, CONTACTNETS_CUBE.friction, moved_by_mujoco(tosses, world))]
     accuracies += [accuracy(tosses, "the data", CONTACTNETS_CUBE.friction, frames)]
     if arguments.json:
         rows = {"timings": [asdict(row) for row in timings], "accuracies": [asdict(row) for row in accuracies]}
@@ -142,9 +145,9 @@ def mujoco_timing(tosses: list[Array], repeats: int) -> Timing:
     return timing(tosses, "MuJoCo", 1, None, repeats, partial(moved_by_mujoco, tosses))
 
 
-def moved_by_mujoco(tosses: list[Array]) -> Array:
+def moved_by_mujoco(tosses: list[Array], world: WorldConfig = DEFAULT_WORLD) -> Array:
     """All tosses' motions (N, 13) in half-widths."""
-    moved = [free_motion(CONTACTNETS_CUBE, toss[0] * SCALES, len(toss), DT) for toss in tosses]
+    moved = [free_motion(CONTACTNETS_CUBE, toss[0] * SCALES, len(toss), DT, world) for toss in tosses]
     return np.asarray(np.concatenate(moved) / SCALES)
 
 

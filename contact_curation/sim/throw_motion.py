@@ -23,11 +23,12 @@ from contact_curation.sim.arm_grasps import Grasps, grasps_of
 from contact_curation.sim.arm_kinematics import FLANGE, postures_of
 from contact_curation.sim.arm_path import DEFAULT_RAMP, JointPath, RampConfig, moving, slowing_down, speeding_up
 from contact_curation.sim.arm_postures import DEFAULT_SEARCH, Candidate, PostureSearch, SearchConfig, Target, pad_targets
+from contact_curation.sim.world import DEFAULT_WORLD
 
 FRAME_PERIOD = 1.0 / 148.0
 """Of trackers like ContactNets' [s]."""
 
-STEPS_PER_FRAME = 7
+STEPS_PER_FRAME = DEFAULT_WORLD.steps_in(FRAME_PERIOD)
 STEP = FRAME_PERIOD / STEPS_PER_FRAME
 """Of control and simulation: 1036 Hz; the real arm is commanded at 1 kHz [s]."""
 

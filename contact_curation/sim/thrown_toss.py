@@ -11,10 +11,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.toss import NANOSECONDS, Toss, toss_identity
 from contact_curation.sim.free_motion import free_motion
-from contact_curation.sim.world import WorldConfig
-
-FIRM_WORLD = WorldConfig(longest_step=0.001, contact_time=0.006)
-"""Contacts firm enough that no corner sinks deeper than those of the real tosses, which the gates let pass."""
+from contact_curation.sim.world import DEFAULT_WORLD, WorldConfig
 
 
 @dataclass(frozen=True)
@@ -35,7 +32,7 @@ class ThrownTossConfig:
     rest_displacement: float = 1e-5
     rest_turn: float = 1e-3
     rest_frames: int = 12
-    world: WorldConfig = FIRM_WORLD
+    world: WorldConfig = DEFAULT_WORLD
 
 
 DEFAULT_THROWN = ThrownTossConfig()

@@ -13,21 +13,21 @@ import numpy as np
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
 
-SOFT_CONTACT = 0.02
-"""MuJoCo's time constant of contacts [s]: with it a cube sinks 6 to 10 mm into the board where it lands."""
-
 
 @dataclass(frozen=True)
 class WorldConfig:
-    """How finely the world moves.
+    """How finely the world moves. The defaults hold for every world here: thrown by the arm, or replayed from a release.
+
+    With MuJoCo's own time constant of 20 ms a cube sinks 6 to 10 mm into the board where it lands, further than any real one;
+    with 6 ms it sinks 1 to 4 mm, and comes as near to the real tosses (`python -m benchmarks.rollout`).
 
     Attributes:
         longest_step: frames are cut into equal steps of at most this [s].
         contact_time: time constant in which contacts push bodies apart [s]; MuJoCo takes no less than two steps.
     """
 
-    longest_step: float = 0.0035
-    contact_time: float = SOFT_CONTACT
+    longest_step: float = 0.001
+    contact_time: float = 0.006
 
     def __post_init__(self) -> None:
         for name in ("longest_step", "contact_time"):
@@ -41,8 +41,11 @@ class WorldConfig:
 
 DEFAULT_WORLD = WorldConfig()
 
+MUJOCO_DEFAULTS = WorldConfig(longest_step=0.0035, contact_time=0.02)
+"""As METHOD 1.11 had it: MuJoCo's own softness, at two steps a frame."""
 
-def world_of(body: Body, step: float, contact_time: float = SOFT_CONTACT) -> mujoco.MjSpec:
+
+def world_of(body: Body, step: float, contact_time: float = DEFAULT_WORLD.contact_time) -> mujoco.MjSpec:
     """A board, the plane z = 0, and a body that moves freely over it, everything else as MuJoCo has it by default.
 
     The friction cone is the elliptic one: for isotropic friction a disk, while the default pyramid lies inside of it and would

@@ -14,8 +14,10 @@ from contact_curation.sim.arm_kinematics import postures_of
 from contact_curation.sim.arm_limits import FR3_LIMITS
 from contact_curation.sim.arm_path import DEFAULT_RAMP, JointPath, moving, ramp_way, slowing_down, speeding_up
 from contact_curation.sim.arm_postures import least_speeds
+from contact_curation.sim.free_motion import free_motion
 from contact_curation.sim.safety import GateConfig
-from contact_curation.sim.throw_motion import STEP
+from contact_curation.sim.throw_motion import FRAME_PERIOD, STEP, STEPS_PER_FRAME
+from test.simulated import release_states
 
 OCTAHEDRON = 0.06 * np.concatenate([np.eye(3), -np.eye(3)])
 WEDGE = np.array([[x, y, z] for x in (-0.04, 0.04) for y, z in ((-0.05, -0.02), (0.05, -0.02), (-0.05, 0.05))])
@@ -46,6 +48,22 @@ def test_stretched_upwards_the_flange_is_where_the_data_sheet_has_it() -> None:
     stretched = postures_of(np.zeros((1, 7)), 0.0)
     np.testing.assert_allclose(stretched.places[0], [0.088, 0.0, 0.333 + 0.316 + 0.384 - 0.107], atol=1e-12)
     np.testing.assert_allclose(stretched.frames[0][:, 2], [0.0, 0.0, -1.0], atol=1e-12)
+
+
+def test_a_body_beside_the_arm_moves_as_it_does_where_real_tosses_are_replayed() -> None:
+    model = free_model(CONTACTNETS_CUBE, DEFAULT_ARM, STEP)
+    for release in release_states(3, np.random.default_rng(7)):
+        alone = free_motion(CONTACTNETS_CUBE, release, 90, FRAME_PERIOD)
+        data = mujoco.MjData(model)
+        data.qpos[:7], data.qvel[:6], seen = release[:7], release[7:], [release]
+        for _ in alone[1:]:
+            for _ in range(STEPS_PER_FRAME):
+                data.qpos[7:], data.qvel[6:] = DEFAULT_ARM.home_posture, 0.0
+                mujoco.mj_step(model, data)
+            seen.append(np.concatenate([data.qpos[:7], data.qvel[:6]]))
+        assert np.abs(alone[:, 2]).min() < 0.06  # it has been on the board
+        np.testing.assert_allclose(np.array(seen)[:, :3], alone[:, :3], atol=1e-5)
+        np.testing.assert_allclose(np.array(seen)[:, 7:10], alone[:, 7:10], atol=1e-3)
 
 
 def test_the_models_have_the_published_limits_and_masses() -> None:

@@ -37,7 +37,7 @@ def state_of(position: list[float], velocity: list[float], orientation: Array = 
 
 def test_a_free_flight_is_the_one_of_the_textbook() -> None:
     release = release_states(1, np.random.default_rng(1))[0] + np.array([0, 0, 10.0, *10 * [0]])
-    states, step = free_motion(CONTACTNETS_CUBE, release, 100, FRAME_PERIOD), FRAME_PERIOD / 2
+    states, step = free_motion(CONTACTNETS_CUBE, release, 100, FRAME_PERIOD), FRAME_PERIOD / 7
     time = FRAME_PERIOD * np.arange(100)[:, None]
     fall = 0.5 * GRAVITY * time * (time + step) * np.array([0.0, 0.0, 1.0])  # semi-implicit: a step's velocity is its last
     np.testing.assert_allclose(states[:, :3], release[:3] + time * release[7:10] - fall, atol=1e-9)
@@ -82,9 +82,9 @@ def test_our_rollouts_and_the_engine_move_alike_but_for_soft_contacts() -> None:
     scales, geometry = length_scales(CONTACTNETS_CUBE), ContactGeometry.of_body(CONTACTNETS_CUBE)
     ours = rollout(geometry, CONTACTNETS_CUBE, releases / scales, frames, FRAME_PERIOD)
     errors = motion_errors(theirs / scales, ours.states, ours.starts, CONTACTNETS_CUBE)
-    assert errors.position.mean() < 12.0
+    assert errors.position.mean() < 14.0
     assert errors.rotation.mean() < 6.0
-    assert 0.0 < errors.penetration.mean() < 1.0
+    assert 0.0 < errors.penetration.mean() < 0.15
 
 
 def test_the_same_release_gives_the_same_motion_and_the_first_row_is_the_release() -> None:
