@@ -7,6 +7,7 @@ heartbeat fails; either latches until it is armed again.
 
 import sys
 import threading
+from pathlib import Path
 from typing import Any
 
 from contact_curation_msgs.action import ExecuteThrow
@@ -32,6 +33,7 @@ from contact_curation.nodes.messages.headers import Stamped, time_message
 from contact_curation.nodes.messages.throw import throw_message, throw_of
 from contact_curation.nodes.parameters import declare, declare_config
 from contact_curation.nodes.qos import profile
+from contact_curation.nodes.simulated_time import SimulatedTime
 from contact_curation.nodes.worker import Worker
 from contact_curation.sim.arm import ArmConfig
 from contact_curation.sim.arm_feasibility import ArmFeasibility
@@ -75,13 +77,16 @@ class SimArm(StageNode):
         self._clock_hertz = declare(self, "clock", 0.0, "rate of /clock in simulated time [Hz]; 0: none", bounds=(0.0, 148.0))
         self._board_frame = declare(self, "board_frame", "body_surface", "frame of the board")
         epoch = declare(self, "epoch", 0.0, "time at which the simulation begins [s]; 0: now", bounds=(0.0, 4e9))
+        about_state = "file that remembers how far time got, so that it never goes back after a restart; empty: none"
+        state = declare(self, "state", "", about_state)
         self._arm_first = declare(self, "armed", False, "be armed with the first heartbeat, without a call of ~/arm")
         outside = declare(self, "external_heartbeat", False, "beat on topic ~/heartbeat (std_msgs/Empty), not the node itself")
         seed = declare(self, "seed", 0, "of the gripper's delays", bounds=(0, 2**31))
         arm, control = declare_config(self, ArmConfig(), "arm."), declare_config(self, ControlConfig(), "control.")
         limits = declare_config(self, GateConfig(keep_out_place=(arm.base[0], arm.base[1])), "gate.")
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._epoch_ns = round(epoch * NANOSECONDS) or self.get_clock().now().nanoseconds
+        epoch_ns = round(epoch * NANOSECONDS) or self.get_clock().now().nanoseconds
+        self._simulated = SimulatedTime(Path(state) if state else None, epoch_ns)
         self._gate = SafetyGate(limits)
         self._stage = ArmStage(ArmFeasibility(ThrowPlanner(self._body, arm), limits), self._gate, control, seed)
         self._complaints = Complaints(self)
@@ -105,6 +110,7 @@ class SimArm(StageNode):
         self._ended = True
         self._wake.set()
         self._worker.stop()
+        self._simulated.close()
         self._server.destroy()
 
     def _publish(self) -> None:
@@ -190,7 +196,7 @@ class SimArm(StageNode):
 
     def _tell(self, frame: ArmFrame) -> None:
         self._frames += 1
-        stamped = Stamped(self._stamp(frame.time), self._board_frame)
+        stamped = Stamped(self._simulated.stamp_ns(frame.time), self._board_frame)
         self._joints.publish(joint_state_message(frame, stamped.stamp_ns))
         self._truth.publish(truth_message(frame, stamped, self._body.name))
         self._tell_time(frame)
@@ -200,7 +206,7 @@ class SimArm(StageNode):
 
     def _tell_time(self, frame: ArmFrame) -> None:
         if self._time is not None and self._frames % max(round(148.0 / self._clock_hertz), 1) == 0:
-            self._time.publish(ClockMessage(clock=time_message(self._stamp(frame.time))))
+            self._time.publish(ClockMessage(clock=time_message(self._simulated.stamp_ns(frame.time))))
 
     def _feedback(self, phase: str, progress: float) -> None:
         handle = self._goal
@@ -241,7 +247,9 @@ class SimArm(StageNode):
             return result
         result.success, result.message = ending.success, ending.message
         if ending.executed is not None:
-            result.executed = throw_message(ending.executed, Stamped(self._stamp(ending.released_at), self._board_frame))
+            result.executed = throw_message(
+                ending.executed, Stamped(self._simulated.stamp_ns(ending.released_at), self._board_frame)
+            )
         if ending.success:
             handle.succeed()
         elif handle.is_cancel_requested:
@@ -249,9 +257,6 @@ class SimArm(StageNode):
         else:
             handle.abort()
         return result
-
-    def _stamp(self, time: float) -> int:
-        return int(self._epoch_ns) + round(time * NANOSECONDS)
 
     def _now(self) -> float:
         return float(self._steady.now().nanoseconds) / NANOSECONDS
