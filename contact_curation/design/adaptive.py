@@ -6,13 +6,14 @@ the loop's health: far below 1 the model, the thrower or the tracker is not what
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from contact_curation.design.execution_noise import ExecutionNoise
 from contact_curation.design.planner import Plan, Planner
 from contact_curation.design.planning import gains
+from contact_curation.design.releases import Releases
 from contact_curation.design.throw import Throw
 from contact_curation.information.record import TossInformation
 
@@ -78,6 +79,12 @@ class AdaptiveDesign:
         """A throw was made, in this way."""
         self._throws.append((commanded, executed))
         self._learn()
+
+    def forecast(self, throw: Throw) -> Throw:
+        """A throw that was planned elsewhere, with the gain that is expected of it here and now."""
+        candidate = self._planner.outlook.candidates(Releases.of_states(throw.release[None]))
+        gain = float(gains(self._known, candidate.fishers)[0])
+        return replace(throw, expected_information=gain, parameters_version=self._planner.version)
 
     def add(self, throw: Throw, realised: Sequence[TossInformation]) -> Realised:
         """A throw's toss was scored; what it taught is known from now on.

@@ -1,40 +1,41 @@
 """Designing that may be killed at any time: what was thrown is on disk, and the next throw follows from that and what is known.
 
 Until the canary trusts theta, throws are spread over first impacts (`design.warm_up`); from then on they are what is expected
-to teach most, given the kept tosses and the tosses of its own throws. A throw that was under way when the designer died counts
-as lost: whether it was made is not known, and its toss, if there is one, is kept and known like any other.
+to teach most, given the kept tosses and the tosses of its own throws. While everything is scored again at a new theta, throws
+are planned at the one before, at which everything is known.
 """
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.evaluation import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.design.adaptive import AdaptiveDesign, Realised, overall_ratio
+from contact_curation.design.adaptive import AdaptiveDesign, overall_ratio
 from contact_curation.design.canary import CanaryConfig, distrust
 from contact_curation.design.particle import Particle
 from contact_curation.design.planner import DesignConfig, Planner
 from contact_curation.design.safety_set import Feasible
 from contact_curation.design.throw import Throw
 from contact_curation.design.throw_prior import PUBLISHED_PRIOR, ReleasePrior
+from contact_curation.design.throw_report import ThrowReport
 from contact_curation.design.warm_up_plan import warm_up_plan
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
 from contact_curation.nodes.messages.model_parameters import bytes_of_geometry, geometry_of_bytes
+from contact_curation.nodes.throw_log import Made, Proposal, ThrowLog
 from contact_curation.storage.state_store import StateStore
 
-THETA, SCORES, THROWS, BEGUN = "theta", "reference scores", "throws", "begun"
+THETA, SCORES = "theta", "reference scores"
 
 ONE_THREAD = replace(DEFAULT_LOSS, threads=1)
 """The nodes of a graph share the processors."""
 
-VERSIONS_KEPT = 2
-"""Thetas whose information is kept in memory."""
+VERSIONS_KEPT = 3
+"""Thetas that are kept in memory, with their information: a trainer may be this much ahead of the scorer."""
 
 
 @dataclass(frozen=True)
@@ -50,32 +51,6 @@ class DesignStageConfig:
     planner: DesignConfig = field(default_factory=DesignConfig)
     canary: CanaryConfig = field(default_factory=CanaryConfig)
     loss: LossConfig = ONE_THREAD
-
-
-@dataclass(frozen=True)
-class Made:
-    """A throw that was made.
-
-    Attributes:
-        commanded: as planned.
-        executed: as it really left.
-        after_ns: its toss ends later than this.
-        toss_id: its toss, once one was scored.
-        realised: what that taught; None until it was scored at the theta of the plan.
-    """
-
-    commanded: Throw
-    executed: Throw
-    after_ns: int
-    toss_id: str = ""
-    realised: Realised | None = None
-
-
-class Proposal(NamedTuple):
-    """The next throw, and why it is no designed one; None when it is."""
-
-    throw: Throw
-    warm_up: str | None
 
 
 class DesignStage:
@@ -107,38 +82,47 @@ class DesignStage:
         self._infos: dict[str, dict[str, TossInformation]] = {}
         self._stamps: dict[str, int] = {}
         self._kept: frozenset[str] = frozenset()
-        self._planner: Planner | None = None
-        self._throws = [_made_of(entry) for entry in json.loads(states.load(THROWS) or b"[]")]
-        self._begun = int(states.load(BEGUN) or b"0")
+        self._particles: dict[str, Particle] = {}
+        self._planners: dict[str, Planner] = {}
+        self._log = ThrowLog(states)
         known = states.load(THETA)
-        self._theta = geometry_of_bytes(known) if known is not None else geometry
+        theta = geometry_of_bytes(known) if known is not None else geometry
+        if theta is not None:
+            self._take_up(self._particle(theta))
 
     @property
     def version(self) -> str:
-        """Of theta; empty while there is none."""
-        return self._particle(self._theta).version if self._theta is not None else ""
+        """Of the newest theta; empty while there is none."""
+        return next(reversed(self._particles), "")
 
     @property
     def throws(self) -> tuple[Made, ...]:
         """All that were made."""
-        return tuple(self._throws)
+        return self._log.made
+
+    @property
+    def reports(self) -> tuple[ThrowReport, ...]:
+        """What is known of each throw that was made, and of one that was lost."""
+        return self._log.reports
 
     @property
     def awaits_toss(self) -> bool:
         """Whether the toss of the last throw was not scored yet."""
-        return bool(self._throws) and not self._throws[-1].toss_id
+        return bool(self.throws) and not self.throws[-1].toss_id
 
     @property
     def ratio(self) -> float:
         """What tosses taught in relation to what was planned; not a number where nothing was planned."""
-        return overall_ratio([made.realised for made in self._throws if made.realised])
+        return overall_ratio([made.realised for made in self.throws if made.realised])
 
     def renew(self, geometry: ContactGeometry) -> bool:
         """Goes on with another theta; False when it is the same."""
-        if self._particle(geometry).version == self.version:
+        particle = self._particle(geometry)
+        if particle.version == self.version:
             return False
         self._states.save({THETA: bytes_of_geometry(geometry)})
-        self._theta, self._planner = geometry, None
+        self._take_up(particle)
+        self._measure()
         return True
 
     def keep(self, toss_ids: Sequence[str]) -> None:
@@ -159,7 +143,9 @@ class DesignStage:
         if info.toss_id not in self._stamps and self._states.load(_loss_key(info.toss_id)) is None:
             self._states.save({_loss_key(info.toss_id): repr(info.mean_loss).encode()})
         self._stamps[info.toss_id] = stamp_ns
-        self._match(info, stamp_ns)
+        if not self._log.busy:  # else it may be that of the throw under way, whose release nobody has told of yet
+            self._match(info.toss_id)
+            self._measure()
 
     def propose(self, seed: int | None = None) -> Proposal:
         """The next throw; the same knowledge and seed give the same.
@@ -170,83 +156,119 @@ class DesignStage:
         Raises:
             InvalidValueError: no release may be thrown.
         """
-        own = self._begun if seed is None else seed
-        name = f"{self._body.name}-throw-{self._begun}" + ("" if seed is None else f"-{seed}")
+        own = self._log.begun if seed is None else seed
+        name = f"{self._body.name}-throw-{self._log.begun}" + ("" if seed is None else f"-{seed}")
         reason = self.distrust()
         if reason is None:
-            return Proposal(self._design().plan([name], own).throws[0], None)
-        planner = self._planner_of(Particle(ContactGeometry.of_body(self._body), self._body, self._config.loss))
-        thrown = [made.executed.release for made in self._throws]
+            return Proposal(self._design(self._best_known()).plan([name], own).throws[0], None)
+        planner = self._planner_of(self._particle(ContactGeometry.of_body(self._body)))
+        thrown = [made.executed.release for made in self.throws]
         plan = warm_up_plan(planner, [name], planner.known(), own, thrown)
         return Proposal(replace(plan.throws[0], expected_information=0.0, parameters_version=""), reason)
 
     def distrust(self) -> str | None:
         """Why theta is not trusted with choosing throws; None when it is."""
-        if self._theta is None:
+        if not self._particles:
             return "parameters: found none, expected model_parameters"
-        canary = self._config.canary
+        canary, version = self._config.canary, self._best_known()
         if not canary.enabled:
             return None
-        losses = self._first_losses()
+        losses = self._first_losses(version)
         early = distrust(replace(canary, least_agreement=-1.0), losses, [np.arange(2.0)] * 2)
         if early is not None:
             return early  # before anything costly is asked
-        return distrust(canary, losses, self._reference_scores())
+        return distrust(canary, losses, self._reference_scores(version))
 
-    def begin(self) -> int:
-        """A throw is about to be commanded: its number is used up, whatever becomes of it; returns the newest known stamp."""
-        self._begun += 1
-        self._states.save({BEGUN: str(self._begun).encode()})
-        return max(self._stamps.values(), default=0)
+    def begin(self, proposal: Proposal) -> ThrowReport:
+        """A throw is about to be commanded: its number is used up, whatever becomes of it."""
+        return self._log.begin(proposal, max(self._stamps.values(), default=0))
 
-    def finish(self, commanded: Throw, executed: Throw, after_ns: int) -> None:
-        """A throw was made; its toss will end after `after_ns`."""
-        self._throws.append(Made(commanded, executed, after_ns))
-        self._save_throws()
-        for version in list(self._infos):
-            for info in sorted(self._infos[version].values(), key=lambda one: self._stamps[one.toss_id]):
-                self._match(info, self._stamps[info.toss_id])
+    def abandon(self, reason: str) -> ThrowReport:
+        """The throw under way was not made."""
+        report = self._log.abandon(reason)
+        self._match_all()
+        return report
 
-    def _match(self, info: TossInformation, stamp_ns: int) -> None:
-        """Gives a toss to the last throw, if it is the first behind it, and measures what it taught."""
-        if not self._throws:
+    def finish(self, executed: Throw, released_ns: int) -> None:
+        """The throw under way was made; its toss will end after `released_ns`.
+
+        Raises:
+            InvalidValueError: it is another throw than the one that was commanded.
+        """
+        self._log.finish(executed, released_ns)
+        self._match_all()
+
+    def _match_all(self) -> None:
+        for toss_id in sorted(self._stamps, key=lambda one: (self._stamps[one], one)):
+            self._match(toss_id)
+        self._measure()
+
+    def _match(self, toss_id: str) -> None:
+        """Gives a toss to the throw that it ended behind, if it is the first one there."""
+        place = self._log.follower(self._stamps[toss_id])
+        if place is None or any(made.toss_id == toss_id for made in self.throws):
             return
-        last = self._throws[-1]
-        taken = any(made.toss_id == info.toss_id for made in self._throws)
-        if not last.toss_id and stamp_ns > last.after_ns and not taken:
-            last = replace(last, toss_id=info.toss_id)
-        planned_here = info.parameters_version == last.commanded.parameters_version == self.version
-        if last.toss_id == info.toss_id and last.realised is None and planned_here:
-            design = self._design(without=info.toss_id)
-            last = replace(last, realised=design.add(last.commanded, [info]))
-        if last is not self._throws[-1]:
-            self._throws[-1] = last
-            self._save_throws()
+        if not self.throws[place].toss_id:
+            self._log.replace(place, replace(self.throws[place], toss_id=toss_id))
 
-    def _known_infos(self, without: str = "") -> list[TossInformation]:
-        """Of the kept tosses and those of its own throws, at this theta."""
-        wanted = (self._kept | {made.toss_id for made in self._throws}) - {without}
-        here = self._infos.get(self.version, {})
-        return [here[toss_id] for toss_id in sorted(wanted & here.keys())]
+    def _measure(self) -> None:
+        """Measures what the last throw taught, if it was designed and its toss is scored at a theta that is known here.
 
-    def _design(self, without: str = "") -> AdaptiveDesign:
-        if self._planner is None:
-            assert self._theta is not None
-            self._planner = self._planner_of(self._particle(self._theta))
-        pairs = [(made.commanded, made.executed) for made in self._throws]
-        return AdaptiveDesign(self._planner, [self._known_infos(without)], pairs)
+        Where that is not the theta of the plan, what was to be expected is forecast anew: only gains at one theta compare.
+        """
+        last = self.throws[-1] if self.throws else None
+        if last is None or last.warm_up is not None or not last.toss_id or last.realised is not None:
+            return
+        scored = [version for version in self._particles if last.toss_id in self._infos.get(version, {})]
+        if not scored:
+            return
+        version = last.commanded.parameters_version
+        version = version if version in scored else scored[-1]
+        design = self._design(version, without=last.toss_id)
+        planned = last.commanded if version == last.commanded.parameters_version else design.forecast(last.commanded)
+        realised = design.add(planned, [self._infos[version][last.toss_id]])
+        self._log.replace(len(self.throws) - 1, replace(last, realised=realised))
 
-    def _first_losses(self) -> list[float]:
-        """Of the tosses that are known at this theta, as they were scored first, oldest first."""
-        ids = sorted((info.toss_id for info in self._known_infos()), key=lambda toss_id: (self._stamps[toss_id], toss_id))
+    def _take_up(self, particle: Particle) -> None:
+        self._particles.pop(particle.version, None)
+        self._particles[particle.version] = particle
+        while len(self._particles) > VERSIONS_KEPT:
+            oldest = next(iter(self._particles))
+            del self._particles[oldest]
+            self._planners.pop(oldest, None)
+
+    def _wanted(self) -> frozenset[str]:
+        """The kept tosses and those of its own throws."""
+        return self._kept | {made.toss_id for made in self.throws}
+
+    def _best_known(self) -> str:
+        """The version of the theta at which most of the wanted tosses are scored; the newest of several."""
+        wanted = self._wanted()
+        return max(reversed(self._particles), key=lambda version: len(wanted & self._infos.get(version, {}).keys()))
+
+    def _known_infos(self, version: str, without: str = "") -> list[TossInformation]:
+        """Of the wanted tosses, at a theta."""
+        here = self._infos.get(version, {})
+        return [here[toss_id] for toss_id in sorted((self._wanted() - {without}) & here.keys())]
+
+    def _design(self, version: str, without: str = "") -> AdaptiveDesign:
+        if version not in self._planners:
+            self._planners[version] = self._planner_of(self._particles[version])
+        pairs = [(made.commanded, made.executed) for made in self.throws]
+        return AdaptiveDesign(self._planners[version], [self._known_infos(version, without)], pairs)
+
+    def _first_losses(self, version: str) -> list[float]:
+        """Of the tosses that are known at a theta, as they were scored first, oldest first."""
+        known = (info.toss_id for info in self._known_infos(version))
+        ids = sorted(known, key=lambda toss_id: (self._stamps[toss_id], toss_id))
         return [float(self._states.load(_loss_key(toss_id)) or b"nan") for toss_id in ids]
 
-    def _reference_scores(self) -> list[Array]:
-        """Of the last two thetas, this one last; kept on disk, so that a restart asks nothing again."""
+    def _reference_scores(self, version: str) -> list[Array]:
+        """Of a theta and the last one that was asked about before, that one first; kept on disk for a restart."""
         kept: dict[str, list[float]] = json.loads(self._states.load(SCORES) or b"{}")
-        if self.version not in kept:
-            kept[self.version] = self._design().planner.reference_scores().tolist()
-            kept = dict(list(kept.items())[-VERSIONS_KEPT:])
+        if version not in kept:
+            kept[version] = self._design(version).planner.reference_scores().tolist()
+            kept = dict(list(kept.items())[-2:])
             self._states.save({SCORES: json.dumps(kept).encode()})
         return [np.array(scores) for scores in kept.values()]
 
@@ -256,26 +278,6 @@ class DesignStage:
     def _planner_of(self, particle: Particle) -> Planner:
         return Planner([particle], self._prior, config=self._config.planner, feasible=self._feasible)
 
-    def _save_throws(self) -> None:
-        self._states.save({THROWS: json.dumps([_entry_of(made) for made in self._throws]).encode()})
-
 
 def _loss_key(toss_id: str) -> str:
     return f"first loss/{toss_id}"
-
-
-def _entry_of(made: Made) -> dict[str, object]:
-    return {
-        "commanded": made.commanded.to_mapping(),
-        "executed": made.executed.to_mapping(),
-        "after_ns": made.after_ns,
-        "toss_id": made.toss_id,
-        "realised": asdict(made.realised) if made.realised else None,
-    }
-
-
-def _made_of(entry: dict[str, object]) -> Made:
-    given: dict[str, object] = dict(entry)
-    realised = given.pop("realised")
-    throws = {name: Throw.from_mapping(given.pop(name)) for name in ("commanded", "executed")}  # type: ignore[arg-type]
-    return Made(**throws, **given, realised=Realised(**realised) if realised else None)  # type: ignore[arg-type]

@@ -13,14 +13,13 @@ from contact_curation_msgs.srv import GetInformation, ProposeThrow
 from rclpy.clock import Clock, ClockType
 
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.design.throw import Throw
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.body_parameter import declared_body
 from contact_curation.nodes.catch_up import CatchUp, Cursor, Source
 from contact_curation.nodes.complaints import Complaints
 from contact_curation.nodes.design_parameters import declared_design, declared_thrower
-from contact_curation.nodes.design_stage import DesignStage, Proposal
+from contact_curation.nodes.design_stage import DesignStage
 from contact_curation.nodes.door import StageNode, run
 from contact_curation.nodes.health import Health, HealthReport
 from contact_curation.nodes.messages.headers import Stamped, nanoseconds_of
@@ -31,6 +30,8 @@ from contact_curation.nodes.parameters import declare
 from contact_curation.nodes.qos import kept
 from contact_curation.nodes.scored_theta import read_scored_theta
 from contact_curation.nodes.throw_goals import Outcome, ThrowGoals
+from contact_curation.nodes.throw_log import Proposal
+from contact_curation.nodes.throw_reports import ThrowReports
 from contact_curation.nodes.worker import Worker
 from contact_curation.storage.state_store import StateStore
 
@@ -69,9 +70,10 @@ class ThrowDesigner(StageNode):
         self._not_before = self._now()
         self._toss_until = self._now() + self._toss_timeout
         self._at_work = False
-        self._commanded: tuple[Throw, int] | None = None
         self._to_send: Any = None
         self._last: Proposal | None = None
+        self._reports = ThrowReports(self, self._board_frame)
+        self._reports.tell(self._stage.reports)
         self._goals = ThrowGoals(self, self._told, goal_timeout)
         self._worker = Worker(self.fail)
         self.create_service(ProposeThrow, "propose_throw", self._propose)
@@ -107,25 +109,24 @@ class ThrowDesigner(StageNode):
             self._complaints.note("no throw", str(error))
             self._not_before, self._at_work = self._now() + self._pause, False
             return
-        throw = self._last.throw
-        self._commanded = (throw, self._stage.begin())
-        self._to_send = throw_message(throw, Stamped(0, self._board_frame))
+        self._reports.tell([self._stage.begin(self._last)])
+        self._to_send = throw_message(self._last.throw, Stamped(0, self._board_frame))
 
     def _told(self, outcome: Outcome) -> None:
         self._worker.do(partial(self._finish, outcome))
 
     def _finish(self, outcome: Outcome) -> None:
         """On the worker's thread: the next throw may begin."""
-        assert self._commanded is not None
-        throw, after_ns = self._commanded
         try:
             if outcome.executed is None:
-                raise InvalidValueError(f"throw {throw.throw_id}", outcome.message or "no reason", "one that was made")
-            executed = throw_of(outcome.executed)
-            self._stage.finish(throw, executed, max(after_ns, nanoseconds_of(outcome.executed.header.stamp)))
+                raise InvalidValueError("throw", outcome.message or "no reason", "one that was made")
+            self._stage.finish(throw_of(outcome.executed), nanoseconds_of(outcome.executed.header.stamp))
             self._toss_until = self._now() + self._toss_timeout
+            self._reports.tell(self._stage.reports)
         except InvalidValueError as error:
             self._complaints.note("throw not made", str(error))
+            self._reports.tell([self._stage.abandon(outcome.message if outcome.executed is None else str(error))])
+            self._reports.tell(self._stage.reports)
             self._not_before = self._now() + self._pause
         self._at_work = False
 
@@ -164,6 +165,7 @@ class ThrowDesigner(StageNode):
             if message.body != self._body.name:
                 raise InvalidValueError("body of the parameters", message.body, self._body.name)
             self._stage.renew(polytope_in(message.model, bytes(message.safetensors)))
+            self._reports.tell(self._stage.reports)
         except InvalidValueError as error:
             self._complaints.note("bad parameters", str(error))
 
@@ -180,6 +182,7 @@ class ThrowDesigner(StageNode):
                 self._stage.add(information_of(message), nanoseconds_of(message.header.stamp))
             except InvalidValueError as error:
                 self._complaints.note("bad information", str(error))
+        self._reports.tell(self._stage.reports)
 
     def _now(self) -> float:
         """[s] of the steady clock: simulated time may stand still."""

@@ -1,5 +1,6 @@
 """The designer without its node: when it trusts theta, which toss belongs to which throw, and what a restart finds."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 from contact_curation.design.canary import CanaryConfig
 from contact_curation.design.particle import Particle
 from contact_curation.design.throw import Throw
+from contact_curation.design.throw_report import ThrowKind, ThrowState
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.record import TossInformation
 from contact_curation.nodes.design_stage import DesignStage, DesignStageConfig
@@ -40,10 +42,10 @@ def information(throw: Throw, stamp_ns: int, theta: Particle = PARTICLE) -> tupl
 
 def thrown(stage: DesignStage, stamp_ns: int) -> Throw:
     """Makes the next throw, exactly as commanded."""
-    throw = stage.propose().throw
-    newest = stage.begin()
-    stage.finish(throw, throw, max(newest, stamp_ns))
-    return throw
+    proposal = stage.propose()
+    stage.begin(proposal)
+    stage.finish(proposal.throw, stamp_ns)
+    return proposal.throw
 
 
 def known(stage: DesignStage, count: int, seed: int = 0) -> list[TossInformation]:
@@ -128,11 +130,105 @@ def test_the_first_toss_behind_a_throw_is_the_throws_whenever_it_is_heard_of(sta
     assert made.toss_id == info.toss_id
     assert made.realised is not None
     assert 0.7 < made.realised.ratio < 1.3
-    early, early_ns = information(stage.propose().throw, 20 * SECOND)
+    proposal = stage.propose()
+    stage.begin(proposal)
+    early, early_ns = information(proposal.throw, 20 * SECOND)
     stage.add(early, early_ns)  # scored before the thrower said that it was thrown
-    second = stage.propose().throw
-    stage.finish(second, second, 20 * SECOND)
+    stage.finish(proposal.throw, 20 * SECOND)
     assert stage.throws[-1].toss_id == early.toss_id
+
+
+def test_a_toss_that_comes_late_is_not_the_next_throws(states: StateStore) -> None:
+    stage = DesignStage(CUBE, TRUSTING, states, TRUE)
+    first = thrown(stage, SECOND)
+    thrown(stage, 20 * SECOND)  # nobody waited for the first one's toss
+    late, late_ns = information(first, SECOND)
+    stage.add(late, late_ns)
+    assert [made.toss_id for made in stage.throws] == [late.toss_id, ""]
+
+
+def test_a_toss_that_is_scored_before_its_throw_is_told_of_is_not_an_earlier_throws(states: StateStore) -> None:
+    stage = DesignStage(CUBE, TRUSTING, states, TRUE)
+    thrown(stage, SECOND)  # its toss was lost
+    proposal = stage.propose()
+    stage.begin(proposal)
+    info, stamp_ns = information(proposal.throw, 20 * SECOND)
+    stage.add(info, stamp_ns)
+    assert [made.toss_id for made in stage.throws] == [""]
+    stage.finish(proposal.throw, 20 * SECOND)
+    assert [made.toss_id for made in stage.throws] == ["", info.toss_id]
+
+
+def test_a_throw_is_told_of_from_its_command_to_its_gain(states: StateStore) -> None:
+    stage = DesignStage(CUBE, TRUSTING, states, TRUE)
+    proposal = stage.propose()
+    told = [stage.begin(proposal)]
+    stage.finish(proposal.throw, 7 * SECOND)
+    told += stage.reports
+    info, stamp_ns = information(proposal.throw, 7 * SECOND)
+    stage.add(info, stamp_ns)
+    told += stage.reports
+    assert [one.state for one in told] == [ThrowState.COMMANDED, ThrowState.EXECUTED, ThrowState.SCORED]
+    assert [one.toss_id for one in told] == ["", "", info.toss_id]
+    assert [one.released_ns for one in told] == [0, 7 * SECOND, 7 * SECOND]
+    assert {(one.kind, one.planned) for one in told} == {(ThrowKind.DESIGNED, proposal.throw.expected_information)}
+    assert [math.isnan(one.realised) for one in told] == [True, True, False]
+    assert told[-1].realised == stage.throws[-1].realised.realised  # type: ignore[union-attr]
+
+
+def test_a_throw_that_was_not_made_is_told_with_the_reason_and_one_of_warm_up_with_its_own(states: StateStore) -> None:
+    stage = DesignStage(CUBE, CONFIG, states)
+    proposal = stage.propose()
+    begun = stage.begin(proposal)
+    assert (begun.kind, begun.planned, begun.detail) == (ThrowKind.WARM_UP, 0.0, proposal.warm_up)
+    report = stage.abandon("joint 4 is too fast")
+    assert (report.state, report.detail) == (ThrowState.NOT_MADE, "joint 4 is too fast")
+    assert report.commanded.throw_id == "cube-throw-0"
+    assert stage.propose().throw.throw_id == "cube-throw-1"
+    thrown(stage, SECOND)
+    assert stage.reports[-1].detail == "parameters: found none, expected model_parameters"
+    assert len(stage.reports) == 1
+    with pytest.raises(InvalidValueError, match="throw under way: found none"):
+        stage.abandon("again")
+
+
+def test_another_throw_than_the_commanded_one_is_refused(states: StateStore) -> None:
+    stage = DesignStage(CUBE, CONFIG, states)
+    proposal = stage.propose()
+    stage.begin(proposal)
+    with pytest.raises(InvalidValueError, match="executed throw: found other, expected cube-throw-0"):
+        stage.finish(replace(proposal.throw, throw_id="other"), SECOND)
+    assert stage.abandon("it made another").state is ThrowState.NOT_MADE
+
+
+def test_a_designed_throw_has_a_gain_though_its_toss_is_scored_at_a_newer_theta_only(states: StateStore) -> None:
+    stage = DesignStage(CUBE, TRUSTING, states, NEARLY.geometry)
+    throw = thrown(stage, SECOND)
+    assert throw.parameters_version == NEARLY.version
+    info, stamp_ns = information(throw, SECOND)  # at the true theta, of which the stage has not heard yet
+    stage.add(info, stamp_ns)
+    assert stage.throws[-1].toss_id == info.toss_id
+    assert stage.throws[-1].realised is None
+    stage.renew(TRUE)
+    realised = stage.throws[0].realised
+    assert realised is not None
+    assert realised.planned != throw.expected_information  # forecast anew
+    assert 0.7 < realised.ratio < 1.3
+    assert stage.reports[-1].planned == realised.planned
+
+
+def test_while_tosses_are_scored_again_throws_are_planned_where_all_of_them_are_known(states: StateStore) -> None:
+    stage = DesignStage(CUBE, TRUSTING, states, TRUE)
+    known(stage, 6)
+    stage.renew(NEARLY.geometry)
+    assert stage.version == NEARLY.version
+    assert stage.propose().throw.parameters_version == PARTICLE.version
+    again = [info for info in NEARLY.scorer.score(simulated_tosses(6, 0)) if isinstance(info, TossInformation)]
+    for number, info in enumerate(again[:5]):
+        stage.add(info, number)
+    assert stage.propose().throw.parameters_version == PARTICLE.version
+    stage.add(again[5], 5)
+    assert stage.propose().throw.parameters_version == NEARLY.version
 
 
 def test_what_is_known_lowers_what_is_planned(states: StateStore) -> None:
@@ -147,8 +243,12 @@ def test_a_stage_that_comes_back_knows_its_throws_theta_and_numbers(states: Stat
     stage.renew(NEARLY.geometry)
     throw = thrown(stage, SECOND)
     stage.add(*information(throw, SECOND, NEARLY))
-    stage.begin()  # and killed while the throw is under way
+    lost = stage.propose()
+    stage.begin(lost)  # and killed while the throw is under way
     again = DesignStage(CUBE, TRUSTING, states)
+    assert [one.state for one in again.reports] == [ThrowState.SCORED, ThrowState.NOT_MADE]
+    assert again.reports[-1].commanded.to_mapping() == lost.throw.to_mapping()
+    assert again.reports[-1].detail == "the designer died while it was under way; whether it was made is not known"
     assert again.version == NEARLY.version
     assert [made.toss_id for made in again.throws] == [made.toss_id for made in stage.throws]
     assert again.throws[-1].realised == stage.throws[-1].realised

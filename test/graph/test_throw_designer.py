@@ -5,14 +5,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from contact_curation_msgs.msg import ModelParameters
+from contact_curation_msgs.msg import ModelParameters, ThrowReport
 from contact_curation_msgs.srv import ProposeThrow
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.design.particle import Particle
 from contact_curation.nodes.messages.throw import throw_of
-from contact_curation.nodes.qos import kept
+from contact_curation.nodes.qos import RESULTS_KEPT, kept
 from contact_curation.storage.state_store import StateStore
 from test.cli.commands import write_parameters
 from test.graph.graph import Graph
@@ -49,6 +49,10 @@ def counted(heard: list[Any], kind: str) -> int:
     return int(values.get(kind, 0))
 
 
+def reported(graph: Graph) -> list[Any]:
+    return graph.listener.listen(ThrowReport, "/throw_report", RESULTS_KEPT)
+
+
 def test_a_throw_is_proposed_without_being_made_and_the_same_seed_proposes_it_again(graph: Graph) -> None:
     thrower = Thrower(graph.listener)
     started(graph, **trusted(graph))
@@ -82,6 +86,7 @@ def test_without_a_theta_that_it_can_use_throws_warm_up(graph: Graph) -> None:
 
 def test_in_auto_throws_are_made_one_after_the_other_each_when_the_last_ones_toss_was_scored(graph: Graph) -> None:
     thrower = Thrower(graph.listener)
+    reports = reported(graph)
     started(graph, auto=True, max_throws=3, toss_timeout=LONG, **trusted(graph))
     graph.until(lambda: len(made(graph.folder)) == 3 and made(graph.folder)[-1]["realised"], LONG, "three throws and tosses")
     settled(1.0)
@@ -91,6 +96,19 @@ def test_in_auto_throws_are_made_one_after_the_other_each_when_the_last_ones_tos
     ratios = [entry["realised"]["realised"] / entry["realised"]["planned"] for entry in entries]
     assert all(0.3 < ratio < 3.0 for ratio in ratios), ratios
     assert entries[1]["realised"]["planned"] < entries[0]["realised"]["planned"]  # what is known is not gained again
+    told = [(one.throw_command.throw_id, one.state) for one in reports]
+    states = ("commanded", "executed", "scored")
+    assert [pair for pair in told if pair[1] == "commanded"] == [(f"cube-throw-{k}", "commanded") for k in range(3)]
+    for number, entry in enumerate(entries):
+        own = [one for one in reports if one.throw_command.throw_id == f"cube-throw-{number}"]
+        assert [one.state for one in own if one.state != "executed"] == [
+            "commanded",
+            "scored",
+        ]  # both at once where it is quick
+        assert {one.state for one in own} <= set(states)
+        assert (own[-1].toss_id, own[-1].realised_gain) == (entry["toss_id"], entry["realised"]["realised"])
+        assert (own[-1].kind, own[-1].planned_gain) == ("designed", entry["commanded"]["expected_information"])
+        assert own[-1].executed.throw_id == own[-1].throw_command.throw_id
 
 
 @pytest.mark.slow
@@ -100,21 +118,29 @@ def test_a_designer_that_is_killed_goes_on_with_the_throws_it_had(graph: Graph) 
     designer = started(graph, auto=True, max_throws=2, toss_timeout=LONG, **trusted(graph))
     graph.until(lambda: len(made(graph.folder)) == 1, LONG, "a first throw")
     designer.kill()
+    reports = reported(graph)
     thrower.silent.clear()
     started(graph, auto=True, max_throws=2, toss_timeout=0.5, **trusted(graph))
     graph.until(lambda: len(made(graph.folder)) == 2, LONG, "a second throw")
     names = [entry["commanded"]["throw_id"] for entry in made(graph.folder)]
     assert names == ["cube-throw-0", "cube-throw-1"]
+    graph.until(lambda: reports[-1:] and reports[-1].toss_id, LONG, "the report of the second throw")
+    assert (reports[0].throw_command.throw_id, reports[0].state) == ("cube-throw-0", "executed")  # told by who came back
 
 
 def test_a_thrower_that_refuses_is_asked_again_after_a_pause_and_the_loop_goes_on_when_it_takes_throws(graph: Graph) -> None:
     thrower = Thrower(graph.listener)
     thrower.refuse = True
     started(graph, auto=True, max_throws=1, **trusted(graph))
-    heard = graph.diagnostics()
-
+    heard, reports = graph.diagnostics(), reported(graph)
     graph.until(lambda: counted(heard, "throw not made") >= 2, LONG, "two refusals")
     assert not thrower.commands
+    told = [(one.throw_command.throw_id, one.state, one.detail) for one in reports]
+    assert told[:3] == [
+        ("cube-throw-0", "commanded", ""),
+        ("cube-throw-0", "not made", "the thrower did not take the goal"),
+        ("cube-throw-1", "commanded", ""),
+    ]
     thrower.refuse = False
     graph.until(lambda: len(made(graph.folder)) == 1, LONG, "a throw")
 

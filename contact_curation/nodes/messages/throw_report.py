@@ -1,0 +1,53 @@
+"""A throw's report, record and message."""
+
+from enum import StrEnum
+from typing import Any
+
+from contact_curation_msgs.msg import Throw as ThrowMessage
+from contact_curation_msgs.msg import ThrowReport as ThrowReportMessage
+
+from contact_curation.design.throw_report import ThrowKind, ThrowReport, ThrowState
+from contact_curation.errors import InvalidValueError
+from contact_curation.nodes.messages.headers import Stamped, header_message, nanoseconds_of
+from contact_curation.nodes.messages.throw import throw_message, throw_of
+
+
+def report_message(report: ThrowReport, board_frame: str) -> ThrowReportMessage:
+    """What is known of a throw; the header's stamp is that of the release, 0 before it."""
+    released = Stamped(report.released_ns, board_frame)
+    return ThrowReportMessage(
+        header=header_message(released),
+        kind=report.kind.value,
+        state=report.state.value,
+        throw_command=throw_message(report.commanded, Stamped(0, board_frame)),
+        executed=ThrowMessage() if report.executed is None else throw_message(report.executed, released),
+        toss_id=report.toss_id,
+        planned_gain=report.planned,
+        realised_gain=report.realised,
+        detail=report.detail,
+    )
+
+
+def report_of(message: Any) -> ThrowReport:
+    """The record that a message carries, bit for bit.
+
+    Raises:
+        InvalidValueError: it is none.
+    """
+    return ThrowReport(
+        kind=_one_of(ThrowKind, "kind", message.kind),
+        state=_one_of(ThrowState, "state", message.state),
+        commanded=throw_of(message.throw_command),
+        executed=throw_of(message.executed) if message.executed.throw_id else None,
+        released_ns=nanoseconds_of(message.header.stamp),
+        toss_id=message.toss_id,
+        planned=float(message.planned_gain),
+        realised=float(message.realised_gain),
+        detail=message.detail,
+    )
+
+
+def _one_of[Word: StrEnum](words: type[Word], name: str, found: str) -> Word:
+    if found not in set(words):
+        raise InvalidValueError(f"{name} of a throw's report", repr(found)[:40], ", ".join(words))
+    return words(found)

@@ -1,0 +1,32 @@
+"""Topic `throw_report`: what became of each throw, told again whenever more is known of it."""
+
+from collections.abc import Iterable
+
+from contact_curation_msgs.msg import ThrowReport as ThrowReportMessage
+from rclpy.node import Node
+
+from contact_curation.design.throw_report import ThrowReport
+from contact_curation.nodes.messages.throw_report import report_message
+from contact_curation.nodes.qos import RESULTS_KEPT, kept
+
+
+class ThrowReports:
+    """Publishes reports of throws.
+
+    Args:
+        node: that publishes.
+        board_frame: of the headers.
+    """
+
+    def __init__(self, node: Node, board_frame: str) -> None:
+        self._publisher = node.create_publisher(ThrowReportMessage, "throw_report", kept(RESULTS_KEPT))
+        self._board_frame = board_frame
+        self._told: dict[str, tuple[str, str]] = {}
+
+    def tell(self, reports: Iterable[ThrowReport]) -> None:
+        """Publishes those that say something new."""
+        for report in reports:
+            known = (report.state.value, repr(report.realised))
+            if self._told.get(report.commanded.throw_id) != known:
+                self._told[report.commanded.throw_id] = known
+                self._publisher.publish(report_message(report, self._board_frame))
