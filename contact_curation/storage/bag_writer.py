@@ -49,13 +49,15 @@ class BagWriter:
     Args:
         path: `*.mcap` for a storage file; any other name for a rosbag2 folder (storage file and metadata.yaml).
         typestore: where types of messages are looked up; ROS 2 Jazzy's by default.
+        over_readers: whether a bag that is being read may be replaced; its readers keep the old one.
 
     Raises:
-        InvalidValueError: `path` cannot be written, is a bag being read, or is a folder that is there already.
+        InvalidValueError: `path` cannot be written, is a bag being written or read, or is a folder that is there already.
     """
 
-    def __init__(self, path: Path, typestore: Typestore | None = None) -> None:
+    def __init__(self, path: Path, typestore: Typestore | None = None, *, over_readers: bool = False) -> None:
         self.path = Path(path)
+        self._over_readers = over_readers
         self._as_folder = self.path.suffix != ".mcap"
         self._file_name = f"{self.path.name}_0.mcap"
         self._partial = self.path.with_name(f".{self.path.name}.partial")
@@ -64,6 +66,7 @@ class BagWriter:
         self._schemas: dict[tuple[str, str, str], int] = {}
         self._streams: dict[_StreamKey, _Stream] = {}
         self._first_ns, self._last_ns = LARGEST_LOG_TIME, 0
+        self._appeared = False
         self._check_target()
         self._file = self._opened()
         self._writer = Writer(self._file, compression=CompressionType.ZSTD, enable_crcs=True)
@@ -125,6 +128,23 @@ class BagWriter:
         """Adds a named note about the whole recording, as MCAP metadata; `BagReader.note` gives it back."""
         self._writer.add_metadata(name, dict(values))
 
+    def flush(self) -> None:
+        """Hands everything written so far to the system: from now on it outlives this process."""
+        self._writer.flush()  # type: ignore[no-untyped-call]
+
+    def appear(self) -> None:
+        """Gives the storage file its name already now, as far as it is: it can be read, and stays whatever happens.
+
+        Raises:
+            InvalidValueError: the bag is to be a folder, or another of its name is being read.
+        """
+        if self._as_folder:
+            raise InvalidValueError("output", self.path, "a name ending in .mcap: a folder appears when it is complete")
+        self.flush()
+        self._check_target()
+        self._partial.replace(self.path)
+        self._appeared = True
+
     def close(self) -> None:
         """Completes the bag and gives it its name."""
         self._writer.finish()  # type: ignore[no-untyped-call]
@@ -133,13 +153,16 @@ class BagWriter:
         if self._as_folder:
             topics = [stream.described(key) for key, stream in self._streams.items()]
             (self._partial / METADATA_NAME).write_text(metadata_text(self._file_name, topics, self._first_ns, self._last_ns))
-        self._check_target()
-        self._partial.replace(self.path)
+        if not self._appeared:
+            self._check_target()
+            self._partial.replace(self.path)
         self._file.close()
 
     def discard(self) -> None:
-        """Removes what was written so far."""
+        """Removes what was written so far, unless it has its name already."""
         self._file.close()
+        if self._appeared:
+            return
         if self._as_folder:
             shutil.rmtree(self._partial)
         else:
@@ -159,7 +182,10 @@ class BagWriter:
         if self.path.is_dir() or (self._as_folder and self.path.exists()):
             raise InvalidValueError("output", self.path, "a name that is not taken yet")
         with suppress(FileNotFoundError), self.path.open("rb") as file:
-            _lock(file, self.path, "a file that nobody is reading")
+            if self._over_readers:
+                _lock(file, self.path, "a file that nobody is writing", fcntl.LOCK_SH)
+            else:
+                _lock(file, self.path, "a file that nobody is reading")
 
     def _opened(self) -> BinaryIO:
         try:
@@ -194,10 +220,10 @@ class BagWriter:
         return self._streams[key]
 
 
-def _lock(file: BinaryIO, path: Path, expected: str) -> None:
-    """An exclusive advisory lock until `file` is closed; file systems without locks are taken as they are."""
+def _lock(file: BinaryIO, path: Path, expected: str, kind: int = fcntl.LOCK_EX) -> None:
+    """An advisory lock until `file` is closed; file systems without locks are taken as they are."""
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(file, kind | fcntl.LOCK_NB)
     except BlockingIOError as error:
         raise InvalidValueError("output", path, expected) from error
     except OSError:

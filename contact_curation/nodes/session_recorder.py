@@ -1,0 +1,188 @@
+"""session_recorder: every topic of the graph into one bag, as the bytes that were sent.
+
+Topics are found, and subscribed to as their publishers offer them. Nothing is to be dropped: queues are deep, the thread that
+writes is not the one that hears, and what is missed all the same is counted. What was written outlives a kill; started again,
+the recorder goes on with the same bag, and latched publishers send again what it missed.
+"""
+
+import sys
+from collections import deque
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rclpy.subscription import Subscription
+
+from contact_curation.errors import InvalidValueError, MissingDependencyError
+from contact_curation.nodes.complaints import Complaints
+from contact_curation.nodes.door import StageNode, run
+from contact_curation.nodes.health import Health, HealthReport, Rate
+from contact_curation.nodes.message_definition import definition_text
+from contact_curation.nodes.message_types import message_class
+from contact_curation.nodes.parameters import declare
+from contact_curation.nodes.qos import profile
+from contact_curation.nodes.worker import Latest, Worker
+from contact_curation.storage.bag_records import OfferedQos, RawMessage
+from contact_curation.storage.session_bag import SessionBag
+
+LOOK_PERIOD = 0.2
+"""[s] between looks at the graph."""
+
+SCHEMA_ENCODING = "ros2msg"
+
+
+class Heard(NamedTuple):
+    """A topic that is recorded.
+
+    Attributes:
+        type: ROS type name.
+        schema: its definition.
+        type_hash: `RIHS01_...`.
+        qos: as all of its publishers offer it.
+    """
+
+    type: str
+    schema: str
+    type_hash: str
+    qos: OfferedQos
+
+
+class SessionRecorder(StageNode):
+    """Records all topics that are not hidden."""
+
+    def __init__(self) -> None:
+        super().__init__("session_recorder")
+        path = declare(self, "bag", "", "file to record into, *.mcap; one that is there is gone on with")
+        self._depth = declare(self, "queue_depth", 16384, "messages kept per topic until they are taken", bounds=(1, 1 << 20))
+        self._most = declare(self, "memory", 1 << 28, "bytes that may wait to be written", bounds=(1 << 20, 1 << 40))
+        period = declare(self, "flush_period", 0.5, "what is older than this outlives a kill [s]", bounds=(0.01, 60.0))
+        if Path(path).suffix != ".mcap":
+            raise InvalidValueError("parameter bag", repr(path), "a file name ending in .mcap")
+        self._complaints = Complaints(self)
+        self._received = Rate()
+        self._lost = self._known = 0
+        self._bytes_in = self._bytes_out = 0  # each counted by one thread
+        self._waiting: deque[tuple[RawMessage, OfferedQos]] = deque()
+        self._topics: dict[str, tuple[Heard, Subscription]] = {}
+        self._left_out: set[tuple[str, str]] = set()
+        self._bag: SessionBag | None = None
+        self._worker = Worker(self.fail)
+        self._worker.do(lambda: self._open(Path(path)))
+        self._writing = Latest(self._worker, self._write)
+        self._flushing = Latest(self._worker, self._flush)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(LOOK_PERIOD, self._follow, clock=steady)
+        self.create_timer(period, self._flushing.want, clock=steady)
+        HealthReport(self, self._health)
+
+    def close(self) -> None:
+        self._worker.do(self._write)
+        self._worker.stop()
+        if self._bag is not None:
+            self._bag.close()
+
+    def _follow(self) -> None:
+        """Subscribes to what is new, or is offered in another way."""
+        for topic, types in self.get_topic_names_and_types():
+            hidden = any(part.startswith("_") for part in topic.split("/"))
+            if hidden or not self.count_publishers(topic):
+                continue
+            try:
+                heard = self._offered(topic, types[0])
+            except MissingDependencyError as error:
+                if (topic, types[0]) not in self._left_out:
+                    self._left_out.add((topic, types[0]))
+                    self._complaints.note("left out", f"{topic}: {error}")
+                continue
+            known = self._topics.get(topic)
+            if heard is not None and (known is None or known[0] != heard):
+                self._subscribe(topic, heard)
+
+    def _offered(self, topic: str, kind: str) -> Heard | None:
+        """How a topic is published; None where its publishers have gone meanwhile."""
+        offers = [info for info in self.get_publishers_info_by_topic(topic) if info.topic_type == kind]
+        if not offers:
+            return None
+        known = self._topics.get(topic)
+        schema = known[0].schema if known is not None and known[0].type == kind else definition_text(kind)
+        profiles = [info.qos_profile for info in offers]
+        qos = OfferedQos(
+            latched=all(one.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in profiles),
+            reliable=all(one.reliability == ReliabilityPolicy.RELIABLE for one in profiles),
+        )
+        return Heard(kind, schema, str(offers[0].topic_type_hash), qos)
+
+    def _subscribe(self, topic: str, heard: Heard) -> None:
+        if topic in self._topics:
+            self.destroy_subscription(self._topics[topic][1])
+
+        def on_message(data: bytes, info: Mapping[str, int]) -> None:
+            self._arrived(topic, heard, data, info)
+
+        subscription = self.create_subscription(
+            message_class(heard.type),
+            topic,
+            on_message,
+            profile(self._depth, reliable=heard.qos.reliable, latched=heard.qos.latched),
+            event_callbacks=SubscriptionEventCallbacks(message_lost=self._missed),
+            raw=True,
+        )
+        self._topics[topic] = heard, subscription
+
+    def _arrived(self, topic: str, heard: Heard, data: bytes, info: Mapping[str, int]) -> None:
+        """What was kept for late listeners counts as heard when it was sent, so that it stands in its place."""
+        self._received.count += 1
+        if self._bytes_in - self._bytes_out > self._most:
+            self._lost += 1
+            return
+        published_ns, received_ns = info["source_timestamp"], info["received_timestamp"]
+        logged_ns = published_ns if heard.qos.latched else received_ns
+        message = RawMessage(topic, heard.type, logged_ns, data, published_ns, heard.schema, SCHEMA_ENCODING, heard.type_hash)
+        self._bytes_in += len(data)
+        self._waiting.append((message, heard.qos))
+        self._writing.want()
+
+    def _missed(self, event: Any) -> None:
+        self._lost += event.total_count_change
+
+    def _open(self, path: Path) -> None:
+        """On the worker's thread, as what follows: going on with a long bag takes a while, and meanwhile is listened."""
+        self._bag = SessionBag(path)
+        for line in self._bag.losses:
+            self.get_logger().warning(line)
+
+    def _write(self) -> None:
+        assert self._bag is not None  # opened first
+        for _ in range(len(self._waiting)):
+            message, qos = self._waiting.popleft()
+            self._bytes_out += len(message.data)
+            self._known += not self._bag.write(message, qos)
+
+    def _flush(self) -> None:
+        assert self._bag is not None
+        self._bag.flush()
+
+    def _health(self) -> Health:
+        written = 0 if self._bag is None else self._bag.written
+        values = {
+            "written": written,
+            "lost": self._lost,
+            "known": self._known,
+            "topics": len(self._topics),
+            "queue": len(self._waiting),
+            "rate_hz": f"{self._received.per_second():.0f}",
+            **self._complaints.counts,
+        }
+        return Health(f"{written} messages of {len(self._topics)} topics, {self._lost} lost", values, warning=self._lost > 0)
+
+
+def main() -> int:
+    """Runs the node."""
+    return run(SessionRecorder, "session_recorder")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
