@@ -128,9 +128,15 @@ class ArmStage:
             when = "before" if release is None else "after"
             return self._ended(Ending(False, f"stopped {when} the release: {self._stopped_for}", executed, self._released_at))
         if self._simulation.phase is Phase.RESTING:
-            touched = "; the body touched the arm" if self._simulation.touched else ""
-            return self._ended(Ending(True, f"thrown{touched}", executed, self._released_at))
+            return self._ended(Ending(True, f"thrown{self._remarks()}", executed, self._released_at))
         return None
+
+    def _remarks(self) -> str:
+        """What else a throw's result has to say."""
+        simulation = self._simulation
+        gave_way = ", which gave way" if simulation.gave_way else ""
+        touched = f"; the body touched the arm{gave_way}" if simulation.touched else ""
+        return touched + ("" if simulation.settled else "; the body did not come to rest")
 
     def _executed(self, release: Array) -> Throw:
         assert self._throw is not None

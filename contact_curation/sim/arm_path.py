@@ -58,6 +58,10 @@ class JointPath:
             np.concatenate([part.accelerations for part in parts]),
         )
 
+    def after(self, first: int) -> "JointPath":
+        """The samples from one on."""
+        return JointPath(self.positions[first:], self.speeds[first:], self.accelerations[first:])
+
     def thinned(self, every: int) -> "JointPath":
         """Every so many samples, and the last."""
         kept = np.unique(np.append(np.arange(0, len(self), every), len(self) - 1))

@@ -3,9 +3,12 @@
 The whole motion is one path with a parameter that advances one sample per control step. A stop lets it advance ever slower, so
 the arm brakes on the path that was found to be free; re-arming runs it back home, or forward if the body is gone. Control is by
 computed torque, tau = M (a + Kp e + Kd e') + bias, clipped to the joints' limits; the joints' dry friction is not known to it.
+
+After the release the arm waits until the body rests and was taken away. An arm that feels a push meanwhile leaves its path: it
+brakes, bears only its own weight, and goes home from where it then stands.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 import mujoco
@@ -18,6 +21,8 @@ from contact_curation.geometry import quaternions
 from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.quaternions import IDENTITY, Array
 from contact_curation.sim.arm import (
+    ARM_BIT,
+    BOARD_BIT,
     DEFAULT_ARM,
     GRIPPER_LENGTH,
     HELD,
@@ -30,7 +35,8 @@ from contact_curation.sim.arm import (
 from contact_curation.sim.arm_grasps import grasps_of
 from contact_curation.sim.arm_kinematics import FLANGE
 from contact_curation.sim.arm_limits import JOINTS
-from contact_curation.sim.arm_path import JointPath
+from contact_curation.sim.arm_path import DEFAULT_RAMP, JointPath, moving
+from contact_curation.sim.collision_reflex import CollisionReflex, ReflexConfig
 from contact_curation.sim.throw_motion import STEP, STEPS_PER_FRAME, ThrowMotion
 
 PER_FRAME = STEP * STEPS_PER_FRAME
@@ -62,6 +68,8 @@ class ControlConfig:
         rest_spin: and turning slower than this [rad/s].
         rest_time: that it is watched resting before it is taken away [s].
         longest_flight: after which it is taken away in any case [s].
+        still: joints slower than this stand still [rad/s].
+        reflex: when the arm gives way to a push.
     """
 
     stiffness: float = 2500.0
@@ -73,9 +81,11 @@ class ControlConfig:
     rest_spin: float = 2e-2
     rest_time: float = 0.3
     longest_flight: float = 5.0
+    still: float = 0.01
+    reflex: ReflexConfig = field(default_factory=ReflexConfig)
 
     def __post_init__(self) -> None:
-        for name in self.__dataclass_fields__:
+        for name in set(self.__dataclass_fields__) - {"reflex"}:
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0) or (value == 0.0 and name != "release_jitter"):
                 raise InvalidValueError(f"control.{name}", value, "a positive number")
@@ -147,7 +157,9 @@ class ArmSimulation:
         self.time = 0.0
         self.phase = Phase.RESTING
         self.release: Array | None = None
-        self.touched = False
+        self.touched = self.gave_way = self.settled = False
+        self._reflex = CollisionReflex(config.limits.torque, control.reflex)
+        self._yields = self._gone = False
         self._path = _still(config.home_posture)
         self._at, self._rate, self._wanted, self._slowing = 0.0, 0.0, 0.0, 1.0
         self._release_row, self._swing_row, self._stopped_row, self._opens_at = -1, -1, -1, -1.0
@@ -188,7 +200,8 @@ class ArmSimulation:
         delay = abs(float(self._rng.standard_normal())) * self.control.release_jitter
         self._opens_at = self._release_row + round(delay / STEP)
         self._slowing = self.control.braking / max(float(np.abs(self._path.speeds).max()), 1e-6)
-        self._at, self._rate, self._wanted, self.release, self.touched = 0.0, 1.0, 1.0, None, False
+        self._at, self._rate, self._wanted, self.release = 0.0, 1.0, 1.0, None
+        self.touched = self.gave_way = self.settled = False
         self._torque_peak, self._speed_peak, self._position_peak = np.zeros((3, JOINTS))
         self.phase = Phase.MOVING
 
@@ -233,9 +246,10 @@ class ArmSimulation:
         next_speed = self._reference(self._at, self._rate)[1]
         model, data, (joints, dofs) = self._models[self._held], self._data[self._held], self._arm[self._held]
         mujoco.mj_step1(model, data)
+        speeds = data.qvel.copy()
         pull = self.control.stiffness * (posture - data.qpos[joints]) + self.control.damping * (speed - data.qvel[dofs])
         wanted, moment = np.zeros(model.nv), np.zeros(model.nv)
-        wanted[dofs] = (next_speed - speed) / STEP + pull
+        wanted[dofs] = self._giving_way(speeds[dofs]) if self._yields else (next_speed - speed) / STEP + pull
         mujoco.mj_mulM(model, data, moment, wanted)
         limit = self.config.limits.torque
         self._torques = np.clip(moment[dofs] + data.qfrc_bias[dofs], -limit, limit)
@@ -243,17 +257,36 @@ class ArmSimulation:
         mujoco.mj_step2(model, data)
         self.time += STEP
         self._note(data.qpos[joints], data.qvel[dofs])
+        if not self._held:
+            mujoco.mj_mulM(model, data, moment, (data.qvel - speeds) / STEP)
+            self._feel(moment[dofs] + data.qfrc_bias[dofs] - self._torques)
         if self._held and self.phase is Phase.THROWING and self._at >= self._opens_at:
             self._open()
 
+    def _giving_way(self, speeds: Array) -> Array:
+        """Accelerations of an arm that brakes and holds no place."""
+        hardest = self.config.limits.acceleration
+        return np.clip(-self.control.damping * speeds, -hardest, hardest)
+
+    def _feel(self, outside: Array) -> None:
+        """Notes what touches, and gives way to torques from outside (7,) that are too large."""
+        data, model = self._data[False], self._models[False]
+        pairs = data.contact.geom
+        ours = (pairs == model.geom(self.body.name).id).any(axis=1) & (pairs != model.geom("board").id).all(axis=1)
+        self.touched |= bool(ours.any())
+        if self._reflex.feels(outside, STEP) and not self._gone:
+            self._yields = self.gave_way = True
+
     def _ahead(self) -> tuple[float, float]:
         """The path's parameter and its rate after the next step."""
+        if self._yields:
+            return self._at, 0.0
         rate, change = self._rate, self._slowing * STEP
         past_release = self._release_row < self._at < self._stopped_row
         if not (past_release and self._wanted == 0.0):  # there the path slows down by itself, as hard as it may
             rate += float(np.clip(self._wanted - rate, -change, change))
         # The arm goes home when the body rests, so that it does not meet it on the way.
-        waits = not self._held and self._at <= self._stopped_row and not self._taken_away()
+        waits = not self._held and self._at <= self._stopped_row and not self._gone
         return float(np.clip(self._at + rate, 0.0, self._stopped_row if waits else len(self._path) - 1)), rate
 
     def _reference(self, at: float, rate: float) -> tuple[Array, Array]:
@@ -270,18 +303,33 @@ class ArmSimulation:
             self.phase = Phase.THROWING
         if not self._held:
             self._watch_body()
+        if self._yields and self._gone and self._stands() and self.phase in (Phase.RELEASED, Phase.RETURNING):
+            self._go_on()
         at_end = self._at >= len(self._path) - 1
-        if self.phase is Phase.STOPPING and (abs(self._rate) < 1e-9 or at_end or self._stands()):
+        if self.phase is Phase.STOPPING and self._stands():
             self.phase, self._rate = Phase.STOPPED, 0.0
         elif self.phase is Phase.RETURNING and self._held and self._at <= 0.0:
             self._home()
-        elif self.phase in (Phase.RELEASED, Phase.RETURNING) and at_end and not self._held and self._taken_away():
+        elif self.phase in (Phase.RELEASED, Phase.RETURNING) and at_end and self._gone:
             self._take(_first_grip(self.body))
             self._home()
 
     def _stands(self) -> bool:
+        """Whether the arm, or the path it follows, stands still."""
+        if self._yields:
+            return bool(np.abs(self._data[False].qvel[self._arm[False][1]]).max() < self.control.still)
         row = min(int(self._at), len(self._path) - 1)
-        return bool(self._at > self._release_row >= 0 and np.abs(self._path.speeds[row]).max() < 1e-9)
+        slowed = bool(self._at > self._release_row >= 0 and np.abs(self._path.speeds[row]).max() < 1e-9)
+        return slowed or abs(self._rate) < 1e-9 or self._at >= len(self._path) - 1
+
+    def _go_on(self) -> None:
+        """Back to its path, from where an arm stands that gave way, and home."""
+        here, rest = self._data[False].qpos[self._arm[False][0]], self._path.after(self._stopped_row)
+        back = moving(here, rest.positions[0], self.config.limits.speed, STEP, DEFAULT_RAMP)
+        self._path = JointPath.joined(back, rest)
+        self._slowing = self.control.braking / max(float(np.abs(self._path.speeds).max()), 1e-6)
+        self._at, self._rate, self._wanted, self._yields = 0.0, 0.0, 1.0, False
+        self._release_row = self._swing_row = self._stopped_row = 0
 
     def _home(self) -> None:
         self._path, self._at, self._rate, self._wanted = _still(self.config.home_posture), 0.0, 0.0, 0.0
@@ -290,17 +338,17 @@ class ArmSimulation:
 
     def _watch_body(self) -> None:
         self._free_for += PER_FRAME
-        data = self._data[False]
         body = self._body_state()
         slow = np.abs(body[7:10]).max() < self.control.rest_speed and np.abs(body[10:]).max() < self.control.rest_spin
         self._still_for = self._still_for + PER_FRAME if slow else 0.0
-        own = self._models[False].geom(self.body.name).id
-        board = self._models[False].geom("board").id
-        for contact in data.contact:
-            self.touched |= own in contact.geom and board not in contact.geom and not self._taken_away()
+        self.settled |= self.rested
+        if not self._gone and (self.rested or self._free_for >= self.control.longest_flight):
+            self._gone = True
+            self._let_meet(BOARD_BIT)
 
-    def _taken_away(self) -> bool:
-        return self.rested or self._free_for >= self.control.longest_flight
+    def _let_meet(self, others: int) -> None:
+        """What the free body can hit; an arm on its way home passes where the body lay that was taken away."""
+        self._models[False].geom(self.body.name).conaffinity[:] = others
 
     def _open(self) -> None:
         """Hands arm and body to the world in which the body is free."""
@@ -313,6 +361,9 @@ class ArmSimulation:
         place, motion = self._free_addresses()
         free.qpos[place : place + 7], free.qvel[motion : motion + 6] = self.release[:7], self.release[7:]
         self._held, self._still_for, self._free_for = False, 0.0, 0.0
+        self._yields = self._gone = False
+        self._reflex.forget()
+        self._let_meet(BOARD_BIT | ARM_BIT)
         self.phase = Phase.RELEASED
 
     def _take(self, grip: Pose) -> None:
@@ -322,7 +373,7 @@ class ArmSimulation:
         if not self._held:
             joints, speeds = self._arm[False]
             holding.qpos[:], holding.qvel[:] = self._data[False].qpos[joints], self._data[False].qvel[speeds]
-            self._held = True
+            self._held, self._gone = True, False
         mujoco.mj_forward(self._models[True], holding)
 
     def _body_state(self) -> Array:

@@ -24,6 +24,7 @@ class ExecutedThrow:
         frame_period: [s].
         rested: whether it came to rest.
         touched: whether the flying or sliding body touched the arm.
+        gave_way: whether the arm felt it as a push and gave way.
         peaks: shares of the joints' limits that were used.
         duration: simulated time from the arm's beginning to the body's rest [s].
     """
@@ -34,6 +35,7 @@ class ExecutedThrow:
     frame_period: float
     rested: bool
     touched: bool
+    gave_way: bool
     peaks: Peaks
     duration: float
 
@@ -118,8 +120,8 @@ class ArmThrower:
                 rested, rested_at = simulation.rested, frame.time
         assert simulation.release is not None
         return ExecutedThrow(
-            motion.throw, simulation.release, np.array(states), FRAME_PERIOD, rested, simulation.touched, simulation.peaks,
-            rested_at - began,
+            motion.throw, simulation.release, np.array(states), FRAME_PERIOD, rested, simulation.touched, simulation.gave_way,
+            simulation.peaks, rested_at - began,
         )  # fmt: skip
 
 

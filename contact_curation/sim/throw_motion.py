@@ -3,8 +3,8 @@
 For each way to hold the body that promises to work (`arm_postures`), joints ramp up so that all of them reach the release
 posture at the release speeds in the same instant, and ramp down from there. A motion is accepted when every sample keeps
 positions, speeds, accelerations and torques (inverse dynamics) inside the limits, nothing comes near the table or the arm
-itself, and the body that flies off does not meet the gripper. Otherwise the throw is refused with the limit that the best
-attempt breaks.
+itself, and the body that flies off does not meet the arm (`arm_departure`). Otherwise the throw is refused with the limit that
+the best attempt breaks.
 """
 
 from dataclasses import dataclass, field, replace
@@ -15,12 +15,11 @@ import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.design.throw import Throw
-from contact_curation.geometry import quaternions
 from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.quaternions import Array
-from contact_curation.sim.arm import DEFAULT_ARM, GRIPPER_LENGTH, ArmConfig, planning_model, put_into_gripper
+from contact_curation.sim.arm import DEFAULT_ARM, ArmConfig, planning_model, put_into_gripper
+from contact_curation.sim.arm_departure import DEFAULT_DEPARTURE, Departure, DepartureConfig
 from contact_curation.sim.arm_grasps import Grasps, grasps_of
-from contact_curation.sim.arm_kinematics import FLANGE, postures_of
 from contact_curation.sim.arm_path import DEFAULT_RAMP, JointPath, RampConfig, moving, slowing_down, speeding_up
 from contact_curation.sim.arm_postures import DEFAULT_SEARCH, Candidate, PostureSearch, SearchConfig, Target, pad_targets
 from contact_curation.sim.world import DEFAULT_WORLD
@@ -34,13 +33,6 @@ STEP = FRAME_PERIOD / STEPS_PER_FRAME
 
 CHECKED_EVERY = 8
 """Samples between those that are checked for collisions and torques."""
-
-SEPARATION_TIME, SEPARATION, SEPARATION_SPEED = 0.15, 0.001, 0.15
-"""So long after the release the gripper keeps away from the flying body [s]: so far at first [m], and so much further [m/s]."""
-
-GRIPPER_POINTS = np.array([0.025, 0.06, 0.105, FLANGE + GRIPPER_LENGTH - 0.07, FLANGE + GRIPPER_LENGTH])
-GRIPPER_RADII = np.array([0.02, 0.02, 0.03, 0.045, 0.045])
-"""Spheres on the pad's axis that fill gripper and last link: distance from the pad, radius [m]."""
 
 FROM_BELOW = 0.3
 """A pad that points up more than this would carry the body along; such faces are not tried (vertical part of its axis)."""
@@ -98,12 +90,14 @@ class ThrowPlanner:
         config: of the arm.
         ramp: how its joints speed up.
         search: how hard postures are looked for.
+        departure: how far arm and thrown body stay apart.
     """
 
     body: Body
     config: ArmConfig = DEFAULT_ARM
     ramp: RampConfig = DEFAULT_RAMP
     search: SearchConfig = DEFAULT_SEARCH
+    departure: DepartureConfig = DEFAULT_DEPARTURE
     grasps: Grasps = field(init=False)
 
     def __post_init__(self) -> None:
@@ -111,8 +105,7 @@ class ThrowPlanner:
         self._holding, self._empty = planning_model(self.body, self.config), planning_model(None, self.config)
         self._holding_data, self._empty_data = mujoco.MjData(self._holding), mujoco.MjData(self._empty)
         self._postures = PostureSearch(planning_model(self.body, self.config), self.config, self.ramp, self.search)
-        planes = np.array([[*normal, normal @ place] for normal, place in _faces(self.body)])
-        self._normals, self._offsets = planes[:, :3], planes[:, 3]
+        self._departure = Departure(self.body, self.config, STEP, STEPS_PER_FRAME, self.departure)
 
     def plan(self, throw: Throw) -> ThrowMotion | Refused:
         """The motion of a throw, or why there is none."""
@@ -120,14 +113,16 @@ class ThrowPlanner:
         if not len(target.grasps):
             return Refused("tilt of the gripper", 1.0, FROM_BELOW, "upwards")
         worst: Refused | None = None
+        flight: Array | None = None
         for candidate in self._postures.candidates(target):
             refused = self._use(candidate)
-            motion = refused or self._motion(throw, candidate)
+            if refused is not None:
+                return worst or refused  # they are in order: no later one is better
+            flight = self._departure.flight(throw.release) if flight is None else flight
+            motion = self._motion(throw, candidate, flight)
             if isinstance(motion, ThrowMotion):
                 return motion
             worst = worst or motion
-            if refused:
-                break  # they are in order: no later one is better
         assert worst is not None
         return worst
 
@@ -152,7 +147,7 @@ class ThrowPlanner:
             return Refused(f"range of joint {joint + 1}", found, half, "rad from its middle")
         return None
 
-    def _motion(self, throw: Throw, candidate: Candidate) -> ThrowMotion | Refused:
+    def _motion(self, throw: Throw, candidate: Candidate, flight: Array) -> ThrowMotion | Refused:
         grip = self._grip(throw, candidate)
         put_into_gripper(self._holding, grip.position, grip.orientation_wxyz)
         swing = speeding_up(candidate.joints, candidate.speeds, STEP, self.ramp)
@@ -160,10 +155,10 @@ class ThrowPlanner:
         approach = self._moving(self.config.home_posture, swing.positions[0])
         returning = self._moving(stopping.positions[-1], self.config.home_posture)
         refused = (
-            self._separation(throw, stopping)
-            or self._within(JointPath.joined(approach, swing, stopping, returning))
+            self._within(JointPath.joined(approach, swing, stopping, returning))
             or self._clear(self._holding, self._holding_data, swing)
             or self._clear(self._empty, self._empty_data, stopping)
+            or self._departing(flight, stopping)
             or self._strong(self._holding, self._holding_data, swing)
             or self._strong(self._empty, self._empty_data, stopping)
             or self._clear(self._holding, self._holding_data, approach)
@@ -188,25 +183,10 @@ class ThrowPlanner:
         link = self._empty_data.body("fr3_link7")
         return Pose(link.xpos.copy(), link.xquat.copy()).inverse().compose(Pose(throw.position, throw.orientation_wxyz))
 
-    def _separation(self, throw: Throw, stopping: JointPath) -> Refused | None:
-        """Whether the flying body would meet the gripper that slows down."""
-        count = min(len(stopping), int(SEPARATION_TIME / STEP))
-        part = JointPath(*(getattr(stopping, name)[:count] for name in ("positions", "speeds", "accelerations"))).thinned(8)
-        times = np.append(np.arange(0, count, 8), count - 1)[: len(part), None] * STEP
-        pads = postures_of(part.positions, GRIPPER_LENGTH)
-        turn = quaternions.exp(np.array([0.0, 0.0, self.config.yaw]))
-        tips = self.config.base + quaternions.rotate(turn, pads.places)
-        axes = quaternions.rotate(turn, pads.frames[:, :, 2])
-        points = tips[:, None] - GRIPPER_POINTS[:, None] * axes[:, None]  # (T, S, 3)
-        fallen = np.array([0.0, 0.0, -0.5 * self.body.gravity]) * times**2
-        places = throw.position + throw.linear_velocity * times + fallen
-        turned = quaternions.multiply(throw.orientation_wxyz, quaternions.exp(throw.angular_velocity * times))
-        seen = quaternions.rotate(quaternions.conjugate(turned)[:, None], points - places[:, None])
-        gaps = (seen @ self._normals.T - self._offsets).max(axis=2) - GRIPPER_RADII - SEPARATION_SPEED * times  # (T, S)
-        nearest = float(gaps.min())
-        if nearest >= SEPARATION:
-            return None
-        return Refused("distance of the flying body to the gripper", nearest, SEPARATION, "m")
+    def _departing(self, flight: Array, stopping: JointPath) -> Refused | None:
+        """Whether the body that flies off, lands and bounces would meet the arm that slows down and waits."""
+        gap = self._departure.too_near(flight, stopping)
+        return None if gap is None else Refused("distance of the thrown body to the arm", gap.found, gap.wanted, "m")
 
     def _within(self, path: JointPath) -> Refused | None:
         """Whether a path keeps positions, speeds and accelerations inside the limits."""
@@ -248,9 +228,3 @@ class ThrowPlanner:
                 found = abs(float(data.qfrc_inverse[joint]))
                 return Refused(f"torque of joint {joint + 1}", found, float(limits[joint]), "N m")
         return None
-
-
-def _faces(body: Body) -> list[tuple[Array, Array]]:
-    """All faces of a body, also those the pad does not fit on: normal and a point."""
-    every = grasps_of(body, pad_radius=0.0)
-    return list(zip(every.normals, every.places))

@@ -8,14 +8,18 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
+from contact_curation.sim.arm_departure import DepartureConfig
 from contact_curation.sim.arm_feasibility import ArmFeasibility, blended
 from contact_curation.sim.arm_simulation import ArmSimulation, ControlConfig, Phase
 from contact_curation.sim.arm_throw import ArmThrower, ExecutedThrow
+from contact_curation.sim.collision_reflex import CollisionReflex, ReflexConfig
 from contact_curation.sim.safety import GateConfig
 from contact_curation.sim.throw_motion import FRAME_PERIOD, Refused, ThrowMotion, ThrowPlanner
 from test.sim.throws import PLAIN, random_throws
 
 X, Y, Z = np.eye(3)
+BOUNCING_BACK = random_throws(600, seed=0)[226]
+"""Its corner hits the board 0.1 s after the release, and it bounces back under the gripper that follows it."""
 FAST, HIGH = 3.0, 1.0
 
 
@@ -57,6 +61,8 @@ def test_two_hundred_random_throws_are_made_as_commanded_within_all_limits(plann
     assert len(executed) >= 200
     for one in executed:
         check_execution(one)
+        assert one.rested
+    assert sum(one.touched for one in executed) <= 1  # bounces are not known to the millimetre
 
 
 def test_the_body_flies_free_from_the_instant_it_is_released_and_comes_to_rest_on_the_board(planner: ThrowPlanner) -> None:
@@ -71,6 +77,62 @@ def test_the_body_flies_free_from_the_instant_it_is_released_and_comes_to_rest_o
     heights = CONTACTNETS_CUBE.polytope.corner_heights(states[-1, :3], states[-1, 3:7])
     assert np.abs(np.sort(heights)[:4]).max() < 1e-3
     assert executed.frame_period == FRAME_PERIOD
+
+
+def test_a_body_that_would_bounce_into_the_arm_is_held_or_thrown_another_way_or_refused(planner: ThrowPlanner) -> None:
+    throw = BOUNCING_BACK
+    heedless = ThrowPlanner(planner.body, departure=DepartureConfig(at_first=-1.0, opening=0.0))
+    reckless = heedless.plan(throw)
+    assert isinstance(reckless, ThrowMotion)
+    motion = planner.plan(throw)
+    if isinstance(motion, ThrowMotion):
+        assert not ArmThrower(planner).carry_out(motion).touched
+    else:
+        assert motion.limit == "distance of the thrown body to the arm"
+        assert motion.found < motion.allowed
+
+
+def test_an_arm_that_meets_the_body_gives_way_and_ends_at_home_and_without_the_reflex_it_would_push(
+    planner: ThrowPlanner,
+) -> None:
+    heedless = ThrowPlanner(planner.body, departure=DepartureConfig(at_first=-1.0, opening=0.0))
+    motion = heedless.plan(BOUNCING_BACK)
+    assert isinstance(motion, ThrowMotion)
+    felt = {share: pushed(motion, ReflexConfig(share=share)) for share in (0.1, 100.0)}
+    assert felt[0.1] < 0.7
+    assert felt[100.0] > 0.99
+
+
+def test_an_arm_that_gives_way_can_be_stopped_and_goes_home_when_it_is_armed_again(planner: ThrowPlanner) -> None:
+    motion = ThrowPlanner(planner.body, departure=DepartureConfig(at_first=-1.0, opening=0.0)).plan(BOUNCING_BACK)
+    assert isinstance(motion, ThrowMotion)
+    simulation = ArmSimulation(CONTACTNETS_CUBE)
+    simulation.begin(motion)
+    while not simulation.gave_way:
+        simulation.advance()
+    simulation.stop()
+    frames = [simulation.advance() for _ in range(150)]
+    assert frames[-1].phase is Phase.STOPPED
+    assert max(np.abs(frame.speeds).max() for frame in frames[75:]) < 0.02
+    simulation.rearm()
+    home = next(frame for frame in iter(simulation.advance, None) if frame.phase is Phase.RESTING or frame.time > 20.0)
+    np.testing.assert_allclose(home.joints, simulation.config.home_posture, atol=5e-3)
+
+
+def pushed(motion: ThrowMotion, reflex: ReflexConfig) -> float:
+    """The largest share of a motor's limit that was used after the body had touched the arm."""
+    simulation, largest = ArmSimulation(CONTACTNETS_CUBE, control=ControlConfig(reflex=reflex)), 0.0
+    simulation.begin(motion)
+    while simulation.phase is not Phase.RESTING:
+        frame = simulation.advance()
+        assert frame.time < 20.0
+        if simulation.touched:
+            largest = max(largest, float((np.abs(frame.torques) / simulation.config.limits.torque).max()))
+    assert simulation.touched
+    assert simulation.gave_way is (reflex.share < 1.0)
+    assert simulation.settled
+    np.testing.assert_allclose(simulation.frame().joints, simulation.config.home_posture, atol=5e-3)
+    return largest
 
 
 def test_a_late_gripper_shifts_the_release_along_the_motion(planner: ThrowPlanner) -> None:
@@ -183,3 +245,17 @@ def test_the_same_seed_throws_the_same(planner: ThrowPlanner) -> None:
     np.testing.assert_array_equal(one.states, other.states)
     with pytest.raises(InvalidValueError, match="throw plain: found speed"):
         ArmThrower(planner).execute(replace(PLAIN, linear_velocity=FAST * X))
+
+
+def test_the_reflex_feels_a_push_that_lasts_and_not_one_step_of_noise() -> None:
+    limits = np.array([10.0, 100.0])
+    reflex = CollisionReflex(limits, ReflexConfig(share=0.1, time=0.005))
+    assert not reflex.feels(np.array([5.0, 0.0]), 0.001)
+    assert not reflex.feels(np.array([-3.0, 0.0]), 0.001)
+    assert not any(reflex.feels(np.array([0.9, 9.0]), 0.001) for _ in range(100))
+    assert any(reflex.feels(np.array([0.0, -12.0]), 0.001) for _ in range(15))
+    reflex.forget()
+    assert not reflex.feels(np.zeros(2), 0.001)
+    for wrong in ({"share": 0.0}, {"time": np.nan}):
+        with pytest.raises(InvalidValueError, match="reflex"):
+            ReflexConfig(**wrong)
