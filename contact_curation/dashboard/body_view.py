@@ -1,0 +1,83 @@
+"""View: the body at its learned vertices, each with the ellipsoid that it is known within."""
+
+import numpy as np
+import rerun as rr
+from scipy.spatial.transform import Rotation
+
+from contact_curation.contact.body import Body
+from contact_curation.dashboard.screen import Screen
+from contact_curation.dashboard.vertex_uncertainty import VertexUncertainty
+from contact_curation.dashboard.wireframe import Wireframe
+from contact_curation.geometry.quaternions import Array
+
+BODY, KNOWN = "body", "known"
+
+DESCRIBED, LEARNED, SURE, UNSURE = (150, 150, 150), (0, 114, 178), (0, 158, 115), (213, 94, 0)
+"""Colours of Okabe and Ito."""
+
+MAGNIFIED = 10.0
+"""Ellipsoids are drawn so many times as large, to be seen beside the body."""
+
+LARGEST_SHARE = 0.5
+"""Of a characteristic length: no ellipsoid is drawn larger, however little is known; its label tells the truth."""
+
+SURE_MM, UNSURE_MM = 0.5, 10.0
+"""One standard deviation at the ends of the colours."""
+
+MILLIMETRES = 1e3
+
+
+class BodyView:
+    """Writes what is known of a body.
+
+    Args:
+        screen: to write to.
+        body: as it was described.
+        wireframe: how its vertices are joined.
+    """
+
+    def __init__(self, screen: Screen, body: Body, wireframe: Wireframe) -> None:
+        self._screen = screen
+        self._body = body
+        self._wireframe = wireframe
+        described = rr.LineStrips3D(wireframe.strips(body.vertices), colors=[DESCRIBED], radii=rr.Radius.ui_points(1.0))
+        screen.always(BODY, rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+        screen.always(f"{BODY}/described", described)
+        screen.curve(f"{KNOWN}/worst", "worst vertex [mm]", UNSURE)
+        screen.curve(f"{KNOWN}/median", "median vertex [mm]", LEARNED)
+
+    def show(self, vertices: Array, uncertainty: VertexUncertainty | None) -> None:
+        """Writes the body at vertices (V, 3) [m], and where it is known how well they are known, that."""
+        edges = self._wireframe.strips(vertices)
+        self._screen.log(f"{BODY}/learned/edges", rr.LineStrips3D(edges, colors=[LEARNED], radii=rr.Radius.ui_points(2.0)))
+        faces = rr.Mesh3D(vertex_positions=vertices, triangle_indices=self._wireframe.triangles, albedo_factor=(*LEARNED, 40))
+        self._screen.log(f"{BODY}/learned/faces", faces)
+        if uncertainty is None:
+            self._screen.log(f"{BODY}/uncertainty", rr.Clear(recursive=False))
+            return
+        self._screen.log(f"{BODY}/uncertainty", ellipsoids_of(vertices, uncertainty, self._body.length_scale))
+        largest = MILLIMETRES * self._body.length_scale * uncertainty.largest
+        self._screen.values(KNOWN, {"worst": float(largest.max()), "median": float(np.median(largest))})
+
+
+def ellipsoids_of(vertices: Array, uncertainty: VertexUncertainty, length_scale: float) -> rr.Ellipsoids3D:
+    """Ellipsoids about vertices (V, 3) [m], drawn larger than they are, labelled with what they are."""
+    drawn = np.minimum(MAGNIFIED * uncertainty.half_axes, LARGEST_SHARE) * length_scale
+    millimetres = MILLIMETRES * length_scale * uncertainty.largest
+    return rr.Ellipsoids3D(
+        centers=vertices,
+        half_sizes=drawn,
+        quaternions=Rotation.from_matrix(uncertainty.directions).as_quat(),
+        colors=[colour_of(one) for one in millimetres],
+        fill_mode="solid",
+        labels=[f"{one:.1f} mm" for one in millimetres],
+        show_labels=True,
+    )
+
+
+def colour_of(millimetres: float) -> tuple[int, int, int]:
+    """From sure to unsure by the logarithm of a standard deviation."""
+    share = np.log(max(millimetres, SURE_MM) / SURE_MM) / np.log(UNSURE_MM / SURE_MM)
+    mixed = np.array(SURE) + min(float(share), 1.0) * (np.array(UNSURE) - np.array(SURE))
+    red, green, blue = mixed.astype(int).tolist()
+    return red, green, blue

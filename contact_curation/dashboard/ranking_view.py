@@ -1,0 +1,67 @@
+"""Views: the ranking with its reasons, the spectrum of the kept set's information, the theorem's epsilon over the session."""
+
+import numpy as np
+import rerun as rr
+
+from contact_curation.dashboard.evidence import Evidence, EvidenceRow, KeptSet
+from contact_curation.dashboard.pages import number, table
+from contact_curation.dashboard.screen import Screen
+from contact_curation.motion.toss import NANOSECONDS
+
+TABLE, SPECTRUM, EPSILON = "ranking", "spectrum", "epsilon"
+LISTED_OTHERS = 12
+"""Tosses that are not kept, of those that would add most; all others are counted."""
+
+HEADER = ("rank", "toss", "trace", "gain", "why")
+
+KEPT, POOL, WORST = (0, 114, 178), (0, 158, 115), (213, 94, 0)
+
+FLOOR = 1e-3
+"""Smaller eigenvalues are drawn as this."""
+
+
+class RankingView:
+    """Writes rankings.
+
+    Args:
+        screen: to write to.
+    """
+
+    def __init__(self, screen: Screen) -> None:
+        self._screen = screen
+        screen.curve(f"{EPSILON}/epsilon", "epsilon of the kept set per toss", KEPT)
+        screen.curve(f"{EPSILON}/missing", "share of the pool missing in the worst direction", WORST)
+        screen.curve(f"{EPSILON}/efficiency", "D-efficiency of a kept toss (1: average)", POOL)
+
+    def show(self, kept: KeptSet, evidence: Evidence) -> None:
+        """Writes a kept set and what speaks for it."""
+        self._screen.text(TABLE, ranking_page(kept, evidence))
+        heights = np.log10(np.maximum(evidence.spectrum, FLOOR))
+        self._screen.log(SPECTRUM, rr.BarChart(heights, color=KEPT))
+        curves = {"epsilon": evidence.epsilon, "missing": evidence.missing, "efficiency": evidence.efficiency}
+        self._screen.values(EPSILON, curves)
+
+
+def ranking_page(kept: KeptSet, evidence: Evidence) -> str:
+    """The ranking as a page."""
+    proven = f", at least {100.0 * kept.bound:.0f} % of the best set's D-efficiency" if kept.bound > 0.0 else ""
+    title = f"**{len(kept.toss_ids)} of {kept.seen} tosses kept** by {kept.criterion}{proven}; theta `{kept.version[:12]}`"
+    count = len(kept.toss_ids) + LISTED_OTHERS
+    rows = table(HEADER, (_cells(row) for row in evidence.rows[:count]))
+    more = len(evidence.rows) - count
+    return "\n\n".join([title, rows, *([f"and {more} more that would add less"] if more > 0 else [])])
+
+
+def _cells(row: EvidenceRow) -> tuple[str, ...]:
+    strong = "**" if row.kept else ""
+    return (f"{strong}{row.rank}{strong}", short_id(row.toss_id), number(row.trace), number(row.gain), row.reason)
+
+
+def short_id(toss_id: str) -> str:
+    """A toss's id as people tell tosses apart: its first stamp in seconds, what it was, and where it came from."""
+    body, _, rest = toss_id.partition("-")
+    stamp, _, source = rest.partition("-")
+    if not (stamp.isdecimal() and source):
+        return toss_id
+    seconds, nanoseconds = divmod(int(stamp), NANOSECONDS)
+    return f"{body} {seconds}.{nanoseconds // 1_000_000:03d} {source[:4]}"

@@ -1,0 +1,206 @@
+"""dashboard: listens to everything and shows it in a browser. It can never slow the graph.
+
+Callbacks only put messages in a bounded queue; one worker translates, computes and writes. What overflows is dropped, counted
+by topic, and shown; tosses and information are asked for again once there is nothing else to do. Of kept sets and thetas the
+newest is drawn, and no other.
+"""
+
+import sys
+from collections import Counter
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from contact_curation_msgs.msg import CuratedBuffer, ModelParameters, ThrowReport, TossRejected, TrainingStatus
+from contact_curation_msgs.msg import Toss as TossMessage
+from contact_curation_msgs.msg import TossInformation as TossInformationMessage
+from contact_curation_msgs.srv import GetInformation, GetTosses
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType
+
+from contact_curation.contact.evaluation import DEFAULT_LOSS
+from contact_curation.dashboard.health_view import NodeHealth
+from contact_curation.dashboard.layout import live_layout
+from contact_curation.dashboard.live import LiveSession
+from contact_curation.dashboard.serving import ServingConfig, close_screen, open_screen
+from contact_curation.errors import ContactCurationError
+from contact_curation.motion.toss import NANOSECONDS
+from contact_curation.nodes.body_parameter import declared_body
+from contact_curation.nodes.catch_up import PERIOD, Source
+from contact_curation.nodes.complaints import Complaints
+from contact_curation.nodes.door import StageNode, run
+from contact_curation.nodes.follow import Follow
+from contact_curation.nodes.health import Health, HealthReport
+from contact_curation.nodes.messages.headers import nanoseconds_of
+from contact_curation.nodes.messages.shown import first_theta, healths_of, kept_set_of, theta_of, throw_made_of, training_of
+from contact_curation.nodes.messages.toss import toss_of
+from contact_curation.nodes.messages.toss_information import information_of
+from contact_curation.nodes.parameters import declare, declare_config
+from contact_curation.nodes.qos import RESULTS_KEPT, kept, profile
+from contact_curation.nodes.scoring_stage import checked_body
+from contact_curation.nodes.worker import Latest, Worker
+
+TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16)
+INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
+
+NEWEST_TOSSES = 64
+"""Tosses that a dashboard which starts late looks back to; of information it wants all."""
+
+STATUSES_KEPT = 64
+
+
+class Dashboard(StageNode):
+    """Shows a session."""
+
+    def __init__(self) -> None:
+        super().__init__("dashboard")
+        self._body = declared_body(self)
+        loss = declare_config(self, DEFAULT_LOSS, "loss.")
+        parameters = declare(self, "params", "", "theta to begin with: JSON file or checkpoint; empty: the body as described")
+        serving = declared_serving(self)
+        self._limit = declare(
+            self, "queue", 512, "messages that wait at most; more are dropped and counted", bounds=(1, 1 << 20)
+        )
+        theta, self._body = first_theta(parameters, self._body)
+        self._screen = open_screen(serving, live_layout())
+        self._session = LiveSession(self._screen, self._body, theta, loss)
+        self._dropped: Counter[str] = Counter()
+        self._complaints = Complaints(self)
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._closing = False
+        self._buffer: Any = None
+        self._pending = False
+        self._nodes: dict[str, NodeHealth] = {}
+        self._parameters: Any = None
+        self._worker = Worker(self.fail)
+        self._ranking = Latest(self._worker, partial(self._guarded, self._draw_ranking))
+        self._theta = Latest(self._worker, partial(self._guarded, self._take_theta))
+        self._health_page = Latest(self._worker, self._draw_health)
+        Follow(self, TOSSES, partial(self._offer, self._take_tosses), self._idle, NEWEST_TOSSES)
+        Follow(self, INFORMATION, partial(self._offer, self._take_information), self._idle)
+        self._listen(TossRejected, "toss_rejected", RESULTS_KEPT, self._take_rejected)
+        self._listen(TrainingStatus, "training_status", STATUSES_KEPT, self._take_training)
+        self._listen(ThrowReport, "throw_report", RESULTS_KEPT, self._take_throw)
+        self.create_subscription(CuratedBuffer, "curated_buffer", self._buffer_came, kept(1))
+        self.create_subscription(ModelParameters, "model_parameters", self._parameters_came, kept(1))
+        lossy = profile(100, reliable=False, latched=False)
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._health_came, lossy)
+        self.create_timer(PERIOD, self._health_page.want, clock=self._steady)
+        HealthReport(self, self._health)
+        if serving.web_port:
+            self.get_logger().info(f"dashboard at {serving.address}")
+
+    def close(self) -> None:
+        self._closing = True
+        self._worker.stop()
+        close_screen(self._screen)
+
+    def _listen(self, kind: Any, topic: str, depth: int, take: Callable[[Any], None]) -> None:
+        def heard(message: Any) -> None:
+            self._offer(lambda messages: take(messages[0]), topic, [message])
+
+        self.create_subscription(kind, topic, heard, kept(depth))
+
+    def _offer(self, take: Callable[[list[Any]], None], topic: str, messages: list[Any]) -> bool:
+        """Queues messages of a topic for the worker, or drops them."""
+        if self._worker.waiting >= self._limit:
+            self._dropped[topic] += len(messages)
+            return False
+        self._worker.do(partial(self._guarded, partial(take, messages)))
+        return True
+
+    def _idle(self) -> bool:
+        return self._worker.waiting == 0
+
+    def _buffer_came(self, message: Any) -> None:
+        self._buffer = message
+        self._ranking.want()
+
+    def _parameters_came(self, message: Any) -> None:
+        self._parameters = message
+        self._theta.want()
+
+    def _health_came(self, message: Any) -> None:
+        """A handful of words, kept by node: nothing that could pile up."""
+        self._nodes.update({one.name: one for one in healths_of(message, self._seconds())})
+
+    def _guarded(self, job: Callable[[], None]) -> None:
+        """On the worker's thread, as everything below but the last: a bad message is counted and dropped."""
+        if self._closing:
+            return
+        try:
+            job()
+        except ContactCurationError as error:
+            self._complaints.note("not shown", str(error))
+
+    def _take_tosses(self, messages: list[Any]) -> None:
+        for message in messages:
+            self._session.add_toss(checked_body(toss_of(message), self._body))
+
+    def _take_information(self, messages: list[Any]) -> None:
+        for message in messages:
+            self._session.add_information(information_of(message))
+        self._ranking.want()
+
+    def _take_rejected(self, message: Any) -> None:
+        stamp_ns = nanoseconds_of(message.header.stamp)
+        self._session.add_rejected(message.toss_id, message.frames, message.reasons, stamp_ns)
+
+    def _take_training(self, message: Any) -> None:
+        self._session.add_training(training_of(message), nanoseconds_of(message.header.stamp))
+
+    def _take_throw(self, message: Any) -> None:
+        self._session.add_throw(throw_made_of(message))
+
+    def _take_theta(self) -> None:
+        """The newest only."""
+        self._session.set_theta(theta_of(self._parameters, self._body))
+        self._session.show_motion()
+
+    def _draw_ranking(self) -> None:
+        """The newest kept set only, once everything in it has come."""
+        message, self._buffer = self._buffer, None
+        if message is not None:
+            self._session.set_kept(kept_set_of(message), nanoseconds_of(message.header.stamp))
+            self._pending = True
+        if self._pending:
+            self._pending = not self._session.show_ranking()
+
+    def _draw_health(self) -> None:
+        if not self._closing:
+            self._session.show_health(dict(self._nodes), dict(self._dropped), self._seconds())
+
+    def _seconds(self) -> float:
+        nanoseconds: int = self._steady.now().nanoseconds
+        return nanoseconds / NANOSECONDS
+
+    def _health(self) -> Health:
+        dropped = {f"dropped {topic}": count for topic, count in self._dropped.items()}
+        values = {"queue": self._worker.waiting, "tosses": self._session.tosses, **dropped, **self._complaints.counts}
+        lost = sum(self._dropped.values())
+        return Health(f"{lost} messages not shown" if lost else "everything is shown", values, warning=bool(lost))
+
+
+def declared_serving(node: StageNode) -> ServingConfig:
+    """Where the dashboard goes.
+
+    Raises:
+        InvalidValueError: nowhere.
+    """
+    recording = declare(node, "recording", "", ".rrd file that the session is written to; empty: none")
+    return ServingConfig(
+        web_port=declare(node, "web_port", 9090, "port of the page to open in a browser; 0: none is served"),
+        grpc_port=declare(node, "grpc_port", 9876, "port of the data that the page shows"),
+        bind=declare(node, "bind", "127.0.0.1", "address that the data are served at; 0.0.0.0: to other machines, too"),
+        recording=Path(recording) if recording else None,
+    )
+
+
+def main() -> int:
+    """Runs the node."""
+    return run(Dashboard, "dashboard")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,105 @@
+"""What the dashboard shows, from the messages that say it."""
+
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.model_kind import ModelKind
+from contact_curation.dashboard.evidence import KeptSet
+from contact_curation.dashboard.health_view import NodeHealth
+from contact_curation.dashboard.learning_view import TrainingMoment
+from contact_curation.dashboard.throw_view import ThrowMade
+from contact_curation.dashboard.toss_motion import ShownTheta
+from contact_curation.errors import InvalidValueError
+from contact_curation.nodes.messages.model_parameters import geometry_of_bytes
+from contact_curation.nodes.messages.throw import throw_of
+from contact_curation.nodes.scored_theta import read_scored_theta
+
+
+def first_theta(parameters: str, body: Body) -> tuple[ShownTheta, Body]:
+    """Theta before any was published, and the body that it is for.
+
+    Raises:
+        UnreadableInputError, InvalidValueError: the file holds no theta.
+    """
+    if not parameters:
+        return ShownTheta("", ContactGeometry.of_body(body)), body
+    theta, body = read_scored_theta(Path(parameters), body)
+    return _shown("", theta.model, theta.data, body), body
+
+
+def theta_of(message: Any, body: Body) -> ShownTheta:
+    """The theta that a ModelParameters carries.
+
+    Raises:
+        InvalidValueError, UnreadableInputError: it is for another body, or bytes that are no theta.
+    """
+    if message.body != body.name:
+        raise InvalidValueError("body of the parameters", message.body, body.name)
+    return _shown(message.version, message.model, bytes(message.safetensors), body)
+
+
+def _shown(version: str, model: str, data: bytes, body: Body) -> ShownTheta:
+    if model == ModelKind.POLYTOPE:
+        return ShownTheta(version, geometry=geometry_of_bytes(data))
+    from contact_curation.learning.stored_model import model_of_bytes  # torch takes over a second to import
+
+    return ShownTheta(version, model=model_of_bytes(data, "model_parameters", body))
+
+
+def kept_set_of(message: Any) -> KeptSet:
+    """The kept set that a CuratedBuffer carries."""
+    return KeptSet(
+        criterion=message.criterion,
+        capacity=message.capacity,
+        toss_ids=tuple(message.toss_ids),
+        gains=tuple(message.marginal_gains),
+        version=message.parameters_version,
+        seen=message.tosses_seen,
+        bound=message.efficiency_bound,
+    )
+
+
+def training_of(message: Any) -> TrainingMoment:
+    """Where a TrainingStatus says that training stands."""
+    return TrainingMoment(
+        state=message.state,
+        gradient_steps=message.gradient_steps,
+        training_loss=message.training_loss,
+        held_out_loss=message.held_out_loss,
+        position_error=message.position_error,
+        rotation_error=message.rotation_error,
+    )
+
+
+def throw_made_of(message: Any) -> ThrowMade:
+    """What a ThrowReport says.
+
+    Raises:
+        InvalidValueError: its throw is none.
+    """
+    return ThrowMade(
+        kind=message.kind,
+        state=message.state,
+        commanded=throw_of(message.throw_command),
+        planned=message.planned_gain,
+        realised=message.realised_gain,
+        detail=message.detail,
+    )
+
+
+def healths_of(message: Any, now: float) -> list[NodeHealth]:
+    """What the nodes in a DiagnosticArray say of themselves, heard `now` [s]."""
+    return [
+        NodeHealth(
+            name=status.name,
+            warning=status.level != DiagnosticStatus.OK,
+            message=status.message,
+            values={value.key: value.value for value in status.values},
+            heard=now,
+        )
+        for status in message.status
+    ]
