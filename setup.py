@@ -23,6 +23,7 @@ NAME = MANIFEST.findtext("name", "")
 NODES = [
     *("pose_ingest", "fisher_scorer", "curator", "trainer", "throw_designer", "sim_arm", "sim_camera", "player"),
     "session_recorder",
+    "dashboard",
 ]
 
 KERNEL_FOLDERS = [Path(NAME, "solver", "kernel"), Path(NAME, "contact", "kernel")]
