@@ -22,6 +22,8 @@ VERBS = {
     "evaluate": ("evaluate", "how far a model's motions are from measured ones, and how surely its parameters are known"),
     "design": ("design", "the throws that would teach most, given what is known"),
     "simulate": ("simulate", "throws made in the simulated world, as the bag that a rig would have recorded"),
+    "online": ("online", "the whole graph, closed to a loop: design, throw, track, score, curate, train"),
+    "export": ("export", "what a ranking kept, as MCAP, ContactNets' files or a LeRobot dataset"),
     "play": ("play", "a bag as live topics"),
 }
 """By their names: the module in this package, which has `add_options` and `run`, and what it does."""

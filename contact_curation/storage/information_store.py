@@ -81,6 +81,10 @@ class InformationStore:
             yield from (_stored(row) for row in rows)
             sequence = rows[-1].sequence
 
+    def count(self, parameters_version: str) -> int:
+        """How many records of a version there are."""
+        return self._table.count(parameters_version)
+
     @property
     def last_sequence(self) -> int:
         """The newest sequence number; 0 while there is none."""

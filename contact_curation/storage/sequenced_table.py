@@ -86,6 +86,10 @@ class SequencedTable:
         query = f"SELECT version FROM {self._name} GROUP BY version ORDER BY min(sequence)"
         return [version for (version,) in self._store.rows(query)]
 
+    def count(self, version: str) -> int:
+        """How many records of a version there are."""
+        return int(self._store.rows(f"SELECT count(*) FROM {self._name} WHERE version = ?", (version,))[0][0])
+
     def drop_version(self, version: str) -> None:
         self._store.execute(f"DELETE FROM {self._name} WHERE version = ?", (version,))
 

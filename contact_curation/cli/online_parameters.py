@@ -1,0 +1,144 @@
+"""What each node of a session is told: by the parameter file, over that by options, over that by the session itself."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from contact_curation.cli.node_parameters import EVERY_NODE, Parameters, read_node_parameters
+from contact_curation.cli.online_options import OnlineConfig
+from contact_curation.contact.body import Body
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.tag_rig import rig_of
+from contact_curation.storage.atomic_file import write_atomically
+from contact_curation.storage.tag_map_file import tag_rig_yaml
+
+STAGES = ("pose_ingest", "fisher_scorer", "curator", "trainer", "throw_designer", "sim_arm", "sim_camera")
+"""The nodes of the loop, in the order they are started."""
+
+DASHBOARD, RECORDER = "dashboard", "session_recorder"
+OTHERS = ("player",)
+"""Nodes that a file may have parameters of, and a session does not start."""
+
+OF_BODIES = ("pose_ingest", "fisher_scorer", "trainer", "throw_designer", "sim_arm", "sim_camera", DASHBOARD)
+SEEDED = ("curator", "trainer", "sim_arm", "sim_camera")
+BOARD_FRAME = "body_surface"
+
+FASTEST_TIMEOUT = 3.0
+"""[s] that the designer waits for a toss at least, however fast the simulation is."""
+
+TOSS_TIMEOUT = 15.0
+"""[simulated s] that the designer waits for a toss."""
+
+
+class SessionFolder:
+    """Where the things of a session lie.
+
+    Args:
+        root: the folder; made when there is none.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.bag = root / "session.mcap"
+        self.recording = root / "session.rrd"
+        self.checkpoint = root / "checkpoint.safetensors"
+        self.manifest = root / "manifest.parquet"
+        self.events = root / "events.jsonl"
+        self.summary = root / "session.json"
+        self.report = root / "report.html"
+        self.parameters = root / "parameters.yaml"
+        self.tag_map = root / "tag_map.yaml"
+        self.logs = root / "logs"
+        self.stores = root / "stores"
+        self.figures = root / "figures"
+
+    def store(self, node: str) -> Path:
+        """The store of a node."""
+        return self.stores / f"{node}.sqlite"
+
+    def make(self) -> None:
+        """Makes the folders.
+
+        Raises:
+            InvalidValueError: there is a session already, or they cannot be made.
+        """
+        if self.events.exists():
+            raise InvalidValueError("--record", self.root, "a folder without a session in it")
+        try:
+            for folder in (self.logs, self.stores, self.figures):
+                folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InvalidValueError("--record", self.root, f"a folder that can be made ({error.strerror})") from error
+
+
+def session_parameters(config: OnlineConfig, body: Body, folder: SessionFolder) -> dict[str, Parameters]:
+    """Parameters by node, of the nodes that are to run.
+
+    Raises:
+        ContactCurationError: the parameter file is none, or is for nodes that there are not.
+    """
+    names = [*STAGES, *([DASHBOARD] if config.dashboard or config.record else []), *([RECORDER] if config.record else [])]
+    given = read_node_parameters(config.params_file) if config.params_file else {}
+    _check_names(given, config.params_file)
+    optional = _of_options(config, body)
+    merged: dict[str, Parameters] = {}
+    for name in names:
+        merged[name] = {**given.get(EVERY_NODE, {}), **given.get(name, {}), **optional.get(name, {})}
+    arm = {name: value for name, value in merged["sim_arm"].items() if name.startswith("arm.")}
+    rate = float(merged["sim_arm"].get("rate", 1.0))
+    merged["throw_designer"].setdefault("toss_timeout", max(TOSS_TIMEOUT / rate if rate else 0.0, FASTEST_TIMEOUT))
+    merged["throw_designer"] |= arm
+    for name, values in _of_session(config, folder).items():
+        if name in merged:
+            merged[name] |= values
+    return merged
+
+
+def write_tag_map(config: OnlineConfig, body: Body, folder: SessionFolder) -> None:
+    """The tags that a rendering camera sees, for whoever reads its detections."""
+    if config.camera == "rendered":
+        rig = rig_of(body.polytope, f"body_{body.name}", BOARD_FRAME)
+        write_atomically(folder.tag_map, tag_rig_yaml(rig).encode())
+
+
+def _check_names(given: Mapping[str, Any], path: Path | None) -> None:
+    known = (EVERY_NODE, *STAGES, DASHBOARD, RECORDER, *OTHERS)
+    unknown = sorted(set(given) - set(known))
+    if unknown:
+        raise InvalidValueError(f"nodes in {path}", ", ".join(unknown), f"some of {', '.join(known)}")
+
+
+def _of_options(config: OnlineConfig, body: Body) -> dict[str, Parameters]:
+    """What was asked for on the command line."""
+    optional: dict[str, Parameters] = {name: {} for name in (*STAGES, DASHBOARD)}
+    if config.body_file is not None:
+        for name in OF_BODIES:
+            optional[name]["body_file"] = str(config.body_file.absolute())
+        optional["curator"]["body"] = body.name
+    if config.seed is not None:
+        for name in SEEDED:
+            optional[name]["seed"] = config.seed
+    for name, value in (("top", config.top), ("criterion", config.criterion)):
+        if value is not None:
+            optional["curator"][name] = value
+    if config.held_out:
+        optional["trainer"]["held_out"] = [str(path.absolute()) for path in config.held_out]
+    if config.rate is not None:
+        optional["sim_arm"]["rate"] = config.rate
+    return optional
+
+
+def _of_session(config: OnlineConfig, folder: SessionFolder) -> dict[str, Parameters]:
+    """What makes the nodes one session."""
+    own: dict[str, Parameters] = {name: {"store": str(folder.store(name).absolute())} for name in STAGES[:5]}
+    own["trainer"] |= {"checkpoint": str(folder.checkpoint.absolute())}
+    own["throw_designer"] |= {"auto": True, "max_throws": config.throws, "thrower": "arm"}
+    own["sim_arm"] = {"armed": True, "external_heartbeat": False, "state": str((folder.stores / "sim_arm.json").absolute())}
+    own["sim_camera"] = {"mode": config.camera}
+    if config.camera == "rendered":
+        own["pose_ingest"]["tag_map"] = str(folder.tag_map.absolute())
+    own[RECORDER] = {"bag": str(folder.bag.absolute())}
+    own[DASHBOARD] = {"recording": str(folder.recording.absolute()) if config.record else ""}
+    if not config.dashboard:
+        own[DASHBOARD] |= {"web_port": 0}
+    return own

@@ -1,0 +1,63 @@
+"""What a recorded session leaves behind: its bag ranked offline, summary, figures and report."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from platform import platform
+from typing import Any
+
+from contact_curation import __version__
+from contact_curation.cli.node_parameters import Parameters
+from contact_curation.cli.online_events import EventLog
+from contact_curation.cli.online_options import OnlineConfig
+from contact_curation.cli.online_parameters import SessionFolder
+from contact_curation.cli.online_summary import Summary
+from contact_curation.cli.rank_of_session import rank_command
+from contact_curation.cli.report import json_line
+from contact_curation.storage.atomic_file import write_atomically
+
+
+def finish_record(
+    config: OnlineConfig,
+    folder: SessionFolder,
+    parameters: Mapping[str, Parameters],
+    command: tuple[str, ...],
+    summary: Summary,
+    events: EventLog,
+) -> Summary:
+    """Ranks the bag and writes what belongs in the folder.
+
+    Returns:
+        The summary, with where things lie and whether offline ranking gives the session's own.
+    """
+    words = rank_command(folder, parameters, config.body_file)
+    replayed = _replayed(words, summary)
+    document = {**summary.document, **replayed, "report": str(folder.report), "folder": str(folder.root)}
+    summary = replace(summary, document=document)
+    own = {
+        "command": list(command),
+        "rank_command": words,
+        "version": __version__,
+        "python": sys.version.split()[0],
+        "platform": platform(),
+        "parameters": parameters,
+        "summary": document,
+    }
+    write_atomically(folder.summary, (json_line(own) + "\n").encode())
+    return summary
+
+
+def _replayed(words: list[str], summary: Summary) -> dict[str, Any]:
+    """What `rank` makes of the session's bag, and whether that is the session's own ranking."""
+    done = subprocess.run(
+        [sys.executable, "-m", "contact_curation.cli.main", *words[1:], "--json"], capture_output=True, text=True, check=False
+    )
+    if done.returncode != 0:
+        return {"same": False, "replay": f"the bag could not be ranked: {done.stderr.strip().rpartition(chr(10))[2]}"}
+    told = json.loads(done.stdout)
+    kept = [row["toss_id"] for row in told["tosses"] if row["kept"]]
+    same = kept == summary.document["kept"]
+    what = f"the same {len(kept)} tosses in the same order" if same else f"other tosses than the session's: {', '.join(kept)}"
+    return {"same": same, "replay": f"rank gives {what}", "manifest": told["out"]}

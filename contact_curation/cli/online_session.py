@@ -1,0 +1,174 @@
+"""A session: nodes that are kept running and followed by their stores, until the throws are made and all has come to rest."""
+
+import re
+import time
+from collections.abc import Callable
+from typing import Any
+
+from contact_curation.cli.node_parameters import Parameters
+from contact_curation.cli.online_events import EventLog
+from contact_curation.cli.online_options import OnlineConfig
+from contact_curation.cli.online_parameters import DASHBOARD, SessionFolder
+from contact_curation.cli.online_settling import is_scored, training_is_due, unresolved
+from contact_curation.cli.online_stores import SessionStores, Standing, ThrowMade
+from contact_curation.cli.stop_signals import StopSignals
+from contact_curation.cli.supervisor import Supervisor
+from contact_curation.contact.body import Body
+from contact_curation.errors import UnreadableInputError
+
+POLL = 0.25
+"""[s] between looks."""
+
+AT_REST = 1.0
+"""[s] that nothing must have changed for."""
+
+PATIENCE = 120.0
+"""[s] without any change, after the last throw, that are waited for."""
+
+ADDRESS = re.compile(r"dashboard at (\S+)")
+
+ROUND_DEFAULTS = {"least_tosses": 2, "settling_rounds": 3}
+"""The trainer's."""
+
+
+class Session:
+    """Follows the nodes until there is nothing more to come.
+
+    Args:
+        config: what was asked for.
+        body: that is thrown.
+        parameters: of the nodes.
+        folder: of the session.
+        events: takes what happens.
+        say: told one line about each throw, and the dashboard's address.
+    """
+
+    def __init__(
+        self,
+        config: OnlineConfig,
+        body: Body,
+        parameters: dict[str, Parameters],
+        folder: SessionFolder,
+        events: EventLog,
+        say: Callable[[str], None],
+    ) -> None:
+        self._config = config
+        self._rounds = {name: int(parameters["trainer"].get(name, default)) for name, default in ROUND_DEFAULTS.items()}
+        self._stores = SessionStores(folder, body)
+        self._folder = folder
+        self._events = events
+        self._say = say
+        self._told = 0
+        self._changed = time.monotonic()
+        self._trained: tuple[Any, str] = (None, "")
+        self.standing = Standing()
+        self.settled = False
+        self.address = ""
+
+    def follow(self, supervisor: Supervisor, stop: StopSignals) -> None:
+        """Until the throws are over and everything is at rest, or a signal comes.
+
+        Raises:
+            ProgramFailedError: a node cannot be kept running.
+        """
+        while not (stop.wanted or self._is_over()):
+            time.sleep(POLL)
+            supervisor.look()
+            self._look()
+            self._look_for_address()
+
+    def stay(self, supervisor: Supervisor, stop: StopSignals) -> None:
+        """Keeps what still runs running until a signal comes."""
+        while not stop.wanted:
+            time.sleep(POLL)
+            supervisor.look()
+
+    def _is_over(self) -> bool:
+        """Whether all throws were made, and nothing is to come of them any more."""
+        waited = time.monotonic() - self._changed
+        if not self._config.throws or len(self.standing.throws) < self._config.throws or waited < AT_REST:
+            return False
+        self.settled = self._at_rest()
+        return self.settled or waited > PATIENCE
+
+    def _at_rest(self) -> bool:
+        standing = self.standing
+        if unresolved(standing) or not is_scored(standing) or training_is_due(standing, **self._rounds):
+            return False
+        return standing.training is None or self._trained_version(standing) == standing.version
+
+    def _trained_version(self, standing: Standing) -> str:
+        """Of the checkpoint, which is read when it has changed."""
+        if self._trained[0] != standing.training:
+            self._trained = standing.training, self._stores.trained_version()
+        return self._trained[1]
+
+    def _look(self) -> None:
+        try:
+            standing = self._stores.look()
+        except UnreadableInputError as error:  # a node that is just making its store
+            self._events.note("unreadable", detail=str(error))
+            return
+        if standing != self.standing:
+            self.standing, self._changed = standing, time.monotonic()
+            self._tell_of_throws()
+
+    def _tell_of_throws(self) -> None:
+        """A line about each throw of which it is known what came of it, in order."""
+        waiting = {throw.throw_id for throw in unresolved(self.standing)}
+        for throw in self.standing.throws[self._told :]:
+            last = throw is self.standing.throws[-1]
+            if last and (throw.throw_id in waiting or _gain_is_to_come(throw)):
+                return
+            self._told += 1
+            self._tell(throw)
+
+    def _tell(self, throw: ThrowMade) -> None:
+        place = self.standing.throws.index(throw)
+        outcome = outcome_of(self.standing, place)
+        self._events.note(
+            "throw",
+            throw=throw.throw_id,
+            number=place + 1,
+            kind="designed" if throw.warm_up is None else "warm-up",
+            planned=throw.planned,
+            realised=throw.realised,
+            toss=throw.toss_id,
+            outcome=outcome,
+        )
+        of = f" of {self._config.throws}" if self._config.throws else ""
+        self._say(f"throw {place + 1:3d}{of}  {gains(throw):<34}  {outcome}  ({self._events.seconds:.0f} s)")
+
+    def _look_for_address(self) -> None:
+        path = self._folder.logs / f"{DASHBOARD}.log"
+        if not self._config.dashboard or self.address or not path.exists():
+            return
+        found = ADDRESS.search(path.read_text(errors="replace"))
+        if found:
+            self.address = found[1]
+            self._say(f"dashboard: {self.address}")
+
+
+def gains(throw: ThrowMade) -> str:
+    """What a throw was planned to teach, and what its toss did."""
+    if throw.planned is None:
+        return "warm-up"
+    realised = "not known" if throw.realised is None else f"{throw.realised:.3g}"
+    return f"gain {throw.planned:.3g} planned, {realised} realised"
+
+
+def outcome_of(standing: Standing, place: int) -> str:
+    """What became of the toss of a throw, in words."""
+    throw = standing.throws[place]
+    if throw.toss_id:
+        rank = standing.kept.index(throw.toss_id) + 1 if throw.toss_id in standing.kept else None
+        return f"kept, rank {rank} of {len(standing.kept)}" if rank else "not kept"
+    later = standing.throws[place + 1].after_ns if place + 1 < len(standing.throws) else None
+    for one in standing.kept_back:
+        if one.last_ns > throw.after_ns and (later is None or one.last_ns <= later):
+            return f"rejected: {one.reasons[0]}"
+    return "no toss came of it"
+
+
+def _gain_is_to_come(throw: ThrowMade) -> bool:
+    return throw.planned is not None and throw.realised is None

@@ -1,0 +1,81 @@
+"""The `rank` command that gives a session's own final ranking from its bag: the nodes' parameters as the verb's options."""
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from contact_curation.cli.node_parameters import Parameters
+from contact_curation.cli.online_parameters import SessionFolder
+from contact_curation.contact.evaluation import DEFAULT_LOSS
+from contact_curation.information.ranker import RankingConfig
+from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.segmenter_config import SegmenterConfig
+from contact_curation.storage.pose_source import PoseTopicConfig
+
+OPTIONS = {"criterion": "--criterion", "top": "--top", "seed": "--seed", "variant": "--variant"}
+"""Of the curator."""
+
+SCORING = {"estimator": "--estimator", "form": "--form"}
+"""Of the scorer."""
+
+FROM_THE_BODY = ("gravity",)
+POSES = ("body_frame", "board_frame", "tag_map")
+"""Of pose_ingest, with options of the same names."""
+
+
+def rank_command(folder: SessionFolder, parameters: Mapping[str, Parameters], body_file: Path | None) -> list[str]:
+    """The words of the command.
+
+    Args:
+        folder: of the session.
+        parameters: of its nodes.
+        body_file: describes the body; None for ContactNets' cube.
+    """
+    ingest, scorer, curator = (parameters[name] for name in ("pose_ingest", "fisher_scorer", "curator"))
+    words = ["contact-curation", "rank", str(folder.bag), "--out", str(folder.manifest)]
+    words += ["--body", str(body_file)] if body_file else []
+    words += ["--params", str(folder.checkpoint)] if folder.checkpoint.exists() else []
+    for values, options in ((curator, OPTIONS), (scorer, SCORING)):
+        words += [word for name, option in options.items() if name in values for word in (option, str(values[name]))]
+    if scorer.get("influence_bound", float("inf")) != float("inf"):
+        words += ["--influence-bound", str(scorer["influence_bound"])]
+    words += [word for name in POSES if name in ingest for word in (f"--{name.replace('_', '-')}", str(ingest[name]))]
+    words += _settings("segmenter", ingest, SegmenterConfig(), "segmenter.")
+    words += _settings("gates", ingest, GateConfig(), "gates.")
+    words += _settings("poses", ingest, PoseTopicConfig(), "")
+    words += _settings("loss", scorer, DEFAULT_LOSS, "loss.")
+    words += _settings("ranking", curator, RankingConfig(), "")
+    return words
+
+
+def _settings(stage: str, values: Parameters, defaults: Any, prefix: str) -> Iterator[str]:
+    """`--set` for each parameter that is not as it is by default; threads and gravity are no matter of taste."""
+    for path, default in _leaves(defaults):
+        name = f"{prefix}{path}"
+        given_elsewhere = (*FROM_THE_BODY, "threads", *(OPTIONS if stage == "ranking" else ()), *POSES, "topic")
+        if name not in values or path in given_elsewhere:
+            continue
+        value = values[name]
+        if default is None and not value:
+            value = "none"
+        text = ",".join(str(each) for each in value) if isinstance(value, list) else str(value)
+        if text != _text(default):
+            yield from ("--set", f"{stage}.{path}={text}")
+
+
+def _leaves(config: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Every field that is no configuration itself, by its path."""
+    for field in dataclasses.fields(config):
+        value = getattr(config, field.name)
+        if dataclasses.is_dataclass(value):
+            yield from _leaves(value, f"{prefix}{field.name}.")
+        else:
+            yield f"{prefix}{field.name}", value
+
+
+def _text(default: Any) -> str:
+    """A default as it would be given."""
+    if default is None:
+        return "none"
+    return ",".join(str(each) for each in default) if isinstance(default, tuple) else str(default)
