@@ -15,6 +15,10 @@ BODY, KNOWN = "body", "known"
 DESCRIBED, LEARNED, SURE, UNSURE = (150, 150, 150), (0, 114, 178), (0, 158, 115), (213, 94, 0)
 """Colours of Okabe and Ito."""
 
+TEXT = (20, 20, 20)
+SMALL = 0.0005
+"""[m] A point that a label hangs on."""
+
 MAGNIFIED = 10.0
 """Ellipsoids are drawn so many times as large, to be seen beside the body."""
 
@@ -53,15 +57,19 @@ class BodyView:
         faces = rr.Mesh3D(vertex_positions=vertices, triangle_indices=self._wireframe.triangles, albedo_factor=(*LEARNED, 40))
         self._screen.log(f"{BODY}/learned/faces", faces)
         if uncertainty is None:
-            self._screen.log(f"{BODY}/uncertainty", rr.Clear(recursive=False))
+            self._screen.log(f"{BODY}/uncertainty", rr.Clear(recursive=True))
             return
         self._screen.log(f"{BODY}/uncertainty", ellipsoids_of(vertices, uncertainty, self._body.length_scale))
         largest = MILLIMETRES * self._body.length_scale * uncertainty.largest
+        labels = rr.Points3D(
+            vertices, labels=[f"{one:.1f} mm" for one in largest], colors=[TEXT], radii=SMALL, show_labels=True
+        )
+        self._screen.log(f"{BODY}/uncertainty/labels", labels)
         self._screen.values(KNOWN, {"worst": float(largest.max()), "median": float(np.median(largest))})
 
 
 def ellipsoids_of(vertices: Array, uncertainty: VertexUncertainty, length_scale: float) -> rr.Ellipsoids3D:
-    """Ellipsoids about vertices (V, 3) [m], drawn larger than they are, labelled with what they are."""
+    """Ellipsoids about vertices (V, 3) [m], drawn larger than they are."""
     drawn = np.minimum(MAGNIFIED * uncertainty.half_axes, LARGEST_SHARE) * length_scale
     millimetres = MILLIMETRES * length_scale * uncertainty.largest
     return rr.Ellipsoids3D(
@@ -70,8 +78,6 @@ def ellipsoids_of(vertices: Array, uncertainty: VertexUncertainty, length_scale:
         quaternions=Rotation.from_matrix(uncertainty.directions).as_quat(),
         colors=[colour_of(one) for one in millimetres],
         fill_mode="solid",
-        labels=[f"{one:.1f} mm" for one in millimetres],
-        show_labels=True,
     )
 
 

@@ -119,7 +119,7 @@ def _rows(pool: Pool, kept: KeptSet) -> tuple[EvidenceRow, ...]:
     return (
         *first,
         *(
-            EvidenceRow(rank, one, traces[one], gains[one], False, _why_not(kept, gains[one], traces[one], smallest))
+            EvidenceRow(rank, one, traces[one], gains[one], False, _why_not(kept, gains[one], smallest))
             for rank, one in enumerate(others, start=len(first) + 1)
         ),
     )
@@ -134,14 +134,14 @@ def _gains_of_others(pool: Pool, kept: KeptSet) -> Mapping[str, float]:
 
 
 def _why_kept(kept: KeptSet, rank: int) -> str:
-    if kept.criterion == "log-det":
-        return "kept: the most new by itself" if rank == 1 else f"kept: the most that the {rank - 1} above leave open"
-    return f"kept: place {rank} by {kept.criterion}"
+    if kept.criterion != "log-det":
+        return f"kept: place {rank} by {kept.criterion}"
+    return "kept: most new by itself" if rank == 1 else f"kept: most new beside the {rank - 1} above"
 
 
-def _why_not(kept: KeptSet, gain: float, trace: float, smallest: float) -> str:
+def _why_not(kept: KeptSet, gain: float, smallest: float) -> str:
     if kept.criterion == "log-det":
-        return f"not kept: would add {gain:.2f}, the last one kept added {kept.gains[-1]:.2f}"
+        return f"not kept: less new than the last, {kept.gains[-1]:.3g}" if gain < kept.gains[-1] else "not kept: came after"
     if kept.criterion == "trace":
-        return f"not kept: trace {trace:.3g}, the smallest kept {smallest:.3g}"
-    return f"not kept: not among the {kept.capacity} best by {kept.criterion}"
+        return f"not kept: trace below {smallest:.3g}"
+    return f"not kept: {kept.criterion} has {kept.capacity} better"

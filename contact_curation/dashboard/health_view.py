@@ -66,4 +66,9 @@ def health_page(nodes: Mapping[str, NodeHealth], dropped: Mapping[str, int], now
 def _cells(node: NodeHealth, now: float) -> tuple[str, ...]:
     silent = now - node.heard > SILENT_AFTER
     state = "**silent**" if silent else ("**warns**" if node.warning else "ok")
-    return (node.name, state, node.message, ", ".join(f"{name} {value}" for name, value in node.values.items()))
+    return (
+        node.name.removeprefix("/"),
+        state,
+        node.message,
+        ", ".join(f"{name} {value}" for name, value in node.values.items()),
+    )

@@ -18,10 +18,10 @@ SCENE = "scene"
 MEASURED, PREDICTED, IMPULSE, NEXT, BOARD = (30, 30, 30), (0, 114, 178), (213, 94, 0), (204, 121, 167), (190, 190, 190)
 """Colours of Okabe and Ito, grey for what is there anyway."""
 
-BOARD_SIDE, BOARD_THICKNESS = 1.2, 0.004
+BOARD_SIDE, BOARD_THICKNESS = 0.9, 0.004
 """[m]"""
 
-IMPULSE_SCALE = 0.5
+IMPULSE_SCALE = 1.0
 """[m] of arrow for 1 N s."""
 
 SPEED_SCALE = 0.12

@@ -12,7 +12,7 @@ TABLE, SPECTRUM, EPSILON = "ranking", "spectrum", "epsilon"
 LISTED_OTHERS = 12
 """Tosses that are not kept, of those that would add most; all others are counted."""
 
-HEADER = ("rank", "toss", "trace", "gain", "why")
+HEADER = ("rank", "toss [s]", "trace", "gain", "why")
 
 KEPT, POOL, WORST = (0, 114, 178), (0, 158, 115), (213, 94, 0)
 
@@ -29,9 +29,9 @@ class RankingView:
 
     def __init__(self, screen: Screen) -> None:
         self._screen = screen
-        screen.curve(f"{EPSILON}/epsilon", "epsilon of the kept set per toss", KEPT)
-        screen.curve(f"{EPSILON}/missing", "share of the pool missing in the worst direction", WORST)
-        screen.curve(f"{EPSILON}/efficiency", "D-efficiency of a kept toss (1: average)", POOL)
+        screen.curve(f"{EPSILON}/epsilon", "epsilon", KEPT)
+        screen.curve(f"{EPSILON}/missing", "missing in the worst direction", WORST)
+        screen.curve(f"{EPSILON}/efficiency", "D-efficiency of a kept toss", POOL)
 
     def show(self, kept: KeptSet, evidence: Evidence) -> None:
         """Writes a kept set and what speaks for it."""
@@ -58,10 +58,9 @@ def _cells(row: EvidenceRow) -> tuple[str, ...]:
 
 
 def short_id(toss_id: str) -> str:
-    """A toss's id as people tell tosses apart: its first stamp in seconds, what it was, and where it came from."""
-    body, _, rest = toss_id.partition("-")
-    stamp, _, source = rest.partition("-")
-    if not (stamp.isdecimal() and source):
+    """What tells tosses of a session apart in their ids: the first stamp [s]; any other id as it is."""
+    stamp = toss_id.rpartition("-")[0].rpartition("-")[2]
+    if not stamp.isdecimal():
         return toss_id
     seconds, nanoseconds = divmod(int(stamp), NANOSECONDS)
-    return f"{body} {seconds}.{nanoseconds // 1_000_000:03d} {source[:4]}"
+    return f"{seconds}.{nanoseconds // 1_000_000:03d}"

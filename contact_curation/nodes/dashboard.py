@@ -63,7 +63,7 @@ class Dashboard(StageNode):
             self, "queue", 512, "messages that wait at most; more are dropped and counted", bounds=(1, 1 << 20)
         )
         theta, self._body = first_theta(parameters, self._body)
-        self._screen = open_screen(serving, live_layout())
+        self._screen = open_screen(serving, live_layout(self._body))
         self._session = LiveSession(self._screen, self._body, theta, loss)
         self._dropped: Counter[str] = Counter()
         self._complaints = Complaints(self)
