@@ -37,7 +37,7 @@ from contact_curation.design.forecast import ForecastConfig, forecast, predicted
 from contact_curation.design.particle import Particle
 from contact_curation.design.planner import DesignConfig, Planner
 from contact_curation.design.planning import greedy_batch
-from contact_curation.design.refinement import RefinementConfig, refined
+from contact_curation.design.refinement import RefinementConfig
 from contact_curation.design.releases import Placement
 from contact_curation.design.throw import throw_of_state
 from contact_curation.design.throw_prior import ReleasePrior, fitted_prior, published_releases, raw_prior
@@ -55,6 +55,7 @@ BATCHES = (4, 8, 16)
 REFINED = 8
 """Throws of the batch that is also refined."""
 
+NAMES = [f"throw-{number}" for number in range(REFINED)]
 EXECUTIONS = 16
 """Tries of each batch with noise."""
 
@@ -223,8 +224,8 @@ def batches_of(shared: Setting, seed: int, pool: int) -> dict[tuple[str, int], A
             picked = usable.taken(greedy_batch([particle], known, usable.fishers, throws).indices)
             made[f"greedy at {name}", throws] = picked.states
             if name == "fit" and throws == REFINED:
-                better = refined(planner.outlook, known, picked, RefinementConfig(), seed)
-                made["greedy and CMA-ES at fit", throws] = better.states
+                whole = Planner([particle], prior, NOISE, DesignConfig(pool=pool)).plan(NAMES, known, seed)
+                made["greedy and CMA-ES at fit", throws] = np.array([throw.release for throw in whole.throws])
         if name == "fit":
             traces = np.trace(usable.fishers[0], axis1=1, axis2=2)
             for throws in BATCHES:

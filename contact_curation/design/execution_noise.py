@@ -122,7 +122,7 @@ class ExecutionNoise:
 
 
 def balanced_draws(count: int, rng: np.random.Generator) -> Array:
-    """(count, 12) standard normal numbers; each has its mirror image among them, so that their mean is zero.
+    """(count, 12) standard normal numbers; each is followed by its mirror image, so that the mean of every even number is zero.
 
     Raises:
         InvalidValueError: an odd number, or none.
@@ -130,7 +130,7 @@ def balanced_draws(count: int, rng: np.random.Generator) -> Array:
     if count < 2 or count % 2:
         raise InvalidValueError("executions", count, "an even number of at least 2")
     half = rng.standard_normal((count // 2, ERRORS))
-    return np.concatenate([half, -half])
+    return np.stack([half, -half], axis=1).reshape(count, ERRORS)
 
 
 def errors_of(commanded: Array, executed: Array) -> Array:

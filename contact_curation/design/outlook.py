@@ -77,6 +77,16 @@ class Candidates:
             tuple(self.refusals[index] for index in chosen),
         )
 
+    @staticmethod
+    def joined(parts: Sequence["Candidates"]) -> "Candidates":
+        """One after the other."""
+        return Candidates(
+            Releases.joined([part.releases for part in parts]),
+            np.concatenate([part.states for part in parts]),
+            tuple(np.concatenate(each) for each in zip(*(part.fishers for part in parts), strict=True)),
+            tuple(refusal for part in parts for refusal in part.refusals),
+        )
+
 
 class Outlook:
     """Judges releases at one or several thetas, with the executions' noise as it is known.
@@ -141,23 +151,29 @@ class Outlook:
             found[index] = answer
         return tuple(found)
 
-    def candidates(self, releases: Releases) -> Candidates:
-        """What releases teach; refused are those whose executions lead where they should not, or nowhere."""
+    def candidates(self, releases: Releases, executions: int | None = None) -> Candidates:
+        """What releases teach; refused are those whose executions lead where they should not, or nowhere.
+
+        Args:
+            releases: to judge.
+            executions: of each, the first of all that are looked at by default; an even number.
+        """
+        draws = self._draws[:executions]
         states = releases.states(self.config.placement)
         pieces = [states[first : first + PIECE] for first in range(0, len(states), PIECE)]
         refusals: list[str | None] = []
         fishers: list[list[Array]] = [[] for _ in self.particles]
         for piece in pieces:
-            parts = self._judged(piece)
+            parts = self._judged(piece, draws)
             refusals += parts[1]
             for whole, part in zip(fishers, parts[0]):
                 whole.append(part.fishers)
         return Candidates(releases, states, tuple(np.concatenate(parts) for parts in fishers), tuple(refusals))
 
-    def _judged(self, states: Array) -> tuple[list[Forecast], list[str | None]]:
+    def _judged(self, states: Array, draws: Array) -> tuple[list[Forecast], list[str | None]]:
         """Per particle what a handful of releases (K, 13) teaches, and why each may not be thrown."""
-        config, executions = self.config.forecast, self.config.forecast.executions
-        executed = self.noise.executions(states, self._draws).reshape(-1, 13)
+        config, executions = self.config.forecast, len(draws)
+        executed = self.noise.executions(states, draws).reshape(-1, 13)
         forecasts: list[Forecast] = []
         refusals: list[str | None] = [None] * len(states)
         for particle in self.particles:

@@ -9,6 +9,7 @@ from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contact_curation.design.execution_noise import ExecutionNoise
 from contact_curation.design.outlook import Candidates, Outlook, OutlookConfig
@@ -24,6 +25,9 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.accumulated import Accumulated
 from contact_curation.information.record import TossInformation
 
+FINALISTS_EACH = 16
+"""Of a pool for many throws there are at least so many finalists for each."""
+
 
 @dataclass(frozen=True)
 class DesignConfig:
@@ -31,6 +35,8 @@ class DesignConfig:
 
     Attributes:
         pool: safe releases that throws are picked from.
+        sieve: executions of each release of the pool by which the finalists are found; an even number.
+        finalists: releases of the pool that are looked at with all executions.
         reference: releases of the prior whose mean information, times `share`, is the prior information A0; the canary also
             asks about them.
         share: delta of METHOD 1.6.
@@ -39,15 +45,19 @@ class DesignConfig:
     """
 
     pool: int = 256
+    sieve: int = 2
+    finalists: int = 64
     reference: int = 64
     share: float = 1e-3
     outlook: OutlookConfig = field(default_factory=OutlookConfig)
     refinement: RefinementConfig = DEFAULT_REFINEMENT
 
     def __post_init__(self) -> None:
-        for name in ("pool", "reference"):
+        for name in ("pool", "finalists", "reference"):
             if getattr(self, name) < 1:
                 raise InvalidValueError(f"design.{name}", getattr(self, name), "at least 1")
+        if self.sieve < 2 or self.sieve % 2:
+            raise InvalidValueError("design.sieve", self.sieve, "an even number of at least 2")
         if not (np.isfinite(self.share) and self.share > 0.0):
             raise InvalidValueError("design.share", self.share, "a positive number")
 
@@ -142,8 +152,13 @@ class Planner:
         Raises:
             InvalidValueError: fewer releases may be thrown than throws are wanted.
         """
-        candidates = self.pool(seed)
+        candidates = self.finalists(seed, known, len(names))
         batch = self._checked_batch(candidates, known, len(names))
+        if batch is None:  # the thrower, or many executions, left too few of them
+            candidates = self.pool(seed)
+            batch = self._checked_batch(candidates, known, len(names))
+        if batch is None:
+            raise self._too_few(candidates, len(names))
         batch = refined(self.outlook, known, batch, self.config.refinement, seed)
         batch = batch.taken(greedy_batch(self.particles, known, batch.fishers, len(names)).indices)  # best first
         return self.planned(names, batch, known, candidates.refusals)
@@ -159,11 +174,46 @@ class Planner:
             throws.append(throw_of_state(name, body, batch.states[index], gain, self.version))
             known = [with_fishers(state, fishers[[index]]) for state, fishers in zip(known, batch.fishers)]
         refused = Counter(refusal.partition(":")[0] for refusal in refusals if refusal)
-        return Plan(tuple(throws), batch.fishers, refused, len(refusals))
+        return Plan(tuple(throws), batch.fishers, refused, self.config.pool)
 
     def pool(self, seed: int) -> Candidates:
         """Releases to pick from, and what they teach."""
-        return self.outlook.candidates(self.outlook.safe(self.prior, self.config.pool, np.random.default_rng(seed)))
+        return self.outlook.candidates(self._drawn(seed))
+
+    def finalists(self, seed: int, known: Sequence[Accumulated], count: int) -> Candidates:
+        """What the pool teaches, as far as it may come into question (successive halving, Jamieson and Talwalkar 2016).
+
+        A few executions of each release say which come into question: those that add most alone and, where several throws are
+        wanted, those that add most to the greedy batch that these few executions would give. Those that are refused stay.
+
+        Args:
+            seed: of the pool.
+            known: what is known.
+            count: of throws that are wanted.
+        """
+        first = self.outlook.candidates(self._drawn(seed), self.config.sieve)
+        usable = np.flatnonzero(first.usable)
+        wanted = max(self.config.finalists, FINALISTS_EACH * count)
+        if len(usable) > wanted:
+            usable = usable[self._promising([one[usable] for one in first.fishers], known, count, wanted)]
+        if not len(usable):
+            return first
+        last = self.outlook.candidates(first.releases.taken(usable))
+        refused = first.taken(np.flatnonzero(~first.usable))
+        return Candidates.joined([last, refused])
+
+    def _promising(self, fishers: Sequence[Array], known: Sequence[Accumulated], count: int, wanted: int) -> NDArray[np.int64]:
+        """Indices of about as many as are wanted, in their order."""
+        alone = np.argsort(-gains(known, fishers), kind="stable")
+        if count == 1:
+            return np.sort(alone[:wanted])
+        batch = greedy_batch(self.particles, known, fishers, count).indices
+        given = [with_fishers(state, one[batch]) for state, one in zip(known, fishers)]
+        beside = np.argsort(-gains(given, fishers), kind="stable")
+        return np.unique(np.concatenate([alone[: wanted // 2], batch, beside[: wanted // 2]]))
+
+    def _drawn(self, seed: int) -> Releases:
+        return self.outlook.safe(self.prior, self.config.pool, np.random.default_rng(seed))
 
     def reference_scores(self, particle: int = 0) -> Array:
         """(R,) what each reference release tells at one theta, in units of what their mean tells: what the canary compares.
@@ -174,22 +224,25 @@ class Planner:
         whitened = np.einsum("pi,kpq,qi->k", coordinates, self._reference.fishers[particle], coordinates, optimize=True)
         return np.asarray(whitened * self.config.share / coordinates.shape[1])
 
-    def _checked_batch(self, candidates: Candidates, known: Sequence[Accumulated], count: int) -> Candidates:
+    def _checked_batch(self, candidates: Candidates, known: Sequence[Accumulated], count: int) -> Candidates | None:
         """The greedy batch of those that keep the limits by many executions, too, and that the thrower can make."""
         usable = candidates.taken(np.flatnonzero(candidates.usable))
-        reasons = Counter(refusal for refusal in candidates.refusals if refusal)
         while len(usable.states) >= count:
             picked = greedy_batch(self.particles, known, usable.fishers, count)
             refusals = self.outlook.last_refusals(usable.states[picked.indices])
-            reasons.update(refusal for refusal in refusals if refusal)
             refused = [int(index) for index, refusal in zip(picked.indices, refusals) if refusal]
             if not refused:
                 return usable.taken(picked.indices)
             usable = usable.taken(np.delete(np.arange(len(usable.states)), refused))
-        found = f"{len(usable.states)} of {len(candidates.states)}" + "".join(
-            f" ({reason})" for reason, _ in reasons.most_common(1)
-        )
-        raise InvalidValueError("releases that may be thrown", found, f"at least {count}; a larger pool, or other limits")
+        return None
+
+    def _too_few(self, candidates: Candidates, count: int) -> InvalidValueError:
+        usable = candidates.taken(np.flatnonzero(candidates.usable))
+        refusals = [*candidates.refusals, *self.outlook.last_refusals(usable.states)]
+        found = sum(refusal is None for refusal in refusals[len(candidates.states) :])
+        reasons = Counter(refusal for refusal in refusals if refusal).most_common(1)
+        said = f"{found} of {len(candidates.states)}" + "".join(f" ({reason})" for reason, _ in reasons)
+        return InvalidValueError("releases that may be thrown", said, f"at least {count}; a larger pool, or other limits")
 
     def _referred(self) -> Releases:
         """Releases of the prior, the same at every theta and noise; not all of them need be safe to throw."""

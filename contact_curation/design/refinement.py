@@ -33,6 +33,7 @@ class RefinementConfig:
         step: first standard deviation of a move, in units of `scales`.
         scales: of height [m], speed along and up [m/s], spin (3) [rad/s] and turn (3) [rad].
         tries: a move that may not be made is drawn again so often.
+        executions: of each move, over which its information is averaged, of those of the forecast; an even number.
     """
 
     generations: int = 40
@@ -40,11 +41,14 @@ class RefinementConfig:
     step: float = 0.5
     scales: tuple[float, ...] = (0.016, 0.085, 0.16, 1.5, 1.5, 1.5, 0.4, 0.4, 0.4)
     tries: int = 5
+    executions: int = 4
 
     def __post_init__(self) -> None:
         for name, least in (("generations", 0), ("population", 4), ("tries", 1)):
             if getattr(self, name) < least:
                 raise InvalidValueError(f"refinement.{name}", getattr(self, name), f"at least {least}")
+        if self.executions < 2 or self.executions % 2:
+            raise InvalidValueError("refinement.executions", self.executions, "an even number of at least 2")
         if not (np.isfinite(self.step) and self.step > 0.0):
             raise InvalidValueError("refinement.step", self.step, "a positive number")
         if len(self.scales) != COORDINATES or not all(np.isfinite(scale) and scale > 0.0 for scale in self.scales):
@@ -80,7 +84,8 @@ def _moved(
 ) -> Candidates:
     """One throw, moved to the best place that was found and may be thrown from."""
     strategy = CMA(np.zeros(COORDINATES), config.step, seed=seed, population_size=config.population)
-    found, best_gain = [throw], float(gains(given, throw.fishers)[0])
+    start = outlook.candidates(throw.releases, config.executions)
+    found, best_gain = [start], float(gains(given, start.fishers)[0])
     for _ in range(config.generations):
         moves = np.array([strategy.ask() for _ in range(config.population)])
         candidates = _judged(outlook, throw.releases, moves, config, strategy)
@@ -98,22 +103,30 @@ def _moved(
             break
     while len(found) > 1 and outlook.motion_refusals(found[-1].states)[0]:  # by many executions, from the best down
         found.pop()
-    return found[-1]
+    return _better(outlook, given, throw, found[-1]) if len(found) > 1 else throw
+
+
+def _better(outlook: Outlook, given: Sequence[Accumulated], throw: Candidates, moved: Candidates) -> Candidates:
+    """The better one of two by all executions."""
+    judged = outlook.candidates(moved.releases)
+    better = judged.usable[0] and gains(given, judged.fishers)[0] > gains(given, throw.fishers)[0] + LEAST_GAIN
+    return judged if better else throw
 
 
 def _judged(outlook: Outlook, base: Releases, moves: Array, config: RefinementConfig, strategy: CMA) -> Candidates:
     """The moved releases; `moves` (B, 9) that may not be thrown are drawn again, in place, and the last try stands."""
+    refusals = list(outlook.refusals(_moved_releases(base, moves, config)))
     for _ in range(config.tries):
-        refusals = outlook.refusals(_moved_releases(base, moves, config))
         refused = [index for index, refusal in enumerate(refusals) if refusal is not None]
         if not refused:
             break
         for index in refused:
             moves[index] = strategy.ask()
-    releases = _moved_releases(base, moves, config)
-    early = outlook.refusals(releases)
-    judged = outlook.candidates(releases)
-    merged = tuple(first or second for first, second in zip(early, judged.refusals))
+        again = outlook.refusals(_moved_releases(base, moves[refused], config))
+        for index, refusal in zip(refused, again):
+            refusals[index] = refusal
+    judged = outlook.candidates(_moved_releases(base, moves, config), config.executions)
+    merged = tuple(first or second for first, second in zip(refusals, judged.refusals))
     return Candidates(judged.releases, judged.states, judged.fishers, merged)
 
 
@@ -123,10 +136,4 @@ def _moved_releases(base: Releases, moves: Array, config: RefinementConfig) -> R
 
 def _replaced(batch: Candidates, place: int, throw: Candidates) -> Candidates:
     order = [len(batch.states) if index == place else index for index in range(len(batch.states))]
-    both = Candidates(
-        Releases.joined([batch.releases, throw.releases]),
-        np.concatenate([batch.states, throw.states]),
-        tuple(np.concatenate(pair) for pair in zip(batch.fishers, throw.fishers)),
-        (*batch.refusals, *throw.refusals),
-    )
-    return both.taken(order)
+    return Candidates.joined([batch, throw]).taken(order)

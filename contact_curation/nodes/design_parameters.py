@@ -44,6 +44,8 @@ def declared_design(node: Node) -> DesignStageConfig:
     default = DesignConfig()
     described = {
         "pool": "safe releases that throws are picked from",
+        "sieve": "executions of each release of the pool by which the finalists are found",
+        "finalists": "releases of the pool that are looked at with all executions",
         "reference": "releases that make the prior information, and that the canary asks about",
         "share": "of their mean information that is the prior information",
     }

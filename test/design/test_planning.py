@@ -12,7 +12,7 @@ from contact_curation.contact.evaluation import Estimator
 from contact_curation.design.baselines import random_plan, top_trace_plan
 from contact_curation.design.canary import spearman
 from contact_curation.design.execution_noise import ERRORS, ExecutionNoise
-from contact_curation.design.forecast import forecast, predicted_motions
+from contact_curation.design.forecast import ForecastConfig, forecast, predicted_motions
 from contact_curation.design.outlook import Candidates
 from contact_curation.design.particle import Particle
 from contact_curation.design.planner import Planner
@@ -137,6 +137,36 @@ def test_a_plan_repeats_by_its_seed_and_names_gains_that_fall_as_more_is_known(p
     assert first > second > 0.0
     assert plans[0].expected == pytest.approx(log_det(planner.known(), plans[0].fishers, [0, 1]), rel=1e-9)
     assert {throw.parameters_version for throw in plans[0].throws} == {PARTICLE.version}
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_the_sieve_leaves_what_all_executions_would_have_picked_and_keeps_the_refused(planner: Planner, count: int) -> None:
+    outlook = replace(SMALL.outlook, forecast=ForecastConfig(executions=8), safety=replace(SMALL.outlook.safety, share=0.01))
+    config = replace(SMALL, pool=96, finalists=8, outlook=outlook)
+    wide = Planner([PARTICLE], config=config)
+    known = wide.known([known_infos()])
+    whole, some = wide.pool(5), wide.finalists(5, known, count)
+    usable = whole.taken(np.flatnonzero(whole.usable))
+    final = some.taken(np.flatnonzero(some.usable))
+    assert len(final.states) <= max(8, 16 * count) + count < len(usable.states)
+    assert {state.tobytes() for state in final.states} <= {state.tobytes() for state in usable.states}
+    picked, sieved = (greedy_batch([PARTICLE], known, one.fishers, count) for one in (usable, final))
+    assert sieved.gains.sum() > 0.98 * picked.gains.sum()
+    assert sum(refusal is not None for refusal in some.refusals) <= sum(refusal is not None for refusal in whole.refusals)
+
+
+def test_where_the_thrower_can_make_no_finalist_the_rest_of_the_pool_is_looked_at() -> None:
+    config = replace(SMALL, pool=40, finalists=1)
+    free = Planner([PARTICLE], config=config)
+    final = free.finalists(0, free.known(), 1)
+    heights = {float(state[2]) for state in final.taken(np.flatnonzero(final.usable)).states}
+    assert 0 < len(heights) < 30
+
+    def picky(throws: Sequence[Throw]) -> list[str | None]:
+        return ["no" if float(throw.position[2]) in heights else None for throw in throws]
+
+    planner = Planner([PARTICLE], config=replace(config, refinement=replace(config.refinement, generations=0)), feasible=picky)
+    assert float(planner.plan(["a"], planner.known(), 0).throws[0].position[2]) not in heights
 
 
 def test_known_tosses_change_what_is_planned(planner: Planner) -> None:
