@@ -10,6 +10,7 @@ from contact_curation import __version__
 from contact_curation.cli.held_out_tosses import held_out_tosses
 from contact_curation.cli.pool_scoring import ScoredPool, score_pool
 from contact_curation.cli.progress import Progress
+from contact_curation.cli.rank_dashboard import add_dashboard_options, dashboard_of
 from contact_curation.cli.rank_options import RankConfig, add_rank_options, rank_config
 from contact_curation.cli.rank_report import RankReport, diagnostics_of, json_report, picture_of, print_report
 from contact_curation.cli.rank_rows import PoolToss, TossPool, manifest_rows, pool_of_inputs
@@ -33,6 +34,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "could be."
     )
     add_rank_options(parser)
+    add_dashboard_options(parser)
     parser.set_defaults(run=run)
 
 
@@ -43,6 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
         InvalidValueError: nothing could be ranked, or an output cannot be written.
     """
     config = rank_config(arguments)
+    dashboard = dashboard_of(arguments, config)
     jobs = min(arguments.jobs or os.cpu_count() or 1, len(arguments.inputs))
     with Progress("reading", "tosses") as progress:
         held_out = held_out_tosses(arguments.inputs, config.pool.reading, config.held_out, jobs, progress.advance)
@@ -53,7 +56,11 @@ def run(arguments: argparse.Namespace) -> int:
             scored = score_pool(arguments.inputs, config.pool, jobs, progress.advance, spool)
         pool = pool_of_inputs(scored.inputs)
         curation = curated(pool, config) if pool.rankable else None
+        if dashboard and curation:
+            dashboard.show(pool, curation)
     _report(arguments, config, scored, pool, curation, held_out.warnings)
+    if dashboard:
+        dashboard.end()
     return 0
 
 

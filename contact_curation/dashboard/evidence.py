@@ -4,7 +4,7 @@ Whatever chose the kept set, a toss outside of it is told what it would still ad
 is held against all tosses by the theorem's spectrum (METHOD 1.9).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from contact_curation.information.pool import Pool
 from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.information.prior import log_det_prior
 from contact_curation.information.ranker import RankingConfig
+from contact_curation.information.subspace import IdentifiableSubspace
 
 DEFAULT = RankingConfig()
 
@@ -65,22 +66,33 @@ class EvidenceRow:
 
 
 @dataclass(frozen=True, eq=False)
+class KeptSpectrum:
+    """How a kept set stands to its pool.
+
+    Attributes:
+        eigenvalues: (p,) ascending: its information per toss against the pool's.
+        epsilon: how far they reach from 1.
+        missing: share of the pool's information that it lacks in the worst direction.
+        efficiency: its D-efficiency per toss; 1 is an average toss.
+    """
+
+    eigenvalues: Array
+    epsilon: float
+    missing: float
+    efficiency: float
+
+
+@dataclass(frozen=True, eq=False)
 class Evidence:
     """What speaks for a kept set.
 
     Attributes:
         rows: all tosses, the kept ones first.
-        spectrum: (p,) ascending: information of the kept set per toss against the pool's.
-        epsilon: how far it reaches from 1.
-        missing: share of the pool's information that the kept set lacks in the worst direction.
-        efficiency: D-efficiency of the kept set per toss; 1 is an average toss.
+        spectrum: of the kept set.
     """
 
     rows: tuple[EvidenceRow, ...]
-    spectrum: Array
-    epsilon: float
-    missing: float
-    efficiency: float
+    spectrum: KeptSpectrum
 
 
 def evidence_of(pool: Pool, kept: KeptSet) -> Evidence:
@@ -93,16 +105,19 @@ def evidence_of(pool: Pool, kept: KeptSet) -> Evidence:
     Raises:
         InvalidValueError: a kept toss is not in the pool, or no toss carries information.
     """
-    subspace = pool_subspace(pool, DEFAULT.cut)
-    plain = spectral_distance(pool, subspace, kept.toss_ids)
-    spectrum = plain.eigenvalues * (len(pool) / len(kept.toss_ids))
-    singular = spectrum[0] <= SINGULAR * spectrum[-1]
-    return Evidence(
-        rows=_rows(pool, kept),
-        spectrum=spectrum,
-        epsilon=float(np.abs(spectrum - 1.0).max()),
+    return Evidence(_rows(pool, kept), kept_spectrum(pool, pool_subspace(pool, DEFAULT.cut), kept.toss_ids))
+
+
+def kept_spectrum(pool: Pool, subspace: IdentifiableSubspace, kept: Sequence[str]) -> KeptSpectrum:
+    """The spectrum of at least one kept toss on the pool's subspace; errors as `evidence_of`."""
+    plain = spectral_distance(pool, subspace, kept)
+    values = plain.eigenvalues * (len(pool) / len(kept))
+    singular = values[0] <= SINGULAR * values[-1]
+    return KeptSpectrum(
+        eigenvalues=values,
+        epsilon=float(np.abs(values - 1.0).max()),
         missing=plain.epsilon,
-        efficiency=0.0 if singular else float(np.exp(np.log(spectrum).mean())),
+        efficiency=0.0 if singular else float(np.exp(np.log(values).mean())),
     )
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import rerun as rr
 
-from contact_curation.dashboard.evidence import Evidence, EvidenceRow, KeptSet
+from contact_curation.dashboard.evidence import Evidence, EvidenceRow, KeptSet, KeptSpectrum
 from contact_curation.dashboard.pages import number, table
 from contact_curation.dashboard.screen import Screen
 from contact_curation.motion.toss import NANOSECONDS
@@ -36,9 +36,13 @@ class RankingView:
     def show(self, kept: KeptSet, evidence: Evidence) -> None:
         """Writes a kept set and what speaks for it."""
         self._screen.text(TABLE, ranking_page(kept, evidence))
-        heights = np.log10(np.maximum(evidence.spectrum, FLOOR))
+        self.show_spectrum(evidence.spectrum)
+
+    def show_spectrum(self, spectrum: KeptSpectrum) -> None:
+        """Writes how a kept set stands to its pool."""
+        heights = np.log10(np.maximum(spectrum.eigenvalues, FLOOR))
         self._screen.log(SPECTRUM, rr.BarChart(heights, color=KEPT))
-        curves = {"epsilon": evidence.epsilon, "missing": evidence.missing, "efficiency": evidence.efficiency}
+        curves = {"epsilon": spectrum.epsilon, "missing": spectrum.missing, "efficiency": spectrum.efficiency}
         self._screen.values(EPSILON, curves)
 
 
