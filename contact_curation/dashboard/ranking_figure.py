@@ -32,6 +32,7 @@ LARGEST_LINEAR_RATIO = 50.0
 
 UNITS = {
     "log-det": "log-det gain of the toss alone [nats]",
+    "representative": "pool's excess loss by the toss alone, times -1 [mean toss]",
     "trace": "trace of the toss's Fisher matrix [characteristic units]",
     "leverage": "leverage of the toss [parameters]",
     "min-eig": "score of the toss alone",

@@ -1,9 +1,9 @@
 """The door to ranking: tosses and a configuration in, a ranking out.
 
 The same tosses give the same ranking in whatever order they come; ties go to the smaller id. Several parameter particles,
-each with its own information of the same tosses, are ranked together (METHOD 2.4): log-det and min-eig average over the
-particles, the other criteria average scores that are normalised per particle, since their units differ from one theta to
-another.
+each with its own information of the same tosses, are ranked together (METHOD 2.4): log-det, representative and min-eig
+average over the particles, the other criteria average scores that are normalised per particle, since their units differ from
+one theta to another.
 """
 
 from collections.abc import Iterable, Sequence
@@ -21,9 +21,10 @@ from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.information.prior import log_det_prior
 from contact_curation.information.ranking import Ranking, Selection, modular_selection, ranking_of
 from contact_curation.information.record import TossInformation
+from contact_curation.information.representative import select_representative
 from contact_curation.information.subspace import EIGENVALUE_CUT, IdentifiableSubspace
 
-CRITERIA = ("trace", "log-det", "min-eig", "orthogonal", "leverage", "longest", "random")
+CRITERIA = ("trace", "log-det", "representative", "min-eig", "orthogonal", "leverage", "longest", "random")
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,9 @@ def _select(pools: Sequence[Pool], config: RankingConfig) -> Selection:
         case "min-eig":
             coordinates = [_subspace(pool, config.cut).per_mean_toss(len(pool)) for pool in pools]
             return select_by_min_eig(pools, coordinates, top, config.prior)
+        case "representative":
+            coordinates = [_subspace(pool, config.cut).per_mean_toss(len(pool)) for pool in pools]
+            return select_representative(pools, coordinates, top, config.prior)
         case "orthogonal":
             return orthogonal.select_orthogonal(_together([_toss_scores(pool, config) for pool in pools]), top, config.variant)
         case "trace":

@@ -1,0 +1,49 @@
+"""The rules that experiments compare, by the names that tables show (METHOD 1.12)."""
+
+from dataclasses import dataclass
+
+from contact_curation.contact.evaluation import Estimator
+from contact_curation.information.ranker import RankingConfig
+from contact_curation.information.scoring import ScoringConfig
+
+
+@dataclass(frozen=True)
+class Rule:
+    """How tosses are kept.
+
+    Attributes:
+        criterion, variant: as in `RankingConfig`.
+        estimator: of the information that it ranks by.
+        reranked: whether the set is selected again at what was learned from it.
+    """
+
+    criterion: str
+    estimator: Estimator = Estimator.GAUSS_NEWTON
+    reranked: bool = True
+    variant: str = "pivoted"
+
+    def ranking(self, top: int, seed: int) -> RankingConfig:
+        """For so many tosses; the seed is that of random ones."""
+        return RankingConfig(self.criterion, top, seed, variant=self.variant, certificate_steps=0)
+
+    def scoring(self) -> ScoringConfig:
+        """How tosses are scored for it."""
+        return ScoringConfig(self.estimator)
+
+
+RULES: dict[str, Rule] = {
+    "random": Rule("random", reranked=False),
+    "longest": Rule("longest", reranked=False),
+    "trace-static": Rule("trace", Estimator.EMPIRICAL, reranked=False),
+    "trace": Rule("trace", Estimator.EMPIRICAL),
+    "min-eig": Rule("min-eig"),
+    "log-det": Rule("log-det"),
+    "orthogonal": Rule("orthogonal", Estimator.EMPIRICAL),
+    "orthogonal-literal": Rule("orthogonal", Estimator.EMPIRICAL, variant="literal"),
+    "representative": Rule("representative"),
+    "all": Rule("random", reranked=False),
+}
+"""`all` keeps the whole pool."""
+
+OURS = "representative"
+BASELINES = ("random", "longest")
