@@ -44,6 +44,7 @@ class ArmStage:
         planner = feasibility.planner
         self._simulation = ArmSimulation(planner.body, planner.config, control, seed)
         self._throw: Throw | None = None
+        self._begun = False
         self._arming = 0
         self._released_at = 0.0
         self._stopped_for = ""
@@ -52,6 +53,11 @@ class ArmStage:
     def busy(self) -> bool:
         """Whether a goal is under way, or the arm on its way home."""
         return self._throw is not None or self._simulation.phase not in (Phase.RESTING, Phase.STOPPED)
+
+    @property
+    def waits(self) -> bool:
+        """Whether a goal was taken and has not begun."""
+        return self._throw is not None and not self._begun
 
     @property
     def phase(self) -> Phase:
@@ -69,7 +75,8 @@ class ArmStage:
             return f"busy with throw {self._throw.throw_id}, expected one goal at a time"
         refusal = self._gate.admits(throw, now)
         if refusal is None:
-            self._throw, self._arming, self._stopped_for = throw, self._gate.arming, ""
+            self._begun, self._arming, self._stopped_for = False, self._gate.arming, ""
+            self._throw = throw  # last: from now on the other thread may begin it
         return refusal
 
     def begin(self) -> Ending | None:
@@ -91,6 +98,7 @@ class ArmStage:
         if self._gate.arming != self._arming:
             return self._ended(Ending(False, f"stopped before it began: {self._gate.reason or 'armed anew since'}"))
         self._simulation.begin(motion)
+        self._begun = True
         return None
 
     def cancel(self) -> None:
@@ -120,7 +128,7 @@ class ArmStage:
             self._simulation.stop()
 
     def _ending(self) -> Ending | None:
-        if self._throw is None:
+        if self._throw is None or not self._begun:
             return None
         release = self._simulation.release
         executed = None if release is None else self._executed(release)

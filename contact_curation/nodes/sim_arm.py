@@ -24,6 +24,7 @@ from std_srvs.srv import Trigger
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.arm_stage import ArmStage, Ending
+from contact_curation.nodes.awake_clock import AwakeClock
 from contact_curation.nodes.body_parameter import declared_body
 from contact_curation.nodes.complaints import Complaints
 from contact_curation.nodes.door import StageNode, run
@@ -53,6 +54,9 @@ BREATH = 1e-3
 
 IDLE = 0.05
 """Between looks for a goal where simulated time stands still [s]."""
+
+COUNTED = 0.1
+"""Of the time between two looks of the watchdog so much counts at most [s]: a process that stood still moved nothing."""
 
 LAG = 0.5
 """A simulation that is later than this does not try to catch up [s]."""
@@ -85,13 +89,14 @@ class SimArm(StageNode):
         arm, control = declare_config(self, ArmConfig(), "arm."), declare_config(self, ControlConfig(), "control.")
         limits = declare_config(self, GateConfig(keep_out_place=(arm.base[0], arm.base[1])), "gate.")
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._awake = AwakeClock(self._now, COUNTED)
         epoch_ns = round(epoch * NANOSECONDS) or self.get_clock().now().nanoseconds
         self._simulated = SimulatedTime(Path(state) if state else None, epoch_ns)
         self._gate = SafetyGate(limits)
         self._stage = ArmStage(ArmFeasibility(ThrowPlanner(self._body, arm), limits), self._gate, control, seed)
         self._complaints = Complaints(self)
         self._goal: Any = None
-        self._begun = self._ended = False
+        self._ended = False
         self._thrown, self._told_phase, self._frames = 0, Phase.RESTING, 0
         self._time: Any = None
         self._wake = threading.Event()
@@ -138,10 +143,10 @@ class SimArm(StageNode):
         return SetParametersResult(successful=True)
 
     def _beat(self) -> None:
-        self._gate.heartbeat(self._now())
+        self._gate.heartbeat(self._awake.now())
         if self._arm_first:
             self._arm_first = False
-            self._gate.arm(self._now())
+            self._gate.arm(self._awake.now())
 
     def _stop(self, _: Any, response: Any) -> Any:
         self._gate.stop("the stop service was called")
@@ -150,7 +155,7 @@ class SimArm(StageNode):
         return response
 
     def _arm(self, _: Any, response: Any) -> Any:
-        number = self._gate.arm(self._now())
+        number = self._gate.arm(self._awake.now())
         self._wake.set()
         response.success, response.message = True, f"armed, for the {number}. time"
         return response
@@ -158,13 +163,12 @@ class SimArm(StageNode):
     def _goal_came(self, handle: Any) -> None:
         """On the executor's thread: a goal is taken, or ends here."""
         try:
-            refusal = self._stage.admits(throw_of(handle.request.throw_command), self._now())
+            refusal = self._stage.admits(throw_of(handle.request.throw_command), self._awake.now())
         except InvalidValueError as error:
             refusal = str(error)
         if refusal is not None:
             self._finish(handle, Ending(False, refusal))
             return
-        self._begun = False  # before the worker sees the goal
         self._goal = handle
         self._feedback("planning", 0.0)
         self._wake.set()
@@ -175,19 +179,21 @@ class SimArm(StageNode):
     def _work(self) -> None:
         """On the worker's thread, until the node ends: frame after frame."""
         while not self._ended:
-            if self._goal is not None and not self._begun:
-                self._begun = True
-                self._conclude_if(self._stage.begin())
+            now = self._awake.tick()
+            goal = self._goal  # whose ending this is, whichever goal comes meanwhile
+            if goal is not None and self._stage.waits:
+                self._conclude_if(goal, self._stage.begin())
+                continue
             if self._rate == 0.0 and not self._stage.busy and not self._out_of_date():
                 self._tell_time(self._stage.frame())
                 self._wake.wait(IDLE)
                 self._wake.clear()
                 continue
-            if self._goal is not None and self._goal.is_cancel_requested:
+            if goal is not None and goal.is_cancel_requested:
                 self._stage.cancel()
-            frame, ending = self._stage.advance(self._now())
+            frame, ending = self._stage.advance(now)
             self._tell(frame)
-            self._conclude_if(ending)
+            self._conclude_if(goal, ending)
             self._keep_pace(frame.time)
 
     def _out_of_date(self) -> bool:
@@ -227,11 +233,11 @@ class SimArm(StageNode):
             self._wake.wait(ahead)
             self._wake.clear()
 
-    def _conclude_if(self, ending: Ending | None) -> None:
-        handle = self._goal
-        if ending is not None and handle is not None:
-            self._goal = None
-            self._finish(handle, ending)
+    def _conclude_if(self, goal: Any, ending: Ending | None) -> None:
+        if ending is not None and goal is not None:
+            if self._goal is goal:
+                self._goal = None
+            self._finish(goal, ending)
 
     def _finish(self, handle: Any, ending: Ending) -> None:
         """Hands an ending to the executor, which answers the client."""

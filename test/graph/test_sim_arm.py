@@ -1,20 +1,28 @@
 """The simulated arm as a node: throws, refusals, stops, and what is left after a kill."""
 
 import math
+import os
+import re
+import signal
+import subprocess
+import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Empty
 
 from contact_curation.design.throw import Throw
 from contact_curation.nodes.messages.headers import Stamped
 from contact_curation.nodes.messages.throw import throw_message
 from contact_curation.nodes.qos import profile
+from contact_curation.sim.arm import ArmConfig
 from test.graph.graph import Graph
-from test.graph.thrower import LONG, Thrower, speeds
+from test.graph.thrower import STILL, Goal, Thrower, speeds
 
 THROW = Throw(
     throw_id="plain",
@@ -25,11 +33,14 @@ THROW = Throw(
     angular_velocity=np.array([0.0, 2.0, 0.0]),
 )
 
-MID_THROW = 0.4
+MID_THROW = 0.3
 """A body this fast [m/s] is on its way to the release."""
 
-SLOWED = 0.5
+SLOWED = 0.2
 """Rate at which there is time to hear and to stop what happens in half a second."""
+
+TRIES = 6
+"""A busy machine may hear of the swing when it is over: then the stop comes late, which is tried again."""
 
 
 @pytest.fixture
@@ -55,14 +66,14 @@ def test_a_throw_is_made_and_told_as_it_was_and_the_next_one_too(graph: Graph, t
         assert abs(executed.release_twist.linear.x - 1.0) < 0.03
         assert abs(executed.release_twist.angular.y - 2.0) < 0.1
     assert goal.phases == ["planning", "moving", "throwing", "released"]
-    stamps = [message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec for message in thrower.truth]
+    stamps = [seconds_of(message.header.stamp) for message in thrower.truth]
     assert np.allclose(np.diff(stamps), 1.0 / 148.0, atol=1e-6)
     assert 1000.0 <= stamps[0] < 1001.0
-    released = executed.header.stamp.sec + 1e-9 * executed.header.stamp.nanosec
+    released = seconds_of(executed.header.stamp)
     flying = thrower.truth[int(np.abs(np.array(stamps) - released).argmin())]
     assert abs(flying.twist.twist.linear.x - executed.release_twist.linear.x) < 0.1
     assert {message.child_frame_id for message in thrower.truth} == {"body_cube"}
-    told = [message.clock.sec + 1e-9 * message.clock.nanosec for message in times]
+    told = [seconds_of(message.clock) for message in times]
     assert told == sorted(told)
     assert told[-1] <= stamps[-1] + 1e-6
 
@@ -93,73 +104,153 @@ def test_what_cannot_be_thrown_is_refused_with_the_limit_and_what_could_be(graph
     assert not any(speed > 0.05 for speed in speeds(thrower.joints))
 
 
-@pytest.mark.slow  # a starved heartbeat stops the arm, as it should: not for a machine that is busy with other tests
+@pytest.mark.slow
 def test_of_two_goals_at_once_the_second_is_refused_and_the_first_is_made(graph: Graph, thrower: Thrower) -> None:
-    graph.start("sim_arm", rate=0.0, armed=True)
-    graph.until(lambda: thrower.ended(thrower.send(THROW)).result.success, LONG, "a throw of an arm that begins armed")
-    first, second = thrower.send(THROW), thrower.send(THROW)
+    graph.start("sim_arm", rate=1.0, armed=True)
+    thrower.until_healthy("resting")
+    first = thrower.send(THROW)
+    second = thrower.send(THROW)
     assert "busy with throw plain" in thrower.ended(second).result.message
-    assert thrower.ended(first).result.success
+    thrower.set_rate(0.0)
+    assert thrower.ended(first).result.success, thrower.ended(first).result.message
+
+
+def stopped_in_mid_throw(thrower: Thrower, stop: Callable[[Goal], object]) -> Any:
+    """Stops a throw in its swing, and gives the answer of its goal."""
+    for _ in range(TRIES):
+        thrower.set_rate(SLOWED)
+        goal = thrower.send(THROW)
+        thrower.until_body_moves(MID_THROW)
+        stop(goal)
+        answer = thrower.ended(goal)
+        assert not answer.result.success
+        thrower.set_rate(0.0)
+        if "before the release" in answer.result.message:
+            return answer
+        thrower.trigger("arm")
+        thrower.until_healthy("resting")
+    raise AssertionError(f"no throw was stopped before its release: {answer.result.message}")
 
 
 @pytest.mark.slow
 def test_a_stop_in_mid_throw_latches_and_the_loop_goes_on_when_it_is_armed_again(graph: Graph, thrower: Thrower) -> None:
-    graph.start("sim_arm", rate=SLOWED)
+    graph.start("sim_arm", rate=0.0)
     thrower.trigger("arm")
-    goal = thrower.send(THROW)
-    thrower.until_body_moves(MID_THROW)
-    thrower.trigger("stop")
-    answer = thrower.ended(goal)
+    answer = stopped_in_mid_throw(thrower, lambda _: thrower.trigger("stop"))
+    assert answer.status == GoalStatus.STATUS_ABORTED
     assert "stopped before the release: the stop service was called" in answer.result.message
     assert not answer.result.executed.throw_id
-    stood = len(thrower.joints)
-    graph.until(lambda: len(thrower.joints) > stood + 30, LONG, "frames of an arm that stands")
-    assert max(speeds(thrower.joints[stood + 5 :])) < 0.02
+    thrower.until_healthy("disarmed: the stop service was called")
+    stands = thrower.joints[-1].position
     assert "disarmed (the stop service was called)" in thrower.ended(thrower.send(THROW)).result.message
+    thrower.set_rate(1.0)  # time goes on, the arm does not
+    thrower.until_still(frames=60)
+    np.testing.assert_allclose(thrower.joints[-1].position, stands, atol=0.02)
     thrower.trigger("arm")
     thrower.set_rate(0.0)
-    graph.until(lambda: _tried(thrower), LONG, "a throw after the stop")
-
-
-def _tried(thrower: Thrower) -> bool:
-    return bool(thrower.ended(thrower.send(THROW)).result.success)
+    thrower.until_healthy("resting")
+    thrower.throws(THROW)
 
 
 @pytest.mark.slow
-def test_a_cancelled_goal_ends_at_home_and_armed(graph: Graph, thrower: Thrower) -> None:
-    graph.start("sim_arm", rate=2.0)
+def test_a_goal_that_is_cancelled_in_mid_throw_ends_at_home_and_armed(graph: Graph, thrower: Thrower) -> None:
+    graph.start("sim_arm", rate=0.0)
     thrower.trigger("arm")
-    goal = thrower.send(THROW)
-    thrower.until_body_moves(0.05)
-    goal.handle.cancel_goal_async()
-    answer = thrower.ended(goal)
+    answer = stopped_in_mid_throw(thrower, lambda goal: goal.handle.cancel_goal_async())
     assert answer.status == GoalStatus.STATUS_CANCELED
-    assert "cancelled" in answer.result.message
-    graph.until(lambda: _tried(thrower), LONG, "a throw after the cancelled one")
+    assert "stopped before the release: cancelled" in answer.result.message
+    thrower.until_healthy("resting")
+    thrower.throws(THROW)
 
 
 @pytest.mark.slow
 def test_without_a_heartbeat_from_outside_the_arm_stops_within_half_a_second(graph: Graph, thrower: Thrower) -> None:
     graph.start("sim_arm", rate=1.0, armed=True, external_heartbeat=True)
     assert "disarmed (it was never armed)" in thrower.ended(thrower.send(THROW)).result.message
-    thrower.trigger("arm")
-    time.sleep(0.5)
+    beats = graph.listener.node.create_publisher(Empty, "/sim_arm/heartbeat", profile(1, reliable=True, latched=False))
+    timer = graph.listener.node.create_timer(0.05, lambda: beats.publish(Empty()))
+    thrower.until_healthy("resting")  # `armed` needs a heartbeat
+    goal = thrower.send(THROW)
+    thrower.until_phase(goal, "moving")
+    timer.cancel()
+    message = str(thrower.ended(goal).result.message)
+    found = re.search(r"stopped (?:before|after) the release: no heartbeat for (\d\.\d+) s", message)
+    assert found is not None, message
+    assert float(found[1]) < 0.5
+    thrower.until_healthy("disarmed: no heartbeat for")
+    thrower.until_still(frames=60)
+    timer.reset()  # who beats again does not arm
+    thrower.until_healthy("disarmed: no heartbeat for")
     assert "disarmed (no heartbeat for" in thrower.ended(thrower.send(THROW)).result.message
-    assert max(speeds(thrower.joints)) < 0.01
+    thrower.trigger("arm")
+    thrower.set_rate(0.0)
+    thrower.until_healthy("resting")
+    thrower.throws(THROW)
 
 
 @pytest.mark.slow
-def test_after_a_kill_in_mid_throw_the_arm_is_at_home_and_disarmed(graph: Graph, thrower: Thrower) -> None:
-    process = graph.start("sim_arm", rate=SLOWED)
+def test_a_process_that_stood_still_has_missed_no_heartbeat_and_goes_on(graph: Graph, thrower: Thrower) -> None:
+    process = graph.start("sim_arm", rate=1.0)
+    thrower.trigger("arm")
+    goal = thrower.send(THROW)
+    thrower.until_phase(goal, "moving")
+    os.kill(process.pid, signal.SIGSTOP)
+    seen = -1
+    while seen != len(thrower.joints):  # what it had said has arrived
+        seen = len(thrower.joints)
+        time.sleep(1.0)
+    os.kill(process.pid, signal.SIGCONT)
+    assert thrower.ended(goal).result.success, thrower.ended(goal).result.message
+
+
+@pytest.mark.slow
+def test_a_designer_that_dies_in_mid_goal_leaves_an_arm_that_ends_at_home_and_takes_the_next_throw(
+    graph: Graph, thrower: Thrower
+) -> None:
+    graph.start("sim_arm", rate=SLOWED, armed=True)
+    thrower.until_healthy("resting")
+    designer = subprocess.Popen(
+        [sys.executable, "-m", "test.graph.lone_designer"], env={**os.environ, "ROS_DOMAIN_ID": str(graph.domain)}
+    )
+    thrower.until_body_moves(MID_THROW)
+    designer.kill()
+    designer.wait()
+    assert "busy with throw plain" in thrower.ended(thrower.send(THROW)).result.message
+    thrower.set_rate(0.0)
+    thrower.until_healthy("resting")
+    assert max(speeds(thrower.joints[-1:])) < STILL
+    thrower.throws(THROW)
+
+
+@pytest.mark.slow
+def test_after_a_kill_in_mid_throw_the_arm_is_at_home_and_disarmed_and_time_goes_on_behind(
+    graph: Graph, thrower: Thrower
+) -> None:
+    times: list[Clock] = []
+    graph.listener.node.create_subscription(Clock, "/clock", times.append, profile(1000, reliable=True, latched=False))
+    settings: dict[str, Any] = {"epoch": 1000.0, "clock": 148.0, "state": graph.folder / "time.json"}
+    process = graph.start("sim_arm", rate=SLOWED, **settings)
     thrower.trigger("arm")
     thrower.send(THROW)
     thrower.until_body_moves(MID_THROW)
     process.kill()
-    thrower.joints.clear()
-    graph.start("sim_arm", rate=0.0)
-    graph.until(
-        lambda: "disarmed (it was never armed)" in thrower.ended(thrower.send(THROW)).result.message, LONG, "a clean start"
-    )
+    graph.start("sim_arm", rate=1.0, **settings)
+    thrower.until_healthy("disarmed: it was never armed")
+    thrower.until_still(frames=30)
+    assert "disarmed (it was never armed)" in thrower.ended(thrower.send(THROW)).result.message
     thrower.trigger("arm")
-    assert thrower.ended(thrower.send(THROW)).result.success
-    assert speeds(thrower.joints[:1]) < [0.05]
+    thrower.set_rate(0.0)
+    thrower.throws(THROW)
+    stamps = [[seconds_of(message.header.stamp) for message in heard] for heard in (thrower.joints, thrower.truth)]
+    for heard in (*stamps, [seconds_of(message.clock) for message in times]):
+        rises = np.diff(heard)
+        assert rises.min() >= 0.0
+        assert np.sum(rises > 1.0) == 1  # the jump over what was reserved
+        assert rises.max() < 61.0
+    first = int(np.argmax(np.diff(stamps[0]))) + 1  # of the second process
+    assert max(speeds(thrower.joints[first : first + 30])) < STILL
+    np.testing.assert_allclose(thrower.joints[first].position, ArmConfig().home, atol=0.01)
+
+
+def seconds_of(stamp: Any) -> float:
+    return float(stamp.sec + 1e-9 * stamp.nanosec)

@@ -20,6 +20,9 @@ from contact_curation.nodes.qos import profile
 from test.graph.graph import Graph
 
 LONG = 60.0
+STILL = 0.02
+"""An arm whose joints are slower than this stands [rad/s]."""
+
 ATTEMPTS, PATIENCE = 12, 5.0
 """To have a goal taken, and how long each waits [s]."""
 
@@ -51,6 +54,7 @@ class Thrower:
 
     def __init__(self, graph: Graph) -> None:
         self._graph = graph
+        self._health = graph.diagnostics()
         self._client = ActionClient(graph.listener.node, ExecuteThrow, "execute_throw")
         qos = profile(2000, reliable=True, latched=False)
         self.truth: list[Any] = []
@@ -98,6 +102,10 @@ class Thrower:
         self._graph.until(lambda: goal.answer is not None, LONG, "the end of a goal")
         return goal.answer
 
+    def until_phase(self, goal: Goal, phase: str) -> None:
+        """Waits until a goal's feedback tells a phase."""
+        self._graph.until(lambda: phase in goal.phases, LONG, f"a goal that is {phase}")
+
     def until_body_moves(self, speed: float) -> None:
         """Waits until the body is seen to move faster than this [m/s]."""
         seen = len(self.truth)
@@ -106,6 +114,33 @@ class Thrower:
             return any(body_speed(message) > speed for message in self.truth[seen:])
 
         self._graph.until(moved, LONG, f"a body at {speed} m/s")
+
+    def until_healthy(self, message: str) -> None:
+        """Waits until the node reports a state from now on."""
+        seen = len(self._health)
+
+        def said() -> bool:
+            return any(message in status.message for array in self._health[seen:] for status in array.status)
+
+        self._graph.until(said, LONG, f"the state {message}")
+
+    def until_still(self, frames: int) -> None:
+        """Waits until the arm was seen not to move for so many frames."""
+        seen = len(self.joints)
+
+        def still() -> bool:
+            return len(self.joints) >= seen + frames and max(speeds(self.joints[-frames:])) < STILL
+
+        self._graph.until(still, LONG, "an arm that stands still")
+
+    def throws(self, throw: Throw) -> None:
+        """Throws, again while the arm is still on its way home."""
+        self._graph.until(lambda: self._thrown(throw), 3.0 * LONG, "a throw")
+
+    def _thrown(self, throw: Throw) -> bool:
+        result = self.ended(self.send(throw)).result
+        assert result.success or "expected it at rest at home" in result.message, result.message
+        return bool(result.success)
 
     def close(self) -> None:
         self._client.destroy()
