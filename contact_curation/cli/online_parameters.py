@@ -23,11 +23,8 @@ OF_BODIES = ("pose_ingest", "fisher_scorer", "trainer", "throw_designer", "sim_a
 SEEDED = ("curator", "trainer", "sim_arm", "sim_camera")
 BOARD_FRAME = "body_surface"
 
-FASTEST_TIMEOUT = 3.0
-"""[s] that the designer waits for a toss at least, however fast the simulation is."""
-
-TOSS_TIMEOUT = 15.0
-"""[simulated s] that the designer waits for a toss."""
+TIMEOUTS = {"toss_timeout": (3.0, 12.0), "goal_timeout": (15.0, 45.0)}
+"""How long the designer waits, for a throw's toss and for a throw to be made: so many seconds, and so many simulated ones."""
 
 
 class SessionFolder:
@@ -86,8 +83,8 @@ def session_parameters(config: OnlineConfig, body: Body, folder: SessionFolder) 
         merged[name] = {**given.get(EVERY_NODE, {}), **given.get(name, {}), **optional.get(name, {})}
     arm = {name: value for name, value in merged["sim_arm"].items() if name.startswith("arm.")}
     rate = float(merged["sim_arm"].get("rate", 1.0))
-    merged["throw_designer"].setdefault("toss_timeout", max(TOSS_TIMEOUT / rate if rate else 0.0, FASTEST_TIMEOUT))
-    merged["throw_designer"] |= arm
+    timeouts = {name: real + (simulated / rate if rate else 0.0) for name, (real, simulated) in TIMEOUTS.items()}
+    merged["throw_designer"] = {**timeouts, **merged["throw_designer"], **arm}
     for name, values in _of_session(config, folder).items():
         if name in merged:
             merged[name] |= values

@@ -9,7 +9,7 @@ from contact_curation.cli.node_parameters import Parameters
 from contact_curation.cli.online_events import EventLog
 from contact_curation.cli.online_options import OnlineConfig
 from contact_curation.cli.online_parameters import DASHBOARD, SessionFolder
-from contact_curation.cli.online_settling import is_scored, training_is_due, unresolved
+from contact_curation.cli.online_settling import awaits_motion, is_scored, rejected_motion, training_is_due
 from contact_curation.cli.online_stores import SessionStores, Standing, ThrowMade
 from contact_curation.cli.stop_signals import StopSignals
 from contact_curation.cli.supervisor import Supervisor
@@ -54,6 +54,7 @@ class Session:
     ) -> None:
         self._config = config
         self._rounds = {name: int(parameters["trainer"].get(name, default)) for name, default in ROUND_DEFAULTS.items()}
+        self._toss_timeout = float(parameters["throw_designer"]["toss_timeout"]) + AT_REST
         self._stores = SessionStores(folder, body)
         self._folder = folder
         self._events = events
@@ -93,7 +94,8 @@ class Session:
 
     def _at_rest(self) -> bool:
         standing = self.standing
-        if unresolved(standing) or not is_scored(standing) or training_is_due(standing, **self._rounds):
+        waiting = awaits_motion(standing) and time.monotonic() - self._changed < self._toss_timeout
+        if waiting or not is_scored(standing) or training_is_due(standing, **self._rounds):
             return False
         return standing.training is None or self._trained_version(standing) == standing.version
 
@@ -115,10 +117,9 @@ class Session:
 
     def _tell_of_throws(self) -> None:
         """A line about each throw of which it is known what came of it, in order."""
-        waiting = {throw.throw_id for throw in unresolved(self.standing)}
         for throw in self.standing.throws[self._told :]:
             last = throw is self.standing.throws[-1]
-            if last and (throw.throw_id in waiting or _gain_is_to_come(throw)):
+            if last and (awaits_motion(self.standing) or _gain_is_to_come(throw)):
                 return
             self._told += 1
             self._tell(throw)
@@ -163,11 +164,8 @@ def outcome_of(standing: Standing, place: int) -> str:
     if throw.toss_id:
         rank = standing.kept.index(throw.toss_id) + 1 if throw.toss_id in standing.kept else None
         return f"kept, rank {rank} of {len(standing.kept)}" if rank else "not kept"
-    later = standing.throws[place + 1].after_ns if place + 1 < len(standing.throws) else None
-    for one in standing.kept_back:
-        if one.last_ns > throw.after_ns and (later is None or one.last_ns <= later):
-            return f"rejected: {one.reasons[0]}"
-    return "no toss came of it"
+    rejected = rejected_motion(standing, place)
+    return "no motion was seen" if rejected is None else f"rejected: {rejected.reasons[0]}"
 
 
 def _gain_is_to_come(throw: ThrowMade) -> bool:

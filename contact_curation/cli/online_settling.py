@@ -1,17 +1,20 @@
 """When a session has come to rest: throws made, tosses scored, trained on, and the buffer ranked at the newest theta."""
 
-from contact_curation.cli.online_stores import Standing, ThrowMade, Training
+from contact_curation.cli.online_stores import KeptBack, Standing, Training
 
 
-def unresolved(standing: Standing) -> tuple[ThrowMade, ...]:
-    """Throws of which neither a toss nor a rejected motion has come so far."""
-    open_throws = []
-    for place, throw in enumerate(standing.throws):
-        later = standing.throws[place + 1].after_ns if place + 1 < len(standing.throws) else None
-        rejected = any(one.last_ns > throw.after_ns and (later is None or one.last_ns <= later) for one in standing.kept_back)
-        if not throw.toss_id and not rejected:
-            open_throws.append(throw)
-    return tuple(open_throws)
+def rejected_motion(standing: Standing, place: int) -> KeptBack | None:
+    """The first motion that was kept back after a throw and before the next."""
+    after = standing.throws[place].after_ns
+    later = standing.throws[place + 1].after_ns if place + 1 < len(standing.throws) else None
+    motions = (one for one in standing.kept_back if one.last_ns > after and (later is None or one.last_ns <= later))
+    return next(motions, None)
+
+
+def awaits_motion(standing: Standing) -> bool:
+    """Whether neither a toss nor a rejected motion has come of the last throw so far; with earlier ones nobody waits."""
+    last = len(standing.throws) - 1
+    return last >= 0 and not standing.throws[last].toss_id and rejected_motion(standing, last) is None
 
 
 def is_scored(standing: Standing) -> bool:
