@@ -8,7 +8,9 @@ statistics; canonical: normal in the heading frame; raw: the paper's normal in t
 a theta fitted to 16 random tosses, or at a random initialisation (there without limits on motions: it
 predicts few that keep them).
 
-    python -m benchmarks.design [--json] [--seeds N] [--only timing|worth|trust] [--pool N]
+    python -m benchmarks.design [--json] [--seeds N] [--only timing|worth|trust|arm] [--pool N]
+
+Part `arm` has the simulated arm make the throws (benchmarks/_design_by_arm.py).
 
 The fits use real tosses of 0-399 where they are at hand, else tosses thrown in MuJoCo. Everything else is simulated.
 """
@@ -26,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks._data import contactnets_folder
+from benchmarks._design_by_arm import ByArm, worths_by_arm
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import LossConfig
 from contact_curation.contact.geometry_parameters import ContactGeometry
@@ -50,7 +53,7 @@ from contact_curation.motion.transitions import states_of, transitions_of
 from contact_curation.sim.thrown_toss import thrown_toss
 from contact_curation.storage.contactnets import read_contactnets
 
-PARTS = ("timing", "worth", "trust")
+PARTS = ("timing", "worth", "trust", "arm")
 BATCHES = (4, 8, 16)
 REFINED = 8
 """Throws of the batch that is also refined."""
@@ -341,6 +344,20 @@ def _print(times: Sequence[Timing], rows: Sequence[Worth], gains: Sequence[Gain]
             print(f"{line.how:<28} {line.throws:>3} {cells[0]:>22} {cells[1]:>22}")
 
 
+def _print_by_arm(rows: Sequence[ByArm]) -> None:
+    if rows:
+        print(
+            "\nD-efficiency at the fit of throws by the arm, and relative to the better random column, median and 95 % interval"
+        )
+        print(f"{'':<20} {'planned':>22} {'executed':>22} {'gain planned':>22} {'gain executed':>22} {'lost':>5}")
+    for row in rows:
+        cells = [
+            f"{one.value:6.2f} ({one.low:.2f} to {one.high:.2f})"
+            for one in (row.planned, row.executed, row.planned_gain, row.executed_gain)
+        ]
+        print(f"{row.how:<20} {' '.join(f'{cell:>22}' for cell in cells)} {row.lost:>5}")
+
+
 def main() -> int:
     """Runs the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -353,19 +370,23 @@ def main() -> int:
     wanted = PARTS if arguments.only is None else (arguments.only,)
     loss = LossConfig()
     times = timings(loss, arguments.repeats) if "timing" in wanted else []
-    shared = setting(loss) if set(wanted) & {"worth", "trust"} else None
+    shared = setting(loss) if set(wanted) & {"worth", "trust", "arm"} else None
     rows, gains = worths(shared, arguments.seeds, arguments.pool) if shared and "worth" in wanted else ([], [])
     trusted = trusts(shared, arguments.seeds) if shared and "trust" in wanted else []
+    fits = [thetas(shared, seed)["fit"] for seed in range(arguments.seeds)] if shared and "arm" in wanted else []
+    by_arm = worths_by_arm(fits, shared.releases) if shared and fits else []
     if arguments.json:
-        parts: dict[str, Sequence[Timing | Worth | Gain | Trust]] = {
+        parts: dict[str, Sequence[Timing | Worth | Gain | Trust | ByArm]] = {
             "timings": times,
             "worth": rows,
             "gains": gains,
             "trust": trusted,
+            "arm": by_arm,
         }
         print(json.dumps({name: [asdict(one) for one in lines] for name, lines in parts.items()}))
     else:
         _print(times, rows, gains, trusted)
+        _print_by_arm(by_arm)
     return 0
 
 
