@@ -14,7 +14,7 @@ from contact_curation.storage.bag_errors import Losses
 from contact_curation.storage.bag_file import file_sha256
 from contact_curation.storage.bag_folder import compare, storage_files
 from contact_curation.storage.bag_limits import BagLimits
-from contact_curation.storage.bag_notes import recorded_note
+from contact_curation.storage.bag_notes import recorded_notes
 from contact_curation.storage.bag_records import BagMessage, Channel, OfferedQos, RawMessage, TopicInfo
 from contact_curation.storage.bag_storage import merged, open_storage
 
@@ -99,7 +99,16 @@ class BagReader:
 
     def note(self, name: str) -> dict[str, str]:
         """A note about the whole recording that `BagWriter.note` left; empty where there is none or its place was cut off."""
-        return {key: value for file in self._folder.files for key, value in recorded_note(file, name).items()}
+        return dict(self.notes.get(name, {}))
+
+    @cached_property
+    def notes(self) -> dict[str, dict[str, str]]:
+        """All notes about the recording by their names, those of rosbag2 itself too."""
+        notes: dict[str, dict[str, str]] = {}
+        for file in self._folder.files:
+            for name, values in recorded_notes(file).items():
+                notes.setdefault(name, {}).update(values)
+        return notes
 
     @property
     def losses(self) -> tuple[str, ...]:

@@ -28,21 +28,36 @@ def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReadin
         MissingTopicError: no topic, or several, could tell where the body is.
     """
     with BagReader(path) as reader:
-        topics = [TypedTopic(info.name, info.type) for info in reader.topics if info.count != 0]
-        source = find_pose_source(path, topics, body.name, config.poses)
-        rules = with_recorded_rules(config.segmenter, reader.note(NOTE))
-        origin = TossProvenance(str(path), reader.sha256, source.body.name)
-        numbers = recorded_numbers(reader.note(NUMBERS_NOTE))
-        tosses = _BagTosses(origin, source, body, replace(config, segmenter=rules), numbers)
-        for message in reader.messages(source.topics):
+        tosses = bag_tosses(reader, body, config)
+        for message in reader.messages(tosses.source.topics):
             yield from tosses.of(message)
         yield from tosses.rest()
         yield from (Problem(str(path), line) for line in tosses.left_out())
         return tosses.summary(reader.losses)
 
 
-class _BagTosses:
-    """Follows the messages of one bag."""
+def bag_tosses(reader: BagReader, body: Body, config: InputsConfig) -> "BagTosses":
+    """What follows the messages of a bag, in the order of their log times.
+
+    Raises:
+        MissingTopicError: no topic, or several, could tell where the body is.
+    """
+    topics = [TypedTopic(info.name, info.type) for info in reader.topics if info.count != 0]
+    source = find_pose_source(reader.path, topics, body.name, config.poses)
+    rules = with_recorded_rules(config.segmenter, reader.note(NOTE))
+    origin = TossProvenance(str(reader.path), reader.sha256, source.body.name)
+    numbers = recorded_numbers(reader.note(NUMBERS_NOTE))
+    return BagTosses(origin, source, body, replace(config, segmenter=rules), numbers)
+
+
+class BagTosses:
+    """Follows the messages of one bag.
+
+    Attributes:
+        origin: the bag.
+        source: the topics that it wants.
+        settle_time: that separates two motions, as the bag's own rules say [s].
+    """
 
     def __init__(
         self,
@@ -57,9 +72,10 @@ class _BagTosses:
             replace(config.segmenter, gravity=body.gravity),
             replace(config.gates, gravity=body.gravity),
         )
-        self._origin = origin
+        self.origin = origin
+        self.source = source
+        self.settle_time = config.segmenter.settle_time
         self._numbers = numbers
-        self._source = source
         self._detections = config.poses.detections(body.name)
         self._ingest = TossIngest(stages, body.polytope, body=body.name, source=source.body.name)
         self._first_ns: int | None = None
@@ -70,7 +86,7 @@ class _BagTosses:
     def of(self, message: BagMessage) -> Iterator[Found]:
         """What became complete with a message."""
         for measured in self._measured(message):
-            if isinstance(measured, FramePose) and message.topic == self._source.body.name:
+            if isinstance(measured, FramePose) and message.topic == self.source.body.name:
                 self._first_ns = measured.stamp_ns if self._first_ns is None else self._first_ns
                 self._last_ns = measured.stamp_ns
             yield from self._found(self._ingest.push(measured))
@@ -85,15 +101,15 @@ class _BagTosses:
             which = f"the first one, of '{first.child}' at {first.stamp_ns / NANOSECONDS:.6f} s"
             yield f"{self._bad_counts[kind]} poses were left out, {which}, for this: {first.why}"
         if not self._ingest.counts["tosses"] + self._ingest.counts["rejected"]:
-            yield f"found no toss in {self._ingest.counts['poses']} poses of {self._source.body.name}"
+            yield f"found no toss in {self._ingest.counts['poses']} poses of {self.source.body.name}"
 
     def summary(self, losses: tuple[str, ...]) -> InputSummary:
-        origin, counts = self._origin, dict(self._ingest.counts)
+        origin, counts = self.origin, dict(self._ingest.counts)
         return InputSummary(origin.input, origin.input_sha256, origin.topic, self._first_ns, self._last_ns, counts, losses)
 
     def _measured(self, message: BagMessage) -> tuple[Measured, ...]:
         try:
-            return self._source.measured(message.topic, message.message, self._detections)
+            return self.source.measured(message.topic, message.message, self._detections)
         except (AttributeError, TypeError, ValueError) as error:  # a bag may define a well-known type name as it likes
             why = f"{message.type}: found fields that are not its own ({error}), expected the type of ROS"
             return (BadPose(message.log_time_ns, message.topic, why, "type"),)
@@ -106,4 +122,4 @@ class _BagTosses:
             else:
                 toss = event.toss if isinstance(event, Rejected) else event
                 number = self._numbers.number_at(int(toss.stamps_ns[0]))
-                yield Found(event, replace(self._origin, number=number))
+                yield Found(event, replace(self.origin, number=number))

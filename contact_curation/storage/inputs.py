@@ -59,7 +59,7 @@ class Inputs:
                 yield Problem(str(path), str(error).removeprefix(f"{path}: "))
 
     def _read(self, path: Path) -> Iterator[Toss | Rejected | Problem]:
-        read = read_contactnets_tosses if _is_contactnets(path) else read_bag_tosses
+        read = read_contactnets_tosses if is_contactnets(path) else read_bag_tosses
         reading = read(path, self._body, self._config)
         while True:
             try:
@@ -83,7 +83,7 @@ class Inputs:
             yield found.outcome
 
 
-def _is_contactnets(path: Path) -> bool:
+def is_contactnets(path: Path) -> bool:
     """Whether a path is to be read as ContactNets' files: by its name, for a folder by those in it."""
     if not path.is_dir():
         return path.suffix == ".pt"

@@ -203,12 +203,12 @@ def test_a_bag_that_defines_odometry_its_own_way_is_read_as_far_as_it_goes(tmp_p
         header = None
 
     from contact_curation.storage.bag_records import BagMessage
-    from contact_curation.storage.bag_tosses import _BagTosses
+    from contact_curation.storage.bag_tosses import BagTosses
     from contact_curation.storage.pose_source import TypedTopic, find_pose_source
     from contact_curation.storage.provenance import TossProvenance
 
     source = find_pose_source("a", [TypedTopic(BODY, ODOMETRY)], "cube", PoseTopicConfig())
-    tosses = _BagTosses(TossProvenance("a"), source, CONTACTNETS_CUBE, InputsConfig())
+    tosses = BagTosses(TossProvenance("a"), source, CONTACTNETS_CUBE, InputsConfig())
     assert list(tosses.of(BagMessage(BODY, ODOMETRY, 5, Strange()))) == []
     assert "found fields that are not its own" in next(tosses.left_out())
 

@@ -8,7 +8,7 @@ import pytest
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.segmenter_config import CONTACTNETS_RULES, SegmenterConfig
-from contact_curation.storage.bag_notes import recorded_note
+from contact_curation.storage.bag_notes import recorded_notes
 from contact_curation.storage.bag_reader import BagReader
 from contact_curation.storage.bag_writer import BagWriter
 from contact_curation.storage.recorded_rules import note_of_rules, with_recorded_rules
@@ -65,7 +65,7 @@ def test_a_note_in_a_folder_comes_back_too(tmp_path: Path) -> None:
 def test_files_without_notes_have_none(tmp_path: Path) -> None:
     other = tmp_path / "bag.db3"
     other.write_bytes(b"SQLite format 3\0")
-    assert recorded_note(other, "first") == {}
+    assert recorded_notes(other) == {}
 
 
 def test_of_a_bag_that_was_cut_off_the_notes_are_lost_and_nothing_else(tmp_path: Path) -> None:
@@ -73,7 +73,7 @@ def test_of_a_bag_that_was_cut_off_the_notes_are_lost_and_nothing_else(tmp_path:
     whole = bag.read_bytes()
     for length in (8, len(whole) // 2, len(whole) - 9):
         bag.write_bytes(whole[:length])
-        assert recorded_note(bag, "first") == {}
+        assert recorded_notes(bag) == {}
 
 
 def test_a_damaged_bag_gives_a_note_or_none_but_no_error_of_the_readers(tmp_path: Path) -> None:
@@ -82,5 +82,5 @@ def test_a_damaged_bag_gives_a_note_or_none_but_no_error_of_the_readers(tmp_path
     lost = 0
     for place in rng.integers(len(whole), size=400).tolist():
         bag.write_bytes(whole[:place] + bytes([rng.integers(256)]) + whole[place + 1 :])
-        lost += not recorded_note(bag, "first")
+        lost += not recorded_notes(bag).get("first")
     assert 0 < lost < 400

@@ -1,0 +1,12 @@
+"""Rows of manifests that the tests of exports make up."""
+
+from dataclasses import replace
+from typing import Any
+
+from contact_curation.storage.manifest import ManifestRow
+from test.storage.test_manifest import RANKED
+
+
+def row(toss_id: str, **changes: Any) -> ManifestRow:
+    """A kept toss's, with changes."""
+    return replace(RANKED, toss_id=toss_id, **changes)
