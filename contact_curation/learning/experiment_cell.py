@@ -1,4 +1,4 @@
-"""One cell of an experiment: which tosses are kept by which rule, and how a model learns from them; the key of one row of results.
+"""One cell of an experiment: which tosses are kept by which rule, how a model learns from them; the key of its row of results.
 
 A cell and the tosses determine its row to the last digit, so that an experiment can stop anywhere and go on.
 """
