@@ -1,8 +1,8 @@
 """A part of a bag as a bag: the messages of some times, byte for byte, and what must be known before them.
 
 Before the first message of a window come those that hold for it though they are older: all of /tf_static, the newest of every
-other latched topic, and of the camera. A pose is no such thing, latched or not. Images may have waited for the first CameraInfo,
-so that goes along even if it came behind them.
+other latched topic, and of the camera. A pose is no such thing, latched or not. Images may have waited for the first
+CameraInfo, so that goes along even if it came behind them.
 """
 
 from collections.abc import Callable, Iterable
