@@ -14,8 +14,11 @@ from contact_curation.cli.online_events import EventLog
 from contact_curation.cli.online_options import OnlineConfig
 from contact_curation.cli.online_parameters import SessionFolder
 from contact_curation.cli.online_summary import Summary
-from contact_curation.cli.rank_of_session import rank_command
+from contact_curation.cli.rank_of_session import rank_command, ranking_figure_of
 from contact_curation.cli.report import json_line
+from contact_curation.cli.session_told import story_of
+from contact_curation.dashboard.session_report import save_report
+from contact_curation.dashboard.session_story import save_figures
 from contact_curation.storage.atomic_file import write_atomically
 
 
@@ -33,9 +36,14 @@ def finish_record(
         The summary, with where things lie and whether offline ranking gives the session's own.
     """
     words = rank_command(folder, parameters, config.body_file)
-    replayed = _replayed(words, summary)
-    document = {**summary.document, **replayed, "report": str(folder.report), "folder": str(folder.root)}
-    summary = replace(summary, document=document)
+    ranked, replay = _replayed(words, summary)
+    summary = replace(summary, document={**summary.document, **replay, "folder": str(folder.root)})
+    story = story_of(f"Session of {len(summary.document['throws'])} throws", folder.bag, summary, events.events, ranked)
+    figures = save_figures(story, folder.figures)
+    if ranked:
+        figures["Ranking"] = ranking_figure_of(folder)
+    save_report(story, figures, folder.report)
+    summary = replace(summary, document={**summary.document, "report": str(folder.report)})
     own = {
         "command": list(command),
         "rank_command": words,
@@ -43,21 +51,22 @@ def finish_record(
         "python": sys.version.split()[0],
         "platform": platform(),
         "parameters": parameters,
-        "summary": document,
+        "summary": summary.document,
     }
     write_atomically(folder.summary, (json_line(own) + "\n").encode())
     return summary
 
 
-def _replayed(words: list[str], summary: Summary) -> dict[str, Any]:
-    """What `rank` makes of the session's bag, and whether that is the session's own ranking."""
+def _replayed(words: list[str], summary: Summary) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What `rank` says of the session's bag, empty where it fails; and whether that is the session's own ranking."""
     done = subprocess.run(
         [sys.executable, "-m", "contact_curation.cli.main", *words[1:], "--json"], capture_output=True, text=True, check=False
     )
     if done.returncode != 0:
-        return {"same": False, "replay": f"the bag could not be ranked: {done.stderr.strip().rpartition(chr(10))[2]}"}
-    told = json.loads(done.stdout)
+        why = done.stderr.strip().rpartition("\n")[2]
+        return {}, {"same": False, "replay": f"the bag could not be ranked: {why}"}
+    told: dict[str, Any] = json.loads(done.stdout)
     kept = [row["toss_id"] for row in told["tosses"] if row["kept"]]
     same = kept == summary.document["kept"]
     what = f"the same {len(kept)} tosses in the same order" if same else f"other tosses than the session's: {', '.join(kept)}"
-    return {"same": same, "replay": f"rank gives {what}", "manifest": told["out"]}
+    return told, {"same": same, "replay": f"rank gives {what}", "manifest": told["out"]}

@@ -76,11 +76,12 @@ def print_summary(summary: Summary) -> None:
     for throw in told["throws"]:
         print(f"   {throw['number']:>4}  {throw['gains']:<40}  {throw['outcome']}")
     print()
-    for name, text in _lines(told):
+    for name, text in summary_lines(told):
         print(f"   {name:<12}  {text}")
 
 
-def _lines(told: dict[str, Any]) -> list[tuple[str, str]]:
+def summary_lines(told: dict[str, Any]) -> list[tuple[str, str]]:
+    """Name and text of each fact."""
     throws, rejected = told["throws"], told["rejected"]
     restarts = ", ".join(f"{name} {count}" for name, count in told["restarts"].items()) or "none"
     lines = [

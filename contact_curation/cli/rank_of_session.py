@@ -24,6 +24,11 @@ POSES = ("body_frame", "board_frame", "tag_map")
 """Of pose_ingest, with options of the same names."""
 
 
+def ranking_figure_of(folder: SessionFolder) -> Path:
+    """Where the command draws its figure."""
+    return folder.figures / "ranking.png"
+
+
 def rank_command(folder: SessionFolder, parameters: Mapping[str, Parameters], body_file: Path | None) -> list[str]:
     """The words of the command.
 
@@ -34,6 +39,7 @@ def rank_command(folder: SessionFolder, parameters: Mapping[str, Parameters], bo
     """
     ingest, scorer, curator = (parameters[name] for name in ("pose_ingest", "fisher_scorer", "curator"))
     words = ["contact-curation", "rank", str(folder.bag), "--out", str(folder.manifest)]
+    words += ["--figure", str(ranking_figure_of(folder))]
     words += ["--body", str(body_file)] if body_file else []
     words += ["--params", str(folder.checkpoint)] if folder.checkpoint.exists() else []
     for values, options in ((curator, OPTIONS), (scorer, SCORING)):
