@@ -1,8 +1,9 @@
 """What a Franka Research 3 may do: the published limits of its joints, and how far a motion is from breaking one.
 
-Sources: positions, speeds and torques from franka_description (robots/fr3/joint_limits.yaml); accelerations, and speeds that
-fall towards the ends of a joint's range, from libfranka's rate limiting and "Robot and interface specifications" of Franka's
-control interface. Jerk (5000 rad/s^3) is far from being reached by ramps that take tens of milliseconds.
+Sources: positions, speeds and torques from franka_description (robots/fr3/joint_limits.yaml); accelerations, the torques' rate,
+and speeds that fall towards the ends of a joint's range, from libfranka for the FR3 (include/franka/rate_limiting.h of 2023:
+kMaxJointAcceleration, kMaxTorqueRate, computeUpperLimitsJointVelocity) and "Limits for Franka Research 3" of Franka's control
+interface documentation. Jerk (5000 rad/s^3) is far from being reached by ramps that take tens of milliseconds.
 """
 
 from dataclasses import dataclass
@@ -27,6 +28,7 @@ class JointLimits:
         speed: [rad/s].
         acceleration: [rad/s^2].
         torque: [N m].
+        torque_rate: how fast torques may change [N m/s].
         braking: deceleration that the speed limit near an end reckons with [rad/s^2].
         slack: what it takes off that speed [rad/s].
         brake_end_low: where that speed would be minus the slack at the lower end [rad].
@@ -38,6 +40,7 @@ class JointLimits:
     speed: Array
     acceleration: Array
     torque: Array
+    torque_rate: Array
     braking: Array
     slack: Array
     brake_end_low: Array
@@ -71,6 +74,7 @@ FR3_LIMITS = JointLimits(
     speed=np.array([2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26]),
     acceleration=np.full(JOINTS, 10.0),
     torque=np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0]),
+    torque_rate=np.full(JOINTS, 1000.0),
     braking=np.array([6.0, 2.585, 3.5, 4.0, 17.0, 5.5, 17.0]),
     slack=np.array([0.30, 0.20, 0.20, 0.30, 0.35, 0.35, 0.35]),
     brake_end_low=np.array([-2.7501, -1.7918, -2.9065, -3.0481, -2.8101, 0.54092, -3.0196]),

@@ -24,7 +24,7 @@ class RampConfig:
     """
 
     acceleration: float = 9.0
-    rise: float = 0.04
+    rise: float = 0.06
     moving: float = 0.8
     moving_acceleration: float = 4.5
 
@@ -51,11 +51,12 @@ class JointPath:
 
     @staticmethod
     def joined(*parts: "JointPath") -> "JointPath":
-        """One after the other."""
+        """One after the other; the last sample of each is the first of the next, and is there once."""
+        rest = parts[1:]
         return JointPath(
-            np.concatenate([part.positions for part in parts]),
-            np.concatenate([part.speeds for part in parts]),
-            np.concatenate([part.accelerations for part in parts]),
+            np.concatenate([parts[0].positions, *(part.positions[1:] for part in rest)]),
+            np.concatenate([parts[0].speeds, *(part.speeds[1:] for part in rest)]),
+            np.concatenate([parts[0].accelerations, *(part.accelerations[1:] for part in rest)]),
         )
 
     def after(self, first: int) -> "JointPath":

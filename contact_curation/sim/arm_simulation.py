@@ -2,7 +2,8 @@
 
 The whole motion is one path with a parameter that advances one sample per control step. A stop lets it advance ever slower, so
 the arm brakes on the path that was found to be free; re-arming runs it back home, or forward if the body is gone. Control is by
-computed torque, tau = M (a + Kp e + Kd e') + bias, clipped to the joints' limits; the joints' dry friction is not known to it.
+computed torque, tau = M (a + Kp e + Kd e') + bias, clipped to the motors' limits and to how fast they may change; the joints'
+dry friction is not known to it.
 
 After the release the arm waits until the body rests and was taken away. An arm that feels a push meanwhile leaves its path: it
 brakes, bears only its own weight, and goes home from where it then stands.
@@ -167,6 +168,7 @@ class ArmSimulation:
         self._torques = np.zeros(JOINTS)
         self._torque_peak, self._speed_peak, self._position_peak = np.zeros((3, JOINTS))
         self._take(_first_grip(body))
+        self._torques = self._data[True].qfrc_bias.copy()  # it stands at home and bears its weight
 
     @property
     def holding(self) -> bool:
@@ -192,11 +194,11 @@ class ArmSimulation:
         if self.phase is not Phase.RESTING:
             raise InvalidValueError("arm", self.phase.value, "an arm that rests at home")
         self._take(motion.grip)
-        lead = -(len(motion.approach) + len(motion.swing) - 1) % STEPS_PER_FRAME  # so that the release falls on a frame
-        before = JointPath.joined(_still(self.config.home_posture, lead), motion.approach)
+        lead = -(len(motion.approach) + len(motion.swing) - 2) % STEPS_PER_FRAME  # so that the release falls on a frame
+        before = JointPath.joined(_still(self.config.home_posture, lead + 1), motion.approach)
         self._path = JointPath.joined(before, motion.swing, motion.stopping, motion.returning)
-        self._swing_row, self._release_row = len(before), len(before) + len(motion.swing) - 1
-        self._stopped_row = self._release_row + len(motion.stopping)
+        self._swing_row, self._release_row = len(before) - 1, len(before) + len(motion.swing) - 2
+        self._stopped_row = self._release_row + len(motion.stopping) - 1
         delay = abs(float(self._rng.standard_normal())) * self.control.release_jitter
         self._opens_at = self._release_row + round(delay / STEP)
         self._slowing = self.control.braking / max(float(np.abs(self._path.speeds).max()), 1e-6)
@@ -251,8 +253,9 @@ class ArmSimulation:
         wanted, moment = np.zeros(model.nv), np.zeros(model.nv)
         wanted[dofs] = self._giving_way(speeds[dofs]) if self._yields else (next_speed - speed) / STEP + pull
         mujoco.mj_mulM(model, data, moment, wanted)
-        limit = self.config.limits.torque
-        self._torques = np.clip(moment[dofs] + data.qfrc_bias[dofs], -limit, limit)
+        limit, change = self.config.limits.torque, self.config.limits.torque_rate * STEP
+        followed = np.clip(moment[dofs] + data.qfrc_bias[dofs], self._torques - change, self._torques + change)
+        self._torques = np.clip(followed, -limit, limit)
         data.qfrc_applied[dofs] = self._torques
         mujoco.mj_step2(model, data)
         self.time += STEP

@@ -217,14 +217,22 @@ class ThrowPlanner:
         return None
 
     def _strong(self, model: mujoco.MjModel, data: mujoco.MjData, path: JointPath) -> Refused | None:
-        """Whether the torques of a path are there, by inverse dynamics."""
-        part, limits = path.thinned(CHECKED_EVERY), self.config.margin * self.config.limits.torque
-        for posture, speed, acceleration in zip(part.positions, part.speeds, part.accelerations):
+        """Whether the torques of a path are there, and change no faster than they may, by inverse dynamics."""
+        part, limits = path.thinned(CHECKED_EVERY), self.config.limits
+        torques = np.empty_like(part.positions)
+        for row, (posture, speed, acceleration) in enumerate(zip(part.positions, part.speeds, part.accelerations)):
             data.qpos[:], data.qvel[:], data.qacc[:] = posture, speed, acceleration
             mujoco.mj_inverse(model, data)
-            use = np.abs(data.qfrc_inverse) / limits
-            joint = int(use.argmax())
-            if use[joint] > 1.0:
-                found = abs(float(data.qfrc_inverse[joint]))
-                return Refused(f"torque of joint {joint + 1}", found, float(limits[joint]), "N m")
+            torques[row] = data.qfrc_inverse
+        times = STEP * np.minimum(np.arange(len(part)) * CHECKED_EVERY, len(path) - 1)
+        rates = np.diff(torques, axis=0) / np.diff(times)[:, None]
+        for name, needed, motors, unit in (
+            ("torque", torques, limits.torque, "N m"),
+            ("torque's rate", rates, limits.torque_rate, "N m/s"),
+        ):
+            most = np.abs(needed).max(axis=0)
+            joint = int((most / motors).argmax())
+            allowed = self.config.margin * float(motors[joint])
+            if most[joint] > allowed:
+                return Refused(f"{name} of joint {joint + 1}", float(most[joint]), allowed, unit)
         return None
