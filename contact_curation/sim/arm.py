@@ -2,9 +2,10 @@
 
 The numbers are published, the shapes are our own (capsules):
     kinematics    Denavit-Hartenberg parameters, see `arm_kinematics`
-    masses        franka_description, robots/fr3/inertials.yaml; the gripper's from end_effectors/cobot_pump
+    masses        franka_description, robots/fr3/inertials.yaml; the gripper's end_effectors/cobot_pump/inertials.yaml
     rotors        inertia seen at the joints: Drake's franka_description README, as given by Franka for the FR3
-    friction      of the size that Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca identified (IEEE RA-L 4(4), 2019)
+    friction      Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca, Dynamic identification of the Franka Emika Panda robot with
+                  retrieval of feasible parameters using penalty-based optimization, IEEE RA-L 4(4), 4147-4154, 2019
 
 A vacuum gripper holds any convex body that has a flat spot, and does so rigidly. There are therefore two simulated worlds: in
 one the body is part of the arm, in the other it is free. Opening the gripper hands the state of the one to the other, so the
@@ -31,7 +32,8 @@ ROTOR_INERTIA = (0.605721456, 0.605721456, 0.462474144, 0.462474144, 0.205544064
 """[kg m^2], seen at the joints."""
 
 JOINT_FRICTION = (0.273, 0.436, 0.320, 0.640, 0.420, 0.152, 0.282)
-"""[N m], dry; the controller does not know of it."""
+"""[N m], dry: half of phi_1, the height of the sigmoid over the speed that Gaz et al. fitted to the FR3's predecessor; its
+small offset is left out. The controller does not know of it."""
 
 GRIPPER_LENGTH = 0.105
 """From the flange to the pad [m]."""

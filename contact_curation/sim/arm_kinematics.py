@@ -1,8 +1,8 @@
 """Where the pad of the arm is, for many postures at once, from the published Denavit-Hartenberg parameters.
 
-Craig's form: joint i stands at Rx(alpha) Tx(a) Rz(q) Tz(d) of the one before. Source: Franka's control interface documentation
-("Denavit-Hartenberg parameters"), the same for Emika Panda and Research 3. The MuJoCo model is built from the same numbers in
-another way, and a test holds both together.
+Craig's form: joint i stands at Rx(alpha) Tx(a) Rz(q) Tz(d) of the one before. Sources: Franka's control interface documentation
+("Denavit-Hartenberg parameters"; the same for Emika Panda and Research 3) and franka_description, robots/fer/kinematics.yaml.
+The MuJoCo model is built from the same numbers in another way, and a test holds both together.
 """
 
 from dataclasses import dataclass
