@@ -1,0 +1,123 @@
+"""The parameters that the nodes declare, and config/nodes.yaml as it follows from them.
+
+python -m test.graph.declared_parameters contact_curation/config/nodes.yaml
+"""
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from textwrap import wrap
+from typing import Any, NamedTuple
+
+import rclpy
+import yaml
+from rclpy.node import Node
+
+from contact_curation.errors import ContactCurationError
+
+CLASSES = {
+    "pose_ingest": "PoseIngest",
+    "fisher_scorer": "FisherScorer",
+    "curator": "Curator",
+    "trainer": "Trainer",
+    "throw_designer": "ThrowDesigner",
+    "sim_arm": "SimArm",
+    "sim_camera": "SimCamera",
+    "dashboard": "Dashboard",
+    "session_recorder": "SessionRecorder",
+    "player": "Player",
+}
+SET = {"throw_designer": ["thrower:=arm"], "dashboard": ["web_port:=0", "grpc_port:=0"]}
+"""So that everything is declared, and nothing served."""
+
+OF_RCLPY = ("use_sim_time", "start_type_description_service")
+WIDTH = 128
+HEAD = """\
+# Every parameter of every node, with its default; `ros2 param describe` says more of types and bounds.
+# Copy what you change: what a file does not set keeps its default.
+#     contact-curation online --params-file my_nodes.yaml
+#     ros2 launch contact_curation online.launch.py params_file:=my_nodes.yaml
+#     ros2 run contact_curation pose_ingest --ros-args --params-file my_nodes.yaml
+# Made by `python -m test.graph.declared_parameters FILE`; a test compares.
+"""
+
+
+class Declared(NamedTuple):
+    """A parameter as its node declares it."""
+
+    name: str
+    default: Any
+    description: str
+
+
+def declared(node: str, domain: int) -> list[Declared]:
+    """What a node declares when it is made; it keeps its files in the current folder, and is taken down again."""
+    found: list[Declared] = []
+    arguments = [word for setting in SET.get(node, []) for word in ("-p", setting)]
+    rclpy.init(args=["--ros-args", *arguments], domain_id=domain)
+    try:
+        with _noted(found):
+            made = getattr(import_module(f"contact_curation.nodes.{node}"), CLASSES[node])()
+        made.close()
+        made.destroy_node()
+    except ContactCurationError:  # a node that asks for a file does so once all is declared
+        pass
+    finally:
+        rclpy.try_shutdown()
+    return found
+
+
+@contextmanager
+def _noted(found: list[Declared]) -> Iterator[None]:
+    original = Node.declare_parameter
+
+    def declare(self: Node, name: str, value: Any = None, descriptor: Any = None, *more: Any, **others: Any) -> Any:
+        if name not in OF_RCLPY:
+            found.append(Declared(name, value, descriptor.description if descriptor else ""))
+        return original(self, name, value, *([descriptor] if descriptor else []), *more, **others)
+
+    Node.declare_parameter = declare
+    try:
+        yield
+    finally:
+        Node.declare_parameter = original
+
+
+def nodes_yaml(domain: int) -> str:
+    """The file."""
+    sections = [f"/**/{node}:\n  ros__parameters:\n{_lines(declared(node, domain))}" for node in CLASSES]
+    return HEAD + "".join(sections)
+
+
+def _lines(parameters: list[Declared]) -> str:
+    lines: list[str] = []
+    for one in parameters:
+        setting = f"    {one.name}: {_text(one.default)}"
+        commented = f"{setting:<44}  # {one.description}"
+        if one.description and len(commented) > WIDTH:
+            lines += wrap(one.description, WIDTH, initial_indent="    # ", subsequent_indent="    # ")
+            commented = setting
+        lines.append(commented if one.description else setting)
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _text(value: Any) -> str:
+    """A value on one line."""
+    return str(yaml.safe_dump(value, default_flow_style=True, width=float("inf"))).removesuffix("...\n").strip()
+
+
+def main() -> None:
+    """Writes the file; the middleware has the standard output for itself."""
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    path = Path(sys.argv[1]).absolute()
+    with TemporaryDirectory() as folder:
+        os.chdir(folder)
+        path.write_text(nodes_yaml(1 + os.getpid() % 100))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,119 @@
+"""config/nodes.yaml has every parameter of every node, and the launch files set none that there is not."""
+
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+import yaml
+
+import contact_curation
+from contact_curation.cli.node_parameters import read_node_parameters, write_node_parameters
+from contact_curation.cli.online_parameters import STAGES
+
+PACKAGE = Path(contact_curation.__file__).parent
+CONFIG = PACKAGE / "config" / "nodes.yaml"
+LAUNCH_FILES = sorted((PACKAGE / "launch").glob("*.launch.py"))
+
+
+@pytest.fixture(scope="module")
+def declared(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
+    """What the nodes declare now."""
+    path = tmp_path_factory.mktemp("declared") / "nodes.yaml"
+    command = [sys.executable, "-m", "test.graph.declared_parameters", str(path)]
+    subprocess.run(command, check=True, capture_output=True, cwd=PACKAGE.parent)
+    return read_node_parameters(path)
+
+
+def test_the_file_has_every_parameter_with_its_default(declared: dict[str, dict[str, Any]]) -> None:
+    again = "python -m test.graph.declared_parameters contact_curation/config/nodes.yaml"
+    found = read_node_parameters(CONFIG)
+    assert set(found) == set(declared)
+    for node, values in declared.items():
+        assert found[node] == values, f"run {again}"
+        assert {name: type(value) for name, value in found[node].items()} == {name: type(one) for name, one in values.items()}
+
+
+def test_what_is_written_is_read_again(tmp_path: Path) -> None:
+    values = {"curator": {"top": 4, "prior": 1e-6, "store": "a: b", "flags": [True, False], "far": float("inf")}}
+    write_node_parameters(tmp_path / "own.yaml", values)
+    assert read_node_parameters(tmp_path / "own.yaml") == values
+
+
+class Recorded:
+    """Stands for anything of `launch`: remembers what it was made of."""
+
+    def __init__(self, *parts: Any, **named: Any) -> None:
+        self.parts, self.named = parts, named
+
+
+def described(path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Recorded]:
+    """The actions of a launch file; `launch` itself is not on the package index, so that stand-ins take its place."""
+    tree = {
+        "launch": ["LaunchDescription"],
+        "launch.actions": ["DeclareLaunchArgument"],
+        "launch.conditions": ["IfCondition"],
+        "launch.substitutions": ["LaunchConfiguration", "NotEqualsSubstitution", "PathJoinSubstitution"],
+        "launch_ros": [],
+        "launch_ros.actions": ["Node"],
+        "launch_ros.parameter_descriptions": ["ParameterValue"],
+        "launch_ros.substitutions": ["FindPackageShare"],
+    }
+    for name, classes in tree.items():
+        module = ModuleType(name)
+        for one in classes:
+            setattr(module, one, type(one, (Recorded,), {}))
+        monkeypatch.setitem(sys.modules, name, module)
+    description = runpy.run_path(str(path))["generate_launch_description"]()
+    return list(description.parts[0])
+
+
+@pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
+def test_a_launch_file_starts_nodes_that_there_are_with_parameters_that_they_have(
+    path: Path, declared: dict[str, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    actions = described(path, monkeypatch)
+    nodes = [one.named for one in actions if type(one).__name__ == "Node"]
+    arguments = {one.parts[0] for one in actions if type(one).__name__ == "DeclareLaunchArgument"}
+    for node in nodes:
+        assert node["package"] == "contact_curation"
+        assert node["name"] == node["executable"]
+        own = {name: value for part in node["parameters"] if isinstance(part, dict) for name, value in part.items()}
+        assert set(own) <= set(declared[node["executable"]]), node["executable"]
+    assert used_arguments(actions) == arguments
+
+
+def used_arguments(value: Any) -> set[str]:
+    """Names of all LaunchConfigurations in a description."""
+    if type(value).__name__ == "LaunchConfiguration":
+        return {value.parts[0]}
+    if isinstance(value, Recorded):
+        return used_arguments([*value.parts, *value.named.values()])
+    if isinstance(value, dict):
+        return used_arguments(list(value.values()))
+    if isinstance(value, list | tuple):
+        return set().union(*(used_arguments(one) for one in value))
+    return set()
+
+
+def test_the_loop_is_launched_with_all_eight_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
+    nodes = [
+        one.named["executable"]
+        for one in described(PACKAGE / "launch" / "online.launch.py", monkeypatch)
+        if type(one).__name__ == "Node"
+    ]
+    assert nodes == [*STAGES, "dashboard", "session_recorder"]
+
+
+def test_every_argument_has_a_description(monkeypatch: pytest.MonkeyPatch) -> None:
+    for path in LAUNCH_FILES:
+        for one in described(path, monkeypatch):
+            if type(one).__name__ == "DeclareLaunchArgument":
+                assert one.named["description"]
+
+
+def test_the_config_files_are_yaml() -> None:
+    assert all(yaml.safe_load(path.read_text()) for path in CONFIG.parent.glob("*.yaml"))
