@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.accumulated import Accumulated
 from contact_curation.information.diagnostics import SINGULAR, spectral_distance
@@ -42,6 +43,10 @@ class KeptSet:
     version: str = ""
     seen: int = 0
     bound: float = 0.0
+
+    def __post_init__(self) -> None:
+        if len(self.gains) != len(self.toss_ids):
+            raise InvalidValueError("gains of the kept tosses", len(self.gains), f"{len(self.toss_ids)}, one each")
 
 
 @dataclass(frozen=True)
@@ -105,7 +110,8 @@ def evidence_of(pool: Pool, kept: KeptSet) -> Evidence:
     Raises:
         InvalidValueError: a kept toss is not in the pool, or no toss carries information.
     """
-    return Evidence(_rows(pool, kept), kept_spectrum(pool, pool_subspace(pool, DEFAULT.cut), kept.toss_ids))
+    spectrum = kept_spectrum(pool, pool_subspace(pool, DEFAULT.cut), kept.toss_ids)
+    return Evidence(_rows(pool, kept), spectrum)
 
 
 def kept_spectrum(pool: Pool, subspace: IdentifiableSubspace, kept: Sequence[str]) -> KeptSpectrum:

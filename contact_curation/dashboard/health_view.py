@@ -2,12 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from textwrap import shorten
 
 from contact_curation.dashboard.pages import table
 from contact_curation.dashboard.screen import Screen
 
 TABLE = "health"
 HEADER = ("node", "state", "says", "details")
+LONGEST_VALUE = 24
+"""Letters of a detail that are shown."""
+
 SILENT_AFTER = 5.0
 """[s] without a word."""
 
@@ -66,9 +70,5 @@ def health_page(nodes: Mapping[str, NodeHealth], dropped: Mapping[str, int], now
 def _cells(node: NodeHealth, now: float) -> tuple[str, ...]:
     silent = now - node.heard > SILENT_AFTER
     state = "**silent**" if silent else ("**warns**" if node.warning else "ok")
-    return (
-        node.name.removeprefix("/"),
-        state,
-        node.message,
-        ", ".join(f"{name} {value}" for name, value in node.values.items()),
-    )
+    details = ", ".join(f"{name} {shorten(value, LONGEST_VALUE)}" for name, value in node.values.items())
+    return (node.name.removeprefix("/"), state, node.message, details)

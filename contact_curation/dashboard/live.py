@@ -133,7 +133,10 @@ class LiveSession:
             self._show_motion(self._newest)
 
     def show_ranking(self) -> bool:
-        """Writes the kept set's evidence and what is known by it; False while some of it has not come yet.
+        """Writes the kept set's evidence and what is known by it, once all of the kept tosses' information has come.
+
+        Returns:
+            Whether the information of all tosses that it was chosen from has come; else it should be shown again later.
 
         Raises:
             InvalidValueError: information that does not go together.
@@ -148,7 +151,7 @@ class LiveSession:
         self._now()
         self._rankings.show(kept, evidence_of(pool, kept))
         self._show_body(pool, kept)
-        return True
+        return len(pool) >= kept.seen
 
     def _show_body(self, pool: Pool, kept: KeptSet) -> None:
         geometry = self._thetas.get(kept.version, self._theta).geometry

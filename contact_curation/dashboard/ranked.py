@@ -60,7 +60,7 @@ def show_ranked(
     screen.at(Moment())
     for one in kept_back:
         gates.show(one.toss_id, one.frames, one.reasons)
-    rankings.show(kept, evidence_of(pool, kept))
+    rankings.show_page(kept, evidence_of(pool, kept))
     subspace = pool_subspace(pool, DEFAULT.cut)
     vertices = body.vertices if theta.geometry is None else theta.geometry.vertices_normal * body.length_scale
     bodies.show(vertices, _known(pool, ()))

@@ -35,8 +35,12 @@ class RankingView:
 
     def show(self, kept: KeptSet, evidence: Evidence) -> None:
         """Writes a kept set and what speaks for it."""
-        self._screen.text(TABLE, ranking_page(kept, evidence))
+        self.show_page(kept, evidence)
         self.show_spectrum(evidence.spectrum)
+
+    def show_page(self, kept: KeptSet, evidence: Evidence) -> None:
+        """Writes the ranking with its reasons."""
+        self._screen.text(TABLE, ranking_page(kept, evidence))
 
     def show_spectrum(self, spectrum: KeptSpectrum) -> None:
         """Writes how a kept set stands to its pool."""

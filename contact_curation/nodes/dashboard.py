@@ -30,14 +30,14 @@ from contact_curation.nodes.body_parameter import declared_body
 from contact_curation.nodes.catch_up import PERIOD, Source
 from contact_curation.nodes.complaints import Complaints
 from contact_curation.nodes.door import StageNode, run
-from contact_curation.nodes.follow import Follow
+from contact_curation.nodes.follow import HELD, Follow
 from contact_curation.nodes.health import Health, HealthReport
 from contact_curation.nodes.messages.headers import nanoseconds_of
 from contact_curation.nodes.messages.shown import first_theta, healths_of, kept_set_of, theta_of, throw_made_of, training_of
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.toss_information import information_of
 from contact_curation.nodes.parameters import declare, declare_config
-from contact_curation.nodes.qos import RESULTS_KEPT, kept, profile
+from contact_curation.nodes.qos import kept, profile
 from contact_curation.nodes.scoring_stage import checked_body
 from contact_curation.nodes.worker import Latest, Worker
 
@@ -46,8 +46,6 @@ INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation,
 
 NEWEST_TOSSES = 64
 """Tosses that a dashboard which starts late looks back to; of information it wants all."""
-
-STATUSES_KEPT = 64
 
 
 class Dashboard(StageNode):
@@ -70,7 +68,7 @@ class Dashboard(StageNode):
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._closing = False
         self._buffer: Any = None
-        self._pending = False
+        self._revision, self._pending = 0, False
         self._nodes: dict[str, NodeHealth] = {}
         self._parameters: Any = None
         self._worker = Worker(self.fail)
@@ -79,9 +77,9 @@ class Dashboard(StageNode):
         self._health_page = Latest(self._worker, self._draw_health)
         Follow(self, TOSSES, partial(self._offer, self._take_tosses), self._idle, NEWEST_TOSSES)
         Follow(self, INFORMATION, partial(self._offer, self._take_information), self._idle)
-        self._listen(TossRejected, "toss_rejected", RESULTS_KEPT, self._take_rejected)
-        self._listen(TrainingStatus, "training_status", STATUSES_KEPT, self._take_training)
-        self._listen(ThrowReport, "throw_report", RESULTS_KEPT, self._take_throw)
+        self._listen(TossRejected, "toss_rejected", self._take_rejected)
+        self._listen(TrainingStatus, "training_status", self._take_training)
+        self._listen(ThrowReport, "throw_report", self._take_throw)
         self.create_subscription(CuratedBuffer, "curated_buffer", self._buffer_came, kept(1))
         self.create_subscription(ModelParameters, "model_parameters", self._parameters_came, kept(1))
         lossy = profile(100, reliable=False, latched=False)
@@ -96,11 +94,11 @@ class Dashboard(StageNode):
         self._worker.stop()
         close_screen(self._screen)
 
-    def _listen(self, kind: Any, topic: str, depth: int, take: Callable[[Any], None]) -> None:
+    def _listen(self, kind: Any, topic: str, take: Callable[[Any], None]) -> None:
         def heard(message: Any) -> None:
             self._offer(lambda messages: take(messages[0]), topic, [message])
 
-        self.create_subscription(kind, topic, heard, kept(depth))
+        self.create_subscription(kind, topic, heard, kept(HELD))
 
     def _offer(self, take: Callable[[list[Any]], None], topic: str, messages: list[Any]) -> bool:
         """Queues messages of a topic for the worker, or drops them."""
@@ -159,11 +157,11 @@ class Dashboard(StageNode):
         self._session.show_motion()
 
     def _draw_ranking(self) -> None:
-        """The newest kept set only, once everything in it has come."""
+        """The newest kept set only, and again while information that it was chosen from is still coming."""
         message, self._buffer = self._buffer, None
         if message is not None:
             self._session.set_kept(kept_set_of(message), nanoseconds_of(message.header.stamp))
-            self._pending = True
+            self._revision, self._pending = message.revision, True
         if self._pending:
             self._pending = not self._session.show_ranking()
 
@@ -177,7 +175,13 @@ class Dashboard(StageNode):
 
     def _health(self) -> Health:
         dropped = {f"dropped {topic}": count for topic, count in self._dropped.items()}
-        values = {"queue": self._worker.waiting, "tosses": self._session.tosses, **dropped, **self._complaints.counts}
+        values = {
+            "queue": self._worker.waiting,
+            "tosses": self._session.tosses,
+            "buffer": 0 if self._pending else self._revision,
+            **dropped,
+            **self._complaints.counts,
+        }
         lost = sum(self._dropped.values())
         return Health(f"{lost} messages not shown" if lost else "everything is shown", values, warning=bool(lost))
 

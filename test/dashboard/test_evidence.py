@@ -1,0 +1,71 @@
+"""The numbers behind the ranking's views agree with those of `rank`."""
+
+import numpy as np
+import pytest
+
+from contact_curation.dashboard.evidence import KeptSet, evidence_of
+from contact_curation.dashboard.pages import number, table
+from contact_curation.dashboard.ranking_view import ranking_page, short_id
+from contact_curation.errors import InvalidValueError
+from test.dashboard.sessions import Scored, kept_set, scored
+
+COUNT, TOP = 12, 5
+
+
+@pytest.fixture(scope="module")
+def made() -> Scored:
+    return scored(COUNT)
+
+
+def test_spectrum_epsilon_and_efficiency_are_those_of_the_ranking(made: Scored) -> None:
+    curation = made.curation(TOP)
+    spectrum = evidence_of(made.pool, kept_set(curation, TOP, COUNT, "v")).spectrum
+    assert spectrum.eigenvalues == pytest.approx(curation.spectrum)
+    assert spectrum.epsilon == pytest.approx(curation.epsilon)
+    assert spectrum.missing == pytest.approx(curation.raw_epsilon)
+    assert spectrum.efficiency == pytest.approx(curation.efficiency.determinant)
+
+
+def test_what_is_not_kept_is_told_what_it_would_still_add_in_the_order_of_the_ranking(made: Scored) -> None:
+    curation = made.curation(TOP)
+    rows = evidence_of(made.pool, kept_set(curation, TOP, COUNT, "v")).rows
+    entries = curation.ranking.entries
+    assert [row.toss_id for row in rows] == [entry.toss_id for entry in entries]
+    assert [row.gain for row in rows] == pytest.approx([entry.marginal_gain for entry in entries])
+    assert [row.rank for row in rows] == list(range(1, COUNT + 1))
+    assert all(row.reason.startswith("kept") == row.kept for row in rows)
+
+
+def test_by_trace_the_reason_is_the_trace(made: Scored) -> None:
+    curation = made.curation(TOP, "trace")
+    rows = evidence_of(made.pool, kept_set(curation, TOP, COUNT, "v")).rows
+    smallest = min(row.trace for row in rows if row.kept)
+    assert {row.reason for row in rows if not row.kept} == {f"not kept: trace below {smallest:.3g}"}
+    assert all(row.trace <= smallest for row in rows if not row.kept)
+
+
+def test_a_kept_set_that_singles_out_too_few_directions_has_no_efficiency(made: Scored) -> None:
+    few = made.pool.ids[:1]
+    assert evidence_of(made.pool, KeptSet("longest", 1, few, (1.0,))).spectrum.efficiency == 0.0
+    with pytest.raises(InvalidValueError, match="found nowhere"):
+        evidence_of(made.pool, KeptSet("longest", 1, ("nowhere",), (1.0,)))
+
+
+def test_a_kept_set_has_a_gain_for_each_toss() -> None:
+    with pytest.raises(InvalidValueError, match="gains of the kept tosses: found 1, expected 2, one each"):
+        KeptSet("trace", 2, ("a", "b"), (1.0,))
+
+
+def test_a_long_ranking_ends_with_how_many_more_there_are(made: Scored) -> None:
+    kept = KeptSet("longest", 1, made.pool.ids[:1], (1.0,), "0123456789abcdef", COUNT)
+    evidence = evidence_of(made.pool, kept)
+    page = ranking_page(kept, type(evidence)(evidence.rows + evidence.rows[1:], evidence.spectrum))
+    assert page.endswith(f"and {COUNT - 1 - 12 + COUNT - 1} more that would add less")
+    assert "theta `0123456789ab`" in page
+
+
+def test_what_stands_in_a_cell_stays_in_it() -> None:
+    assert table(("a", "b"), [("one | two", "three\nfour")]).splitlines()[2:] == ["| one \\| two | three four |"]
+    assert [number(value) for value in (np.nan, 4485.2, 0.0123456, 12.0, -250.0)] == ["-", "4485", "0.0123", "12", "-250"]
+    assert short_id("red-cube-1600000500250000000-abcdef01") == "1600000500.250"
+    assert short_id("anything") == "anything"

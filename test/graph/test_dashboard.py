@@ -1,0 +1,221 @@
+"""The dashboard in a live graph: it shows what was said before it came, drops what it cannot hold, and slows nobody."""
+
+import os
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.request import urlopen
+
+import numpy as np
+import pytest
+from contact_curation_msgs.msg import CuratedBuffer, ThrowReport, TossInformation, TossRejected, TrainingStatus
+from nav_msgs.msg import Odometry
+
+from contact_curation.nodes.messages.headers import Stamped, header_message, nanoseconds_of
+from contact_curation.nodes.messages.throw import throw_message
+from contact_curation.nodes.processes import NodeProcess
+from contact_curation.nodes.qos import RESULTS_KEPT, kept
+from test.dashboard.recorded import Recorded
+from test.dashboard.sessions import throw_of
+from test.dashboard.test_serving import free_port
+from test.graph.graph import Graph
+from test.graph.offline import tosses_of
+
+LONG = 60.0
+NODES = ("pose_ingest", "fisher_scorer", "curator", "dashboard")
+TOP = 6
+FLOOD = 400
+PLAYED_AT = 10.0
+"""Times real time."""
+
+
+def stamped(seconds: float) -> Any:
+    return header_message(Stamped(int(seconds * 1e9), "body_surface"))
+
+
+def rejected(number: int) -> TossRejected:
+    toss_id = f"cube-{1_600_000_100 + number}000000000-abcdef01"
+    return TossRejected(header=stamped(1_600_000_100.0 + number), toss_id=toss_id, frames=9, reasons=["too short"])
+
+
+class Storyteller:
+    """Says what a trainer and a throw designer would say, latched."""
+
+    def __init__(self, graph: Graph, bag: Path) -> None:
+        node = graph.listener.node
+        self._toss = tosses_of(bag)[0]
+        self.statuses = node.create_publisher(TrainingStatus, "/training_status", kept(64))
+        self.reports = node.create_publisher(ThrowReport, "/throw_report", kept(RESULTS_KEPT))
+
+    def tell(self) -> None:
+        """A round of training, a throw that was scored, and one that is under way."""
+        self.statuses.publish(
+            TrainingStatus(
+                header=stamped(1_600_000_010.0),
+                state="training",
+                gradient_steps=100,
+                training_loss=0.1,
+                held_out_loss=0.2,
+                position_error=16.5,
+                rotation_error=20.5,
+            )
+        )
+        for name, state, realised in (("one", "scored", 2.5), ("two", "commanded", float("nan"))):
+            throw = throw_message(throw_of(self._toss, name), Stamped(0, "body_surface"))
+            report = ThrowReport(kind="designed", state=state, throw_command=throw, planned_gain=3.0, realised_gain=realised)
+            self.reports.publish(report)
+
+
+def said(heard: list[Any], node: str) -> dict[str, str]:
+    """What a node reported last on /diagnostics."""
+    statuses = [status for array in heard for status in array.status if status.name == f"/{node}"]
+    return {value.key: value.value for value in statuses[-1].values} if statuses else {}
+
+
+def shows(heard: list[Any], tosses: int, revision: int) -> bool:
+    values = said(heard, "dashboard")
+    return (values.get("tosses"), values.get("buffer"), values.get("queue")) == (str(tosses), str(revision), "0")
+
+
+def start_stages(graph: Graph) -> None:
+    for stage in ("pose_ingest", "fisher_scorer"):
+        graph.start(stage)
+    graph.start("curator", top=TOP)
+
+
+def test_a_dashboard_that_starts_late_fills_every_view_and_ends_with_a_whole_recording(graph: Graph, golden_bag: Path) -> None:
+    buffers, diagnostics = graph.buffers(), graph.diagnostics()
+    story = Storyteller(graph, golden_bag)
+    story.tell()
+    start_stages(graph)
+    graph.start("player", bag=golden_bag, as_fast_as_possible=True, wait_for=10.0, stay=True)
+    expected = len(tosses_of(golden_bag))
+    graph.until(lambda: buffers and buffers[-1].tosses_seen == expected, LONG, "every toss to be curated")
+
+    path, ports = graph.folder / "late.rrd", (free_port(), free_port())
+    node = graph.start("dashboard", recording=path, web_port=ports[0], grpc_port=ports[1])
+    graph.until(lambda: shows(diagnostics, expected, buffers[-1].revision), LONG, "the dashboard to show all tosses")
+    address = f"http://127.0.0.1:{ports[0]}/?url=rerun%2Bhttp://127.0.0.1:{ports[1]}/proxy"
+    (line,) = (line for line in node.log().splitlines() if "http://" in line)
+    assert line.endswith(f"dashboard at {address}")
+    with urlopen(f"http://127.0.0.1:{ports[0]}/", timeout=10.0) as page:
+        assert b"Rerun" in page.read()
+    graph.until(lambda: all(said(diagnostics, one) for one in NODES), LONG, "word of all nodes")
+    time.sleep(2.5)  # the page of the nodes' health is written once a second
+    assert node.stop() == 0, node.log()
+    assert "Traceback" not in node.log()
+
+    written = Recorded(path)
+    assert written.rows("/scene/moving") == sum(toss.frames for toss in tosses_of(golden_bag))
+    assert sorted(set(written.times("/scene/measured/trail", "toss"))) == list(range(1, expected + 1))
+    assert f"{TOP} of {expected} tosses kept" in written.texts("/ranking")[-1]
+    for entity in ("body/uncertainty", "body/learned/edges", "spectrum", "scene/impulses", "scene/next/velocity"):
+        assert written.rows(f"/{entity}"), entity
+    for curve in ("epsilon/epsilon", "known/worst", "errors/position", "losses/held_out", "gains/planned", "gains/realised"):
+        assert written.scalars(f"/{curve}"), curve
+    assert len(written.texts("/gated")) == 3
+    assert "planned to add 3.00 nats" in written.texts("/throws")[-1]
+    for name in NODES:
+        assert f"| {name} | " in written.texts("/health")[-1]
+    assert "everything that was heard is shown" in written.texts("/health")[-1]
+
+
+def test_a_flood_is_dropped_counted_and_shown_and_the_node_goes_on(graph: Graph) -> None:
+    diagnostics, path = graph.diagnostics(), graph.folder / "flood.rrd"
+    node = graph.start("dashboard", recording=path, web_port=0, queue=1)
+    publisher = graph.listener.node.create_publisher(TossRejected, "/toss_rejected", kept(FLOOD))
+    graph.until(publisher.get_subscription_count, LONG, "the dashboard to listen")
+    for number in range(FLOOD):
+        publisher.publish(rejected(number))
+
+    def dropped() -> int:
+        return int(said(diagnostics, "dashboard").get("dropped toss_rejected", 0))
+
+    graph.until(lambda: dropped() and said(diagnostics, "dashboard")["queue"] == "0", LONG, "drops to be counted")
+    time.sleep(1.5)
+    lost = dropped()
+    publisher.publish(rejected(FLOOD))
+    time.sleep(1.5)
+    assert node.stop() == 0, node.log()
+    written = Recorded(path)
+    lines = written.texts("/gated")
+    assert len(lines) + lost == FLOOD + 1
+    assert lines[-1].startswith(f"{1_600_000_100 + FLOOD}.000")
+    assert f"behind: {lost} of toss_rejected" in written.texts("/health")[-1]
+    assert "| dashboard | **warns** |" in written.texts("/health")[-1]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "line"),
+    [
+        ({"web_port": 0}, "dashboard: dashboard: found neither a web_port nor a recording, expected at least one of them"),
+        ({"web_port": 0, "recording": "nowhere/a.rrd"}, "dashboard: recording: found nowhere/a.rrd, expected a path that"),
+    ],
+)
+def test_what_cannot_be_is_one_line_and_status_1(graph: Graph, parameters: dict[str, Any], line: str) -> None:
+    node = graph.start("dashboard", **parameters)
+    assert node.wait(30.0) == 1
+    assert node.log().startswith(line)
+    assert len(node.log().splitlines()) == 1
+
+
+class Moments:
+    """When poses and information were published [ns], by header stamp."""
+
+    def __init__(self, graph: Graph) -> None:
+        self._poses: dict[int, int] = {}
+        self._informations: dict[int, int] = {}
+        node = graph.listener.node
+        node.create_subscription(Odometry, "/tagslam/odom/body_cube", self._pose, kept(10000))
+        node.create_subscription(TossInformation, "/toss_information", self._information, kept(100))
+
+    def _pose(self, message: Any, info: Any) -> None:
+        self._poses[nanoseconds_of(message.header.stamp)] = info["source_timestamp"]
+
+    def _information(self, message: Any, info: Any) -> None:
+        self._informations[nanoseconds_of(message.header.stamp)] = info["source_timestamp"]
+
+    def median_ms(self) -> float:
+        """From a toss's last pose to its information."""
+        return float(np.median([(at - self._poses[stamp]) * 1e-6 for stamp, at in self._informations.items()]))
+
+
+@pytest.fixture
+def stopped(graph: Graph) -> Iterator[NodeProcess]:
+    """A dashboard that was listening and then stands still."""
+    node = graph.start("dashboard", recording=graph.folder / "stopped.rrd", web_port=0)
+    diagnostics = graph.diagnostics()
+    graph.until(lambda: said(diagnostics, "dashboard"), LONG, "the dashboard to come up")
+    yield node
+    os.kill(node.pid, signal.SIGCONT)
+
+
+def played(graph: Graph, bag: Path, dashboard: NodeProcess | None, **how: Any) -> float:
+    """Plays a recording through the stages; the median latency [ms] from a toss's last pose to its information."""
+    moments, buffers = Moments(graph), graph.listener.listen(CuratedBuffer, "/curated_buffer")
+    start_stages(graph)
+    if dashboard is not None:
+        tosses = graph.listener.node
+        graph.until(lambda: tosses.count_subscribers("/toss") >= 2, LONG, "the dashboard to have found the stages")
+        time.sleep(1.0)
+        os.kill(dashboard.pid, signal.SIGSTOP)
+    graph.start("player", bag=bag, wait_for=10.0, stay=True, **how)
+    expected = len(tosses_of(bag))
+    graph.until(lambda: buffers and buffers[-1].tosses_seen == expected, LONG, "every toss to be curated")
+    return moments.median_ms()
+
+
+def test_a_dashboard_that_stands_still_holds_up_nobody(graph: Graph, golden_bag: Path, stopped: NodeProcess) -> None:
+    assert np.isfinite(played(graph, golden_bag, stopped, as_fast_as_possible=True))
+
+
+@pytest.mark.slow
+def test_the_latency_of_the_graph_is_the_same_beside_a_dashboard_that_stands_still(
+    graph: Graph, golden_bag: Path, stopped: NodeProcess
+) -> None:
+    with Graph(graph.folder / "alone", graph.domain + 1) as alone:
+        alone.folder.mkdir()
+        undisturbed = played(alone, golden_bag, None, rate=PLAYED_AT)
+    assert played(graph, golden_bag, stopped, rate=PLAYED_AT) < 1.5 * undisturbed + 5.0
