@@ -41,7 +41,14 @@ def write_node_parameters(path: Path, parameters: Mapping[str, Parameters]) -> N
         InvalidValueError: the file cannot be written there.
     """
     content = {f"{EVERY_NODE}/{node}": {KEY: values} for node, values in parameters.items()}
-    write_atomically(path, yaml.safe_dump(content, sort_keys=False).encode())
+    write_atomically(path, yaml.dump(content, Dumper=_NoAliases, sort_keys=False).encode())
+
+
+class _NoAliases(yaml.SafeDumper):  # type: ignore[misc]
+    """Writes equal lists out again: ROS knows no aliases."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        return True
 
 
 def _is_section(section: object) -> bool:

@@ -6,6 +6,7 @@ own, so that Ctrl-C reaches this process alone, which then stops them in order.
 
 import ctypes
 import os
+import re
 import signal
 import subprocess
 import time
@@ -19,6 +20,9 @@ from contact_curation.errors import ContactCurationError
 
 SET_PARENT_DEATH_SIGNAL = 1
 """Of Linux's prctl."""
+
+TRACEBACK = "Traceback (most recent call last):"
+RAISED = re.compile(r"[\w.]*(Error|Exception|Interrupt)\b")
 
 LARGEST_TAIL = 1 << 14
 """Bytes at the end of a log in which its last line is looked for."""
@@ -59,8 +63,8 @@ class Patience:
 
     first_wait: float = 0.5
     longest_wait: float = 10.0
-    steady: float = 10.0
-    most_failures: int = 5
+    steady: float = 30.0
+    most_failures: int = 4
     grace: float = 15.0
 
 
@@ -224,11 +228,13 @@ class _Run:
             self.process.wait()
 
     def last_words(self) -> str:
-        """The last line it said."""
+        """The last line it said; of a traceback the line with the error."""
         with self.log.open("rb") as log:
             log.seek(max(self.log.stat().st_size - LARGEST_TAIL, 0))
-            lines = log.read().decode(errors="replace").strip().splitlines()
-        return lines[-1].strip() if lines else "it said nothing"
+            lines = log.read().decode(errors="replace").strip().splitlines() or ["it said nothing"]
+        raised = lines.index(TRACEBACK) if TRACEBACK in lines else len(lines)
+        named = [line for line in lines[raised:] if RAISED.match(line)]
+        return (named or lines)[-1].strip()
 
 
 def _ending(status: int) -> str:

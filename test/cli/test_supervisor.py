@@ -70,6 +70,15 @@ def test_a_program_that_dies_at_once_is_given_up_with_its_last_words(tmp_path: P
     assert [one.what for one in heard] == ["started", "died", "restarted", "died", "restarted", "died", "given up"]
 
 
+def test_of_a_traceback_the_error_is_quoted(tmp_path: Path) -> None:
+    raises = ("raise ValueError('found 3,\\nexpected 4')",)
+    supervisor, heard = made(tmp_path, program("node", raises))
+    with supervisor:
+        supervisor.start()
+        look_until(supervisor, lambda: bool(of(heard, "died")))
+    assert of(heard, "died")[0].detail == "status 1: ValueError: found 3,"
+
+
 def test_waits_double_up_to_the_longest_and_a_sound_run_is_forgiven(tmp_path: Path) -> None:
     """With a clock of the test's own, which no stand-in can see."""
     clock = [0.0]

@@ -38,9 +38,14 @@ def test_the_file_has_every_parameter_with_its_default(declared: dict[str, dict[
 
 
 def test_what_is_written_is_read_again(tmp_path: Path) -> None:
-    values = {"curator": {"top": 4, "prior": 1e-6, "store": "a: b", "flags": [True, False], "far": float("inf")}}
+    shared = [0.5, 1.0]
+    values: dict[str, dict[str, Any]] = {
+        "curator": {"top": 4, "prior": 1e-6, "store": "a: b", "far": float("inf"), "a": shared},
+        "trainer": {"b": shared},
+    }
     write_node_parameters(tmp_path / "own.yaml", values)
     assert read_node_parameters(tmp_path / "own.yaml") == values
+    assert "&" not in (tmp_path / "own.yaml").read_text()  # ROS refuses aliases
 
 
 class Recorded:
