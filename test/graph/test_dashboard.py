@@ -10,18 +10,17 @@ from urllib.request import urlopen
 
 import numpy as np
 import pytest
-from contact_curation_msgs.msg import CuratedBuffer, ThrowReport, TossInformation, TossRejected, TrainingStatus
+from contact_curation_msgs.msg import CuratedBuffer, TossInformation, TossRejected
 from nav_msgs.msg import Odometry
 
-from contact_curation.nodes.messages.headers import Stamped, header_message, nanoseconds_of
-from contact_curation.nodes.messages.throw import throw_message
+from contact_curation.nodes.messages.headers import nanoseconds_of
 from contact_curation.nodes.processes import NodeProcess
-from contact_curation.nodes.qos import RESULTS_KEPT, kept
+from contact_curation.nodes.qos import kept
 from test.dashboard.recorded import Recorded
-from test.dashboard.sessions import throw_of
 from test.dashboard.test_serving import free_port
 from test.graph.graph import Graph
 from test.graph.offline import tosses_of
+from test.graph.storyteller import Storyteller, stamped
 
 LONG = 60.0
 NODES = ("pose_ingest", "fisher_scorer", "curator", "dashboard")
@@ -31,41 +30,9 @@ PLAYED_AT = 10.0
 """Times real time."""
 
 
-def stamped(seconds: float) -> Any:
-    return header_message(Stamped(int(seconds * 1e9), "body_surface"))
-
-
 def rejected(number: int) -> TossRejected:
     toss_id = f"cube-{1_600_000_100 + number}000000000-abcdef01"
     return TossRejected(header=stamped(1_600_000_100.0 + number), toss_id=toss_id, frames=9, reasons=["too short"])
-
-
-class Storyteller:
-    """Says what a trainer and a throw designer would say, latched."""
-
-    def __init__(self, graph: Graph, bag: Path) -> None:
-        node = graph.listener.node
-        self._toss = tosses_of(bag)[0]
-        self.statuses = node.create_publisher(TrainingStatus, "/training_status", kept(64))
-        self.reports = node.create_publisher(ThrowReport, "/throw_report", kept(RESULTS_KEPT))
-
-    def tell(self) -> None:
-        """A round of training, a throw that was scored, and one that is under way."""
-        self.statuses.publish(
-            TrainingStatus(
-                header=stamped(1_600_000_010.0),
-                state="training",
-                gradient_steps=100,
-                training_loss=0.1,
-                held_out_loss=0.2,
-                position_error=16.5,
-                rotation_error=20.5,
-            )
-        )
-        for name, state, realised in (("one", "scored", 2.5), ("two", "commanded", float("nan"))):
-            throw = throw_message(throw_of(self._toss, name), Stamped(0, "body_surface"))
-            report = ThrowReport(kind="designed", state=state, throw_command=throw, planned_gain=3.0, realised_gain=realised)
-            self.reports.publish(report)
 
 
 def said(heard: list[Any], node: str) -> dict[str, str]:
@@ -116,7 +83,7 @@ def test_a_dashboard_that_starts_late_fills_every_view_and_ends_with_a_whole_rec
     for curve in ("epsilon/epsilon", "known/worst", "errors/position", "losses/held_out", "gains/planned", "gains/realised"):
         assert written.scalars(f"/{curve}"), curve
     assert len(written.texts("/gated")) == 3
-    assert "planned to add 3.00 nats" in written.texts("/throws")[-1]
+    assert "planned to add 1.50 nats" in written.texts("/throws")[-1]
     for name in NODES:
         assert f"| {name} | " in written.texts("/health")[-1]
     assert "everything that was heard is shown" in written.texts("/health")[-1]
