@@ -22,6 +22,7 @@ VERBS = {
     "evaluate": ("evaluate", "how far a model's motions are from measured ones, and how surely its parameters are known"),
     "design": ("design", "the throws that would teach most, given what is known"),
     "simulate": ("simulate", "throws made in the simulated world, as the bag that a rig would have recorded"),
+    "reproduce": ("reproduce", "an experiment over many trainings: tables and figures"),
     "online": ("online", "the whole graph, closed to a loop: design, throw, track, score, curate, train"),
     "export": ("export", "what a ranking kept, as MCAP, ContactNets' files or a LeRobot dataset"),
     "play": ("play", "a bag as live topics"),

@@ -131,7 +131,7 @@ def quick(config: ExperimentConfig, sizes: Sequence[int] = (2,)) -> ExperimentCo
     return ExperimentConfig(
         rules=config.rules,
         sizes=(*sizes, ALL) if ALL in config.sizes else tuple(sizes),
-        seeds=2,
+        seeds=min(config.seeds, 2),
         model=config.model,
         protocol=config.protocol,
         steps=min(config.steps, 4),

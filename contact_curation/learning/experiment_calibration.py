@@ -37,6 +37,11 @@ class CalibrationCell:
         """The same for equal cells only."""
         return json.dumps({"calibration": asdict(self)}, sort_keys=True)
 
+    @property
+    def fields(self) -> Row:
+        """What its rows begin with."""
+        return {name: float(value) for name, value in asdict(self).items()}
+
 
 def calibration_rows(cell: CalibrationCell, bench: Bench) -> tuple[Row, ...]:
     """A row per kind of parameter: the deviation found, and over it each of those said; 1 is perfect."""

@@ -66,3 +66,8 @@ class Cell:
     def key(self) -> str:
         """The same for equal cells only."""
         return json.dumps(asdict(self), sort_keys=True)
+
+    @property
+    def fields(self) -> dict[str, float | str]:
+        """What its rows begin with."""
+        return asdict(self)

@@ -46,6 +46,11 @@ class TheoremCell:
         """The same for equal cells only."""
         return json.dumps({"theorem": asdict(self)}, sort_keys=True)
 
+    @property
+    def fields(self) -> Row:
+        """What its rows begin with."""
+        return {"rule": self.rule, "seed": float(self.seed)}
+
 
 def theorem_rows(cell: TheoremCell, bench: Bench) -> tuple[Row, ...]:
     """A row per size and weight: smallest and largest eigenvalue relative to the pool's, and epsilon."""

@@ -1,0 +1,135 @@
+"""Results of experiments: a panel per measure, a line or a row of points per rule, with intervals.
+
+Colours are those of Okabe and Ito; markers differ, too. matplotlib is imported when a picture is drawn.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COLOURS = ("#000000", "#999999", "#E69F00", "#D55E00", "#CC79A7", "#56B4E9", "#009E73", "#0072B2")
+MARKERS = "os^vDP*X"
+WIDTH, HEIGHT, DOTS = 5.0, 4.2, 110
+COLUMNS = 3
+SPREAD = 0.5
+"""Of the width between two categories that the points of all series take."""
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """One rule's results for one measure.
+
+    Attributes:
+        name: in the legend.
+        places: numbers, or names of categories.
+        values, low, high: (N,) medians and the ends of their intervals, NaN for none.
+    """
+
+    name: str
+    places: Sequence[float] | Sequence[str]
+    values: Array
+    low: Array
+    high: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One measure.
+
+    Attributes:
+        measure: with its unit.
+        series: at least one.
+        logarithmic: whether the measure's axis is.
+        level: to compare with, if there is one.
+    """
+
+    measure: str
+    series: tuple[Series, ...]
+    logarithmic: bool = False
+    level: float | None = None
+
+
+def save_experiment_figure(panels: Sequence[Panel], title: str, places: str, path: Path) -> None:
+    """Draws panels into a PNG file.
+
+    Args:
+        panels: at least one, all over numbers or all over categories.
+        title: one line.
+        places: what stands along the horizontal axis.
+        path: of the file.
+
+    Raises:
+        InvalidValueError: there is nothing to draw, or the file cannot be written there.
+    """
+    if not panels or not all(panel.series for panel in panels):
+        raise InvalidValueError("panels of the figure", "none, or an empty one", "at least one with a series")
+    from matplotlib.figure import Figure
+
+    columns = min(COLUMNS, len(panels))
+    rows = -(-len(panels) // columns)
+    figure = Figure(figsize=(WIDTH * columns, HEIGHT * rows), layout="constrained")
+    figure.suptitle(title)
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for own, panel in zip(axes, panels):
+        _draw(own, panel, places)
+    for unused in axes[len(panels) :]:
+        unused.axis("off")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 5), frameon=False)
+    try:
+        figure.savefig(path, dpi=DOTS)
+    except (OSError, ValueError) as error:
+        raise InvalidValueError("file of the figure", path, f"a place where a PNG can be written ({error})") from error
+
+
+def _draw(axes: "Axes", panel: Panel, places: str) -> None:
+    categories = [name for series in panel.series for name in series.places if isinstance(name, str)]
+    if categories:
+        _points(axes, panel, list(dict.fromkeys(categories)))
+    else:
+        _lines(axes, panel)
+    if panel.level is not None:
+        axes.axhline(panel.level, color="#444444", linestyle=":")
+    axes.set(xlabel=places, ylabel=panel.measure)
+    if panel.logarithmic and any((series.values > 0.0).any() for series in panel.series):
+        axes.set_yscale("log")
+    axes.grid(alpha=0.3, which="both")
+
+
+def _lines(axes: "Axes", panel: Panel) -> None:
+    ticks = sorted({float(place) for series in panel.series for place in series.places})
+    for number, series in enumerate(panel.series):
+        colour = COLOURS[number % len(COLOURS)]
+        where = np.array(series.places, dtype=float)
+        marker = MARKERS[number % len(MARKERS)]
+        axes.plot(where, series.values, marker=marker, markersize=4, linewidth=1.8, color=colour, label=series.name)
+        axes.fill_between(where, series.low, series.high, alpha=0.12, linewidth=0, color=colour)
+    axes.set_xscale("log", base=2)
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+
+
+def _points(axes: "Axes", panel: Panel, categories: list[str]) -> None:
+    for number, series in enumerate(panel.series):
+        aside = SPREAD * ((number + 0.5) / len(panel.series) - 0.5)
+        where = np.array([categories.index(str(name)) for name in series.places]) + aside
+        bars = np.stack([series.values - series.low, series.high - series.values])
+        axes.errorbar(
+            where,
+            series.values,
+            yerr=np.maximum(np.nan_to_num(bars), 0.0),
+            fmt=MARKERS[number % len(MARKERS)],
+            markersize=5,
+            linewidth=1.2,
+            color=COLOURS[number % len(COLOURS)],
+            label=series.name,
+        )
+    axes.set_xticks(range(len(categories)), categories, rotation=30, ha="right")

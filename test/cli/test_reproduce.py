@@ -1,0 +1,125 @@
+"""`reproduce`: each experiment to its tables and figure, the same digits however it was stopped, one line for what is wrong."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from test.cli.commands import Cli
+from test.simulated import length_scales, simulated_tosses
+
+SMALL = ("--held-out", "8,9", "--quick")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Ten simulated tosses as ContactNets' files."""
+    folder = tmp_path_factory.mktemp("tosses")
+    for number, toss in enumerate(simulated_tosses(10, seed=8)):
+        parts = (toss.positions, toss.orientations_wxyz, toss.linear_velocities, toss.angular_velocities)
+        rows = np.concatenate(parts, axis=1) / length_scales(CONTACTNETS_CUBE)
+        torch.save(torch.as_tensor(np.pad(rows, ((0, 0), (0, 6))))[None], folder / f"{number}.pt")
+    return folder
+
+
+def table(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def lines_without_seconds(path: Path) -> list[dict[str, object]]:
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    return [{name: value for name, value in line.items() if name != "seconds"} for line in lines]
+
+
+def test_dataset_quality_compares_rules_seed_by_seed(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    rules = ("longest", "log-det")
+    done = cli("reproduce", "dataset-quality", folder, "--out", tmp_path, *SMALL, "--rules", *rules)
+    assert done.status == 0
+    assert done.out.splitlines()[1:] == [str(tmp_path / name) for name in ("rows.csv", "summary.csv", "figure.png")]
+    rows = table(tmp_path / "rows.csv")
+    assert [(row["rule"], row["size"], row["seed"]) for row in rows] == [
+        (rule, size, seed) for seed in "01" for rule, size in [*((rule, "2") for rule in rules), ("all", "0")]
+    ]
+    assert {len(row["kept"].split()) for row in rows if row["size"] == "2"} == {2}
+    assert not any({"8", "9"} & set(row["kept"].split()) for row in rows)
+    by_rule = {(row["rule"], row["seed"]): float(row["friction"]) for row in rows if row["size"] == "2"}
+    summary = {(row["rule"], row["measure"]): row for row in table(tmp_path / "summary.csv") if row["size"] == "2"}
+    own = summary["log-det", "friction"]
+    assert float(own["median"]) == pytest.approx(np.median([by_rule["log-det", seed] for seed in "01"]))
+    paired = [by_rule["log-det", seed] - by_rule["longest", seed] for seed in "01"]
+    assert float(own["minus longest"]) == pytest.approx(np.median(paired))
+    assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_it_goes_on_where_it_was_stopped_and_gives_the_same_digits(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    words = ("reproduce", "theorem", folder, *SMALL, "--rules", "random", "trace", "--out")
+    cli(*words, tmp_path / "whole")
+    cells = tmp_path / "whole" / "cells.jsonl"
+    (tmp_path / "torn").mkdir()
+    lines = cells.read_text().splitlines(keepends=True)
+    (tmp_path / "torn" / "cells.jsonl").write_text("".join(lines[:3]) + lines[3][:25])
+    report = cli(*words, tmp_path / "torn", "--json").json
+    assert (report["cells"], report["run"], report["failed"]) == (4, 2, 0)
+    assert lines_without_seconds(tmp_path / "torn" / "cells.jsonl") == lines_without_seconds(cells)
+    for name in ("rows.csv", "summary.csv"):
+        assert (tmp_path / "torn" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    assert cli(*words, tmp_path / "torn", "--json").json["run"] == 0
+
+
+def test_robustness_says_what_the_gates_caught(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    done = cli("reproduce", "robustness", folder, "--out", tmp_path, *SMALL, "--rules", "longest", "--shares", 0.5)
+    assert done.status == 0
+    rows = table(tmp_path / "rows.csv")
+    assert {(row["fault"], row["gated"]) for row in rows} == {("", "True"), ("spike", "True"), ("spike", "False")}
+    gated = [row for row in rows if row["fault"] and row["gated"] == "True"]
+    assert {(row["gate_hits"], row["gate_false_alarms"], row["kept_bad"]) for row in gated} == {("1.0", "0.0", "0.0")}
+
+
+@pytest.mark.parametrize("experiment", ["theorem", "calibration"])
+def test_experiments_without_rules_that_learn(cli: Cli, folder: Path, tmp_path: Path, experiment: str) -> None:
+    done = cli("reproduce", experiment, folder, "--out", tmp_path, *SMALL)
+    assert done.status == 0
+    rows = table(tmp_path / "rows.csv")
+    if experiment == "theorem":
+        plain = [row for row in rows if row["weights"] == "plain"]
+        assert all(-1e-6 < float(row["smallest"]) <= float(row["largest"]) < 1.0 + 1e-6 for row in plain)
+        assert {row["weights"] for row in rows} == {"plain", "rescaled", "drawn by leverage, re-weighted"}
+    else:
+        assert {"friction", "vertex heights", "tilt", "height"} <= {row["parameters"] for row in rows}
+        assert all(float(row["found"]) > 0.0 for row in rows)
+
+
+def test_other_protocols_learn_along_gradient_steps(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    words = ("--rules", "longest", "trace", "--protocol", "budgeted", "--steps", 3)
+    done = cli("reproduce", "functionals", folder, "--out", tmp_path, *SMALL, *words)
+    assert done.status == 0
+    assert {(row["protocol"], row["steps"]) for row in table(tmp_path / "rows.csv")} == {("budgeted", "3")}
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("--rules", "best"), "rule: found best, expected one of random, longest"),
+        (("--model", "deep", "--protocol", "exact"), "protocol of a network: found exact"),
+        (("--steps", "5"), "--steps: found protocol exact"),
+        (("--model", "shallow"), "model: found shallow"),
+    ],
+)
+def test_what_is_not_accepted_is_one_line(cli: Cli, folder: Path, tmp_path: Path, words: tuple[str, ...], line: str) -> None:
+    done = cli("reproduce", "functionals", folder, "--out", tmp_path, *SMALL, *words)
+    assert done.status == 1
+    assert line in done.err
+    assert len(done.err_lines) == 1
+
+
+def test_a_folder_of_other_tosses_is_refused(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    words = ("reproduce", "theorem", folder, "--out", tmp_path, "--quick", "--rules", "longest", "--held-out")
+    assert cli(*words, "8,9").status == 0
+    done = cli(*words, "7,8")
+    assert done.status == 1
+    assert f"tosses of {tmp_path / 'cells.jsonl'}" in done.err
