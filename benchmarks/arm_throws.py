@@ -1,9 +1,10 @@
 """Random throws by the simulated arm: how accurately, within which limits, how fast, and what is refused.
 
-    python -m benchmarks.arm_throws [--throws 200] [--seed 0]
+    python -m benchmarks.arm_throws [--throws 200] [--seed 0] [--heedless]
 
 Prints percentiles of the release errors over feasible throws, the largest shares of the limits that were used, and that every
-throw beyond a limit was refused.
+throw beyond a limit was refused. With --heedless throws are planned without a look at where the body bounces, to see what
+happens when it meets the arm.
 """
 
 import argparse
@@ -17,11 +18,13 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.design.releases import Placement
 from contact_curation.design.throw import Throw, throw_of_state
 from contact_curation.design.throw_prior import PUBLISHED_PRIOR
+from contact_curation.sim.arm_departure import DEFAULT_DEPARTURE, DepartureConfig
 from contact_curation.sim.arm_feasibility import ArmFeasibility
 from contact_curation.sim.arm_throw import ArmThrower, ExecutedThrow, ReleaseErrors
 from contact_curation.sim.safety import GateConfig
 from contact_curation.sim.throw_motion import FRAME_PERIOD, ThrowMotion, ThrowPlanner
 
+HEEDLESS = DepartureConfig(at_first=-1.0, opening=0.0)
 PERCENTILES = (50, 95, 100)
 LINES: tuple[tuple[str, str, float, Callable[[ReleaseErrors], float]], ...] = (
     ("speed", "%", 100.0, lambda errors: errors.speed),
@@ -65,10 +68,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--throws", type=int, default=200, help="feasible throws to make")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--heedless", action="store_true", help="plan without a look at where the thrown body bounces")
     arguments = parser.parse_args()
 
     began = time.perf_counter()
-    planner = ThrowPlanner(CONTACTNETS_CUBE)
+    planner = ThrowPlanner(CONTACTNETS_CUBE, departure=HEEDLESS if arguments.heedless else DEFAULT_DEPARTURE)
     print(f"planner ready after {time.perf_counter() - began:.1f} s")
     feasibility, thrower = ArmFeasibility(planner, GateConfig()), ArmThrower(planner)
     motions: list[ThrowMotion] = []
@@ -83,23 +87,24 @@ def main() -> None:
             break
     print(f"{len(motions)} of {asked} random throws are feasible; {1e3 * planning / asked:.0f} ms to tell and plan one")
 
-    simulated, began = 0.0, time.perf_counter()
+    simulated, began, working = 0.0, time.perf_counter(), time.process_time()
     made = []
     for motion in motions:
         before = thrower.time
         made.append(thrower.carry_out(motion))
         simulated += thrower.time - before
-    elapsed = time.perf_counter() - began
+    elapsed, worked = time.perf_counter() - began, time.process_time() - working
     report_errors(made)
     for name in ("torque", "speed", "position"):
         used = [float(getattr(one.peaks, name).max()) for one in made]
         most = int(np.argmax(used))
         print(f"largest share of a {name} limit: {used[most]:.3f} ({made[most].throw.throw_id})")
-    rested, touched = sum(one.rested for one in made), sum(one.touched for one in made)
-    print(f"came to rest: {rested} of {len(made)}; touched the arm: {touched}")
+    rested, touched, gave_way = (sum(getattr(one, name) for one in made) for name in ("rested", "touched", "gave_way"))
+    print(f"came to rest: {rested} of {len(made)}; touched the arm: {touched}; the arm gave way: {gave_way}")
     frames = sum(len(one.states) for one in made)
-    flight, ratio = frames * FRAME_PERIOD, simulated / elapsed
+    flight, ratio, own = frames * FRAME_PERIOD, simulated / elapsed, simulated / worked
     print(f"simulated {simulated:.0f} s ({flight:.0f} s of flight) in {elapsed:.1f} s: {ratio:.1f} times real time")
+    print(f"{worked:.1f} s of a processor's time: {own:.1f} times real time on an idle machine")
 
     beyond = impossible_throws([motion.throw for motion in motions])
     refused = sum(answer is not None for answer in feasibility(beyond))

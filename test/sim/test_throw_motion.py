@@ -10,12 +10,12 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.sim.arm_departure import DepartureConfig
 from contact_curation.sim.arm_feasibility import ArmFeasibility, blended
-from contact_curation.sim.arm_path import RampConfig
+from contact_curation.sim.arm_path import JointPath, RampConfig
 from contact_curation.sim.arm_simulation import ArmSimulation, ControlConfig, Phase
 from contact_curation.sim.arm_throw import ArmThrower, ExecutedThrow
 from contact_curation.sim.collision_reflex import CollisionReflex, ReflexConfig
 from contact_curation.sim.safety import GateConfig
-from contact_curation.sim.throw_motion import FRAME_PERIOD, Refused, ThrowMotion, ThrowPlanner
+from contact_curation.sim.throw_motion import FRAME_PERIOD, STEP, Refused, ThrowMotion, ThrowPlanner
 from test.sim.throws import PLAIN, random_throws
 
 X, Y, Z = np.eye(3)
@@ -53,6 +53,15 @@ def test_random_throws_are_made_as_commanded_within_all_limits(planner: ThrowPla
         assert executed.rested
         made += 1
     assert made >= 6
+
+
+def test_positions_speeds_and_accelerations_of_a_motion_belong_together_from_home_to_home(planner: ThrowPlanner) -> None:
+    motion = planned(planner)
+    whole = JointPath.joined(motion.approach, motion.swing, motion.stopping, motion.returning)
+    for changes, rates, least in ((whole.positions, whole.speeds, 1e-6), (whole.speeds, whole.accelerations, 3e-5)):
+        np.testing.assert_allclose(np.diff(changes, axis=0), STEP * 0.5 * (rates[1:] + rates[:-1]), rtol=0.0, atol=least)
+    assert np.abs(np.diff(whole.accelerations, axis=0)).max() / STEP < 5000.0  # jerk
+    np.testing.assert_allclose(whole.positions[[0, -1]], np.tile(planner.config.home_posture, (2, 1)), atol=1e-12)
 
 
 @pytest.mark.slow
