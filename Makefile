@@ -19,7 +19,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 .DELETE_ON_ERROR:
 
 demo: setup
-	$(PYTHON) -m contact_curation.cli.demo $(if $(DATA),--data $(DATA))
+	$(PYTHON) -m contact_curation.cli.demo $(if $(DATA),--data $(DATA)) $(if $(DASHBOARD),--dashboard)
 
 # Each file on one of two processes; the tests of live graphs wait more than they work.
 test: setup

@@ -1,13 +1,15 @@
-"""`make demo`: a recorded session replayed through the nodes on real DDS, and the same ranking from the library.
+"""`make demo`: twelve throws with the simulated arm, the loop closed; or, with --data, own recordings through the nodes.
+
+Without --data that is `contact-curation online` with budgets for two cores (config/demo.yaml). With --data a recording, or the
+ContactNets tosses in a folder, are replayed, and what the nodes find is compared with what the library does:
 
     bag ──player──> pose_ingest ──> fisher_scorer ──> curator            each a process, in a domain of its own on this machine
-
-What the nodes find is read from their stores. With --data the ContactNets tosses in a folder are imported and replayed instead.
 """
 
 import argparse
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -17,10 +19,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NoReturn
 
-from contact_curation.cli.demo_nodes import DemoFailedError, NodesRanking, Session, rank_by_nodes
+from contact_curation.cli.demo_nodes import DemoFailedError, NodesRanking, Recording, rank_by_nodes
+from contact_curation.cli.main import main as command_line
+from contact_curation.cli.online_parameters import SessionFolder
 from contact_curation.errors import ContactCurationError
 
 GOLDEN_BAG = Path(__file__).resolve().parents[2] / "bags" / "golden.mcap"
+BUDGETS = Path(__file__).resolve().parents[1] / "config" / "demo.yaml"
+THROWS, KEPT = 12, 8
 LISTED = 10
 """Tosses that are printed."""
 
@@ -30,16 +36,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="contact_curation.cli.demo", description=__doc__.partition("\n")[0] if __doc__ else None
     )
-    parser.add_argument("--data", type=Path, metavar="FOLDER", help="replay the ContactNets tosses in this folder instead")
+    parser.add_argument(
+        "--data", type=Path, metavar="INPUT", help="replay this recording, or the ContactNets tosses of a folder"
+    )
+    parser.add_argument("--dashboard", action="store_true", help="keep serving the dashboard until Ctrl-C")
     parser.add_argument("--out", type=Path, default=Path("out/demo"), metavar="FOLDER", help="(default out/demo)")
     arguments = parser.parse_args(argv)
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as for the command line, see main.py
+    if arguments.data is None:
+        return throw(arguments.out / "session", stay=arguments.dashboard)
     for ending in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(ending, _interrupted)
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as for the command line, see main.py
     try:
         arguments.out.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(prefix="contact-curation-demo-") as folder:
-            show(_session(arguments, Path(folder)), arguments.out, Path(folder))
+            show(_recording(arguments, Path(folder)), arguments.out, Path(folder))
     except (ContactCurationError, OSError) as error:
         print(f"demo: error: {error}", file=sys.stderr)
         return 1
@@ -49,11 +60,31 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def show(session: Session, out: Path, folder: Path) -> None:
-    """Ranks the session with the library and with the nodes, and compares.
+def throw(record: Path, *, stay: bool) -> int:
+    """The closed loop for some throws; an earlier demo's session makes room.
 
     Args:
-        session: what is shown.
+        record: folder of the session.
+        stay: whether the dashboard is served until Ctrl-C.
+    """
+    folder = SessionFolder(record)
+    if folder.events.exists():
+        shutil.rmtree(record)
+    words = ["online", "--throws", str(THROWS), "--rate", "0", "--top", str(KEPT), "--record", str(record)]
+    words += ["--held-out", str(GOLDEN_BAG), "--params-file", str(BUDGETS), "--stay" if stay else "--dashboard"]
+    print(f"{THROWS} throws: designed, made by a simulated arm, tracked, scored, curated, and learned from.", flush=True)
+    status = command_line(words)
+    if status == 0 and not stay:
+        print("\nThe dashboard was served until now. `make demo DASHBOARD=1` keeps serving it;")
+        print(f"`{Path(sys.executable).with_name('rerun')} {folder.recording}` shows this session again.")
+    return status
+
+
+def show(recording: Recording, out: Path, folder: Path) -> None:
+    """Ranks the recording with the library and with the nodes, and compares.
+
+    Args:
+        recording: what is shown.
         out: folder for manifest, figure and the nodes' logs.
         folder: for the nodes' stores.
 
@@ -61,11 +92,11 @@ def show(session: Session, out: Path, folder: Path) -> None:
         DemoFailedError: a node died or was silent for long, or the rankings differ.
     """
     begun = time.monotonic()
-    print(f"1. The library ranks {session.bag.name}.")
-    expected = _ranked_by_library(session, out)
-    print(f"2. The nodes rank it: {session.bag.name} replayed at {session.rate:g} times its speed, on DDS.")
+    print(f"1. The library ranks {recording.bag.name}.")
+    expected = _ranked_by_library(recording, out)
+    print(f"2. The nodes rank it: {recording.bag.name} replayed at {recording.rate:g} times its speed, on DDS.")
     (out / "nodes").mkdir(exist_ok=True)
-    found = rank_by_nodes(session, expected["tosses"], out / "nodes", folder)
+    found = rank_by_nodes(recording, expected["tosses"], out / "nodes", folder)
     print("3. What came out.")
     _print_ranking(found, expected)
     kept = [row["toss_id"] for row in expected["tosses"] if row["kept"]]
@@ -77,19 +108,20 @@ def show(session: Session, out: Path, folder: Path) -> None:
     print(f"{time.monotonic() - begun:.0f} s")
 
 
-def _session(arguments: argparse.Namespace, folder: Path) -> Session:
-    if arguments.data is None:
-        return Session(GOLDEN_BAG, rate=5.0, top=8)
+def _recording(arguments: argparse.Namespace, folder: Path) -> Recording:
+    """The input itself, or the bag that is made of a folder of ContactNets' files."""
+    if not (arguments.data.is_dir() and not (arguments.data / "metadata.yaml").exists()):
+        return Recording(arguments.data, rate=5.0, top=KEPT)
     bag = folder / "contactnets.mcap"
     print(f"0. The tosses in {arguments.data} become a bag.")
     _command("import", "contactnets", str(arguments.data), "--out", str(bag))
-    return Session(bag, rate=20.0, top=32)
+    return Recording(bag, rate=20.0, top=32)
 
 
-def _ranked_by_library(session: Session, out: Path) -> dict[str, Any]:
+def _ranked_by_library(recording: Recording, out: Path) -> dict[str, Any]:
     """What `rank --json` says."""
     manifest = str(out / "manifest.parquet")
-    output = _command("rank", str(session.bag), "--top", str(session.top), "--out", manifest, "--json")
+    output = _command("rank", str(recording.bag), "--top", str(recording.top), "--out", manifest, "--json")
     report: dict[str, Any] = json.loads(output)
     return report
 

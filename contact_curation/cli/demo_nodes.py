@@ -33,7 +33,7 @@ class DemoFailedError(ContactCurationError):
 
 
 @dataclass(frozen=True)
-class Session:
+class Recording:
     """What is shown.
 
     Attributes:
@@ -62,11 +62,11 @@ class NodesRanking:
     traces: dict[str, float]
 
 
-def rank_by_nodes(session: Session, expected: Sequence[dict[str, Any]], logs: Path, folder: Path) -> NodesRanking:
-    """Replays the session through the nodes until they have found what is expected, or nothing new comes.
+def rank_by_nodes(recording: Recording, expected: Sequence[dict[str, Any]], logs: Path, folder: Path) -> NodesRanking:
+    """Replays the recording through the nodes until they have found what is expected, or nothing new comes.
 
     Args:
-        session: what is replayed.
+        recording: what is replayed.
         expected: rows of the library's manifest.
         logs: folder for what the nodes say.
         folder: for their stores.
@@ -77,9 +77,9 @@ def rank_by_nodes(session: Session, expected: Sequence[dict[str, Any]], logs: Pa
     domain = os.getpid() % LARGEST_DOMAIN + 1
     stores = {name: folder / f"{name}.sqlite" for name in ("pose_ingest", "fisher_scorer", "curator")}
     parameters: dict[str, dict[str, Any]] = {name: {"store": str(path)} for name, path in stores.items()}
-    parameters["pose_ingest"]["rules_of"] = str(session.bag.resolve())
-    parameters["curator"]["top"] = session.top
-    parameters["player"] = {"bag": str(session.bag.resolve()), "rate": session.rate, "wait_for": PATIENCE, "stay": True}
+    parameters["pose_ingest"]["rules_of"] = str(recording.bag.resolve())
+    parameters["curator"]["top"] = recording.top
+    parameters["player"] = {"bag": str(recording.bag.resolve()), "rate": recording.rate, "wait_for": PATIENCE, "stay": True}
     with ExitStack() as running:
         nodes = [
             running.enter_context(NodeProcess(name, values, domain, logs / f"{name}.log"))

@@ -1,4 +1,4 @@
-"""`make demo`: nodes and library agree, and no process is left behind however it ends."""
+"""`make demo`: the loop is closed in time, nodes and library agree, and no process is left behind however it ends."""
 
 import os
 import signal
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from contact_curation.cli.demo import main
+from contact_curation.cli.demo import GOLDEN_BAG, THROWS, main
 from contact_curation.cli.node_process import NodeProcess
 
 COMMAND = [sys.executable, "-m", "contact_curation.cli.demo", "--out"]
@@ -39,7 +39,7 @@ def wait_until(holds: Callable[[], bool], seconds: float = 60.0) -> None:
 
 @pytest.mark.slow
 def test_nodes_and_library_agree_on_the_golden_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["--out", str(tmp_path / "demo")]) == 0
+    assert main(["--data", str(GOLDEN_BAG), "--out", str(tmp_path / "demo")]) == 0
     said = capsys.readouterr().out
     assert "Nodes and library agree: the same 8 tosses in the same order, the same 3 kept back." in said
     for reason in ("gap: found", "displacement beside the velocity: found", "lowest corner of the toss: found"):
@@ -49,12 +49,22 @@ def test_nodes_and_library_agree_on_the_golden_bag(tmp_path: Path, capsys: pytes
 
 
 @pytest.mark.slow
+def test_the_loop_is_closed_for_twelve_throws_and_their_report_is_there(tmp_path: Path) -> None:
+    done = subprocess.run([*COMMAND, str(tmp_path / "demo")], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert f"{THROWS} made" in done.stdout
+    assert "in the same order" in done.stdout
+    assert (tmp_path / "demo" / "session" / "report.html").stat().st_size > 50_000
+    assert "DASHBOARD=1" in done.stdout
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_no_node_outlives_the_demo(tmp_path: Path, how: signal.Signals) -> None:
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
     with subprocess.Popen([*COMMAND, str(tmp_path / "demo")], env=environment, stdout=subprocess.DEVNULL) as demo:
         try:
-            wait_until(lambda: len(nodes_of(tmp_path)) == 4)
+            wait_until(lambda: len(nodes_of(tmp_path)) == 9)
             demo.send_signal(how)
             assert demo.wait(30) == (-9 if how is signal.SIGKILL else 130)
         finally:
