@@ -26,8 +26,8 @@ from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.record import TossInformation
 from contact_curation.motion.toss import Toss
 
-VERSIONS_KEPT = 3
-"""Thetas of which information, and which themselves, are remembered, the newest."""
+VERSIONS_KEPT = 2
+"""Newest thetas that are remembered, with their information, beside that of the kept set."""
 
 
 class LiveSession:
@@ -104,7 +104,8 @@ class LiveSession:
         """The newest theta: what `show_motion` and all tosses to come are predicted with."""
         self._theta = theta
         self._thetas[theta.version] = theta
-        for old in list(self._thetas)[:-VERSIONS_KEPT]:
+        needed = self._kept.version if self._kept else theta.version
+        for old in [one for one in self._thetas if one != needed][:-VERSIONS_KEPT]:
             del self._thetas[old]
 
     def add_training(self, moment: TrainingMoment, stamp_ns: int) -> None:

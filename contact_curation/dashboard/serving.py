@@ -65,7 +65,7 @@ def open_screen(config: ServingConfig, layout: rrb.Blueprint) -> Screen:
     if config.web_port:
         _check_port("web_port", ANYWHERE, config.web_port)
         _check_port("grpc_port", config.bind, config.grpc_port)
-        page = f"http://{config.bind}:{config.web_port}"
+        page = f"http://{'*' if config.bind == ANYWHERE else config.bind}:{config.web_port}"
         sinks.append(
             rr.GrpcServerSink(config.bind, config.grpc_port, server_memory_limit=config.memory, cors_allow_origin=[page])
         )

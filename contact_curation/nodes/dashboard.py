@@ -8,6 +8,7 @@ newest is drawn, and no other.
 import sys
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -54,12 +55,10 @@ class Dashboard(StageNode):
     def __init__(self) -> None:
         super().__init__("dashboard")
         self._body = declared_body(self)
-        loss = declare_config(self, DEFAULT_LOSS, "loss.")
+        loss = declare_config(self, replace(DEFAULT_LOSS, threads=1), "loss.")
         parameters = declare(self, "params", "", "theta to begin with: JSON file or checkpoint; empty: the body as described")
+        self._limit = declare(self, "queue", 512, "messages that wait at most; the rest is dropped", bounds=(1, 1 << 20))
         serving = declared_serving(self)
-        self._limit = declare(
-            self, "queue", 512, "messages that wait at most; more are dropped and counted", bounds=(1, 1 << 20)
-        )
         theta, self._body = first_theta(parameters, self._body)
         self._screen = open_screen(serving, live_layout(self._body))
         self._session = LiveSession(self._screen, self._body, theta, loss)

@@ -152,4 +152,5 @@ def test_information_of_old_thetas_is_forgotten(made: Scored, tmp_path: Path) ->
     live = LiveSession(recording_screen(tmp_path / "old.rrd"), BODY, made.theta, CONFIG.loss)
     for version in "abcdefgh":
         live.add_information(replace(made.informations[0], parameters_version=version))
-    assert len(live._informations) <= 4
+        live.set_theta(replace(made.theta, version=version))
+    assert list(live._informations) == list(live._thetas) == ["f", "g", "h"]
