@@ -1,7 +1,6 @@
 """pose_ingest: poses of a tracker in, tosses out. A toss is stored before it is announced."""
 
 import sys
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,20 +19,26 @@ from contact_curation.nodes.body_parameter import declared_body
 from contact_curation.nodes.complaints import Complaints
 from contact_curation.nodes.door import StageNode, run
 from contact_curation.nodes.health import Health, HealthReport, Rate
+from contact_curation.nodes.inbox import Inbox
 from contact_curation.nodes.ingest_journal import Arrival, IngestJournal
 from contact_curation.nodes.messages.toss import rejected_message, toss_message
 from contact_curation.nodes.parameters import declare, declare_config
-from contact_curation.nodes.pose_topics import PoseTopics
+from contact_curation.nodes.pose_topics import PoseTopics, Received
 from contact_curation.nodes.qos import RESULTS_KEPT, kept
 from contact_curation.nodes.worker import Latest, Worker
 from contact_curation.storage.bag_reader import BagReader
-from contact_curation.storage.pose_messages import Measured
 from contact_curation.storage.pose_source import PoseTopicConfig
 from contact_curation.storage.recorded_rules import NOTE, with_recorded_rules
 from contact_curation.storage.toss_store import StoredRejected, StoredToss, TossStore
 
 LOOK_PERIOD = 0.2
 """[s] between looks at the graph."""
+
+BATCH = 64
+"""Messages that are read and become permanent together."""
+
+MOST_WAITING = 4096
+"""Messages that wait to be read. Then the callback waits, and the middleware keeps what comes (`queue_depth`)."""
 
 LARGEST_PAGE = 32
 """Tosses in one answer of `get_tosses`."""
@@ -52,7 +57,7 @@ class PoseIngest(StageNode):
         depth = declare(self, "queue_depth", 32768, "poses kept until they are taken", bounds=(296, 1 << 20))
         self._store = TossStore(Path(declare(self, "store", "tosses.sqlite", "file that tosses are kept in")))
         self._complaints = Complaints(self)
-        self._arrivals: deque[Arrival] = deque()
+        self._inbox = Inbox[Received](MOST_WAITING, self.context.ok)
         self._received = Rate()
         self._journal: IngestJournal | None = None
         self._ingest: TossIngest | None = None
@@ -80,17 +85,21 @@ class PoseIngest(StageNode):
             self._announce(*missed)
         return self._journal.newest
 
-    def _arrived(self, topic: str, published_ns: int, measured: tuple[Measured, ...]) -> None:
-        self._arrivals.extend(Arrival(topic, published_ns, one) for one in measured)
+    def _arrived(self, received: Received) -> None:
+        self._inbox.put(received)
         self._received.count += 1
         self._taking.want()
 
     def _take(self) -> None:
         """Everything that has arrived, on the worker's thread."""
-        arrivals = [self._arrivals.popleft() for _ in range(len(self._arrivals))]
-        if self._journal is None or not arrivals:
-            return
-        happened = self._journal.take(arrivals)
+        while self._journal is not None and self._inbox:
+            read = [self._topics.read(one) for one in self._inbox.take(BATCH)]
+            arrivals = [Arrival(topic, published_ns, one) for topic, published_ns, measured in read for one in measured]
+            if arrivals:
+                self._store_and_announce(self._journal, arrivals)
+
+    def _store_and_announce(self, journal: IngestJournal, arrivals: Sequence[Arrival]) -> None:
+        happened = journal.take(arrivals)
         self._announce(happened.tosses, happened.rejected)
         for bad in happened.bad:
             self._complaints.note(f"bad {bad.kind}", f"{bad.child} at {bad.stamp_ns} ns: {bad.why}")
@@ -121,7 +130,7 @@ class PoseIngest(StageNode):
         counts = {} if self._ingest is None else self._ingest.counts
         rate = self._received.per_second()
         values = {
-            "messages": self._received.count, "rate_hz": f"{rate:.1f}", "queue": len(self._arrivals),
+            "messages": self._received.count, "rate_hz": f"{rate:.1f}", "queue": len(self._inbox),
             "tosses_stored": self._store.last_sequence, "rejected_stored": self._store.last_rejected_sequence,
             **counts, **self._complaints.counts, **offers,
         }  # fmt: skip

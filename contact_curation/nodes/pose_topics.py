@@ -39,6 +39,20 @@ class Offer(NamedTuple):
     latched: bool
 
 
+class Received(NamedTuple):
+    """A message as it came.
+
+    Attributes:
+        topic: that it came on.
+        published_ns: when it was published, by the middleware's clock.
+        message: of that topic's type.
+    """
+
+    topic: str
+    published_ns: int
+    message: Any
+
+
 class PoseTopics:
     """Follows the topics of one body.
 
@@ -50,7 +64,7 @@ class PoseTopics:
         depth: samples kept per topic until they are taken.
         found: called once, with the body's topic when it is found; gives per topic the time of publication up to which
             everything is known already [ns].
-        arrived: called with topic, time of publication [ns] and what a message says.
+        arrived: called with each message that is not known yet.
     """
 
     def __init__(
@@ -61,7 +75,7 @@ class PoseTopics:
         type_name: str,
         depth: int,
         found: Callable[[str], Mapping[str, int]],
-        arrived: Callable[[str, int, tuple[Measured, ...]], None],
+        arrived: Callable[[Received], None],
     ) -> None:
         self._node = node
         self._body = body
@@ -71,6 +85,7 @@ class PoseTopics:
         self._detections = config.detections(body)
         self._found = found
         self._newest: dict[str, int] = {}
+        self._newest_pose_ns = 0
         self._arrived = arrived
         self._subscriptions: dict[str, tuple[Offer, Subscription]] = {}
         self.source: PoseSource | None = None
@@ -90,6 +105,7 @@ class PoseTopics:
             return
         if self.source is None:
             self._newest = dict(self._found(source.body.name))
+            self._newest_pose_ns = self._newest.get(source.body.name, 0)
             self._config = replace(self._config, topic=source.body.name)
         self.source = source
         for topic in self.source.topics:
@@ -97,6 +113,22 @@ class PoseTopics:
             known = self._subscriptions.get(topic)
             if offer is not None and (known is None or known[0] != offer):
                 self._subscribe(topic, offer)
+
+    def read(self, received: Received) -> tuple[str, int, tuple[Measured, ...]]:
+        """What a message says, with the topic and the time of publication that it is known by from now on.
+
+        To be called on one thread, in the order in which messages came. Images may have waited for a CameraInfo, so what it
+        gives counts as of the newest of them; it itself is needed again after a restart and so is never known.
+        """
+        if self.source is None:
+            return received.topic, received.published_ns, ()
+        topic, published_ns, message = received
+        measured = self.source.measured(topic, message, self._detections)
+        if self.source.camera is not None and topic == self.source.camera.name:
+            return self.source.body.name, self._newest_pose_ns, measured
+        if topic == self.source.body.name:
+            self._newest_pose_ns = published_ns
+        return topic, published_ns, measured
 
     def _fitting(self) -> PoseSource:
         """The topics that fit; the body's own has to be there, TF is listened to in any case."""
@@ -128,14 +160,9 @@ class PoseTopics:
 
         def on_message(message: Any, info: Mapping[str, int]) -> None:
             published_ns = info["source_timestamp"]
-            if self.source is not None and not 0 < published_ns <= after_ns:
+            if not 0 < published_ns <= after_ns:
                 self._newest[topic] = published_ns
-                measured = self.source.measured(topic, message, self._detections)
-                if self.source.camera is not None and topic == self.source.camera.name:
-                    topic_of_poses = self.source.body.name  # a CameraInfo is needed again after a restart: it is never known
-                    self._arrived(topic_of_poses, self._newest.get(topic_of_poses, 0), measured)
-                else:
-                    self._arrived(topic, published_ns, measured)
+                self._arrived(Received(topic, published_ns, message))
 
         if topic in self._subscriptions:
             self._node.destroy_subscription(self._subscriptions[topic][1])
