@@ -1,0 +1,168 @@
+"""Why informative tosses say too little of friction, and which rule mends it: on tosses below 400 alone, by cross-validation.
+
+`why` fits all training tosses, and then asks of sets of them which friction they would say, all else held: of the four quarters
+by duration, and of what each rule keeps at that fit. `search` trains on what rules keep of four fifths of the training tosses
+and judges by the last fifth; a seed is a fifth and an initialisation. The tosses are found through CONTACTNETS_DATA.
+
+    python -m benchmarks.rules why
+    python -m benchmarks.rules search [--rules random longest log-det representative] [--sizes 8 16 32] [--seeds 10]
+                                      [--faults] [--share 0.05] [--out cells.jsonl] [--jobs N]
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from benchmarks._data import contactnets_folder, training_and_held_out
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.evaluation import Estimator
+from contact_curation.contact.parameter_form import Form
+from contact_curation.contact.polytope_model import PolytopeModel
+from contact_curation.information.pool import Indices
+from contact_curation.learning.bootstrap import BootstrapConfig
+from contact_curation.learning.experiment_cell import Cell
+from contact_curation.learning.experiment_faults import Fault
+from contact_curation.learning.experiment_rules import BASELINES, RULES
+from contact_curation.learning.experiment_run import ONE_THREAD, Bench, run_cell, select
+from contact_curation.learning.experiment_summary import Summary, summarised
+from contact_curation.learning.polytope_sums import polytope_sums
+from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import transitions_of
+
+FOLDS = 5
+MEASURES = (
+    "rotation",
+    "rotation_median",
+    "vertices",
+    "vertices_from_all",
+    "position",
+    "position_median",
+    "penetration",
+    "friction",
+    "friction_from_all",
+    "kept_bad",
+)
+FIELDS = ("rule", "size", "fault", "share")
+FRICTION = -4
+"""Place of the logarithm of friction in the physical form, before tilt and height."""
+
+
+def main() -> int:
+    """Prints tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("what", choices=("why", "search"))
+    parser.add_argument("--rules", nargs="+", default=["random", "longest", "log-det", "representative"], choices=RULES)
+    parser.add_argument("--sizes", nargs="+", type=int, default=[8, 16, 32])
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--faults", action="store_true", help="also with bad tosses in the pool, gates on")
+    parser.add_argument("--share", type=float, default=0.05, help="of them (default 0.05)")
+    parser.add_argument("--out", type=Path, help="file of the finished cells; one that exists is gone on with")
+    parser.add_argument("--jobs", type=int, default=1)
+    arguments = parser.parse_args()
+    torch.set_num_threads(1)
+    folder = contactnets_folder()
+    if folder is None:
+        return 0
+    tosses = training_and_held_out(folder).training
+    if arguments.what == "why":
+        print_why(Bench(CONTACTNETS_CUBE, tosses, (), GateConfig()))
+    else:
+        print_search(search(arguments, tosses))
+    return 0
+
+
+def print_why(bench: Bench) -> None:
+    """Which friction sets of tosses say."""
+    model = PolytopeModel(bench.reference, bench.body, Form.PHYSICAL)
+    data = transitions_of(bench.training, bench.body.length_scale)
+    sums = polytope_sums(model, data, Estimator.GAUSS_NEWTON, ONE_THREAD)
+    scores, information = sums.scores[:, FRICTION], sums.fishers[:, FRICTION, FRICTION]
+    friction = float(np.linalg.norm(bench.reference.tangents[0]))
+    durations = np.array([toss.duration for toss in bench.training])
+    print(f"friction that tosses say, all else as in the fit to all {len(durations)}, which says {friction:.4f}\n")
+
+    def said(places: Indices) -> float:
+        return friction * float(np.exp(scores[places].sum() / information[places].sum()))
+
+    for quarter in np.array_split(np.argsort(durations), 4):
+        print(f"durations {durations[quarter].min():.2f} to {durations[quarter].max():.2f} s: {said(quarter):.4f}")
+    names = {toss.toss_id: place for place, toss in enumerate(bench.training)}
+    print(f"\n{'kept at that fit':22}" + "".join(f"{f'k = {size}':>10}" for size in (8, 16, 32)))
+    for name, rule in RULES.items():
+        if name != "all" and not name.endswith("static"):
+            kept = [np.array([names[one] for one in select(rule, model, bench.training, size, 0)]) for size in (8, 16, 32)]
+            print(f"{name:22}" + "".join(f"{said(places):10.4f}" for places in kept))
+
+
+def search(arguments: argparse.Namespace, tosses: Sequence[Toss]) -> list[dict[str, Any]]:
+    """The rows of all cells, those of the file included."""
+    cells = list(cells_of(arguments))
+    finished = {}
+    if arguments.out and arguments.out.exists():
+        finished = {row["key"]: row for row in map(json.loads, arguments.out.read_text().splitlines())}
+    reference = Bench(CONTACTNETS_CUBE, tuple(tosses), (), GateConfig()).reference
+    left = [cell for cell in cells if cell.key not in finished]
+    with ProcessPoolExecutor(arguments.jobs, mp_context=get_context("spawn")) as pool:
+        for cell, row in zip(left, pool.map(partial(judged_by_a_fold, tuple(tosses), reference), left)):
+            finished[cell.key] = {"key": cell.key, **cell.fields, **row}
+            if arguments.out:
+                with arguments.out.open("a") as file:
+                    file.write(json.dumps(finished[cell.key]) + "\n")
+            print(f"{cell.rule} {cell.size} {cell.fault} seed {cell.seed}: {row['rotation']:.1f} deg", file=sys.stderr)
+    return [finished[cell.key] for cell in cells]
+
+
+def cells_of(arguments: argparse.Namespace) -> Iterator[Cell]:
+    """Seed by seed."""
+    for seed in range(arguments.seeds):
+        for size in arguments.sizes:
+            for rule in arguments.rules:
+                clean = Cell(rule, size, seed)
+                yield clean
+                if arguments.faults:
+                    yield from (replace(clean, fault=fault.value, share=arguments.share) for fault in Fault)
+
+
+def judged_by_a_fold(tosses: tuple[Toss, ...], reference: Any, cell: Cell) -> Any:
+    """A cell's row, its pool drawn from the folds that do not judge."""
+    torch.set_num_threads(1)
+    fold = [place % FOLDS == cell.seed % FOLDS for place in range(len(tosses))]
+    training = tuple(toss for toss, judges in zip(tosses, fold) if not judges)
+    bench = Bench(CONTACTNETS_CUBE, training, tuple(toss for toss, judges in zip(tosses, fold) if judges), GateConfig())
+    bench.__dict__["reference"] = reference  # what all training tosses teach, not only these
+    return run_cell(cell, bench)
+
+
+def print_search(rows: Sequence[dict[str, Any]]) -> None:
+    """Medians over seeds, and differences to the baselines with 95 % intervals."""
+    summaries = summarised(rows, FIELDS, MEASURES, BASELINES, BootstrapConfig())
+    for measure in MEASURES:
+        print(f"\n{measure}")
+        for one in summaries:
+            if one.measure == measure:
+                print(f"  {_name(one):34}{one.median.value:9.3f}" + "".join(_beside(one)))
+
+
+def _name(one: Summary) -> str:
+    group = dict(one.group)
+    return f"{group['rule']} {group['size']} {group['fault']}"
+
+
+def _beside(one: Summary) -> Iterator[str]:
+    for name, interval in one.beside.items():
+        yield f"   minus {name} {interval.value:+.3f} ({interval.low:+.3f} to {interval.high:+.3f})"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
