@@ -9,7 +9,7 @@ from contact_curation.cli.node_parameters import Parameters
 from contact_curation.cli.online_events import EventLog
 from contact_curation.cli.online_options import OnlineConfig
 from contact_curation.cli.online_parameters import DASHBOARD, SessionFolder
-from contact_curation.cli.online_settling import awaits_motion, is_scored, rejected_motion, training_is_due
+from contact_curation.cli.online_settling import awaits_gain, awaits_motion, is_scored, rejected_motion, training_is_due
 from contact_curation.cli.online_stores import SessionStores, Standing, ThrowMade
 from contact_curation.cli.stop_signals import StopSignals
 from contact_curation.cli.supervisor import Supervisor
@@ -24,6 +24,9 @@ AT_REST = 1.0
 
 PATIENCE = 120.0
 """[s] without any change, after the last throw, that are waited for."""
+
+GAIN_PATIENCE = 20.0
+"""[s] that are waited for what the last throw's toss taught: after a kill it may never be known."""
 
 ADDRESS = re.compile(r"dashboard at (\S+)")
 
@@ -77,6 +80,7 @@ class Session:
             supervisor.look()
             self._look()
             self._look_for_address()
+        self._tell_of_throws(everything=True)
 
     def stay(self, supervisor: Supervisor, stop: StopSignals) -> None:
         """Keeps what still runs running until a signal comes."""
@@ -94,8 +98,10 @@ class Session:
 
     def _at_rest(self) -> bool:
         standing = self.standing
-        waiting = awaits_motion(standing) and time.monotonic() - self._changed < self._toss_timeout
-        if waiting or not is_scored(standing) or training_is_due(standing, **self._rounds):
+        waited = time.monotonic() - self._changed
+        if (awaits_motion(standing) and waited < self._toss_timeout) or (awaits_gain(standing) and waited < GAIN_PATIENCE):
+            return False
+        if not is_scored(standing) or training_is_due(standing, **self._rounds):
             return False
         return standing.training is None or self._trained_version(standing) == standing.version
 
@@ -115,11 +121,11 @@ class Session:
             self.standing, self._changed = standing, time.monotonic()
             self._tell_of_throws()
 
-    def _tell_of_throws(self) -> None:
-        """A line about each throw of which it is known what came of it, in order."""
+    def _tell_of_throws(self, *, everything: bool = False) -> None:
+        """A line about each throw, in order, once it is known what came of it; of the last one at the end in any case."""
         for throw in self.standing.throws[self._told :]:
             last = throw is self.standing.throws[-1]
-            if last and (awaits_motion(self.standing) or _gain_is_to_come(throw)):
+            if last and (awaits_motion(self.standing) or awaits_gain(self.standing)) and not everything:
                 return
             self._told += 1
             self._tell(throw)
@@ -166,7 +172,3 @@ def outcome_of(standing: Standing, place: int) -> str:
         return f"kept, rank {rank} of {len(standing.kept)}" if rank else "not kept"
     rejected = rejected_motion(standing, place)
     return "no motion was seen" if rejected is None else f"rejected: {rejected.reasons[0]}"
-
-
-def _gain_is_to_come(throw: ThrowMade) -> bool:
-    return throw.planned is not None and throw.realised is None

@@ -17,6 +17,12 @@ def awaits_motion(standing: Standing) -> bool:
     return last >= 0 and not standing.throws[last].toss_id and rejected_motion(standing, last) is None
 
 
+def awaits_gain(standing: Standing) -> bool:
+    """Whether the last throw's toss was scored, and what it taught is not known so far."""
+    last = standing.throws[-1] if standing.throws else None
+    return last is not None and bool(last.toss_id) and last.planned is not None and last.realised is None
+
+
 def is_scored(standing: Standing) -> bool:
     """Whether every toss was scored, and ranked at one theta."""
     return standing.scored == standing.ranked == len(standing.tosses)

@@ -1,0 +1,220 @@
+"""`online` without its nodes: what each is told, what is read of a session's stores, and when a session has come to rest."""
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from contact_curation.cli.main import main
+from contact_curation.cli.node_parameters import Parameters
+from contact_curation.cli.online_graph import graph_environment
+from contact_curation.cli.online_options import OnlineConfig, add_online_options, online_config
+from contact_curation.cli.online_parameters import SessionFolder, session_parameters
+from contact_curation.cli.online_session import gains, outcome_of
+from contact_curation.cli.online_settling import awaits_gain, awaits_motion, is_scored, training_is_due
+from contact_curation.cli.online_stores import KeptBack, SessionStores, Standing, ThrowMade, Training
+from contact_curation.cli.rank_of_session import rank_command
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.storage.information_store import InformationStore
+from contact_curation.storage.state_store import StateStore
+from contact_curation.storage.toss_store import TossStore
+from test.storage.stored_records import information, rejected, toss
+
+THROW = ThrowMade("throw-0", None, 100, "toss-0", 2.0, 1.5)
+TRAINING = Training(running=False, round=3, tosses_seen=3, settling=0, toss_ids=("a", "b"), gradient_steps=900)
+AT_REST = Standing((THROW,), ("a", "b", "c"), (), ("b", "a"), "theta", ranked=3, scored=3, training=TRAINING)
+ROUNDS = {"least_tosses": 2, "settling_rounds": 3}
+
+
+def parameters_of(folder: Path, text: str = "", **options: object) -> dict[str, Parameters]:
+    path = folder / "nodes.yaml"
+    path.write_text(text)
+    config = OnlineConfig(params_file=path if text else None, **options)  # type: ignore[arg-type]
+    return session_parameters(config, CONTACTNETS_CUBE, SessionFolder(folder))
+
+
+def test_options_go_before_the_file_and_the_session_before_both(tmp_path: Path) -> None:
+    text = """
+/**: {ros__parameters: {seed: 3}}
+/**/curator: {ros__parameters: {top: 5, criterion: trace, store: elsewhere.sqlite}}
+/**/sim_arm: {ros__parameters: {rate: 2.0, armed: false}}
+"""
+    found = parameters_of(tmp_path, text, top=7, throws=12)
+    assert found["curator"] == {"seed": 3, "top": 7, "criterion": "trace", "store": str(tmp_path / "stores" / "curator.sqlite")}
+    assert found["sim_arm"]["rate"] == 2.0
+    assert found["sim_arm"]["armed"] is True
+    assert found["throw_designer"]["max_throws"] == 12
+    assert found["throw_designer"]["toss_timeout"] == 3.0 + 12.0 / 2.0
+
+
+def test_designer_and_arm_are_told_of_the_same_arm(tmp_path: Path) -> None:
+    text = "sim_arm: {ros__parameters: {arm: {base: [0.0, -0.6]}, gate.speed: 1.0}}"
+    designer = parameters_of(tmp_path, text)["throw_designer"]
+    assert designer["arm.base"] == [0.0, -0.6]
+    assert "gate.speed" not in designer
+
+
+def test_listeners_run_only_where_they_are_wanted(tmp_path: Path) -> None:
+    assert set(parameters_of(tmp_path)) & {"dashboard", "session_recorder"} == set()
+    recorded = parameters_of(tmp_path, record=tmp_path)
+    assert recorded["session_recorder"] == {"bag": str(tmp_path / "session.mcap")}
+    assert recorded["dashboard"]["web_port"] == 0
+    served = parameters_of(tmp_path, dashboard=True)
+    assert "session_recorder" not in served
+    assert "web_port" not in served["dashboard"]
+
+
+def test_a_rendering_camera_and_who_reads_it_share_a_tag_map(tmp_path: Path) -> None:
+    found = parameters_of(tmp_path, camera="rendered")
+    assert found["sim_camera"]["mode"] == "rendered"
+    assert found["pose_ingest"]["tag_map"] == str(tmp_path / "tag_map.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("/**/curador: {ros__parameters: {top: 5}}", "found curador, expected some of"),
+        ("curator: {top: 5}", "expected ros__parameters under the name of each node"),
+        ("- a", "expected ros__parameters"),
+        ("a: [", "no YAML"),
+    ],
+)
+def test_a_file_that_holds_something_else_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises((InvalidValueError, UnreadableInputError), match=message):
+        parameters_of(tmp_path, text)
+
+
+def test_a_folder_with_a_session_is_not_used_again(tmp_path: Path) -> None:
+    SessionFolder(tmp_path).make()
+    (tmp_path / "events.jsonl").touch()
+    with pytest.raises(InvalidValueError, match="expected a folder without a session in it"):
+        SessionFolder(tmp_path).make()
+
+
+def test_the_domain_is_the_users_or_one_of_its_own_on_this_machine(tmp_path: Path) -> None:
+    own = graph_environment({"ROS_STATIC_PEERS": "far", "A": "1"}, tmp_path)
+    assert own["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    assert 1 <= int(own["ROS_DOMAIN_ID"]) <= 101
+    assert "ROS_STATIC_PEERS" not in own
+    users = graph_environment(
+        {"ROS_DOMAIN_ID": "7", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_STATIC_PEERS": "far"}, tmp_path
+    )
+    assert (users["ROS_DOMAIN_ID"], users["ROS_AUTOMATIC_DISCOVERY_RANGE"], users["ROS_STATIC_PEERS"]) == ("7", "SUBNET", "far")
+
+
+def test_the_offline_ranking_is_told_what_the_nodes_were_told(tmp_path: Path) -> None:
+    text = """
+pose_ingest:
+  ros__parameters: {segmenter: {rest_frames: 5, region_x: [-1.0, 1.0], frame_period: 0.0, gravity: 9.7}, gates.depth: 0.01}
+fisher_scorer: {ros__parameters: {estimator: empirical, influence_bound: .inf, loss.threads: 1}}
+curator: {ros__parameters: {criterion: trace, prior: 0.01, whiten: false}}
+"""
+    parameters = parameters_of(tmp_path, text, top=5)
+    words = rank_command(SessionFolder(tmp_path), parameters, None)
+    settings = [words[place + 1] for place, word in enumerate(words) if word == "--set"]
+    wanted = ["segmenter.region_x=-1.0,1.0", "segmenter.rest_frames=5", "gates.depth=0.01", "ranking.prior=0.01"]
+    assert sorted(settings) == sorted(wanted)
+    assert words[words.index("--criterion") + 1] == "trace"
+    assert words[words.index("--top") + 1] == "5"
+    assert words[words.index("--estimator") + 1] == "empirical"
+    assert "--influence-bound" not in words
+    assert "--params" not in words  # nothing was trained
+
+
+def test_a_session_is_read_from_its_stores(tmp_path: Path) -> None:
+    folder = SessionFolder(tmp_path)
+    folder.make()
+    stores = SessionStores(folder, CONTACTNETS_CUBE)
+    assert stores.look() == Standing()
+    first, second, bad = toss(1), toss(2), rejected(3)
+    with TossStore(folder.store("pose_ingest")) as tosses:
+        tosses.add(first)
+        tosses.add_rejected(bad)
+    entry = {"commanded": {"throw_id": "t", "expected_information": 2.5}, "after_ns": 5, "toss_id": "a", "warm_up": None}
+    with StateStore(folder.store("throw_designer")) as states:
+        states.save({"throws": json.dumps([{**entry, "realised": None}]).encode()})
+    scored = information(1)
+    with InformationStore(folder.store("fisher_scorer")) as informations:
+        informations.add(scored)
+    with StateStore(folder.store("curator").with_name("curator.sqlite.state")) as states:
+        states.save({"buffer": json.dumps({"kept": ["a"], "version": scored.parameters_version, "revision": 1}).encode()})
+    seen = stores.look()
+    assert seen.throws == (ThrowMade("t", None, 5, "a", 2.5, None),)
+    assert seen.tosses == (first.toss_id,)
+    assert [one.reasons for one in seen.kept_back] == [tuple(bad.reasons)]
+    assert (seen.kept, seen.version) == (("a",), scored.parameters_version)
+    assert (seen.scored, seen.ranked, seen.training) == (1, 0, None)
+    with TossStore(folder.store("pose_ingest")) as tosses:
+        tosses.add(second)
+    assert stores.look().tosses == (first.toss_id, second.toss_id)
+
+
+def test_training_is_due_until_the_kept_set_was_trained_on_or_settled() -> None:
+    assert not training_is_due(AT_REST, **ROUNDS)
+    assert training_is_due(replace(AT_REST, training=replace(TRAINING, running=True)), **ROUNDS)
+    other = replace(AT_REST, kept=("b", "c"))
+    assert training_is_due(other, **ROUNDS)
+    settled = replace(other, training=replace(TRAINING, settling=3))
+    assert not training_is_due(settled, **ROUNDS)
+    assert training_is_due(replace(settled, ranked=4), **ROUNDS)
+    assert training_is_due(replace(AT_REST, training=None), **ROUNDS)
+    assert not training_is_due(replace(AT_REST, training=None, kept=("a",)), **ROUNDS)
+
+
+def test_a_toss_that_is_not_scored_yet_keeps_a_session_from_rest() -> None:
+    assert is_scored(AT_REST)
+    assert not is_scored(replace(AT_REST, ranked=2))
+    assert not is_scored(replace(AT_REST, tosses=("a", "b", "c", "d")))
+
+
+def test_only_the_last_throw_is_waited_for_until_its_motion_was_seen() -> None:
+    unseen = replace(THROW, toss_id="", realised=None, after_ns=200)
+    assert not awaits_motion(Standing())
+    assert awaits_motion(Standing((THROW, unseen)))
+    assert not awaits_motion(Standing((unseen, replace(THROW, after_ns=300))))
+    seen = KeptBack("c", ("gap: found 3",), 250)
+    assert not awaits_motion(Standing((THROW, unseen), kept_back=(seen,)))
+    assert awaits_motion(Standing((THROW, unseen), kept_back=(replace(seen, last_ns=150),)))
+    assert awaits_gain(Standing((replace(THROW, realised=None),)))
+    assert not awaits_gain(Standing((unseen,)))
+
+
+def test_what_became_of_a_throw_is_told_in_words() -> None:
+    lost, bad = replace(THROW, toss_id="", after_ns=200), replace(THROW, toss_id="", after_ns=300)
+    kept_back = (KeptBack("c", ("gap: found 3", "more"), 350),)
+    standing = Standing((THROW, lost, bad), kept=("x", "toss-0"), kept_back=kept_back)
+    assert [outcome_of(standing, place) for place in range(3)] == [
+        "kept, rank 2 of 2",
+        "no motion was seen",
+        "rejected: gap: found 3",
+    ]
+    assert outcome_of(replace(standing, kept=()), 0) == "not kept"
+    assert gains(THROW) == "gain 2 planned, 1.5 realised"
+    assert gains(replace(THROW, planned=None, warm_up="tosses")) == "warm-up"
+
+
+def test_a_dashboard_that_stays_is_served() -> None:
+    parser = argparse.ArgumentParser()
+    add_online_options(parser)
+    assert online_config(parser.parse_args(["--stay"])).dashboard
+    assert not online_config(parser.parse_args([])).dashboard
+    assert online_config(parser.parse_args(["--held-out", "a", "b"])).held_out == (Path("a"), Path("b"))
+
+
+@pytest.mark.parametrize("words", [["--throws", "0"], ["--rate", "-1"], ["--camera", "eye"], ["--criterion", "best"]])
+def test_bad_usage_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["online", *words])
+    assert ended.value.code == 2
+    assert capsys.readouterr().err
+
+
+def test_a_file_that_is_not_there_is_one_line_and_starts_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    record = tmp_path / "session"
+    assert main(["online", "--record", str(record), "--params-file", str(tmp_path / "none.yaml")]) == 1
+    assert main(["online", "--record", str(record), "--body-file", str(tmp_path / "none.yaml")]) == 1
+    assert capsys.readouterr().err.count("\n") == 2
+    assert not record.exists()
