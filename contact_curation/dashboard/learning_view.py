@@ -6,6 +6,9 @@ from math import log10
 from contact_curation.dashboard.screen import Screen
 
 ERRORS, LOSSES = "errors", "losses"
+MOST_SHOWN = 100.0
+"""Errors before the first training are many times a width; more is drawn as this, so that what follows can be read."""
+
 POSITION, ROTATION, TRAINING, HELD_OUT = (0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167)
 
 
@@ -38,13 +41,14 @@ class LearningView:
 
     def __init__(self, screen: Screen) -> None:
         self._screen = screen
-        screen.curve(f"{ERRORS}/position", "position [% of the width]", POSITION)
+        screen.curve(f"{ERRORS}/position", "position [% of the width], up to 100", POSITION)
         screen.curve(f"{ERRORS}/rotation", "rotation [deg]", ROTATION)
         screen.curve(f"{LOSSES}/training", "log10 of the training loss", TRAINING)
         screen.curve(f"{LOSSES}/held_out", "log10 of the held-out loss", HELD_OUT)
 
     def show(self, moment: TrainingMoment) -> None:
         """Writes a moment; what is not finite is left out."""
-        self._screen.values(ERRORS, {"position": moment.position_error, "rotation": moment.rotation_error})
+        errors = {"position": moment.position_error, "rotation": moment.rotation_error}
+        self._screen.values(ERRORS, {name: min(error, MOST_SHOWN) for name, error in errors.items()})
         losses = {"training": moment.training_loss, "held_out": moment.held_out_loss}
         self._screen.values(LOSSES, {name: log10(loss) for name, loss in losses.items() if loss > 0.0})

@@ -16,8 +16,8 @@ HEADER = ("rank", "toss [s]", "trace", "gain", "why")
 
 KEPT, POOL, WORST = (0, 114, 178), (0, 158, 115), (213, 94, 0)
 
-FLOOR = 1e-3
-"""Smaller eigenvalues are drawn as this."""
+FLOOR, DECIMALS = 1e-3, 6
+"""Smaller eigenvalues are drawn as the floor; heights are rounded, so that a kept set of all tosses shows none."""
 
 
 class RankingView:
@@ -44,7 +44,7 @@ class RankingView:
 
     def show_spectrum(self, spectrum: KeptSpectrum) -> None:
         """Writes how a kept set stands to its pool."""
-        heights = np.log10(np.maximum(spectrum.eigenvalues, FLOOR))
+        heights = np.round(np.log10(np.maximum(spectrum.eigenvalues, FLOOR)), DECIMALS)
         self._screen.log(SPECTRUM, rr.BarChart(heights, color=KEPT))
         curves = {"epsilon": spectrum.epsilon, "missing": spectrum.missing, "efficiency": spectrum.efficiency}
         self._screen.values(EPSILON, curves)

@@ -8,6 +8,7 @@ import pytest
 import rerun as rr
 
 from contact_curation.dashboard.health_view import NodeHealth
+from contact_curation.dashboard.learning_view import TrainingMoment
 from contact_curation.dashboard.live import LiveSession
 from contact_curation.dashboard.throw_view import ThrowMade
 from contact_curation.dashboard.toss_motion import ShownTheta
@@ -83,7 +84,7 @@ def test_the_page_of_the_ranking_says_of_every_toss_why(session: Recorded) -> No
 def test_the_spectrum_is_drawn_by_its_logarithm(session: Recorded, made: Scored) -> None:
     (tensor,) = session.column("/spectrum", "BarChart:values")[-1]
     drawn = np.asarray(tensor["buffer"])
-    assert drawn == pytest.approx(np.log10(made.curation(TOP).spectrum))
+    assert drawn == pytest.approx(np.log10(made.curation(TOP).spectrum), abs=1e-6)
 
 
 def test_gated_motions_throws_and_health_are_told(session: Recorded) -> None:
@@ -119,6 +120,20 @@ def test_stamps_of_a_simulation_are_durations_and_those_of_a_robot_are_dates(mad
         )
         kinds[name] = recorded(screen, path).kind("/thing", "ros_time")
     assert kinds == {"robot": "timestamp[ns]", "simulation": "duration[ns]"}
+
+
+def test_errors_far_beyond_the_width_are_drawn_at_the_top_and_what_is_not_finite_not_at_all(
+    made: Scored, tmp_path: Path
+) -> None:
+    screen = recording_screen(tmp_path / "errors.rrd")
+    live = LiveSession(screen, BODY, made.theta, CONFIG.loss)
+    live.add_training(TrainingMoment("training", 0, 0.0, float("nan"), 2150.0, float("nan")), 1)
+    live.add_training(TrainingMoment("training", 1, 0.01, 0.1, 20.0, 30.0), 2)
+    written = recorded(screen, tmp_path / "errors.rrd")
+    assert written.scalars("/errors/position") == [100.0, 20.0]
+    assert written.scalars("/errors/rotation") == [30.0]
+    assert written.scalars("/losses/training") == [-2.0]
+    assert written.scalars("/losses/held_out") == [-1.0]
 
 
 def test_a_kept_set_waits_for_information_that_has_not_come(made: Scored, tmp_path: Path) -> None:
