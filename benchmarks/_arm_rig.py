@@ -41,6 +41,9 @@ class ArmRig:
         body: that is thrown.
         seed: of the gripper's delays and the tracker's noise.
         tracker: its faults.
+
+    Attributes:
+        released_ns: stamp of the last release.
     """
 
     def __init__(self, body: Body, seed: int, tracker: TrackerNoiseConfig | None = None) -> None:
@@ -49,6 +52,7 @@ class ArmRig:
         self._thrower = ArmThrower(self.feasibility.planner, seed=seed)
         self._noise = TrackerNoise(tracker or TrackerNoiseConfig(), seed)
         self._now_ns = PAUSE_NS
+        self.released_ns = 0
 
     def throw(self, throw: Throw) -> Seen:
         """Makes a throw.
@@ -81,7 +85,8 @@ class ArmRig:
         return found[0] if len(found) == 1 else None
 
     def _frames(self, made: ExecutedThrow) -> Sequence[FramePose]:
-        first_ns, frames = self._now_ns, []
+        self.released_ns = first_ns = self._now_ns
+        frames = []
         for number, state in enumerate(made.states):
             stamp_ns = first_ns + round(number * made.frame_period * NANOSECONDS)
             pose = self._noise.seen(stamp_ns, Pose(state[:3], state[3:7]))

@@ -326,7 +326,8 @@ def _seconds(job: Callable[[], object]) -> tuple[float, float]:
 
 def _print(times: Sequence[Timing], rows: Sequence[Worth], gains: Sequence[Gain], trusted: Sequence[Trust]) -> None:
     for timing in times:
-        on = f"s on {timing.processors} processors, {timing.processor_seconds:.2f} s of work"
+        each = timing.processor_seconds / timing.processors
+        on = f"s on {timing.processors} processors, {timing.processor_seconds:.2f} s of work, {each:.2f} s each"
         print(f"{timing.seconds:7.2f} {on}: {timing.what}")
     if trusted:
         print("\nwhat the canary sees, quartiles over the seeds")

@@ -28,16 +28,18 @@ class CanaryConfig:
         largest_loss: median of what those had when they were first scored (METHOD 1.2), characteristic units; at the true
             parameters real tosses have 0.02.
         least_agreement: Spearman correlation of the reference throws' information between thetas.
+        most_tosses: from so many known tosses on agreement is no longer asked for, the loss still is; 0: always.
     """
 
     enabled: bool = True
     least_tosses: int = 4
-    recent: int = 6
+    recent: int = 3
     largest_loss: float = 0.15
     least_agreement: float = 0.5
+    most_tosses: int = 6
 
     def __post_init__(self) -> None:
-        for name, least in (("least_tosses", 0), ("recent", 1)):
+        for name, least in (("least_tosses", 0), ("recent", 1), ("most_tosses", 0)):
             if getattr(self, name) < least:
                 raise InvalidValueError(f"canary.{name}", getattr(self, name), f"at least {least}")
         if not self.largest_loss > 0.0:
@@ -59,6 +61,8 @@ def distrust(config: CanaryConfig, losses: Sequence[float], scores: Sequence[Arr
     loss = float(np.median(losses[-config.recent :])) if losses else 0.0
     if not loss <= config.largest_loss:
         return f"loss: found a median of {loss:.3g}, expected at most {config.largest_loss:g}"
+    if config.most_tosses and len(losses) >= config.most_tosses:
+        return None
     if len(scores) < 2:
         return f"thetas: found {len(scores)}, expected two that agree"
     agreement = min(spearman(one, other) for one, other in pairwise(scores))

@@ -48,6 +48,15 @@ def test_agreement_counts_from_its_limit_on() -> None:
     assert distrust(replace(CONFIG, least_agreement=0.4 + 1e-9), FINE, almost) is not None
 
 
+def test_agreement_is_not_asked_for_from_so_many_tosses_on_and_the_loss_still_is() -> None:
+    strangers = [SCORES, SCORES[::-1]]
+    config = replace(CONFIG, most_tosses=5)
+    assert distrust(config, [0.02] * 4, strangers) is not None
+    assert distrust(config, [0.02] * 5, strangers) is None
+    assert distrust(replace(config, most_tosses=0), [0.02] * 5, strangers) is not None
+    assert distrust(config, [0.02, 0.02, 0.2, 0.2, 0.2], ALIKE) is not None
+
+
 def test_rank_correlation_asks_for_order_only() -> None:
     assert spearman(SCORES, np.exp(SCORES)) == pytest.approx(1.0)
     assert spearman(SCORES, -SCORES) == pytest.approx(-1.0)
@@ -55,7 +64,8 @@ def test_rank_correlation_asks_for_order_only() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("least_tosses", -1), ("recent", 0), ("largest_loss", 0.0), ("least_agreement", 1.5)]
+    ("name", "value"),
+    [("least_tosses", -1), ("recent", 0), ("largest_loss", 0.0), ("least_agreement", 1.5), ("most_tosses", -1)],
 )
 def test_settings_that_make_no_sense_are_refused(name: str, value: float) -> None:
     with pytest.raises(InvalidValueError, match=f"canary.{name}"):
