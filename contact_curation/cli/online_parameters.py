@@ -26,6 +26,9 @@ BOARD_FRAME = "body_surface"
 TIMEOUTS = {"toss_timeout": (3.0, 12.0), "goal_timeout": (15.0, 45.0)}
 """How long the designer waits, for a throw's toss and for a throw to be made: so many seconds, and so many simulated ones."""
 
+RENDERING = 600.0
+"""[s] that a throw's images may take to be rendered, on a machine without a GPU."""
+
 
 class SessionFolder:
     """Where the things of a session lie.
@@ -84,6 +87,7 @@ def session_parameters(config: OnlineConfig, body: Body, folder: SessionFolder) 
     arm = {name: value for name, value in merged["sim_arm"].items() if name.startswith("arm.")}
     rate = float(merged["sim_arm"].get("rate", 1.0))
     timeouts = {name: real + (simulated / rate if rate else 0.0) for name, (real, simulated) in TIMEOUTS.items()}
+    timeouts["toss_timeout"] += RENDERING if config.camera == "rendered" else 0.0
     merged["throw_designer"] = {**timeouts, **merged["throw_designer"], **arm}
     for name, values in _of_session(config, folder).items():
         if name in merged:

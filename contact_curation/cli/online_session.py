@@ -23,7 +23,7 @@ AT_REST = 1.0
 """[s] that nothing must have changed for."""
 
 PATIENCE = 120.0
-"""[s] without any change, after the last throw, that are waited for."""
+"""[s] without any change, after the last throw, that are waited for, beyond the time that the designer gives a toss."""
 
 GAIN_PATIENCE = 20.0
 """[s] that are waited for what the last throw's toss taught: after a kill it may never be known."""
@@ -94,7 +94,7 @@ class Session:
         if not self._config.throws or len(self.standing.throws) < self._config.throws or waited < AT_REST:
             return False
         self.settled = self._at_rest()
-        return self.settled or waited > PATIENCE
+        return self.settled or waited > PATIENCE + self._toss_timeout
 
     def _at_rest(self) -> bool:
         standing = self.standing

@@ -71,6 +71,7 @@ def test_a_rendering_camera_and_who_reads_it_share_a_tag_map(tmp_path: Path) -> 
     found = parameters_of(tmp_path, camera="rendered")
     assert found["sim_camera"]["mode"] == "rendered"
     assert found["pose_ingest"]["tag_map"] == str(tmp_path / "tag_map.yaml")
+    assert found["throw_designer"]["toss_timeout"] > 300.0  # images take long
 
 
 @pytest.mark.parametrize(
