@@ -16,6 +16,8 @@ from contact_curation.errors import InvalidValueError
 
 APPLICATION = "contact_curation"
 ANYWHERE = "0.0.0.0"
+FLUSH_PERIOD = 0.5
+"""[s] Rows wait so long for others of their entity: a viewer takes few long chunks faster than many short ones."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ def open_screen(config: ServingConfig, layout: rrb.Blueprint) -> Screen:
     Raises:
         InvalidValueError: a port is in use, or the file cannot be written.
     """
-    stream = rr.RecordingStream(APPLICATION)
+    stream = rr.RecordingStream(APPLICATION, batcher_config=rr.ChunkBatcherConfig(flush_tick=FLUSH_PERIOD))
     sinks: list[rr.GrpcServerSink | rr.FileSink] = []
     if config.recording is not None:
         sinks.append(_file_sink(config.recording))

@@ -22,6 +22,9 @@ WIDTH, HEIGHT = 1600, 1000
 TIME_PANEL, TITLE, EDGE = 30, 32, 6
 """[dots] at the page's bottom, at a view's top, and around it."""
 
+SAME = 3
+"""Pictures that are the same when a page is at rest."""
+
 Picture = NDArray[np.uint8]
 """(H, W, 3)"""
 
@@ -96,16 +99,15 @@ def opened(address: str) -> Iterator[Page]:
             browser.close()
 
 
-def settled(page: Page, most: int = 40, pause: float = 2.0) -> Picture:
-    """The picture once it has stopped changing: whatever was moved, loaded or scrolled has come to rest."""
-    before = page.picture()
+def settled(page: Page, most: int = 40, pause: float = 3.0) -> Picture:
+    """The picture once it has stayed the same three times: whatever was moved, loaded or scrolled has come to rest."""
+    pictures = [page.picture()]
     for _ in range(most):
         page.wait(pause)
-        now = page.picture()
-        if np.array_equal(now, before):
+        pictures.append(page.picture())
+        if len(pictures) > SAME and all(np.array_equal(pictures[-1], one) for one in pictures[-SAME:]):
             break
-        before = now
-    return before
+    return pictures[-1]
 
 
 def share_changed(one: Picture, other: Picture) -> float:
