@@ -10,7 +10,10 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-EXECUTABLES = {"pose_ingest", "fisher_scorer", "curator", "trainer", "throw_designer", "sim_arm", "sim_camera", "player"}
+EXECUTABLES = {
+    *("pose_ingest", "fisher_scorer", "curator", "trainer", "throw_designer", "sim_arm", "sim_camera", "player"),
+    *("session_recorder", "dashboard"),
+}
 KERNEL = {f"contact_curation/solver/_kernel_{name}" for name in ("native.so", "native.flags", "baseline.so")}
 SHARED = {"package.xml", "config/cube.yaml"}
 
