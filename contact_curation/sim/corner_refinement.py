@@ -2,7 +2,8 @@
 
 The AprilTag library moves each edge by few samples in steps of a quarter pixel, which leaves more noise than the image has.
 Here each edge of the black square is crossed once per pixel of its length. The step from black to white in a crossing is where
-the grey value rises on average, sum_k x_k g_k / sum_k g_k with the rises g_k at x_k; a line is fitted to the steps.
+the grey value rises on average, sum_k x_k g_k / sum_k g_k with the rises g_k at x_k; a line is fitted to the steps. Falls count as
+they are: were they left out, noise would rise on average, and more so on the white side, where there is more of it.
 """
 
 from typing import NamedTuple
@@ -85,7 +86,7 @@ def edge_line(image: Image, start: Array, end: Array, middle: Array) -> Line | N
     offsets = SPACING * np.arange(-reach, reach + 1)  # (M,)
     places = start + at[:, None, None] * along + offsets[:, None] * outward  # (N, M, 2)
     x, y = np.moveaxis(places - MIDDLE_OF_FIRST_PIXEL, -1, 0)
-    rises = np.maximum(np.diff(map_coordinates(image, [y, x], output=float, order=1, mode="nearest"), axis=1), 0.0)
+    rises = np.diff(map_coordinates(image, [y, x], output=float, order=1, mode="nearest"), axis=1)
     heights = rises.sum(axis=1)
     clear = heights > max(0.5 * float(np.median(heights)), SMALLEST_RISE)
     if np.count_nonzero(clear) < FEWEST_CROSSINGS:

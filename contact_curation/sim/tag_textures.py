@@ -19,6 +19,9 @@ LIFT = 2e-5
 TEXELS_PER_CELL = 32
 WHITE, BLACK = 255, 0
 
+PRINT_WHITE, PRINT_BLACK = 230, 20
+"""Grey values of paper and ink. Noise about 0 or 255 would be clipped on one side, and edges would seem to be elsewhere."""
+
 CORNER_SIGNS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 TEXTURE_PLACES = np.array([[0, 1], [1, 1], [1, 0], [0, 0]])
 """Of the same corners: a texture's v goes down, from its first row."""
@@ -51,7 +54,8 @@ def add_tags(spec: mujoco.MjSpec, tags: TagMap, body: str = "") -> None:
 
 def _add_tag(spec: mujoco.MjSpec, holder: Any, tag: Tag) -> None:
     name = f"tag {tag.tag_id}"
-    texels = np.kron(tag_image(tag.tag_id), np.ones((TEXELS_PER_CELL, TEXELS_PER_CELL), dtype=np.uint8))
+    printed = np.where(tag_image(tag.tag_id) == WHITE, PRINT_WHITE, PRINT_BLACK).astype(np.uint8)
+    texels = np.kron(printed, np.ones((TEXELS_PER_CELL, TEXELS_PER_CELL), dtype=np.uint8))
     size = len(texels)
     spec.add_texture(
         name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=size, height=size, nchannel=3, data=np.repeat(texels, 3)
