@@ -2,8 +2,8 @@
 
 The AprilTag library moves each edge by few samples in steps of a quarter pixel, which leaves more noise than the image has.
 Here each edge of the black square is crossed once per pixel of its length. The step from black to white in a crossing is where
-the grey value rises on average, sum_k x_k g_k / sum_k g_k with the rises g_k at x_k; a line is fitted to the steps. Falls count as
-they are: were they left out, noise would rise on average, and more so on the white side, where there is more of it.
+the grey value rises on average, sum_k x_k g_k / sum_k g_k with the rises g_k at x_k; a line is fitted to the steps. Falls
+count as they are: were they left out, noise would rise on average, and more so on the white side, where there is more of it.
 """
 
 from typing import NamedTuple
