@@ -63,7 +63,7 @@ def _replayed(words: list[str], summary: Summary) -> tuple[dict[str, Any], dict[
         [sys.executable, "-m", "contact_curation.cli.main", *words[1:], "--json"], capture_output=True, text=True, check=False
     )
     if done.returncode != 0:
-        why = done.stderr.strip().rpartition("\n")[2]
+        why = done.stderr.strip().rpartition("\n")[2].removeprefix("contact-curation: error: ")
         return {}, {"same": False, "replay": f"the bag could not be ranked: {why}"}
     told: dict[str, Any] = json.loads(done.stdout)
     kept = [row["toss_id"] for row in told["tosses"] if row["kept"]]

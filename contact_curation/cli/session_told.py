@@ -70,6 +70,8 @@ def _ranking(rows: Sequence[Mapping[str, Any]]) -> list[ToldToss]:
 
 def _learning(bag: Path) -> tuple[Array, dict[str, Array]]:
     """Throws that had been scored at the end of each round of training, and the held-out errors then; none without any."""
+    if not bag.exists():  # it ended before anything was recorded
+        return np.zeros(0), {}
     with BagReader(bag) as reader:
         known = [info.name for info in reader.topics]
         if STATUS not in known:

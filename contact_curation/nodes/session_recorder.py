@@ -90,16 +90,22 @@ class SessionRecorder(StageNode):
             hidden = any(part.startswith("_") for part in topic.split("/"))
             if hidden or not self.count_publishers(topic):
                 continue
+            for more in types[1:]:
+                self._leave_out(topic, more, f"found the types {', '.join(types)}, expected one")
             try:
                 heard = self._offered(topic, types[0])
             except MissingDependencyError as error:
-                if (topic, types[0]) not in self._left_out:
-                    self._left_out.add((topic, types[0]))
-                    self._complaints.note("left out", f"{topic}: {error}")
+                self._leave_out(topic, types[0], str(error))
                 continue
             known = self._topics.get(topic)
             if heard is not None and (known is None or known[0] != heard):
                 self._subscribe(topic, heard)
+
+    def _leave_out(self, topic: str, kind: str, why: str) -> None:
+        """Says once what is not recorded."""
+        if (topic, kind) not in self._left_out:
+            self._left_out.add((topic, kind))
+            self._complaints.note("left out", f"{kind} on {topic}: {why}")
 
     def _offered(self, topic: str, kind: str) -> Heard | None:
         """How a topic is published; None where its publishers have gone meanwhile."""
