@@ -5,8 +5,8 @@ the arm brakes on the path that was found to be free; re-arming runs it back hom
 computed torque, tau = M (a + Kp e + Kd e') + bias, clipped to the motors' limits and to how fast they may change; the joints'
 dry friction is not known to it.
 
-After the release the arm waits until the body rests and was taken away. An arm that feels a push meanwhile leaves its path: it
-brakes, bears only its own weight, and goes home from where it then stands.
+After the release the arm waits until the body rests and was taken away. An arm that feels a push meanwhile grows soft: it slows
+down as planned but no longer holds its place, and goes home from where it then stands.
 """
 
 from dataclasses import dataclass, field
@@ -41,6 +41,9 @@ from contact_curation.sim.collision_reflex import CollisionReflex, ReflexConfig
 from contact_curation.sim.throw_motion import STEP, STEPS_PER_FRAME, ThrowMotion
 
 PER_FRAME = STEP * STEPS_PER_FRAME
+
+SOFT_DAMPING = 10.0
+"""Kd of an arm that gives way; it has no stiffness [1/s]."""
 
 
 class Phase(StrEnum):
@@ -249,9 +252,8 @@ class ArmSimulation:
         model, data, (joints, dofs) = self._models[self._held], self._data[self._held], self._arm[self._held]
         mujoco.mj_step1(model, data)
         speeds = data.qvel.copy()
-        pull = self.control.stiffness * (posture - data.qpos[joints]) + self.control.damping * (speed - data.qvel[dofs])
         wanted, moment = np.zeros(model.nv), np.zeros(model.nv)
-        wanted[dofs] = self._giving_way(speeds[dofs]) if self._yields else (next_speed - speed) / STEP + pull
+        wanted[dofs] = (next_speed - speed) / STEP + self._pull(posture - data.qpos[joints], speed - speeds[dofs])
         mujoco.mj_mulM(model, data, moment, wanted)
         limit, change = self.config.limits.torque, self.config.limits.torque_rate * STEP
         followed = np.clip(moment[dofs] + data.qfrc_bias[dofs], self._torques - change, self._torques + change)
@@ -266,10 +268,11 @@ class ArmSimulation:
         if self._held and self.phase is Phase.THROWING and self._at >= self._opens_at:
             self._open()
 
-    def _giving_way(self, speeds: Array) -> Array:
-        """Accelerations of an arm that brakes and holds no place."""
-        hardest = self.config.limits.acceleration
-        return np.clip(-self.control.damping * speeds, -hardest, hardest)
+    def _pull(self, off: Array, slow: Array) -> Array:
+        """Accelerations (7,) against errors of place (7,) and speed (7,)."""
+        if self._yields:
+            return SOFT_DAMPING * slow
+        return self.control.stiffness * off + self.control.damping * slow
 
     def _feel(self, outside: Array) -> None:
         """Notes what touches, and gives way to torques from outside (7,) that are too large."""
@@ -282,14 +285,12 @@ class ArmSimulation:
 
     def _ahead(self) -> tuple[float, float]:
         """The path's parameter and its rate after the next step."""
-        if self._yields:
-            return self._at, 0.0
         rate, change = self._rate, self._slowing * STEP
         past_release = self._release_row < self._at < self._stopped_row
         if not (past_release and self._wanted == 0.0):  # there the path slows down by itself, as hard as it may
             rate += float(np.clip(self._wanted - rate, -change, change))
         # The arm goes home when the body rests, so that it does not meet it on the way.
-        waits = not self._held and self._at <= self._stopped_row and not self._gone
+        waits = not self._held and self._at <= self._stopped_row and (self._yields or not self._gone)
         return float(np.clip(self._at + rate, 0.0, self._stopped_row if waits else len(self._path) - 1)), rate
 
     def _reference(self, at: float, rate: float) -> tuple[Array, Array]:
@@ -318,9 +319,9 @@ class ArmSimulation:
             self._home()
 
     def _stands(self) -> bool:
-        """Whether the arm, or the path it follows, stands still."""
-        if self._yields:
-            return bool(np.abs(self._data[False].qvel[self._arm[False][1]]).max() < self.control.still)
+        """Whether the path is followed no further, and an arm that gives way stands still."""
+        if self._yields and np.abs(self._data[False].qvel[self._arm[False][1]]).max() > self.control.still:
+            return False
         row = min(int(self._at), len(self._path) - 1)
         slowed = bool(self._at > self._release_row >= 0 and np.abs(self._path.speeds[row]).max() < 1e-9)
         return slowed or abs(self._rate) < 1e-9 or self._at >= len(self._path) - 1

@@ -1,8 +1,9 @@
 """What pushes against the arm, told from the torques that its model does not explain, and when it is too much.
 
 With the measured speeds q', outside = M dq'/dt + bias - motors, averaged over a few milliseconds; the joints' friction is part
-of it. An arm that feels too much of it has to give way; on its path it would push with all that its motors have. A residual of
-this kind, and what to do with it: Haddadin, De Luca, Albu-Schaeffer, Robot Collisions, IEEE T-RO 33(6), 2017.
+of it. An arm that feels too much of it has to give way; on its path it would push with all that its motors have. Residuals of
+this kind, and what to do then: Haddadin, De Luca, Albu-Schaeffer, Robot Collisions: A Survey on Detection, Isolation, and
+Identification, IEEE T-RO 33(6), 2017.
 """
 
 from dataclasses import dataclass
