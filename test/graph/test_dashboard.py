@@ -52,7 +52,7 @@ def start_stages(graph: Graph) -> None:
     graph.start("curator", top=TOP)
 
 
-def test_a_dashboard_that_starts_late_fills_every_view_and_ends_with_a_whole_recording(graph: Graph, golden_bag: Path) -> None:
+def test_a_dashboard_that_starts_late_fills_every_view_whatever_it_has_to_drop_at_first(graph: Graph, golden_bag: Path) -> None:
     buffers, diagnostics = graph.buffers(), graph.diagnostics()
     story = Storyteller(graph, golden_bag)
     story.tell()
@@ -73,6 +73,11 @@ def test_a_dashboard_that_starts_late_fills_every_view_and_ends_with_a_whole_rec
     time.sleep(2.5)  # the page of the nodes' health is written once a second
     assert node.stop() == 0, node.log()
     assert "Traceback" not in node.log()
+
+    diagnostics.clear()
+    graph.start("dashboard", recording=graph.folder / "narrow.rrd", web_port=0, queue=1)
+    graph.until(lambda: shows(diagnostics, expected, buffers[-1].revision), LONG, "what was dropped to be asked for again")
+    assert int(said(diagnostics, "dashboard").get("dropped toss", 0)) > 0
 
     written = Recorded(path)
     assert written.rows("/scene/moving") == sum(toss.frames for toss in tosses_of(golden_bag))
