@@ -2,7 +2,7 @@
 
     python -m benchmarks.soak --throws 200 --folder soak
 
-Every so many throws one of the eight nodes, chosen by the seed, is killed with SIGKILL. At the end:
+Every so many throws one of the eight nodes is killed with SIGKILL; the seed says in which order they come. At the end:
 
 - memory: resident size of each process that lives long enough, late against early (throw 50, or 20 throws after its start);
 - nothing lost: every toss that pose_ingest stored is in the scorer's and the curator's store at the last theta, and was
@@ -103,6 +103,7 @@ def main() -> int:
     parser.add_argument("--folder", type=Path, default=Path("soak"))
     arguments = parser.parse_args()
     session, samples, seconds = soak(arguments.folder, arguments.throws, arguments.every, arguments.seed)
+    (arguments.folder / "memory.json").write_text(json.dumps(samples))
     told = json.loads((arguments.folder / "session.json").read_text())
     print(f"{session.throws} throws in {seconds:.0f} s; restarts: {told['summary']['restarts']}")
     findings = [*memory(samples), *lost(arguments.folder, session, told), *buffers(arguments.folder, told)]
@@ -120,7 +121,7 @@ def soak(folder: Path, throws: int, every: int, seed: int) -> tuple[Session, lis
     command = [sys.executable, "-m", "contact_curation.cli.main", "online", "--throws", str(throws), "--rate", "0"]
     command += ["--top", "16", "--seed", str(seed), "--params-file", str(budgets), "--record", str(record)]
     random = np.random.default_rng(seed)
-    session, samples, due = Session(folder), [], every
+    session, samples, due, deck = Session(folder), [], every, list[str]()
     began = time.monotonic()
     with (folder / "online.log").open("wb") as log, subprocess.Popen(command, stdout=log, stderr=log) as online:
         try:
@@ -130,7 +131,8 @@ def soak(folder: Path, throws: int, every: int, seed: int) -> tuple[Session, lis
                 samples += [Sample(session.throws, node, pid, resident(pid)) for node, pid in session.pids.items()]
                 if due <= session.throws < throws:
                     due += every
-                    victim = str(random.choice(EIGHT))
+                    deck = deck or [str(one) for one in random.permutation(EIGHT)]
+                    victim = deck.pop()
                     if victim in session.pids:
                         print(f"throw {session.throws}: {victim} is killed", flush=True)
                         os.kill(session.pids[victim], signal.SIGKILL)
