@@ -18,6 +18,9 @@ from typing import NamedTuple, Self
 
 from contact_curation.errors import ContactCurationError
 
+PRCTL = ctypes.CDLL(None).prctl
+"""Looked up beforehand: between fork and exec as little as possible may happen."""
+
 SET_PARENT_DEATH_SIGNAL = 1
 """Of Linux's prctl."""
 
@@ -244,6 +247,6 @@ def _ending(status: int) -> str:
 
 def _end_with(parent: int) -> None:
     """Between fork and exec: even where the parent is killed, this process is too; it may be gone already."""
-    ctypes.CDLL(None).prctl(SET_PARENT_DEATH_SIGNAL, signal.SIGKILL)
+    PRCTL(SET_PARENT_DEATH_SIGNAL, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)
