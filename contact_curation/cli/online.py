@@ -1,10 +1,11 @@
 """`online`: the whole graph as processes, closed to a loop: design, throw, track, ingest, score, curate, train, design."""
 
 import argparse
-from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Protocol
 
 from contact_curation.cli.node_parameters import write_node_parameters
 from contact_curation.cli.online_events import EventLog
@@ -16,6 +17,7 @@ from contact_curation.cli.online_session import Session
 from contact_curation.cli.online_summary import Summary, print_summary, summary_of
 from contact_curation.cli.report import print_json
 from contact_curation.cli.stop_signals import StopSignals
+from contact_curation.cli.supervisor import Incident
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.storage.body_file import read_body
 
@@ -40,20 +42,26 @@ def run(arguments: argparse.Namespace) -> int:
     config = online_config(arguments)
     with TemporaryDirectory(prefix="contact-curation-online-") as temporary:
         folder = SessionFolder(config.record or Path(temporary))
-        say = _silent if arguments.json else _say
+        voice = _Json() if arguments.json else _Lines()
         with StopSignals() as stop:
-            summary = run_session(config, folder, arguments.command, stop, say)
-        if arguments.json:
-            print_json(summary.document)
-        else:
-            print_summary(summary)
+            summary = run_session(config, folder, arguments.command, stop, voice)
     if config.throws and not summary.complete:
         raise KeyboardInterrupt
     return 0
 
 
+class Voice(Protocol):
+    """Says how a session goes."""
+
+    def say(self, line: str) -> None:
+        """On the way."""
+
+    def conclude(self, summary: Summary) -> None:
+        """What came of it."""
+
+
 def run_session(
-    config: OnlineConfig, folder: SessionFolder, command: tuple[str, ...], stop: StopSignals, say: Callable[[str], None]
+    config: OnlineConfig, folder: SessionFolder, command: tuple[str, ...], stop: StopSignals, voice: Voice
 ) -> Summary:
     """A session from its start to what came of it.
 
@@ -62,7 +70,7 @@ def run_session(
         folder: of the session.
         command: that asked for it, for the record.
         stop: ends it early.
-        say: told a line now and then.
+        voice: says how it goes.
     """
     body = read_body(config.body_file) if config.body_file else CONTACTNETS_CUBE
     parameters = session_parameters(config, body, folder)
@@ -71,25 +79,48 @@ def run_session(
     write_tag_map(config, body, folder)
     with ExitStack() as running:
         events = running.enter_context(EventLog(folder.events))
-        supervisor = running.enter_context(supervised(parameters, folder, events.incident))
-        session = Session(config, body, parameters, folder, events, say)
+        tell = partial(_tell, events, voice)
+        supervisor = running.enter_context(supervised(parameters, folder, tell))
+        session = Session(config, body, parameters, folder, events, voice.say)
         supervisor.start()
         session.follow(supervisor, stop)
-        staying = config.stay and not stop.wanted
+        staying = config.stay and bool(session.address) and not stop.wanted
         supervisor.stop([name for name in parameters if not (staying and name == DASHBOARD)])
         summary = summary_of(config, body, session, folder.checkpoint, supervisor.restarts, events)
         if config.record:
-            say("all nodes have ended; replaying the recorded session, and writing its report")
+            voice.say("all nodes have ended; replaying the recorded session, and writing its report")
             summary = finish_record(config, folder, parameters, command, summary, events)
+        voice.conclude(summary)
         if staying:
-            say(f"the dashboard goes on at {session.address}, until Ctrl-C")
+            voice.say(f"\nThe dashboard goes on until Ctrl-C: {session.address}")
             session.stay(supervisor, stop)
     return summary
 
 
-def _say(line: str) -> None:
-    print(line, flush=True)
+def _tell(events: EventLog, voice: Voice, incident: Incident) -> None:
+    """Notes an incident, and says it where somebody should know."""
+    events.incident(incident)
+    if incident.what == "died":
+        voice.say(f"{incident.program} died ({incident.detail})")
+    elif incident.what == "given up":
+        voice.say(f"{incident.program} is given up ({incident.detail})")
 
 
-def _silent(line: str) -> None:
-    """Only JSON is wanted."""
+class _Lines:
+    """For people."""
+
+    def say(self, line: str) -> None:
+        print(line, flush=True)
+
+    def conclude(self, summary: Summary) -> None:
+        print_summary(summary)
+
+
+class _Json:
+    """For programs: one object and nothing else."""
+
+    def say(self, line: str) -> None:
+        """Only JSON is wanted."""
+
+    def conclude(self, summary: Summary) -> None:
+        print_json(summary.document)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from contact_curation.cli.free_port import free_port
 from contact_curation.cli.node_parameters import EVERY_NODE, Parameters, read_node_parameters
 from contact_curation.cli.online_options import OnlineConfig
 from contact_curation.contact.body import Body
@@ -22,6 +23,8 @@ OTHERS = ("player",)
 OF_BODIES = ("pose_ingest", "fisher_scorer", "trainer", "throw_designer", "sim_arm", "sim_camera", DASHBOARD)
 SEEDED = ("curator", "trainer", "sim_arm", "sim_camera")
 BOARD_FRAME = "body_surface"
+PORTS = {"web_port": 9090, "grpc_port": 9876}
+"""Of the dashboard, where they are free."""
 
 TIMEOUTS = {"toss_timeout": (3.0, 12.0), "goal_timeout": (15.0, 45.0)}
 """How long the designer waits, for a throw's toss and for a throw to be made: so many seconds, and so many simulated ones."""
@@ -89,6 +92,8 @@ def session_parameters(config: OnlineConfig, body: Body, folder: SessionFolder) 
     timeouts = {name: real + (simulated / rate if rate else 0.0) for name, (real, simulated) in TIMEOUTS.items()}
     timeouts["toss_timeout"] += RENDERING if config.camera == "rendered" else 0.0
     merged["throw_designer"] = {**timeouts, **merged["throw_designer"], **arm}
+    if config.dashboard:
+        merged[DASHBOARD] = {**{name: free_port(port) for name, port in PORTS.items()}, **merged[DASHBOARD]}
     for name, values in _of_session(config, folder).items():
         if name in merged:
             merged[name] |= values

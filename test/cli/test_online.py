@@ -2,11 +2,13 @@
 
 import argparse
 import json
+import socket
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from contact_curation.cli.free_port import free_port
 from contact_curation.cli.main import main
 from contact_curation.cli.node_parameters import Parameters
 from contact_curation.cli.online_graph import graph_environment
@@ -64,7 +66,17 @@ def test_listeners_run_only_where_they_are_wanted(tmp_path: Path) -> None:
     assert recorded["dashboard"]["web_port"] == 0
     served = parameters_of(tmp_path, dashboard=True)
     assert "session_recorder" not in served
-    assert "web_port" not in served["dashboard"]
+    assert served["dashboard"]["web_port"] != served["dashboard"]["grpc_port"]
+
+
+def test_a_port_that_is_taken_is_not_given_to_the_dashboard(tmp_path: Path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        assert free_port(port) != port
+    own = "dashboard: {ros__parameters: {web_port: 1234}}"
+    assert parameters_of(tmp_path, own, dashboard=True)["dashboard"]["web_port"] == 1234
 
 
 def test_a_rendering_camera_and_who_reads_it_share_a_tag_map(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from urllib.request import urlopen
 
 import pytest
 
@@ -106,6 +107,26 @@ def test_nothing_outlives_a_command_that_is_killed_and_its_bag_can_be_read(tmp_p
     wait_until(lambda: not nodes_of(tmp_path), 10.0)
     with BagReader(folder / "session.mcap") as bag:
         assert len(list(bag.messages(["/toss"]))) >= 1
+
+
+def test_a_dashboard_that_stays_is_served_when_the_throws_are_over_until_a_signal(tmp_path: Path) -> None:
+    folder = tmp_path / "session"
+    command = [*ONLINE, *quick(tmp_path), "--throws", "1", "--record", str(folder), "--stay"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as online:
+        assert online.stdout is not None
+        said = ""
+        while "goes on until Ctrl-C" not in said:
+            line = online.stdout.readline()
+            assert line, said
+            said += line
+        address = said.strip().rpartition(" ")[2]
+        with urlopen(address, timeout=30.0) as page:
+            assert page.status == 200
+        assert count(folder, "stopped") == 8
+        online.send_signal(signal.SIGINT)
+        assert online.wait(LONG) == 0
+    assert "1 made" in said
+    assert count(folder, "stopped", "dashboard") == 1
 
 
 def test_a_node_that_refuses_its_parameters_ends_it_with_one_line(tmp_path: Path) -> None:
