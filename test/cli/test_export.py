@@ -9,6 +9,7 @@ import pytest
 
 from contact_curation.cli.export import KINDS
 from contact_curation.cli.export_formats import FORMATS, file_names
+from contact_curation.cli.main import main
 from contact_curation.storage.manifest_file import read_manifest
 from test.cli.commands import Cli
 from test.storage.test_inputs import rosbag2_sqlite
@@ -17,11 +18,17 @@ from test.storage.test_tagslam_bag import save_contactnets, synthetic_toss
 TOP = 6
 
 
-@pytest.fixture
-def manifest(cli: Cli, golden: Path, tmp_path: Path) -> Path:
-    path = tmp_path / "manifest.csv"
-    assert cli("rank", golden, "--top", TOP, "--out", path, "--no-figure").status == 0
+@pytest.fixture(scope="module")
+def ranked(golden: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("ranked") / "manifest.csv"
+    assert main(["rank", str(golden), "--top", str(TOP), "--out", str(path), "--no-figure"]) == 0
     return path
+
+
+@pytest.fixture
+def manifest(ranked: Path, tmp_path: Path) -> Path:
+    """Of the golden bag; a copy, for tests that look whether it is left alone."""
+    return Path(shutil.copy(ranked, tmp_path / "manifest.csv"))
 
 
 def digests(folder: Path) -> dict[str, str]:
@@ -74,7 +81,7 @@ def test_what_contactnets_files_hold_ranks_like_the_recording(cli: Cli, golden: 
 
 def test_several_inputs_of_several_kinds_each_give_their_own(cli: Cli, golden: Path, tmp_path: Path) -> None:
     other, manifest = rosbag2_sqlite(tmp_path), tmp_path / "m.parquet"
-    cli("rank", golden, other, "--top", 23, "--out", manifest, "--no-figure")
+    cli("rank", golden, other, "--top", 23, "--jobs", 1, "--out", manifest, "--no-figure")
     done = cli("export", golden, other, "--manifest", manifest, "--format", "mcap", "--out", tmp_path / "out", "--json")
     assert {one["place"] for one in done.json["tosses"]} == {"golden.mcap", "a.mcap"}
     assert len(done.json["tosses"]) == 23
