@@ -7,7 +7,6 @@ def free_port(wanted: int) -> int:
     """The port that is wanted, or another one where that is taken; somebody else may still be faster."""
     for port in (wanted, 0):
         with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
                 probe.bind(("", port))
             except OSError:
