@@ -1,10 +1,13 @@
 """Why informative tosses say too little of friction, and which rule mends it: on tosses below 400 alone, by cross-validation.
 
 `why` fits all training tosses, and then asks of sets of them which friction they would say, all else held: of the four quarters
-by duration, and of what each rule keeps at that fit. `search` trains on what rules keep of four fifths of the training tosses
-and judges by the last fifth; a seed is a fifth and an initialisation. The tosses are found through CONTACTNETS_DATA.
+by duration, and of what each rule keeps at that fit. `ground` says how that fit predicts the same tosses' motion, beside one whose
+ground may lean and one with friction acting at the vertices of the gaps. `search` trains on what rules keep of four fifths of the
+training tosses and judges by the last fifth; a seed is a fifth and an initialisation. The tosses are found through
+CONTACTNETS_DATA.
 
     python -m benchmarks.rules why
+    python -m benchmarks.rules ground
     python -m benchmarks.rules search [--rules random longest log-det representative] [--sizes 8 16 32] [--seeds 10]
                                       [--faults] [--share 0.05] [--out cells.jsonl] [--jobs N]
 """
@@ -26,14 +29,17 @@ import torch
 from benchmarks._data import contactnets_folder, training_and_held_out
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import Estimator
+from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.parameter_form import Form
-from contact_curation.contact.polytope_model import PolytopeModel
+from contact_curation.contact.polytope_model import INITIAL_NOISE, PolytopeModel
 from contact_curation.information.pool import Indices
 from contact_curation.learning.bootstrap import BootstrapConfig
+from contact_curation.learning.evaluation import EvaluationConfig, evaluate_model
 from contact_curation.learning.experiment_cell import Cell
 from contact_curation.learning.experiment_faults import Fault
+from contact_curation.learning.experiment_fit import fit_held
 from contact_curation.learning.experiment_rules import BASELINES, RULES
-from contact_curation.learning.experiment_run import ONE_THREAD, Bench, run_cell, select
+from contact_curation.learning.experiment_run import FIT, ONE_THREAD, Bench, run_cell, select
 from contact_curation.learning.experiment_summary import Summary, summarised
 from contact_curation.learning.polytope_sums import polytope_sums
 from contact_curation.motion.gates import GateConfig
@@ -61,7 +67,7 @@ FRICTION = -4
 def main() -> int:
     """Prints tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("what", choices=("why", "search"))
+    parser.add_argument("what", choices=("why", "ground", "search"))
     parser.add_argument("--rules", nargs="+", default=["random", "longest", "log-det", "representative"], choices=RULES)
     parser.add_argument("--sizes", nargs="+", type=int, default=[8, 16, 32])
     parser.add_argument("--seeds", type=int, default=10)
@@ -77,6 +83,8 @@ def main() -> int:
     tosses = training_and_held_out(folder).training
     if arguments.what == "why":
         print_why(Bench(CONTACTNETS_CUBE, tosses, (), GateConfig()))
+    elif arguments.what == "ground":
+        print_ground(Bench(CONTACTNETS_CUBE, tosses, (), GateConfig()))
     else:
         print_search(search(arguments, tosses))
     return 0
@@ -103,6 +111,25 @@ def print_why(bench: Bench) -> None:
         if name != "all" and not name.endswith("static"):
             kept = [np.array([names[one] for one in select(rule, model, bench.training, size, 0)]) for size in (8, 16, 32)]
             print(f"{name:22}" + "".join(f"{said(places):10.4f}" for places in kept))
+
+
+def print_ground(bench: Bench) -> None:
+    """How three fits to all tosses predict the motion of the same tosses."""
+    data = transitions_of(bench.training, bench.body.length_scale)
+    free = fit_held(bench.initial_polytope(0), data, replace(FIT, tilt=INITIAL_NOISE)).model.geometry()
+    level = bench.reference
+    fits = {
+        "level ground": level,
+        "ground that may lean": free,
+        "level, friction at the vertices of the gaps": replace(level, vertices_tangent=level.vertices_normal),
+        "the cube as described": ContactGeometry.of_body(bench.body),
+    }
+    print(f"{'mean errors over the training tosses':46}{'position':>10}{'rotation':>10}{'friction':>10}{'lean, deg':>11}")
+    for name, geometry in fits.items():
+        model = PolytopeModel(geometry, bench.body, Form.PHYSICAL)
+        errors = evaluate_model(model, bench.training, EvaluationConfig(loss=ONE_THREAD)).errors
+        friction, lean = np.linalg.norm(geometry.tangents[0]), np.degrees(np.arccos(min(geometry.normal[2], 1.0)))
+        print(f"{name:46}{errors.position.mean():10.2f}{errors.rotation.mean():10.2f}{friction:10.4f}{lean:11.2f}")
 
 
 def search(arguments: argparse.Namespace, tosses: Sequence[Toss]) -> list[dict[str, Any]]:
