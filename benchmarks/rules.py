@@ -1,10 +1,10 @@
 """Why informative tosses say too little of friction, and which rule mends it: on tosses below 400 alone, by cross-validation.
 
-`why` fits all training tosses, and then asks of sets of them which friction they would say, all else held: of the four quarters
-by duration, and of what each rule keeps at that fit. `ground` says how that fit predicts the same tosses' motion, beside one whose
-ground may lean and one with friction acting at the vertices of the gaps. `search` trains on what rules keep of four fifths of the
-training tosses and judges by the last fifth; a seed is a fifth and an initialisation. The tosses are found through
-CONTACTNETS_DATA.
+`why` fits all training tosses, and then asks of sets of them which friction they would say, all else held: of the four
+quarters by duration, and of what each rule keeps at that fit. `ground` says how that fit predicts the motion of the same
+tosses, beside one whose ground may lean and one with friction acting at the vertices of the gaps. `search` trains on what
+rules keep of four fifths of the training tosses and judges by the last fifth; a seed is a fifth and an initialisation. The
+tosses are found through CONTACTNETS_DATA.
 
     python -m benchmarks.rules why
     python -m benchmarks.rules ground
