@@ -12,7 +12,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -55,12 +55,12 @@ def main() -> int:
     parser.add_argument("picture", type=Path, help="PNG file")
     parser.add_argument("--throws", type=int, default=12, help="of the session (default 12)")
     parser.add_argument("--rate", type=float, default=0.0, help="simulated seconds a second (default 0: as fast as possible)")
+    parser.add_argument("--address", help="of a dashboard that is served already, instead of a session")
     arguments = parser.parse_args()
-    with (
-        TemporaryDirectory() as folder,
-        session(arguments.throws, arguments.rate, Path(folder)) as address,
-        opened(address) as page,
-    ):
+    with TemporaryDirectory() as folder, ExitStack() as running:
+        throws, rate = arguments.throws, arguments.rate
+        address = arguments.address or running.enter_context(session(throws, rate, Path(folder)))
+        page = running.enter_context(opened(address))
         page.wait(20.0)
         settled(page, most=LOOKS)
         taken = page.png()
