@@ -82,7 +82,7 @@ def _spectrum() -> rrb.BarChartView:
 
 
 def _epsilon() -> rrb.TimeSeriesView:
-    return _curves(ranking_view.EPSILON, "Kept set against all")
+    return _curves(ranking_view.EPSILON, "Kept set against all", rrb.Corner2D.RightBottom)
 
 
 def _known() -> rrb.TimeSeriesView:
@@ -113,5 +113,5 @@ def _health() -> rrb.TextDocumentView:
     return rrb.TextDocumentView(origin=health_view.TABLE, name="Health of the nodes")
 
 
-def _curves(origin: str, name: str) -> rrb.TimeSeriesView:
-    return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop))
+def _curves(origin: str, name: str, legend: rrb.Corner2D = rrb.Corner2D.RightTop) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=rrb.PlotLegend(corner=legend))
