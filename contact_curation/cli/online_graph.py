@@ -18,8 +18,9 @@ OTHER_RANGES = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS")
 LISTENERS = 1
 """Stage of the nodes that only listen: they are stopped last, so that they hear how the others end."""
 
-ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
-"""The nodes share the processors: threads of one would only wait for each other."""
+SHARED = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
+"""Nodes share the machine: threads of one would only wait for each other, and the middleware's many threads would each keep
+memory of their own."""
 
 
 def supervised(
@@ -53,9 +54,7 @@ def graph_environment(own: Mapping[str, str], logs: Path) -> dict[str, str]:
     if "ROS_AUTOMATIC_DISCOVERY_RANGE" not in own:
         environment = {name: value for name, value in environment.items() if name not in OTHER_RANGES}
         environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-    for name in ONE_THREAD:
-        environment.setdefault(name, "1")
-    return environment
+    return {**SHARED, **environment}
 
 
 def _program(name: str, parameters: Path) -> Program:
