@@ -21,7 +21,9 @@ INNER = 0.1
 REACH = 0.45
 """How far a crossing goes to both sides, in cells of the tag: there is one cell without another step on either side."""
 
-LONGEST_REACH = 3.0
+REACHES = (3.0, 1.5)
+"""[px] At most, in one round after the other: the further a crossing goes, the more noise is in it."""
+
 SPACING = 0.5
 """[px] of the samples of a crossing."""
 
@@ -29,7 +31,6 @@ SMALLEST_RISE = 10.0
 """Grey values that an edge rises by at least."""
 
 FEWEST_CROSSINGS = 4
-ROUNDS = 2
 MIDDLE_OF_FIRST_PIXEL = 0.5
 
 
@@ -53,18 +54,19 @@ def refined_corners(image: Image, corners: Array) -> Array:
         corners: in order round the tag, as the AprilTag library gives them.
     """
     given = corners
-    for _ in range(ROUNDS):
-        lines = [edge_line(image, corners[place], corners[(place + 1) % 4], corners.mean(axis=0)) for place in range(4)]
+    for reach in REACHES:
+        middle = corners.mean(axis=0)
+        lines = [edge_line(image, corners[place], corners[(place + 1) % 4], middle, reach) for place in range(4)]
         kept = [line for line in lines if line is not None]
         if len(kept) < 4:
             return given
         corners = np.array([_meeting(kept[place - 1], kept[place]) for place in range(4)])
-        if not np.abs(corners - given).max() < LONGEST_REACH:  # also where lines are parallel
+        if not np.abs(corners - given).max() < REACHES[0]:  # also where lines are parallel
             return given
     return corners
 
 
-def edge_line(image: Image, start: Array, end: Array, middle: Array) -> Line | None:
+def edge_line(image: Image, start: Array, end: Array, middle: Array, longest: float) -> Line | None:
     """The line along an edge of a tag; None where the tag is too small or there is no step from black to white.
 
     Args:
@@ -72,13 +74,14 @@ def edge_line(image: Image, start: Array, end: Array, middle: Array) -> Line | N
         start: (2,) one end of the edge [px].
         end: (2,) the other.
         middle: (2,) of the tag: its inside is black.
+        longest: how far a crossing goes to both sides at most [px].
     """
     length = float(np.linalg.norm(end - start))
     along = (end - start) / max(length, SPACING)
     across = np.array([along[1], -along[0]])
     width = float(across @ (start - middle))
     outward = across if width > 0.0 else -across
-    reach = int(min(REACH * 2.0 * abs(width) / BLACK_CELLS, LONGEST_REACH) / SPACING)
+    reach = int(min(REACH * 2.0 * abs(width) / BLACK_CELLS, longest) / SPACING)
     crossings = int(length * (1.0 - 2.0 * INNER))
     if reach < 2 or crossings < FEWEST_CROSSINGS:
         return None
