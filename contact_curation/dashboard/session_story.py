@@ -185,7 +185,7 @@ def nodes_figure(story: SessionStory) -> "Figure":
         for begin, end in _runs([event for event in story.events if event.node == node], story.seconds):
             panel.barh(row, end - begin, left=begin, height=0.5, color=GREEN)
         deaths = [event.seconds for event in story.events if event.node == node and event.event == "died"]
-        panel.plot(deaths, [row] * len(deaths), linestyle="", marker="x", color=ORANGE, markersize=8)
+        panel.plot(deaths, [row] * len(deaths), linestyle="", marker="x", color=LINE, markersize=8, markeredgewidth=2)
     panel.set(yticks=range(len(nodes)), yticklabels=nodes, xlabel="time [s]", xlim=(0.0, max(story.seconds, 1.0)))
     panel.invert_yaxis()
     panel.grid(alpha=0.3, axis="x")
