@@ -24,10 +24,10 @@ from test.graph.conftest import GOLDEN
 COLOURS = 192
 """Of the picture: few colours make a small file."""
 
-LOOKS = 15
+LOOKS = 4
 """At most until the page counts as at rest: nodes that have ended are told by the second."""
 
-SEEN_BY_THEN = re.compile(r"goes on at (\S+?),? until")
+SERVED_STILL = re.compile(r"dashboard goes on.*?(http://[^\s,]+)")
 
 
 @contextmanager
@@ -40,7 +40,7 @@ def session(throws: int, rate: float, folder: Path) -> Iterator[str]:
         try:
             for line in process.stdout:
                 sys.stderr.write(line)
-                if found := SEEN_BY_THEN.search(line):
+                if found := SERVED_STILL.search(line):
                     yield found.group(1)
                     return
             raise RuntimeError("the session ended before its dashboard was served")
