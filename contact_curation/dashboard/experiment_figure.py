@@ -102,6 +102,8 @@ def _draw(axes: "Axes", panel: Panel, places: str) -> None:
     axes.set(xlabel=places, ylabel=panel.measure)
     if panel.logarithmic and any((series.values > 0.0).any() for series in panel.series):
         axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("{x:g}")
     axes.grid(alpha=0.3, which="both")
 
 
