@@ -101,7 +101,10 @@ def _draw(axes: "Axes", panel: Panel, places: str) -> None:
         axes.axhline(panel.level, color="#444444", linestyle=":")
     axes.set(xlabel=places, ylabel=panel.measure)
     if panel.logarithmic and any((series.values > 0.0).any() for series in panel.series):
+        from matplotlib.ticker import LogLocator
+
         axes.set_yscale("log")
+        axes.yaxis.set_minor_locator(LogLocator(subs=(2.0, 3.0, 5.0)))
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter("{x:g}")
     axes.grid(alpha=0.3, which="both")
