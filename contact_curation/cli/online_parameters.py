@@ -94,7 +94,7 @@ def session_parameters(config: OnlineConfig, body: Body, folder: SessionFolder) 
     merged["throw_designer"] = {**timeouts, **merged["throw_designer"], **arm}
     if config.dashboard:
         merged[DASHBOARD] = {**{name: free_port(port) for name, port in PORTS.items()}, **merged[DASHBOARD]}
-    for name, values in _of_session(config, folder).items():
+    for name, values in _of_session(config, body, folder).items():
         if name in merged:
             merged[name] |= values
     return merged
@@ -134,15 +134,20 @@ def _of_options(config: OnlineConfig, body: Body) -> dict[str, Parameters]:
     return optional
 
 
-def _of_session(config: OnlineConfig, folder: SessionFolder) -> dict[str, Parameters]:
-    """What makes the nodes one session."""
+def _of_session(config: OnlineConfig, body: Body, folder: SessionFolder) -> dict[str, Parameters]:
+    """What makes the nodes one session.
+
+    The topic of the poses is named: where pose_ingest looks before the camera is there, the ground truth is the only one.
+    """
     own: dict[str, Parameters] = {name: {"store": str(folder.store(name).absolute())} for name in STAGES[:5]}
     own["trainer"] |= {"checkpoint": str(folder.checkpoint.absolute())}
     own["throw_designer"] |= {"auto": True, "max_throws": config.throws, "thrower": "arm"}
     own["sim_arm"] = {"armed": True, "external_heartbeat": False, "state": str((folder.stores / "sim_arm.json").absolute())}
     own["sim_camera"] = {"mode": config.camera}
     if config.camera == "rendered":
-        own["pose_ingest"]["tag_map"] = str(folder.tag_map.absolute())
+        own["pose_ingest"] |= {"tag_map": str(folder.tag_map.absolute()), "topic": ""}
+    else:
+        own["pose_ingest"] |= {"tag_map": "", "topic": f"/tagslam/odom/body_{body.name}"}
     own[RECORDER] = {"bag": str(folder.bag.absolute())}
     own[DASHBOARD] = {"recording": str(folder.recording.absolute()) if config.record else ""}
     if not config.dashboard:

@@ -46,7 +46,7 @@ def rank_command(folder: SessionFolder, parameters: Mapping[str, Parameters], bo
         words += [word for name, option in options.items() if name in values for word in (option, str(values[name]))]
     if scorer.get("influence_bound", float("inf")) != float("inf"):
         words += ["--influence-bound", str(scorer["influence_bound"])]
-    words += [word for name in POSES if name in ingest for word in (f"--{name.replace('_', '-')}", str(ingest[name]))]
+    words += [word for name in POSES if ingest.get(name) for word in (f"--{name.replace('_', '-')}", str(ingest[name]))]
     words += _settings("segmenter", ingest, SegmenterConfig(), "segmenter.")
     words += _settings("gates", ingest, GateConfig(), "gates.")
     words += _settings("poses", ingest, PoseTopicConfig(), "")

@@ -1,7 +1,8 @@
 """The whole graph, closed to a loop: throws are designed, made by the simulated arm, tracked, scored, curated, and trained on.
 
     ros2 launch contact_curation online.launch.py folder:=results
-    ros2 launch contact_curation online.launch.py throws:=12 rate:=0.0 camera:=rendered dashboard:=true record:=true
+    ros2 launch contact_curation online.launch.py throws:=12 rate:=0.0 dashboard:=true record:=true
+    ros2 launch contact_curation online.launch.py camera:=rendered topic:='' tag_map:=cube_tags.yaml
 
 With an arm or a tracker of your own, leave out what stands for it: arm:=false, or camera:=none. Nodes that die are started
 again. `contact-curation online` does the same without ROS's launch, and ends with a summary and a report.
@@ -36,13 +37,19 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument("rate", default_value="1.0", description="simulated seconds a second; 0: as fast as possible"),
         DeclareLaunchArgument("arm", default_value="true", description="the simulated arm throws"),
         DeclareLaunchArgument("camera", default_value="poses", description="the simulated camera: poses, rendered, or none"),
+        DeclareLaunchArgument(
+            "topic", default_value="/tagslam/odom/body_cube", description="the body's poses; empty with a rendering camera"
+        ),
         DeclareLaunchArgument("tag_map", default_value="", description="tags of body and board, for a rendering camera"),
         DeclareLaunchArgument("dashboard", default_value="false", description="serve the dashboard to a browser"),
         DeclareLaunchArgument("record", default_value="false", description="record all topics into session.mcap"),
         DeclareLaunchArgument("params_file", default_value=default_file, description="parameters of the nodes"),
     ]
     own = {
-        "pose_ingest": {"tag_map": ParameterValue(LaunchConfiguration("tag_map"), value_type=str)},
+        "pose_ingest": {
+            "topic": ParameterValue(LaunchConfiguration("topic"), value_type=str),  # or the ground truth, where that is first
+            "tag_map": ParameterValue(LaunchConfiguration("tag_map"), value_type=str),
+        },
         "throw_designer": {
             "auto": True,
             "max_throws": ParameterValue(LaunchConfiguration("throws"), value_type=int),

@@ -83,7 +83,12 @@ def test_a_rendering_camera_and_who_reads_it_share_a_tag_map(tmp_path: Path) -> 
     found = parameters_of(tmp_path, camera="rendered")
     assert found["sim_camera"]["mode"] == "rendered"
     assert found["pose_ingest"]["tag_map"] == str(tmp_path / "tag_map.yaml")
+    assert found["pose_ingest"]["topic"] == ""
     assert found["throw_designer"]["toss_timeout"] > 300.0  # images take long
+
+
+def test_the_tracked_poses_are_named_so_that_the_ground_truth_is_never_taken_for_them(tmp_path: Path) -> None:
+    assert parameters_of(tmp_path)["pose_ingest"]["topic"] == "/tagslam/odom/body_cube"
 
 
 @pytest.mark.parametrize(
