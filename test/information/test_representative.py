@@ -58,6 +58,20 @@ def test_it_picks_what_plain_loops_over_whole_matrices_pick(seed: int) -> None:
     assert found.scores[7] == pytest.approx(-plain_cost(pool, [7]), rel=1e-6)
 
 
+def test_exchanges_improve_what_greedy_picks_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    costs = []
+    for seed in range(6):
+        pool = pool_of(with_scores(tosses(25, 5, 3, seed), 0.3, seed))
+        coordinates = [pool_subspace(pool).per_mean_toss(len(pool))]
+        improved = select_representative([pool], coordinates, 5, PRIOR).order[:5].tolist()
+        with monkeypatch.context() as patched:
+            patched.setattr(representative, "EXCHANGES", 0)
+            greedy = select_representative([pool], coordinates, 5, PRIOR).order[:5].tolist()
+        costs.append((plain_cost(pool, improved), plain_cost(pool, greedy)))
+    assert all(one <= other * (1.0 + 1e-9) for one, other in costs)
+    assert sum(one < 0.9 * other for one, other in costs) >= 2
+
+
 def opinionated() -> list[TossInformation]:
     """Two parameters; of 40 tosses the ten that know most say 1/2 of the first one, the others -2/3; all together -1/5."""
     infos = []
