@@ -10,11 +10,11 @@ from contact_curation.cli.body_option import add_body_option
 from contact_curation.cli.settings import add_settings, with_settings
 
 
-def add_reading_options(parser: argparse.ArgumentParser, stages: tuple[str, ...]) -> None:
-    """Adds the options; `stages` are those whose fields `--set` may change."""
+def add_reading_options(parser: argparse.ArgumentParser, stages: tuple[str, ...], *, needed: bool = True) -> None:
+    """Adds the options; `stages` are those whose fields `--set` may change, and `needed` whether there must be an INPUT."""
     parser.add_argument(
         "inputs",
-        nargs="+",
+        nargs="+" if needed else "*",
         type=Path,
         metavar="INPUT",
         help="MCAP file, rosbag2 folder or its storage file, ROS 1 bag, folder of ContactNets .pt files or one of them",

@@ -1,15 +1,19 @@
 """`reproduce EXPERIMENT INPUT... --out DIR`: an experiment of the paper's or ours, from its tosses to tables and figures."""
 
 import argparse
+import os
 from pathlib import Path
 
 from contact_curation.cli.held_out_option import add_held_out_option
 from contact_curation.cli.option_types import natural_number, number_from_zero, positive_integer
 from contact_curation.cli.reading_options import add_reading_options
 from contact_curation.cli.report import add_json_option
+from contact_curation.errors import InvalidValueError
 
 EXPERIMENTS = ("dataset-quality", "functionals", "robustness", "theorem", "calibration")
-PUBLIC_HELD_OUT = "400-569"
+PUBLIC_DATA, TOSSES, PUBLIC_HELD_OUT = "CONTACTNETS_DATA", "tosses_processed", "400-569"
+"""Where ContactNets' tosses are, and which of them are for evaluation only."""
+
 BUDGET = 400
 """Gradient steps of the budgeted protocol (METHOD, appendix A)."""
 
@@ -19,10 +23,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Runs an experiment cell by cell: a rule keeps some tosses, a model learns from them, held-out motion judges it. Every "
         "finished cell is a line of DIR/cells.jsonl; the same command goes on where it was stopped. Ends with rows.csv, "
-        "summary.csv (medians over seeds, differences to random and longest, 95 % bootstrap intervals) and figure.png."
+        "summary.csv (medians over seeds, differences to random and longest, 95 % bootstrap intervals) and figure.png. Without "
+        f"INPUT it takes ContactNets' tosses, from the folder {TOSSES}/ in the one that {PUBLIC_DATA} names."
     )
     parser.add_argument("experiment", choices=EXPERIMENTS, metavar="EXPERIMENT", help=", ".join(EXPERIMENTS))
-    add_reading_options(parser, ("poses", "segmenter", "gates"))
+    add_reading_options(parser, ("poses", "segmenter", "gates"), needed=False)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the results")
     group = parser.add_argument_group("what is run (defaults: docs/results.md)")
     add_held_out_option(group, f"default {PUBLIC_HELD_OUT}")
@@ -50,6 +55,18 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         ContactCurationError: the tosses or the options cannot be used, or the folder belongs to another experiment.
     """
+    if not arguments.inputs:
+        arguments.inputs = [_public_tosses()]
     from contact_curation.cli.reproduce_run import run_experiment  # torch takes over a second, which --help need not wait for
 
     return run_experiment(arguments)
+
+
+def _public_tosses() -> Path:
+    """The folder that the environment names."""
+    folder = os.environ.get(PUBLIC_DATA, "")
+    if not folder:
+        raise InvalidValueError(
+            "INPUT", f"none, and no {PUBLIC_DATA}", f"recordings, or {PUBLIC_DATA}: a folder with {TOSSES}/"
+        )
+    return Path(folder) / TOSSES

@@ -13,6 +13,7 @@ from contact_curation.storage.tag_detections import CAMERA_INFO, DETECTIONS, Tag
 from contact_curation.storage.tag_map_file import read_tag_rig
 
 TF_STATIC_NAME = "tf_static"
+TRUTH_NAME = "ground_truth"
 
 
 class TypedTopic(NamedTuple):
@@ -133,8 +134,8 @@ def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: st
     """Chooses the topics that tell of a body.
 
     The body's topic is the one configured; or the one named after the body (TagSLAM's `.../body_<name>`); or the only one of
-    the first of `POSE_TYPES` that there is; or TF. The board has a topic if one is named after its frame; where nothing else
-    could lead to it, the poses are taken to be given on it.
+    the first of `POSE_TYPES` that there is; or TF. What a simulation knows of the truth has to be named. The board has a topic
+    if one is named after its frame; where nothing else could lead to it, the poses are taken to be given on it.
 
     Args:
         where: the bag or graph, for messages.
@@ -190,7 +191,7 @@ def _named(topics: Collection[TypedTopic], name: str) -> TypedTopic | None:
 
 
 def _fitting(topics: Collection[TypedTopic], board: TypedTopic | None, names: set[str]) -> TypedTopic | None:
-    candidates = [one for one in topics if one.type in POSE_TYPES and one != board]
+    candidates = [one for one in topics if one.type in POSE_TYPES and one != board and _last_part(one.name) != TRUTH_NAME]
     tiers: Sequence[list[TypedTopic]] = (
         [one for one in candidates if _last_part(one.name) in names],
         *([one for one in candidates if one.type == kind] for kind in POSE_TYPES),

@@ -123,3 +123,18 @@ def test_a_folder_of_other_tosses_is_refused(cli: Cli, folder: Path, tmp_path: P
     done = cli(*words, "7,8")
     assert done.status == 1
     assert f"tosses of {tmp_path / 'cells.jsonl'}" in done.err
+
+
+def test_without_an_input_the_tosses_are_those_that_the_environment_names(
+    cli: Cli, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ("reproduce", "theorem", *SMALL, "--rules", "random", "--out", tmp_path / "out")
+    monkeypatch.delenv("CONTACTNETS_DATA", raising=False)
+    refused = cli(*words)
+    assert refused.status == 1
+    assert "found none, and no CONTACTNETS_DATA" in refused.err
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "tosses_processed").symlink_to(folder)
+    monkeypatch.setenv("CONTACTNETS_DATA", str(tmp_path / "data"))
+    assert cli(*words).status == 0
+    assert len(table(tmp_path / "out" / "rows.csv")) > 0

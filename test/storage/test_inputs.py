@@ -9,13 +9,14 @@ import torch
 from rosbags.rosbag2 import StoragePlugin
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.errors import MissingTopicError
 from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.pose_stream import FramePose
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.storage.inputs import InputsConfig, InputSummary, Problem, open_inputs
 from contact_curation.storage.pose_messages import ODOMETRY, POSE, POSE_ARRAY, POSE_WITH_COVARIANCE, TF
-from contact_curation.storage.pose_source import PoseTopicConfig
+from contact_curation.storage.pose_source import PoseTopicConfig, TypedTopic, find_pose_source
 from test.motion.streams import board_in_map, in_map, stream
 from test.storage.bags import NOETIC, Sent, note, write_ours, write_ros1, write_rosbag2
 from test.storage.pose_recordings import LOG_OFFSET_NS, recorded, transforms
@@ -204,7 +205,6 @@ def test_a_bag_that_defines_odometry_its_own_way_is_read_as_far_as_it_goes(tmp_p
 
     from contact_curation.storage.bag_records import BagMessage
     from contact_curation.storage.bag_tosses import BagTosses
-    from contact_curation.storage.pose_source import TypedTopic, find_pose_source
     from contact_curation.storage.provenance import TossProvenance
 
     source = find_pose_source("a", [TypedTopic(BODY, ODOMETRY)], "cube", PoseTopicConfig())
@@ -269,3 +269,12 @@ def test_a_topic_can_be_named_where_several_would_do(tmp_path: Path) -> None:
     items, (summary,) = opened(bag, poses=PoseTopicConfig(topic="/b"))
     assert kinds(items) == ["Toss", "Toss"]
     assert summary.topic == "/b"
+
+
+def test_what_a_simulation_knows_of_the_truth_is_taken_only_by_its_name() -> None:
+    truth = TypedTopic("/ground_truth", ODOMETRY)
+    with pytest.raises(MissingTopicError):
+        find_pose_source("a", [truth], "cube", PoseTopicConfig())
+    other = TypedTopic("/my_tracker/pose", ODOMETRY)
+    assert find_pose_source("a", [truth, other], "cube", PoseTopicConfig()).body == other
+    assert find_pose_source("a", [truth, other], "cube", PoseTopicConfig(topic="ground_truth")).body == truth
