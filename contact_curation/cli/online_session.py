@@ -10,11 +10,14 @@ from contact_curation.cli.online_events import EventLog
 from contact_curation.cli.online_options import OnlineConfig
 from contact_curation.cli.online_parameters import DASHBOARD, SessionFolder
 from contact_curation.cli.online_settling import awaits_gain, awaits_motion, is_scored, rejected_motion, training_is_due
+from contact_curation.cli.online_standstill import Standstill
 from contact_curation.cli.online_stores import SessionStores, Standing, ThrowMade
 from contact_curation.cli.stop_signals import StopSignals
 from contact_curation.cli.supervisor import Supervisor
 from contact_curation.contact.body import Body
 from contact_curation.errors import UnreadableInputError
+
+ARM = "sim_arm"
 
 POLL = 0.25
 """[s] between looks."""
@@ -73,13 +76,18 @@ class Session:
         """Until the throws are over and everything is at rest, or a signal comes.
 
         Raises:
-            ProgramFailedError: a node cannot be kept running.
+            ProgramFailedError: a node cannot be kept running, or no throws come.
         """
+        standstill = Standstill(time.monotonic())
         while not (stop.wanted or self._is_over()):
             time.sleep(POLL)
             supervisor.look()
             self._look()
             self._look_for_address()
+            throws = len(self.standing.throws)
+            if throws < self._config.throws and standstill.found(throws, time.monotonic()):
+                self._say("no throw for long: the arm, which may have stopped itself, is started again")
+                supervisor.kill(ARM)
         self._tell_of_throws(everything=True)
 
     def stay(self, supervisor: Supervisor, stop: StopSignals) -> None:

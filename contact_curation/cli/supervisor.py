@@ -139,6 +139,10 @@ class Supervisor:
         """File with what a program said."""
         return self._runs[name].log
 
+    def kill(self, name: str) -> None:
+        """Ends a program at once; it is started again as after any death."""
+        self._runs[name].kill()
+
     def stop(self, names: Sequence[str] | None = None) -> None:
         """Asks programs to end, those of a low stage first, and insists after a while; all of them by default."""
         chosen = [run for name, run in self._runs.items() if names is None or name in names]

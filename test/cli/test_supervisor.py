@@ -153,3 +153,12 @@ def test_no_program_outlives_a_supervisor_that_is_killed(tmp_path: Path) -> None
     while any(alive(pid) for pid in pids):
         assert time.monotonic() < end, "a program outlived its supervisor"
         time.sleep(0.05)
+
+
+def test_a_program_that_is_killed_on_purpose_comes_back(tmp_path: Path) -> None:
+    supervisor, heard = made(tmp_path, program("node", SLEEPS))
+    with supervisor:
+        supervisor.start()
+        supervisor.kill("node")
+        look_until(supervisor, lambda: supervisor.restarts == {"node": 1})
+    assert [one.what for one in heard] == ["started", "died", "restarted", "stopped"]

@@ -1,0 +1,46 @@
+"""When throws have stopped coming: an arm that stopped itself waits to be armed, which here only a new start does."""
+
+from contact_curation.cli.supervisor import ProgramFailedError
+
+LONGEST_PAUSE = 180.0
+"""[s] between two throws; one that is rendered takes two minutes on busy cores."""
+
+MOST_STARTS = 3
+"""Of the arm, without a throw in between."""
+
+
+class Standstill:
+    """Remembers when the last throw came.
+
+    Args:
+        now: a steady clock [s].
+    """
+
+    def __init__(self, now: float) -> None:
+        self._throws = 0
+        self._since = now
+        self._starts = 0
+
+    def found(self, throws: int, now: float) -> bool:
+        """Whether the arm should be started again; asked often.
+
+        Args:
+            throws: made so far.
+            now: the clock.
+
+        Raises:
+            ProgramFailedError: that has not helped.
+        """
+        if throws != self._throws:
+            self._throws, self._since, self._starts = throws, now, 0
+        if now - self._since < LONGEST_PAUSE:
+            return False
+        if self._starts == MOST_STARTS:
+            waited = LONGEST_PAUSE * (MOST_STARTS + 1)
+            raise ProgramFailedError(
+                f"found no throw for {waited:.0f} s after {throws} throws, though sim_arm was started again {MOST_STARTS} "
+                "times; see the logs of sim_arm and throw_designer"
+            )
+        self._since = now
+        self._starts += 1
+        return True

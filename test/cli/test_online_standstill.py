@@ -1,0 +1,29 @@
+"""An arm that has stopped throwing is started again, some times, and then the session says so and ends."""
+
+import pytest
+
+from contact_curation.cli.online_standstill import LONGEST_PAUSE, MOST_STARTS, Standstill
+from contact_curation.cli.supervisor import ProgramFailedError
+
+
+def test_while_throws_come_nothing_is_started_again() -> None:
+    standstill = Standstill(0.0)
+    assert not any(standstill.found(number, 0.9 * LONGEST_PAUSE * number) for number in range(10))
+
+
+def test_without_throws_the_arm_is_started_again_and_a_throw_makes_all_well() -> None:
+    standstill = Standstill(0.0)
+    assert not standstill.found(0, LONGEST_PAUSE - 1.0)
+    for round_number in range(1, 5):  # more often than it may be without a throw
+        now = 2.0 * LONGEST_PAUSE * round_number
+        assert standstill.found(round_number - 1, now)
+        assert not standstill.found(round_number, now + 1.0)
+
+
+def test_when_starting_again_does_not_help_the_session_ends_with_one_line() -> None:
+    standstill = Standstill(0.0)
+    for attempt in range(1, MOST_STARTS + 1):
+        assert standstill.found(0, LONGEST_PAUSE * attempt)
+        assert not standstill.found(0, LONGEST_PAUSE * attempt + 1.0)
+    with pytest.raises(ProgramFailedError, match="found no throw for 720 s after 0 throws"):
+        standstill.found(0, LONGEST_PAUSE * (MOST_STARTS + 1))
