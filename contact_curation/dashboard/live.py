@@ -26,7 +26,7 @@ from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.record import TossInformation
 from contact_curation.motion.toss import Toss
 
-VERSIONS_KEPT = 2
+VERSIONS_KEPT = 1
 """Newest thetas that are remembered, with their information, beside that of the kept set."""
 
 

@@ -58,7 +58,7 @@ class SessionRecorder(StageNode):
         path = declare(self, "bag", "", "file to record into, *.mcap; one that is there is gone on with")
         self._depth = declare(self, "queue_depth", 16384, "messages kept per topic until they are taken", bounds=(1, 1 << 20))
         self._most = declare(self, "memory", 1 << 28, "bytes that may wait to be written", bounds=(1 << 20, 1 << 40))
-        period = declare(self, "flush_period", 0.5, "what is older than this outlives a kill [s]", bounds=(0.01, 60.0))
+        period = declare(self, "flush_period", 1.0, "what is older than this outlives a kill [s]", bounds=(0.01, 60.0))
         if Path(path).suffix != ".mcap":
             raise InvalidValueError("parameter bag", repr(path), "a file name ending in .mcap")
         self._complaints = Complaints(self)

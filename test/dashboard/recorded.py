@@ -1,5 +1,6 @@
 """Reading back what a dashboard wrote, from its .rrd file."""
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 from rerun.chunk import RrdReader
+from rerun.error_utils import RerunWarning
 
 from contact_curation.dashboard.screen import Screen
 
@@ -21,8 +23,10 @@ class Recorded:
     """
 
     def __init__(self, path: Path) -> None:
-        reader = RrdReader(path)
-        self.blueprints = len(reader.blueprints())
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RerunWarning)  # that there is no footer, as is meant
+            reader = RrdReader(path)
+            self.blueprints = len(reader.blueprints())
         self._chunks = [(chunk.entity_path, chunk.to_record_batch()) for chunk in reader.stream().to_chunks()]
 
     def column(self, entity: str, name: str) -> list[Any]:

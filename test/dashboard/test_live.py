@@ -168,4 +168,4 @@ def test_information_of_old_thetas_is_forgotten(made: Scored, tmp_path: Path) ->
     for version in "abcdefgh":
         live.add_information(replace(made.informations[0], parameters_version=version))
         live.set_theta(replace(made.theta, version=version))
-    assert list(live._informations) == list(live._thetas) == ["f", "g", "h"]
+    assert list(live._informations) == list(live._thetas) == ["g", "h"]
