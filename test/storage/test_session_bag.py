@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from contact_curation.errors import InvalidValueError
+from contact_curation.storage import session_bag
 from contact_curation.storage.bag_reader import BagReader
 from contact_curation.storage.bag_records import OfferedQos, RawMessage
 from contact_curation.storage.session_bag import SessionBag
@@ -66,6 +67,13 @@ def test_a_killed_writer_leaves_what_was_flushed_and_the_next_one_goes_on(tmp_pa
     assert len(heard(path, "/truth")) == 301
     with BagReader(path) as reader:
         assert reader.qos("/poses") == LATCHED
+
+
+def test_of_a_latched_topic_the_newest_are_known_in_any_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(session_bag, "REMEMBERED", 10)
+    with SessionBag(tmp_path / "session.mcap") as bag:
+        assert all(bag.write(said("/poses", number), LATCHED) for number in [*range(0, 50, 2), *range(1, 50, 2)])
+        assert not any(bag.write(said("/poses", number), LATCHED) for number in range(49, 39, -1))
 
 
 def test_only_one_may_write_and_a_refused_one_takes_nothing_away(tmp_path: Path) -> None:
