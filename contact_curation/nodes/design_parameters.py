@@ -6,10 +6,10 @@ from rclpy.node import Node
 
 from contact_curation.contact.body import Body
 from contact_curation.design.canary import CanaryConfig
+from contact_curation.design.designer import ONE_THREAD, DesignerConfig
 from contact_curation.design.outlook import OutlookConfig
 from contact_curation.design.planner import DesignConfig
 from contact_curation.design.safety_set import Feasible
-from contact_curation.nodes.design_stage import ONE_THREAD, DesignStageConfig
 from contact_curation.nodes.parameters import declare, declare_config
 
 JUDGED = ("forecast", "safety", "noise", "placement")
@@ -34,7 +34,7 @@ def declared_thrower(node: Node, body: Body) -> Feasible | None:
     return ArmFeasibility(ThrowPlanner(body, arm), GateConfig(keep_out_place=(arm.base[0], arm.base[1])))
 
 
-def declared_design(node: Node) -> DesignStageConfig:
+def declared_design(node: Node) -> DesignerConfig:
     """How throws are designed.
 
     Raises:
@@ -53,7 +53,7 @@ def declared_design(node: Node) -> DesignStageConfig:
     outlook = OutlookConfig()
     judged = {name: declare_config(node, getattr(outlook, name), f"{name}.") for name in JUDGED}
     refinement = declare_config(node, default.refinement, "refinement.")
-    return DesignStageConfig(
+    return DesignerConfig(
         planner=replace(default, **own, outlook=replace(outlook, **judged), refinement=refinement),
         canary=declare_config(node, CanaryConfig(), "canary."),
         loss=declare_config(node, ONE_THREAD, "loss."),

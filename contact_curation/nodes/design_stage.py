@@ -7,22 +7,20 @@ are planned at the one before, at which everything is known.
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.evaluation import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.design.adaptive import AdaptiveDesign, overall_ratio
-from contact_curation.design.canary import CanaryConfig, distrust
+from contact_curation.design.designer import Designer, DesignerConfig
 from contact_curation.design.particle import Particle
-from contact_curation.design.planner import DesignConfig, Planner
+from contact_curation.design.planner import Planner
 from contact_curation.design.safety_set import Feasible
 from contact_curation.design.throw import Throw
 from contact_curation.design.throw_prior import PUBLISHED_PRIOR, ReleasePrior
 from contact_curation.design.throw_report import ThrowReport
-from contact_curation.design.warm_up_plan import warm_up_plan
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
 from contact_curation.nodes.messages.model_parameters import bytes_of_geometry, geometry_of_bytes
@@ -31,26 +29,8 @@ from contact_curation.storage.state_store import StateStore
 
 THETA, SCORES = "theta", "reference scores"
 
-ONE_THREAD = replace(DEFAULT_LOSS, threads=1)
-"""The nodes of a graph share the processors."""
-
 VERSIONS_KEPT = 3
 """Thetas that are kept in memory, with their information: a trainer may be this much ahead of the scorer."""
-
-
-@dataclass(frozen=True)
-class DesignStageConfig:
-    """How throws are designed and when theta is trusted with it.
-
-    Attributes:
-        planner: how throws are chosen.
-        canary: when theta is trusted.
-        loss: of the information.
-    """
-
-    planner: DesignConfig = field(default_factory=DesignConfig)
-    canary: CanaryConfig = field(default_factory=CanaryConfig)
-    loss: LossConfig = ONE_THREAD
 
 
 class DesignStage:
@@ -68,17 +48,14 @@ class DesignStage:
     def __init__(
         self,
         body: Body,
-        config: DesignStageConfig,
+        config: DesignerConfig,
         states: StateStore,
         geometry: ContactGeometry | None = None,
         prior: ReleasePrior = PUBLISHED_PRIOR,
         feasible: Feasible | None = None,
     ) -> None:
-        self._body = body
-        self._config = config
+        self._designer = Designer(body, config, prior, feasible)
         self._states = states
-        self._prior = prior
-        self._feasible = feasible
         self._infos: dict[str, dict[str, TossInformation]] = {}
         self._stamps: dict[str, int] = {}
         self._kept: frozenset[str] = frozenset()
@@ -88,7 +65,7 @@ class DesignStage:
         known = states.load(THETA)
         theta = geometry_of_bytes(known) if known is not None else geometry
         if theta is not None:
-            self._take_up(self._particle(theta))
+            self._take_up(self._designer.particle(theta))
 
     @property
     def version(self) -> str:
@@ -117,7 +94,7 @@ class DesignStage:
 
     def renew(self, geometry: ContactGeometry) -> bool:
         """Goes on with another theta; False when it is the same."""
-        particle = self._particle(geometry)
+        particle = self._designer.particle(geometry)
         if particle.version == self.version:
             return False
         self._states.save({THETA: bytes_of_geometry(geometry)})
@@ -157,27 +134,19 @@ class DesignStage:
             InvalidValueError: no release may be thrown.
         """
         own = self._log.begun if seed is None else seed
-        name = f"{self._body.name}-throw-{self._log.begun}" + ("" if seed is None else f"-{seed}")
+        name = f"{self._designer.body.name}-throw-{self._log.begun}" + ("" if seed is None else f"-{seed}")
         reason = self.distrust()
         if reason is None:
             return Proposal(self._design(self._best_known()).plan([name], own).throws[0], None)
-        planner = self._planner_of(self._particle(ContactGeometry.of_body(self._body)))
         thrown = [made.executed.release for made in self.throws]
-        plan = warm_up_plan(planner, [name], planner.known(), own, thrown)
-        return Proposal(replace(plan.throws[0], expected_information=0.0, parameters_version=""), reason)
+        return Proposal(self._designer.warm_up(name, own, thrown), reason)
 
     def distrust(self) -> str | None:
         """Why theta is not trusted with choosing throws; None when it is."""
         if not self._particles:
             return "parameters: found none, expected model_parameters"
-        canary, version = self._config.canary, self._best_known()
-        if not canary.enabled:
-            return None
-        losses = self._first_losses(version)
-        early = distrust(replace(canary, least_agreement=-1.0), losses, [np.arange(2.0)] * 2)
-        if early is not None:
-            return early  # before anything costly is asked
-        return distrust(canary, losses, self._reference_scores(version))
+        version = self._best_known()
+        return self._designer.distrust(self._first_losses(version), lambda: self._reference_scores(version))
 
     def begin(self, proposal: Proposal) -> ThrowReport:
         """A throw is about to be commanded: its number is used up, whatever becomes of it."""
@@ -253,7 +222,7 @@ class DesignStage:
 
     def _design(self, version: str, without: str = "") -> AdaptiveDesign:
         if version not in self._planners:
-            self._planners[version] = self._planner_of(self._particles[version])
+            self._planners[version] = self._designer.planner(self._particles[version])
         pairs = [(made.commanded, made.executed) for made in self.throws]
         return AdaptiveDesign(self._planners[version], [self._known_infos(version, without)], pairs)
 
@@ -271,12 +240,6 @@ class DesignStage:
             kept = dict(list(kept.items())[-2:])
             self._states.save({SCORES: json.dumps(kept).encode()})
         return [np.array(scores) for scores in kept.values()]
-
-    def _particle(self, geometry: ContactGeometry) -> Particle:
-        return Particle(geometry, self._body, self._config.loss)
-
-    def _planner_of(self, particle: Particle) -> Planner:
-        return Planner([particle], self._prior, config=self._config.planner, feasible=self._feasible)
 
 
 def _loss_key(toss_id: str) -> str:

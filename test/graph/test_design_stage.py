@@ -9,18 +9,19 @@ import numpy as np
 import pytest
 
 from contact_curation.design.canary import CanaryConfig
+from contact_curation.design.designer import DesignerConfig
 from contact_curation.design.particle import Particle
 from contact_curation.design.throw import Throw
 from contact_curation.design.throw_report import ThrowKind, ThrowState
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.record import TossInformation
-from contact_curation.nodes.design_stage import DesignStage, DesignStageConfig
+from contact_curation.nodes.design_stage import DesignStage
 from contact_curation.sim.thrown_toss import thrown_toss
 from contact_curation.storage.state_store import StateStore
 from test.design.cases import CUBE, LOSS, PARTICLE, SMALL, TRUE, other_theta
 from test.simulated import simulated_tosses
 
-CONFIG = DesignStageConfig(SMALL, CanaryConfig(least_tosses=2, least_agreement=-1.0), LOSS)
+CONFIG = DesignerConfig(SMALL, CanaryConfig(least_tosses=2, least_agreement=-1.0), LOSS)
 TRUSTING = replace(CONFIG, canary=CanaryConfig(enabled=False))
 NEARLY = other_theta(1.001, 0.181)
 SECOND = 1_000_000_000
