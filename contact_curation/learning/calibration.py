@@ -14,13 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from contact_curation.contact.evaluation import Estimator, LossConfig
-from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.known import Known, KnownConfig, known, unit_sizes
 from contact_curation.learning.polytope_fit import FitConfig, fit_polytope
-from contact_curation.learning.polytope_sums import moved, polytope_sums
+from contact_curation.learning.polytope_sums import moved, physical_difference, polytope_sums
 from contact_curation.motion.transitions import Transitions
 
 RESAMPLE_TOLERANCE = 1e-7
@@ -126,7 +125,7 @@ def bootstrap_deviations(
     for _ in range(resamples):
         weights = np.bincount(rng.integers(tosses, size=tosses), minlength=tosses)
         fit = fit_polytope(model, data, config, weights)
-        thetas.append(_theta(fit.model.geometry(), model.geometry()))
+        thetas.append(physical_difference(fit.model.geometry(), model.geometry()))
         converged += fit.converged
     return BootstrapDeviations(np.std(thetas, axis=0, ddof=1), converged)
 
@@ -134,12 +133,3 @@ def bootstrap_deviations(
 def _score(model: PolytopeModel, data: Transitions, loss: LossConfig, step: Array) -> Array:
     """(P,) summed, a step away."""
     return np.asarray(polytope_sums(moved(model, step), data, Estimator.EMPIRICAL, loss).scores.sum(axis=0))
-
-
-def _theta(geometry: ContactGeometry, origin: ContactGeometry) -> Array:
-    """(P,) where a geometry is from another one with the same pivot, in the physical coordinates about the latter."""
-    friction, own = (float(np.linalg.norm(each.tangents[0])) for each in (geometry, origin))
-    tilt = (origin.tangents / own) @ geometry.normal / (origin.normal @ geometry.normal)
-    vertices = (getattr(geometry, name) - getattr(origin, name) for name in ("vertices_normal", "vertices_tangent"))
-    shift = geometry.height - origin.height
-    return np.concatenate([*(each.ravel() for each in vertices), [np.log(friction / own)], tilt, [shift]])

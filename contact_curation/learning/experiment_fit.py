@@ -19,11 +19,10 @@ import numpy as np
 
 from contact_curation.contact.evaluation import DEFAULT_LOSS, Estimator, LossConfig
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.contact.polytope_model import INITIAL_NOISE, PolytopeModel
 from contact_curation.errors import InvalidValueError
-from contact_curation.geometry.quaternions import Array
-from contact_curation.learning.polytope_sums import moved, polytope_sums
+from contact_curation.learning.damped_descent import DescentLimits, Place, descend
+from contact_curation.learning.polytope_sums import physical_difference, polytope_sums
 from contact_curation.motion.transitions import Transitions
 
 
@@ -74,19 +73,6 @@ class HeldFit(NamedTuple):
     steps: int
 
 
-class _Place(NamedTuple):
-    """A model, the sum there, minus half its slope (P,), and half its Gauss-Newton curvature (P, P)."""
-
-    model: PolytopeModel
-    objective: float
-    score: Array
-    information: Array
-
-
-SHRINK, GROW = 0.2, 4.0
-"""What the damping is multiplied with after a step that was taken, or was not."""
-
-
 def fit_held(
     start: PolytopeModel, data: Transitions, config: HeldFitConfig | None = None, origin: PolytopeModel | None = None
 ) -> HeldFit:
@@ -120,24 +106,12 @@ def _fit(
     tolerance: float,
     damping: float,
 ) -> HeldFit:
-    here, tried = _place(model, data, config, origin, noise), 0
-    while tried < config.steps:
-        tried += 1
-        step = np.linalg.solve(here.information + damping * np.diag(np.diagonal(here.information)), here.score)
-        there = _place(moved(here.model, step), data, config, origin, noise)
-        if there.objective <= here.objective:
-            arrived = here.objective - there.objective <= tolerance * here.objective
-            here, damping = there, SHRINK * damping
-            if arrived:
-                break
-        elif damping > config.largest_damping:
-            break
-        else:
-            damping *= GROW
-    return HeldFit(here.model, here.objective, tried)
+    limits = DescentLimits(tolerance, config.steps, damping, config.largest_damping)
+    found = descend(model, lambda here: _place(here, data, config, origin, noise), limits)
+    return HeldFit(found.place.model, found.place.objective, found.steps)
 
 
-def _place(model: PolytopeModel, data: Transitions, config: HeldFitConfig, origin: ContactGeometry, noise: float) -> _Place:
+def _place(model: PolytopeModel, data: Transitions, config: HeldFitConfig, origin: ContactGeometry, noise: float) -> Place:
     geometry = model.geometry()
     sums = polytope_sums(model, data, Estimator.GAUSS_NEWTON, config.loss)
     away = physical_difference(geometry, origin)
@@ -148,19 +122,4 @@ def _place(model: PolytopeModel, data: Transitions, config: HeldFitConfig, origi
     score[-1] -= ground * geometry.height
     information[-1, -1] += ground
     objective = float(sums.losses.sum() + holds @ away**2 + ground * geometry.height**2)
-    return _Place(model, objective, score, information)
-
-
-def physical_difference(geometry: ContactGeometry, origin: ContactGeometry) -> Array:
-    """(P,) from `origin` to a geometry with the same pivot, in the physical coordinates about the former.
-
-    Raises:
-        InvalidValueError: one of them has no physical form.
-    """
-    for each in (geometry, origin):
-        parameter_form(each, Form.PHYSICAL)
-    friction, own = (float(np.linalg.norm(each.tangents[0])) for each in (geometry, origin))
-    tilt = (origin.tangents / own) @ geometry.normal / (origin.normal @ geometry.normal)
-    vertices = (getattr(geometry, name) - getattr(origin, name) for name in ("vertices_normal", "vertices_tangent"))
-    shift = geometry.height - origin.height
-    return np.concatenate([*(each.ravel() for each in vertices), [np.log(friction / own)], tilt, [shift]])
+    return Place(model, objective, score, information)

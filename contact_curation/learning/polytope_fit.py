@@ -1,10 +1,9 @@
-"""A polytope fitted to tosses to the last digit, by damped Gauss-Newton steps (Levenberg 1944, Marquardt 1963).
+"""A polytope fitted to tosses to the last digit: the optimum of the weighted loss, by the steps of `learning.damped_descent`.
 
-    theta <- theta + (H + d diag H)^-1 s,      H = sum_k w_k F_k the Gauss-Newton information,  s = sum_k w_k s_k the score
+    H = sum_k w_k F_k the Gauss-Newton information,  s = sum_k w_k s_k the score,     over tosses k
 
-A step is taken when it lowers the weighted loss, and d then shrinks; otherwise d grows. With some fifty parameters and the
-kernel's exact matrices a dozen steps reach the optimum that gradient descent needs thousands for. That makes it the tool for
-questions about the optimum itself, such as how far it moves when tosses are drawn anew; a network has no such matrices.
+That makes it the tool for questions about the optimum itself, such as how far it moves when tosses are drawn anew; a network
+has no such matrices.
 """
 
 from dataclasses import dataclass, field
@@ -17,7 +16,8 @@ from contact_curation.contact.evaluation import DEFAULT_LOSS, Estimator, LossCon
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.learning.polytope_sums import moved, polytope_sums
+from contact_curation.learning.damped_descent import DescentLimits, Place, descend
+from contact_curation.learning.polytope_sums import polytope_sums
 from contact_curation.motion.transitions import Transitions
 
 
@@ -63,19 +63,6 @@ class PolytopeFit(NamedTuple):
     not_solved: int
 
 
-class _Place(NamedTuple):
-    """A model, its weighted loss, score (P,), information (P, P), and how many transitions are not solved."""
-
-    model: PolytopeModel
-    loss: float
-    score: Array
-    information: Array
-    not_solved: int
-
-
-SHRINK, GROW = 0.2, 4.0
-"""What the damping is multiplied with after a step that was taken, or was not."""
-
 FLOOR = 1e-12
 """Share of the mean diagonal that is always added: a vertex that never came near the board stays where it is."""
 
@@ -96,32 +83,17 @@ def fit_polytope(
     """
     config = config or FitConfig()
     counts = _checked_weights(weights, len(data.toss_ids))
-    here, damping = _place(model, data, counts, config), config.damping
-    for tried in range(1, config.max_steps + 1):
-        there = _place(moved(here.model, _step(here, damping)), data, counts, config)
-        if there.loss <= here.loss and there.not_solved <= here.not_solved:
-            arrived = here.loss - there.loss <= config.tolerance * here.loss
-            here, damping = there, SHRINK * damping
-            if arrived:
-                return PolytopeFit(here.model, here.loss, tried, True, here.not_solved)
-        elif damping > config.largest_damping:
-            return PolytopeFit(here.model, here.loss, tried, there.not_solved <= here.not_solved, here.not_solved)
-        else:
-            damping *= GROW
-    return PolytopeFit(here.model, here.loss, tried, False, here.not_solved)
+    limits = DescentLimits(config.tolerance, config.max_steps, config.damping, config.largest_damping, FLOOR)
+    found = descend(model, lambda here: _place(here, data, counts, config), limits)
+    end = found.place
+    return PolytopeFit(end.model, end.objective, found.steps, found.arrived, end.not_solved)
 
 
-def _place(model: PolytopeModel, data: Transitions, weights: Array, config: FitConfig) -> _Place:
+def _place(model: PolytopeModel, data: Transitions, weights: Array, config: FitConfig) -> Place:
     sums = polytope_sums(model, data, Estimator.GAUSS_NEWTON, config.loss)
     information = np.tensordot(weights, sums.fishers, axes=1)
     missing = int(sums.not_solved[weights > 0.0].sum())
-    return _Place(model, float(weights @ sums.losses), weights @ sums.scores, information, missing)
-
-
-def _step(place: _Place, damping: float) -> Array:
-    diagonal = np.diagonal(place.information)
-    damped = place.information + np.diag(damping * diagonal + FLOOR * diagonal.mean())
-    return np.asarray(np.linalg.solve(damped, place.score))
+    return Place(model, float(weights @ sums.losses), weights @ sums.scores, information, missing)
 
 
 def _checked_weights(weights: ArrayLike | None, tosses: int) -> Array:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torch.nn.utils import parameters_to_vector, vector_to_parameters
 
 from contact_curation.contact.evaluation import Estimator, LossConfig, SolveStatus, fisher_sums
+from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.geometry.quaternions import Array
@@ -61,3 +62,18 @@ def moved(model: PolytopeModel, step: Array) -> PolytopeModel:
     theta = parameters_to_vector(other.parameters()).detach()
     vector_to_parameters(theta + theta.new_tensor(step), other.parameters())
     return other
+
+
+def physical_difference(geometry: ContactGeometry, origin: ContactGeometry) -> Array:
+    """(P,) from `origin` to a geometry with the same pivot, in the physical coordinates about the former; see `moved`.
+
+    Raises:
+        InvalidValueError: one of them has no physical form.
+    """
+    for each in (geometry, origin):
+        parameter_form(each, Form.PHYSICAL)
+    friction, own = (float(np.linalg.norm(each.tangents[0])) for each in (geometry, origin))
+    tilt = (origin.tangents / own) @ geometry.normal / (origin.normal @ geometry.normal)
+    vertices = (getattr(geometry, name) - getattr(origin, name) for name in ("vertices_normal", "vertices_tangent"))
+    shift = geometry.height - origin.height
+    return np.concatenate([*(each.ravel() for each in vertices), [np.log(friction / own)], tilt, [shift]])

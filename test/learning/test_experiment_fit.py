@@ -8,8 +8,8 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel, initial_geometry
-from contact_curation.learning.experiment_fit import HeldFitConfig, _place, fit_held, physical_difference
-from contact_curation.learning.polytope_sums import moved
+from contact_curation.learning.experiment_fit import HeldFitConfig, _place, fit_held
+from contact_curation.learning.polytope_sums import moved, physical_difference
 from contact_curation.motion.transitions import Transitions, transitions_of
 from test.simulated import simulated_tosses
 
