@@ -6,15 +6,17 @@ python -m test.graph.declared_parameters contact_curation/config/nodes.yaml
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import chdir, contextmanager
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from textwrap import wrap
 from typing import Any, NamedTuple
+from unittest import mock
 
 import rclpy
 import yaml
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
 from contact_curation.errors import ContactCurationError
@@ -47,15 +49,25 @@ HEAD = """\
 
 
 class Declared(NamedTuple):
-    """A parameter as its node declares it."""
+    """A parameter as its node declares it.
+
+    Attributes:
+        name: of the parameter.
+        default: its value if none is given.
+        description: for people.
+        constraint: what values it may have; empty if any.
+        fixed: whether it keeps the value that the node was started with.
+    """
 
     name: str
     default: Any
     description: str
+    constraint: str
+    fixed: bool
 
 
 def declared(node: str, domain: int) -> list[Declared]:
-    """What a node declares when it is made; it keeps its files in the current folder, and is taken down again."""
+    """What a node declares when it is made, in its order; the node keeps its files in the current folder, and is taken down."""
     found: list[Declared] = []
     arguments = [word for setting in SET.get(node, []) for word in ("-p", setting)]
     rclpy.init(args=["--ros-args", *arguments], domain_id=domain)
@@ -76,15 +88,26 @@ def _noted(found: list[Declared]) -> Iterator[None]:
     original = Node.declare_parameter
 
     def declare(self: Node, name: str, value: Any = None, descriptor: Any = None, *more: Any, **others: Any) -> Any:
+        described = descriptor or ParameterDescriptor()
         if name not in OF_RCLPY:
-            found.append(Declared(name, value, descriptor.description if descriptor else ""))
+            found.append(Declared(name, value, described.description, _constraint(described), described.read_only))
         return original(self, name, value, *([descriptor] if descriptor else []), *more, **others)
 
-    Node.declare_parameter = declare
-    try:
+    with mock.patch.object(Node, "declare_parameter", declare):
         yield
-    finally:
-        Node.declare_parameter = original
+
+
+def _constraint(descriptor: ParameterDescriptor) -> str:
+    ranges = [*descriptor.integer_range, *descriptor.floating_point_range]
+    limits = [f"{one.from_value:g} to {one.to_value:g}" for one in ranges]
+    return ", ".join([*limits, *([descriptor.additional_constraints] if descriptor.additional_constraints else [])])
+
+
+@contextmanager
+def in_empty_folder() -> Iterator[None]:
+    """For nodes keep their stores where they are started."""
+    with TemporaryDirectory() as folder, chdir(folder):
+        yield
 
 
 def nodes_yaml(domain: int) -> str:
@@ -114,8 +137,7 @@ def main() -> None:
     """Writes the file; the middleware has the standard output for itself."""
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     path = Path(sys.argv[1]).absolute()
-    with TemporaryDirectory() as folder:
-        os.chdir(folder)
+    with in_empty_folder():
         path.write_text(nodes_yaml(1 + os.getpid() % 100))
 
 
