@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks._arm_rig import ArmRig, Seen, tosses_of
 from contact_curation.design.execution_noise import ExecutionNoise
 from contact_curation.design.forecast import ForecastConfig, Motions, forecast, predicted_motions
 from contact_curation.design.particle import Particle
@@ -18,11 +17,13 @@ from contact_curation.design.planner import DesignConfig, Planner
 from contact_curation.design.refinement import RefinementConfig
 from contact_curation.design.throw import Throw
 from contact_curation.design.throw_prior import ReleasePrior, fitted_prior, raw_prior
+from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.subspace import identifiable_subspace
 from contact_curation.learning.bootstrap import BootstrapConfig, Interval, spread
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of
+from contact_curation.sim.arm_rig import ArmRig, Seen
 
 THROWS = 8
 RANDOM_SETS = 2
@@ -72,13 +73,25 @@ class Scale:
 
     def executed(self, seen: Sequence[Seen]) -> float:
         """As it happened; a throw without a toss taught nothing."""
-        return self._of(_motions_of(tosses_of(seen), self.particle), len(seen))
+        return self._of(_motions_of(_tosses_of(seen), self.particle), len(seen))
 
     def _of(self, motions: Motions, count: int) -> float:
         information = forecast(self.particle, motions, EXACT)
         total = information.fishers[information.known].sum(axis=0)
         values = np.linalg.eigvalsh(self.whitening.T @ total @ self.whitening) / count
         return float(np.exp(np.log(np.maximum(values, 1e-300)).mean()))
+
+
+def _tosses_of(seen: Sequence[Seen]) -> list[Toss]:
+    """Of the throws whose motion was a toss.
+
+    Raises:
+        InvalidValueError: none was.
+    """
+    tosses = [one.toss for one in seen if one.toss is not None]
+    if not tosses:
+        raise InvalidValueError("tosses", f"none of {len(seen)} throws", "at least one")
+    return tosses
 
 
 def _motions_of(tosses: Sequence[Toss], particle: Particle) -> Motions:

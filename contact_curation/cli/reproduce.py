@@ -10,7 +10,7 @@ from contact_curation.cli.reading_options import add_reading_options
 from contact_curation.cli.report import add_json_option
 from contact_curation.errors import InvalidValueError
 
-EXPERIMENTS = ("dataset-quality", "functionals", "robustness", "theorem", "calibration")
+EXPERIMENTS = ("dataset-quality", "functionals", "robustness", "designed-throws", "theorem", "calibration")
 PUBLIC_DATA, TOSSES, PUBLIC_HELD_OUT = "CONTACTNETS_DATA", "tosses_processed", "400-569"
 """Where ContactNets' tosses are, and which of them are for evaluation only."""
 
@@ -23,7 +23,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Runs an experiment cell by cell: a rule keeps some tosses, a model learns from them, held-out motion judges it. Every "
         "finished cell is a line of DIR/cells.jsonl; the same command goes on where it was stopped. Ends with rows.csv, "
-        "summary.csv (medians over seeds, differences to random and longest, 95 % bootstrap intervals) and figure.png. Without "
+        "summary.csv (medians over seeds, differences to random and longest, 95 % bootstrap intervals) and figure.png. Of "
+        "designed-throws the rules are ways of choosing what a simulated arm throws, and the sizes numbers of throws. Without "
         f"INPUT it takes ContactNets' tosses, from the folder {TOSSES}/ in the one that {PUBLIC_DATA} names."
     )
     parser.add_argument("experiment", choices=EXPERIMENTS, metavar="EXPERIMENT", help=", ".join(EXPERIMENTS))

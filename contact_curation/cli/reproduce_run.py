@@ -36,6 +36,7 @@ from contact_curation.learning.experiment import (
 )
 from contact_curation.learning.experiment_cell import Protocol
 from contact_curation.learning.experiment_run import Bench, Row
+from contact_curation.learning.experiment_throws import ThrowsCell
 from contact_curation.storage.inputs import InputsConfig
 
 
@@ -118,7 +119,7 @@ def _bench(arguments: argparse.Namespace) -> Bench:
 def _run(left: list[AnyCell], bench: Bench, ledger: Ledger, jobs: int, cells: int) -> list[str]:
     """Runs cells; returns a line for each that has no result."""
     failed = []
-    if left:
+    if not all(isinstance(cell, ThrowsCell) for cell in left):
         _ = bench.reference  # once here, and not again in every process
     with Progress("running", "cells", cells, cells - len(left)) as bar:
         for done in each(partial(finished, bench), left, jobs, lambda count: None):
@@ -135,10 +136,18 @@ def finished(bench: Bench, cell: AnyCell, advance: Advance) -> Finished:
     torch.set_num_threads(1)
     began = time.monotonic()
     try:
-        rows, error = rows_of_cell(cell, bench), ""
+        rows, error = _rows(cell, bench), ""
     except ContactCurationError as problem:
         rows, error = (), str(problem)
     return Finished(cell, rows, error, time.monotonic() - began)
+
+
+def _rows(cell: AnyCell, bench: Bench) -> tuple[Row, ...]:
+    if not isinstance(cell, ThrowsCell):
+        return rows_of_cell(cell, bench)
+    from contact_curation.sim.thrown_experiment import throws_rows  # the arm takes a second to import
+
+    return throws_rows(cell, bench)
 
 
 def _identity(experiment: Experiment, bench: Bench) -> Mapping[str, str]:

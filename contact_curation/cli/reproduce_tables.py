@@ -14,6 +14,7 @@ from contact_curation.learning.experiment import Experiment
 from contact_curation.learning.experiment_rules import BASELINES
 from contact_curation.learning.experiment_run import Row
 from contact_curation.learning.experiment_summary import Summary, summarised
+from contact_curation.learning.experiment_throws import RANDOM, RAW
 from contact_curation.storage.atomic_file import write_atomically
 
 LEARNING = ("model", "protocol", "steps", "rule", "size", "fault", "share", "gated")
@@ -27,6 +28,11 @@ ERRORS = {
 }
 KEPT = ("kept_seconds", "kept_frames", "kept_bad", "gate_hits", "gate_false_alarms", "not_finite")
 LEARNED = (*ERRORS, "position_median", "rotation_median", "friction", *KEPT)
+THROWN = {
+    **{name: ERRORS[name] for name in ("position", "rotation", "penetration", "vertices")},
+    "friction_from_described": "friction from the body as described",
+}
+TAUGHT = ("position_median", "rotation_median", "friction", "designed", "toss", "seconds", "planned", "realised", "not_finite")
 RATIOS = {"sandwich": "sandwich", "cramer_rao": "Cramér-Rao", "naive": "naive"}
 
 
@@ -38,18 +44,21 @@ class Layout:
         fields: what makes a group of rows.
         measures: told of each.
         panels: draws them.
+        places: what stands along the figure's horizontal axis.
+        baselines: rules that groups are compared with.
     """
 
     fields: tuple[str, ...]
     measures: tuple[str, ...]
     panels: Callable[[Sequence[Summary]], list[Panel]]
     places: str
+    baselines: tuple[str, ...] = BASELINES
 
 
 def write_tables(experiment: Experiment, rows: Sequence[Row], folder: Path) -> tuple[Path, ...]:
     """Writes rows.csv, summary.csv and figure.png; returns their paths."""
     layout = LAYOUTS[experiment]
-    summaries = summarised(rows, layout.fields, layout.measures, BASELINES, BootstrapConfig())
+    summaries = summarised(rows, layout.fields, layout.measures, layout.baselines, BootstrapConfig())
     paths = (folder / "rows.csv", folder / "summary.csv", folder / "figure.png")
     write_atomically(paths[0], _csv(rows))
     write_atomically(paths[1], _csv([summary.as_row() for summary in summaries]))
@@ -91,6 +100,16 @@ def _theorem(summaries: Sequence[Summary]) -> list[Panel]:
 def _line_name(summary: Summary) -> str:
     group = dict(summary.group)
     return ", ".join(str(group[name]) for name in ("rule", "weights") if name in group)
+
+
+def _throws(summaries: Sequence[Summary]) -> list[Panel]:
+    """A line per way of choosing throws."""
+    panels = []
+    for measure, label in THROWN.items():
+        lines = _series([summary for summary in summaries if summary.measure == measure], _line_name, "throws")
+        if lines:
+            panels.append(Panel(label, lines, logarithmic=measure != "penetration"))
+    return panels
 
 
 def _robustness(summaries: Sequence[Summary]) -> list[Panel]:
@@ -143,6 +162,9 @@ LAYOUTS: dict[Experiment, Layout] = {
     Experiment.DATASET_QUALITY: Layout(LEARNING, LEARNED, _quality, "tosses kept (dotted: all)"),
     Experiment.FUNCTIONALS: Layout(LEARNING, LEARNED, _quality, "tosses kept"),
     Experiment.ROBUSTNESS: Layout(LEARNING, LEARNED, _robustness, "fault and share of bad tosses in the pool"),
+    Experiment.DESIGNED_THROWS: Layout(
+        ("model", "protocol", "steps", "rule", "throws"), (*THROWN, *TAUGHT), _throws, "throws", (RANDOM, RAW)
+    ),
     Experiment.THEOREM: Layout(("rule", "weights", "size"), ("smallest", "largest", "epsilon"), _theorem, "tosses kept"),
     Experiment.CALIBRATION: Layout(
         ("size", "parameters", "unit"),

@@ -13,6 +13,7 @@ from contact_curation.learning.experiment_faults import Fault
 from contact_curation.learning.experiment_rules import OURS
 from contact_curation.learning.experiment_run import Bench, Row, run_cell
 from contact_curation.learning.experiment_theorem import TheoremCell, theorem_rows
+from contact_curation.learning.experiment_throws import ARMS, ThrowsCell
 
 
 class Experiment(StrEnum):
@@ -21,11 +22,13 @@ class Experiment(StrEnum):
     DATASET_QUALITY = "dataset-quality"
     FUNCTIONALS = "functionals"
     ROBUSTNESS = "robustness"
+    DESIGNED_THROWS = "designed-throws"
     THEOREM = "theorem"
     CALIBRATION = "calibration"
 
 
-type AnyCell = Cell | TheoremCell | CalibrationCell
+type LearningCell = Cell | TheoremCell | CalibrationCell
+type AnyCell = LearningCell | ThrowsCell
 
 
 @dataclass(frozen=True)
@@ -33,8 +36,8 @@ class ExperimentConfig:
     """What is run; of what an experiment does not have, nothing is read.
 
     Attributes:
-        rules: compared.
-        sizes: of the kept sets, or of the tosses that are fitted to.
+        rules: compared; of `designed-throws` ways of choosing throws.
+        sizes: of the kept sets, or of the tosses that are fitted to, or numbers of throws.
         seeds: how many, from 0 on.
         model, protocol, steps: as in `Cell`.
         shares: of bad tosses, beside none.
@@ -62,6 +65,7 @@ DEFAULTS: dict[Experiment, ExperimentConfig] = {
     Experiment.DATASET_QUALITY: ExperimentConfig(QUALITY_RULES, (4, 8, 16, 32, 64, ALL)),
     Experiment.FUNCTIONALS: ExperimentConfig(("trace", "min-eig", "orthogonal-literal", "orthogonal", "log-det")),
     Experiment.ROBUSTNESS: ExperimentConfig(("random", "longest", "trace", "log-det", OURS), (16,)),
+    Experiment.DESIGNED_THROWS: ExperimentConfig(ARMS, (2, 4, 6, 8, 10, 12)),
     Experiment.THEOREM: ExperimentConfig(("random", "longest", "trace", "log-det", OURS), (8, 16, 32, 64, 128, 256), 5),
     Experiment.CALIBRATION: ExperimentConfig((), (64,), 1),
 }
@@ -72,8 +76,8 @@ def cells_of(experiment: Experiment, config: ExperimentConfig) -> tuple[AnyCell,
     return tuple(cell for seed in range(config.seeds) for cell in MAKERS[experiment](config, seed))
 
 
-def rows_of_cell(cell: AnyCell, bench: Bench) -> tuple[Row, ...]:
-    """The rows of one cell, at least one.
+def rows_of_cell(cell: LearningCell, bench: Bench) -> tuple[Row, ...]:
+    """The rows of one cell, at least one; those of a `ThrowsCell` are in `sim.thrown_experiment`.
 
     Raises:
         ContactCurationError: the tosses are too few for it, or the training failed.
@@ -107,6 +111,12 @@ def _robustness(config: ExperimentConfig, seed: int) -> Iterator[AnyCell]:
             yield replace(clean, fault=fault, share=share, gated=gated)
 
 
+def _throws(config: ExperimentConfig, seed: int) -> Iterator[AnyCell]:
+    judged = tuple(sorted(set(config.sizes)))
+    for rule in config.rules:
+        yield ThrowsCell(rule, judged, seed, config.protocol, config.steps, config.model)
+
+
 def _theorem(config: ExperimentConfig, seed: int) -> Iterator[AnyCell]:
     for rule in config.rules:
         yield TheoremCell(rule, config.sizes, seed)
@@ -121,6 +131,7 @@ MAKERS: dict[Experiment, Callable[[ExperimentConfig, int], Iterator[AnyCell]]] =
     Experiment.DATASET_QUALITY: _quality,
     Experiment.FUNCTIONALS: _quality,
     Experiment.ROBUSTNESS: _robustness,
+    Experiment.DESIGNED_THROWS: _throws,
     Experiment.THEOREM: _theorem,
     Experiment.CALIBRATION: _calibration,
 }

@@ -94,6 +94,52 @@ def test_experiments_without_rules_that_learn(cli: Cli, folder: Path, tmp_path: 
         assert all(float(row["found"]) > 0.0 for row in rows)
 
 
+def test_ways_of_choosing_throws_are_compared_throw_by_throw(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    words = ("reproduce", "designed-throws", folder, *SMALL, "--seeds", 1, "--rules", "random", "raw", "--out")
+    done = cli(*words, tmp_path / "whole")
+    assert done.status == 0
+    rows = table(tmp_path / "whole" / "rows.csv")
+    assert [(row["rule"], row["throws"]) for row in rows] == [(arm, n) for arm in ("random", "raw") for n in ("1.0", "2.0")]
+    assert [bool(row["position"]) for row in rows] == [False, True, False, True]  # judged after the second throw
+    summary = table(tmp_path / "whole" / "summary.csv")
+    own = {(row["rule"], row["measure"]): row for row in summary if row["throws"] == "2.0"}
+    errors = [float(row["position"]) for row in rows if row["position"]]
+    assert float(own["raw", "position"]["minus random"]) == pytest.approx(errors[1] - errors[0])
+    assert (tmp_path / "whole" / "figure.png").read_bytes().startswith(b"\x89PNG")
+    lines = (tmp_path / "whole" / "cells.jsonl").read_text().splitlines(keepends=True)
+    (tmp_path / "torn").mkdir()
+    (tmp_path / "torn" / "cells.jsonl").write_text(lines[0] + lines[2] + lines[1][:40])
+    report = cli(*words, tmp_path / "torn", "--json").json
+    assert (report["cells"], report["run"], report["failed"]) == (2, 1, 0)
+    for name in ("rows.csv", "summary.csv"):
+        assert (tmp_path / "torn" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+@pytest.mark.slow
+def test_throws_are_the_same_in_processes_of_their_own(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    words = ("reproduce", "designed-throws", folder, *SMALL, "--rules", "warm-up", "designed", "--out")
+    assert cli(*words, tmp_path / "one").status == 0
+    assert cli(*words, tmp_path / "two", "--jobs", 2).status == 0
+    assert (tmp_path / "one" / "rows.csv").read_bytes() == (tmp_path / "two" / "rows.csv").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("--rules", "longest"), "rule of designed-throws: found longest, expected one of random, raw, warm-up, designed"),
+        (("--model", "deep"), "model of designed-throws: found deep, expected one of polytope"),
+        (("--protocol", "published"), "protocol of designed-throws: found published, expected one of exact, budgeted"),
+    ],
+)
+def test_what_no_throws_are_designed_for_is_one_line(
+    cli: Cli, folder: Path, tmp_path: Path, words: tuple[str, ...], line: str
+) -> None:
+    done = cli("reproduce", "designed-throws", folder, "--out", tmp_path, *SMALL, *words)
+    assert done.status == 1
+    assert line in done.err
+    assert len(done.err_lines) == 1
+
+
 def test_other_protocols_learn_along_gradient_steps(cli: Cli, folder: Path, tmp_path: Path) -> None:
     words = ("--rules", "longest", "trace", "--protocol", "budgeted", "--steps", 3)
     done = cli("reproduce", "functionals", folder, "--out", tmp_path, *SMALL, *words)

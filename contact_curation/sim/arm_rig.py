@@ -1,4 +1,7 @@
-"""The closed loop in one process: the simulated arm throws, a tracker looks on, and its poses become tosses."""
+"""A throw and its toss in one process: the simulated arm throws, a tracker looks on, and its poses become a toss.
+
+The tracker has the real rig's noise, and the tosses pass the segmenter and the gates of `pose_ingest`.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -8,7 +11,6 @@ import numpy as np
 from contact_curation.contact.body import Body
 from contact_curation.design.planner import Planner
 from contact_curation.design.throw import Throw, throw_of_state
-from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.body_tracker import TrackerConfig
@@ -41,9 +43,6 @@ class ArmRig:
         body: that is thrown.
         seed: of the gripper's delays and the tracker's noise.
         tracker: its faults.
-
-    Attributes:
-        released_ns: stamp of the last release.
     """
 
     def __init__(self, body: Body, seed: int, tracker: TrackerNoiseConfig | None = None) -> None:
@@ -52,7 +51,6 @@ class ArmRig:
         self._thrower = ArmThrower(self.feasibility.planner, seed=seed)
         self._noise = TrackerNoise(tracker or TrackerNoiseConfig(), seed)
         self._now_ns = PAUSE_NS
-        self.released_ns = 0
 
     def throw(self, throw: Throw) -> Seen:
         """Makes a throw.
@@ -85,7 +83,7 @@ class ArmRig:
         return found[0] if len(found) == 1 else None
 
     def _frames(self, made: ExecutedThrow) -> Sequence[FramePose]:
-        self.released_ns = first_ns = self._now_ns
+        first_ns = self._now_ns
         frames = []
         for number, state in enumerate(made.states):
             stamp_ns = first_ns + round(number * made.frame_period * NANOSECONDS)
@@ -95,15 +93,3 @@ class ArmRig:
                 frames.append(FramePose(stamp_ns, BOARD, f"body_{self.body.name}", ScalarPose(place, turn)))
             self._now_ns = stamp_ns + PAUSE_NS
         return frames
-
-
-def tosses_of(seen: Sequence[Seen]) -> list[Toss]:
-    """Of the throws whose motion was a toss.
-
-    Raises:
-        InvalidValueError: none was.
-    """
-    tosses = [one.toss for one in seen if one.toss is not None]
-    if not tosses:
-        raise InvalidValueError("tosses", f"none of {len(seen)} throws", "at least one")
-    return tosses

@@ -1,0 +1,116 @@
+"""The paper's third figure: what is learned from designed throws and from random ones, throw by throw (METHOD 1.10, 5).
+
+The simulated arm throws the body as described, a tracker with the real rig's noise looks on, and its poses become tosses by the
+same rules and gates as anywhere. After each throw a learner that began at random learns from all tosses so far, and after some
+of them it is judged by the held-out tosses, which nobody threw here.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.model_kind import ModelKind
+from contact_curation.contact.model_rollout import roll_out_model
+from contact_curation.contact.polytope_model import PolytopeModel
+from contact_curation.design.designer import Designer, DesignerConfig
+from contact_curation.design.planner import Planner
+from contact_curation.design.throw import Throw
+from contact_curation.design.throw_prior import ReleasePrior, fitted_prior, raw_prior
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.learning.evaluation import shape_errors
+from contact_curation.learning.experiment_cell import Protocol
+from contact_curation.learning.experiment_run import FIT, ONE_THREAD, Bench, Row
+from contact_curation.learning.experiment_throws import RANDOM, RAW, ThrowsCell
+from contact_curation.learning.motion_errors import motion_errors
+from contact_curation.learning.protocols import budgeted
+from contact_curation.learning.toss_by_toss import BudgetedLearner, ExactLearner, Learner
+from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import states_of
+from contact_curation.sim.arm_rig import ArmRig
+from contact_curation.sim.throw_choice import Choice, Chooser, DesignedThrows, RandomThrows, WarmUpThrows
+
+DEFAULT_DESIGN = DesignerConfig(loss=ONE_THREAD)
+
+
+def throws_rows(cell: ThrowsCell, bench: Bench, config: DesignerConfig = DEFAULT_DESIGN) -> tuple[Row, ...]:
+    """A row per throw: how it was chosen, what its toss taught, and, after some, how well held-out motion is predicted.
+
+    Args:
+        cell: which.
+        bench: the real tosses: priors are fitted to the releases of those for training, the held-out ones judge.
+        config: of the designer.
+
+    Raises:
+        ContactCurationError: too few tosses, or an arm that finds nothing to throw.
+    """
+    if not bench.held_out:
+        raise InvalidValueError("held-out tosses", "none", "some to judge by")
+    rig, learner = ArmRig(bench.body, cell.seed), _learner(cell, bench)
+    chooser = _chooser(cell, bench, rig, config, learner.model.geometry())
+    tosses: list[Toss] = []
+    rows = []
+    for number in range(1, cell.judged[-1] + 1):
+        row = _thrown(number, chooser, rig, learner, tosses)
+        rows.append({**row, **(judged(learner.model, bench) if number in cell.judged else {})})
+    return tuple(rows)
+
+
+def _thrown(number: int, chooser: Chooser, rig: ArmRig, learner: Learner, tosses: list[Toss]) -> Row:
+    """One throw; its toss, if it made one, is added and learned from."""
+    choice = chooser.choose(number)
+    seen = rig.throw(choice.throw)
+    chooser.thrown(seen.commanded, seen.executed)
+    row = _told(number, choice)
+    if seen.toss is None:
+        return row | {"toss": 0.0}
+    realised = chooser.came(seen.toss)
+    tosses.append(seen.toss)
+    if learner.learn(tosses):
+        chooser.learned(learner.model.geometry(), tosses)
+    row |= {"toss": 1.0, "seconds": seen.toss.duration}
+    return row if realised is None else row | {"planned": realised.planned, "realised": realised.realised}
+
+
+def _told(number: int, choice: Choice) -> Row:
+    return {"throws": float(number), "designed": float(not choice.reason), "reason": choice.reason}
+
+
+def judged(model: PolytopeModel, bench: Bench) -> Row:
+    """Means and medians over held-out tosses, and how far shape and friction are from the body that was thrown."""
+    scale = bench.body.length_scale
+    states = [states_of(toss, scale) for toss in bench.held_out]
+    periods = np.array([toss.frame_period for toss in bench.held_out])
+    rolled = roll_out_model(model, np.stack([one[0] for one in states]), np.array([len(one) for one in states]), periods)
+    errors = motion_errors(rolled.states, np.concatenate(states), rolled.starts, bench.body)
+    row: Row = {"not_finite": float(np.count_nonzero(~errors.finite))}
+    for name in ("position", "rotation", "penetration") if errors.finite.any() else ():
+        values = getattr(errors, name)[errors.finite]
+        row |= {name: float(values.mean()), f"{name}_median": float(np.median(values))}
+    shape = shape_errors(model)
+    assert shape is not None
+    off = abs(shape.friction_error)
+    return row | {"vertices": shape.vertex_rms_mm, "friction": shape.friction, "friction_from_described": off}
+
+
+def _learner(cell: ThrowsCell, bench: Bench) -> Learner:
+    start = bench.initial_polytope(cell.seed)
+    if cell.protocol == Protocol.EXACT:
+        return ExactLearner(start, FIT)
+    return BudgetedLearner(start, replace(budgeted(ModelKind.POLYTOPE), loss=ONE_THREAD), cell.steps, cell.seed)
+
+
+def _chooser(cell: ThrowsCell, bench: Bench, rig: ArmRig, config: DesignerConfig, geometry: ContactGeometry) -> Chooser:
+    releases = np.array([states_of(toss, 1.0)[0] for toss in bench.training])
+    if cell.rule in (RANDOM, RAW):
+        return RandomThrows(_random_throws(cell, rig, config, releases))
+    designer = Designer(bench.body, config, fitted_prior(releases), rig.feasibility)
+    return DesignedThrows(designer, geometry, cell.seed) if cell.rule == "designed" else WarmUpThrows(designer, cell.seed)
+
+
+def _random_throws(cell: ThrowsCell, rig: ArmRig, config: DesignerConfig, releases: Array) -> list[Throw]:
+    prior: ReleasePrior = raw_prior(releases) if cell.rule == RAW else fitted_prior(releases)
+    designer = Designer(rig.body, config, prior)
+    planner: Planner = designer.planner(designer.particle(ContactGeometry.of_body(rig.body)))
+    return rig.random_throws(planner, cell.judged[-1], cell.seed, cell.rule)

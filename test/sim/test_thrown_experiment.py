@@ -1,0 +1,85 @@
+"""Throws of the simulated arm that a learner learns from: chosen by its theta or by chance, judged by tosses nobody threw."""
+
+from dataclasses import replace
+
+import pytest
+
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.parameter_form import Form
+from contact_curation.contact.polytope_model import PolytopeModel
+from contact_curation.design.canary import CanaryConfig
+from contact_curation.design.designer import Designer, DesignerConfig
+from contact_curation.errors import InvalidValueError
+from contact_curation.information.record import TossInformation
+from contact_curation.learning.experiment_run import Bench, Row
+from contact_curation.learning.experiment_throws import ThrowsCell
+from contact_curation.motion.gates import GateConfig
+from contact_curation.sim.throw_choice import DesignedThrows
+from contact_curation.sim.thrown_experiment import judged, throws_rows
+from test.design.cases import LOSS, SMALL, TRUE, other_theta
+from test.simulated import simulated_tosses
+
+CONFIG = DesignerConfig(SMALL, CanaryConfig(enabled=False), LOSS)
+
+
+@pytest.fixture(scope="module")
+def bench() -> Bench:
+    tosses = simulated_tosses(12, seed=8)
+    return Bench(CONTACTNETS_CUBE, tuple(tosses[:9]), tuple(tosses[9:]), GateConfig())
+
+
+@pytest.fixture(scope="module")
+def designed(bench: Bench) -> tuple[Row, ...]:
+    return throws_rows(ThrowsCell("designed", (1, 3), 0), bench, CONFIG)
+
+
+def test_throws_are_designed_from_the_first_theta_on_and_teach_about_as_planned(designed: tuple[Row, ...]) -> None:
+    assert [(row["throws"], row["designed"], row["toss"]) for row in designed] == [
+        (1.0, 0.0, 1.0),
+        (2.0, 1.0, 1.0),
+        (3.0, 1.0, 1.0),
+    ]
+    assert designed[0]["reason"] == "parameters: found none, expected some"
+    assert "planned" not in designed[0]
+    for row in designed[1:]:
+        assert 0.2 < float(row["realised"]) / float(row["planned"]) < 3.0
+
+
+def test_held_out_motion_judges_after_the_throws_that_were_named(designed: tuple[Row, ...]) -> None:
+    assert ["position" in row for row in designed] == [True, False, True]
+    assert float(designed[2]["rotation"]) < float(designed[0]["rotation"])
+    assert float(designed[2]["vertices"]) < float(designed[0]["vertices"])
+
+
+def test_random_throws_are_the_same_again_and_others_of_the_other_prior(bench: Bench) -> None:
+    cell = ThrowsCell("random", (1,), 3)
+    first = throws_rows(cell, bench, CONFIG)
+    assert first == throws_rows(cell, bench, CONFIG)
+    assert first[0]["reason"] == "at random"
+    assert throws_rows(replace(cell, rule="raw"), bench, CONFIG)[0]["seconds"] != first[0]["seconds"]
+
+
+def test_the_body_as_described_is_right_about_itself(bench: Bench) -> None:
+    row = judged(PolytopeModel(TRUE, CONTACTNETS_CUBE, Form.PHYSICAL), bench)
+    assert row["vertices"] == 0.0
+    assert row["friction_from_described"] == pytest.approx(0.0, abs=1e-12)
+    assert float(row["rotation"]) < 1.0
+
+
+def test_the_canary_hears_the_loss_that_a_toss_had_before_anybody_learned_from_it() -> None:
+    canary = CanaryConfig(least_tosses=1, largest_loss=1e-9)
+    begun, better, toss = other_theta(1.5, 0.4).geometry, TRUE, simulated_tosses(1, seed=2)[0]
+    designer = Designer(CONTACTNETS_CUBE, DesignerConfig(SMALL, canary, LOSS))
+    chooser = DesignedThrows(designer, begun, seed=0)
+    assert chooser.came(toss) is None
+    chooser.learned(better, [toss])
+    scored = designer.particle(begun).scorer.score([toss])[0]
+    assert isinstance(scored, TossInformation)
+    assert chooser.choose(2).reason == f"loss: found a median of {scored.mean_loss:.3g}, expected at most 1e-09"
+
+
+def test_without_enough_releases_there_is_no_prior(bench: Bench) -> None:
+    with pytest.raises(InvalidValueError, match="releases to fit a prior to"):
+        throws_rows(ThrowsCell("designed", (1,), 0), replace(bench, training=bench.training[:3]))
+    with pytest.raises(InvalidValueError, match="held-out tosses"):
+        throws_rows(ThrowsCell("designed", (1,), 0), replace(bench, held_out=()))
