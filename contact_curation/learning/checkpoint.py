@@ -28,7 +28,7 @@ from contact_curation.learning.stored_model import (
 from contact_curation.learning.training import Counters, Training, TrainingMemory
 from contact_curation.motion.transitions import Transitions
 
-MOMENTS, ORDER = "moments/", "order"
+MOMENTS, ORDER, ORIGIN = "moments/", "order", "origin/"
 HISTORY = 1000
 """Evaluations that are kept, the last ones."""
 
@@ -44,6 +44,7 @@ def checkpoint_bytes(training: Training, notes: dict[str, str] | None = None) ->
     best = {} if memory.best_tensors is None else memory.best_tensors
     moments = {name: value.numpy() for name, value in memory.moments.items()}
     arrays = {**named(LAST, tensors_of(training.model)), **named(BEST, best), **named(MOMENTS, moments), ORDER: memory.order}
+    arrays |= named(ORIGIN, memory.origin or {})
     documents = {
         "model": description(training.model),
         "training": {"config": document_of(training.config), **_document_of(memory)},
@@ -106,6 +107,7 @@ def _memory_of(packed: Packed) -> tuple[TrainingConfig, TrainingMemory]:
         batches=dict(told["batches"]),
         data=str(told["data"]),
         held_out=str(told["held_out"]),
+        origin=named_back(ORIGIN, packed.arrays) or None,
     )
     return config_of(told["config"]), memory
 

@@ -4,10 +4,11 @@ Published: one transition a step, AdamW at a small constant rate, epochs until t
 int(500 / total) + 12 of them, where total = 2 * training tosses, since half of ContactNets' tosses were for training.
 Budgeted: steps of 128 transitions at a large rate that falls to zero along a cosine, the influence of large losses bounded. A
 longer selection of tosses gets no more steps than a short one.
+Exact: no such steps, but a polytope's optimum at once (learning/exact_fit.py).
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from contact_curation.contact.evaluation import DEFAULT_LOSS, LossConfig
@@ -89,6 +90,8 @@ class TrainingConfig:
         ground: weight of the squared height of the ground, where one is learned (learning/known_ground.py).
         influence: bound on the influence of large losses.
         loss: weights, cone and solver.
+        exact: whether a polytope's optimum is taken at once; then form, loss and `trimmed` are all of this that counts.
+        trimmed: share of the transitions that an exact fit leaves out, those that it explains worst.
     """
 
     form: Form
@@ -104,6 +107,8 @@ class TrainingConfig:
     ground: float = 0.0
     influence: InfluenceBound = field(default_factory=InfluenceBound)
     loss: LossConfig = DEFAULT_LOSS
+    exact: bool = False
+    trimmed: float = 0.02
 
     def __post_init__(self) -> None:
         for name in ("batch", "steps", "epochs", "evaluation_steps"):
@@ -117,6 +122,8 @@ class TrainingConfig:
         for name in ("regularizer", "ground"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise InvalidValueError(name, getattr(self, name), "a number of at least 0")
+        if not 0.0 <= self.trimmed < 1.0:
+            raise InvalidValueError("trimmed", self.trimmed, "a share from 0 on, less than 1")
 
     def rate(self, step: int) -> float:
         """Share of the learning rates that gradient step number `step` of the budget, from 0 on, is taken with."""
@@ -162,3 +169,8 @@ def budgeted(kind: ModelKind) -> TrainingConfig:
         ground=2.4,
         influence=InfluenceBound() if end_to_end else InfluenceBound(0.95, 20.0, 1.0, InfluenceShape.GEMAN),
     )
+
+
+def exact() -> TrainingConfig:
+    """The protocol that takes a polytope's optimum at once."""
+    return replace(budgeted(ModelKind.POLYTOPE), exact=True)

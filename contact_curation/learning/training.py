@@ -4,6 +4,8 @@ A step takes the next batch of transitions, leaves out those whose impulses carr
 
     mean over the batch of bounded(L) + w_r R + w_h h^2        (METHOD 1.2, 2.1; learning/known_ground.py)
 
+In the exact protocol a single step goes all the way to the optimum instead (learning/exact_fit.py).
+
 The same arguments give the same numbers bit for bit, however the steps are cut into calls of `advance`; so does a training that
 was stored and resumed (learning/checkpoint.py).
 """
@@ -14,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
@@ -21,12 +24,14 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.model import Model, Rows
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.models import initial_model, model_of_tensors, tensors_of
+from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.batches import Batches
 from contact_curation.learning.bounded_influence import bounded
 from contact_curation.learning.culprit import not_finite, not_finite_gradient
 from contact_curation.learning.early_stop import EarlyStop
+from contact_curation.learning.exact_fit import optimum, theta_0
 from contact_curation.learning.known_ground import ground_excess, height_parameters
 from contact_curation.learning.mean_loss import mean_loss
 from contact_curation.learning.optimizer import Optimizer
@@ -70,6 +75,7 @@ class TrainingMemory:
         order: (N,) this epoch's order of the data.
         batches: the place in it, and the generator's state.
         data, held_out: digests; empty without held-out transitions.
+        origin: the tensors of theta_0 in the exact protocol; None in the others.
     """
 
     counters: Counters
@@ -81,6 +87,7 @@ class TrainingMemory:
     batches: dict[str, Any]
     data: str
     held_out: str
+    origin: dict[str, Array] | None = None
 
 
 class Training:
@@ -94,7 +101,8 @@ class Training:
         seed: of the shuffles.
 
     Raises:
-        InvalidValueError: no transitions, a state that is not finite, or an early stop without held-out transitions.
+        InvalidValueError: no transitions, a state that is not finite, an early stop without held-out transitions, or an exact
+            protocol for another model than a polytope in the physical form.
     """
 
     def __init__(
@@ -109,6 +117,7 @@ class Training:
         self.early_stop = EarlyStop()
         self.history: tuple[Evaluated, ...] = ()
         self.best_tensors: dict[str, Array] | None = None
+        self._origin = theta_0(model) if config.exact else None
         self.optimizer = Optimizer(model, config)
         self._heights = height_parameters(model)
         self._generator = np.random.default_rng(seed)
@@ -128,6 +137,8 @@ class Training:
         training = Training(model, data, held_out, config, seed=0)
         training.counters, training.history = memory.counters, memory.history
         training.optimizer.restore(memory.moments)
+        if training._origin is not None and memory.origin is not None:
+            training._origin = theta_0(model_of_tensors(model.kind, model.settings(), memory.origin, model.body))
         if training._held_out_digest == memory.held_out:
             training.early_stop, training.best_tensors = memory.early_stop, memory.best_tensors
         if digest_of(data) == memory.data:
@@ -155,6 +166,7 @@ class Training:
             batches=self._batches.state(),
             data=digest_of(self._data),
             held_out=self._held_out_digest,
+            origin=None if self._origin is None else tensors_of(self._origin),
         )
 
     @property
@@ -184,7 +196,10 @@ class Training:
             if self.counters.state is not TrainingState.RUNNING:
                 break
             with np.errstate(all="ignore"):  # what is not finite is named, not warned of
-                self._step()
+                if self._origin is None:
+                    self._step()
+                else:
+                    self._fit(self._origin)
         return self.progress
 
     def replace_data(self, data: Transitions, fresh_budget: bool = False) -> None:
@@ -240,6 +255,31 @@ class Training:
             loss_count=now.loss_count + count,
         )
         self._after_step()
+
+    def _fit(self, origin: PolytopeModel) -> None:
+        """All the way to the optimum. Its steps count as gradient steps, each over all data."""
+        rows = rows_of(self._data)
+        with torch.no_grad():
+            batch = self.model.batch_loss(rows, self.config.loss)
+        complaint = self._complaint(batch.losses.numpy(), batch.solved.numpy(), rows, np.arange(len(rows.dt)))
+        found = None if complaint else optimum(origin, self._data, self.config.loss, self.config.trimmed)
+        if found is None or not found.finite:
+            self._end(TrainingState.FAILED, complaint or "the sum that the fit minimises is not finite")
+            return
+        self.model.load_state_dict(found.model.state_dict())
+        mean, now = mean_loss(self.model, rows, self.config.loss), self.counters
+        count = len(rows.dt) - mean.not_solved
+        self.counters = replace(
+            now,
+            gradient_steps=now.gradient_steps + found.steps,
+            epochs=now.epochs + found.steps,
+            not_solved=now.not_solved + mean.not_solved,
+            loss_sum=count * mean.loss if count else 0.0,
+            loss_count=count,
+        )
+        self._evaluate()
+        if self.counters.state is TrainingState.RUNNING:
+            self._end(TrainingState.CONVERGED, f"the optimum was reached in {found.steps} Gauss-Newton steps")
 
     def _descend(self, losses: Tensor, regularizer: Tensor) -> bool:
         """Whether the gradient was finite, so that the step was taken."""

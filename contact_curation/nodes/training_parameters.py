@@ -15,7 +15,7 @@ from contact_curation.contact.models import initial_model
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.errors import InvalidValueError
-from contact_curation.learning.protocols import TrainingConfig, budgeted
+from contact_curation.learning.protocols import TrainingConfig, budgeted, exact
 from contact_curation.nodes.parameters import declare, declare_config
 from contact_curation.storage.parameters_file import Parameters
 from contact_curation.storage.theta_file import read_theta
@@ -24,13 +24,33 @@ ROUND_STEPS = 400
 """A round begins where the last one ended, so that it needs fewer steps than a training of its own."""
 
 
+PROTOCOLS = ("auto", "exact", "budgeted")
+PROTOCOLS_EXPLAINED = (
+    "budgeted: a round is `steps` gradient steps; exact: a polytope's optimum at once, whatever the steps, batch, paces and "
+    "influence; auto: exact where there is one, that is for a polytope in the physical form"
+)
+
+
 def declared_protocol(node: Node, kind: ModelKind) -> TrainingConfig:
-    """The protocol of a round: ours for this kind of model, with what the parameters change."""
+    """The protocol of a round: ours for this kind of model, with what the parameters change.
+
+    Raises:
+        InvalidValueError: an exact one for what has none.
+    """
     ours = budgeted(kind)
+    protocol = declare(node, "protocol", PROTOCOLS[0], PROTOCOLS_EXPLAINED, choices=PROTOCOLS)
+    form = Form(declare(node, "form", ours.form.value, "of theta", choices=[form.value for form in Form]))
+    has_optimum = kind is ModelKind.POLYTOPE and form is Form.PHYSICAL
+    if protocol == "exact" and not has_optimum:
+        raise InvalidValueError("protocol", f"exact for {kind.value}, {form.value}", "budgeted, or a polytope, physical")
+    if protocol != "budgeted" and has_optimum:
+        ours = exact()
+    trimmed = declare(node, "trimmed", ours.trimmed, "share of the transitions that an exact fit leaves out", bounds=(0.0, 0.5))
     steps = declare(node, "steps", ROUND_STEPS, "gradient steps of a round", bounds=(1, 1 << 31))
     return replace(
         ours,
-        form=Form(declare(node, "form", ours.form.value, "of theta", choices=[form.value for form in Form])),
+        form=form,
+        trimmed=trimmed,
         batch=declare(node, "batch", ours.batch, "transitions of a gradient step", bounds=(1, 1 << 20)),
         steps=steps,
         evaluation_steps=steps,

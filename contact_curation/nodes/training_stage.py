@@ -229,15 +229,19 @@ class TrainingStage:
         save_checkpoint(self._checkpoint, self._trained_so_far, {ROUND: note})
 
     def _resume(self) -> None:
-        """Goes on in the middle of the round; where its tosses or the protocol are others, from its parameters on."""
+        """Goes on in the middle of the round; where its tosses or the protocol are others, from its parameters on.
+
+        An exact protocol has no use for these: it begins each round at the same theta_0.
+        """
         found = _round_of(read_notes(self._checkpoint), self._checkpoint)
         if all(self._tosses.contains(toss_id) for toss_id in found.toss_ids):
             training = resume_training(self._checkpoint, self._data(found.toss_ids), None)
             if training.config == self._config:
                 self._round, self._training = found, training
                 return
-        model = read_model(self._checkpoint)
-        self._begin = lambda _: model
+        if not self._config.exact:
+            model = read_model(self._checkpoint)
+            self._begin = lambda _: model
 
 
 def _round_of(notes: Mapping[str, str], path: Path) -> Round:

@@ -15,7 +15,8 @@ from test.graph.offline import tosses_of
 
 LONG = 90.0
 TOP = 6
-TRAINER: dict[str, Any] = {"steps": 60, "settling_rounds": 1}
+TRAINER: dict[str, Any] = {"settling_rounds": 1}
+STEPPING: dict[str, Any] = {"protocol": "budgeted", "steps": 60}
 
 
 def started(graph: Graph, bag: Path, **changed: Any) -> None:
@@ -71,18 +72,22 @@ def test_what_is_kept_is_trained_on_and_everything_is_scored_and_ranked_again_at
 
 
 @pytest.mark.slow
-def test_a_trainer_that_is_killed_in_mid_stream_goes_on_from_its_checkpoint(graph: Graph, golden_bag: Path) -> None:
+@pytest.mark.parametrize("protocol", [STEPPING, {"protocol": "exact"}], ids=["budgeted", "exact"])
+def test_a_trainer_that_is_killed_in_mid_stream_goes_on_from_its_checkpoint(
+    graph: Graph, golden_bag: Path, protocol: dict[str, Any]
+) -> None:
     statuses, _, _ = graph.statuses(), graph.buffers(), graph.parameters()
     seen = len(tosses_of(golden_bag))
-    started(graph, golden_bag)
+    started(graph, golden_bag, **protocol)
     graph.until(lambda: statuses and statuses[-1].gradient_steps > 0, LONG, "a first round")
     next(process for process in graph.processes if process.name == "trainer").kill()
     steps = statuses[-1].gradient_steps
-    graph.start("trainer", held_out=[golden_bag], **TRAINER)
+    graph.start("trainer", held_out=[golden_bag], **TRAINER, **protocol)
     graph.until(lambda: statuses[-1].gradient_steps > steps and at_rest(graph, seen), LONG, "the loop to come to rest")
     counted = [status.gradient_steps for status in statuses]
     assert counted == sorted(counted)
-    assert all(count % TRAINER["steps"] == 0 for count in counted)
+    if protocol is STEPPING:
+        assert all(count % STEPPING["steps"] == 0 for count in counted)
 
 
 def test_held_out_recordings_that_are_not_there_are_one_line(graph: Graph) -> None:
@@ -92,6 +97,12 @@ def test_held_out_recordings_that_are_not_there_are_one_line(graph: Graph) -> No
     assert "Traceback" not in trainer.log()
 
 
+def test_an_exact_protocol_for_a_network_is_one_line(graph: Graph) -> None:
+    trainer = graph.start("trainer", model="deep", protocol="exact")
+    assert trainer.wait(30.0) == 1
+    assert "trainer: protocol: found exact for deep, physical, expected budgeted" in trainer.log()
+
+
 @pytest.mark.slow
 def test_a_trainer_that_is_asked_to_end_while_it_trains_ends_with_status_0_and_a_checkpoint(
     graph: Graph, golden_bag: Path
@@ -99,7 +110,7 @@ def test_a_trainer_that_is_asked_to_end_while_it_trains_ends_with_status_0_and_a
     statuses = graph.statuses()
     for stage in ("pose_ingest", "fisher_scorer", "curator"):
         graph.start(stage)
-    trainer = graph.start("trainer", held_out=[golden_bag], steps=1_000_000)
+    trainer = graph.start("trainer", held_out=[golden_bag], protocol="budgeted", steps=1_000_000)
     graph.start("player", bag=golden_bag, rate=20.0, wait_for=10.0, stay=True)
     graph.until(lambda: statuses, LONG, "the first round to begin")
     assert trainer.stop() == 0, trainer.log()

@@ -15,7 +15,7 @@ from contact_curation.contact.models import initial_model, tensors_of
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.progress import TrainingState
-from contact_curation.learning.protocols import TrainingConfig, budgeted
+from contact_curation.learning.protocols import TrainingConfig, budgeted, exact
 from contact_curation.learning.training import Training
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
@@ -35,6 +35,11 @@ def tosses() -> tuple[Toss, ...]:
 
 def first(data: Rows) -> Model:
     return initial_model(ModelKind.POLYTOPE, CONTACTNETS_CUBE, Form.PHYSICAL, data, np.random.default_rng(0))
+
+
+def untrained() -> Model:
+    data = transitions_of(tosses()[:1], 1.0)
+    return first(Rows(data.before, data.after, data.dt))
 
 
 def stage(folder: Path, store: TossStore, config: TrainingConfig = CONFIG) -> TrainingStage:
@@ -124,6 +129,32 @@ def test_a_kill_at_any_slice_changes_no_digit(tmp_path: Path, slices: int) -> No
             results.append(until_idle(training)[-1])
     assert numbers_of(results[0].model) == numbers_of(results[1].model)
     assert results[0].round == results[1].round
+
+
+def test_an_exact_round_ends_at_once_and_neither_the_rounds_before_nor_a_kill_change_a_digit(tmp_path: Path) -> None:
+    begun, ended = [], []
+    for name, rounds, kills in (("alone", [(3, 0)], False), ("after", [(2, 0), (3, 0)], False), ("killed", [(3, 0)], True)):
+        folder = tmp_path / name
+        folder.mkdir()
+        with TossStore(folder / "tosses.sqlite") as store:
+            for toss in tosses():
+                store.add(toss)
+            training = TrainingStage(lambda _: untrained(), 1.0, exact(), ROUNDS, 0, store, folder / "model.safetensors")
+            for revision, numbers in enumerate(rounds, start=1):
+                training.follow(kept(revision, 2 + revision, *numbers))
+                begun.append(training.advance())
+                if kills:
+                    training = TrainingStage(
+                        lambda _: untrained(), 1.0, exact(), ROUNDS, 0, store, folder / "model.safetensors"
+                    )
+                ended.append(training.advance())
+                assert not training.due
+    assert begun[0] is not None
+    alone, _, after, killed = (moment for moment in ended if moment is not None)
+    assert alone.progress.state is TrainingState.CONVERGED
+    assert alone.progress.training_loss < 0.1
+    assert numbers_of(begun[0].model) == numbers_of(untrained())
+    assert numbers_of(alone.model) == numbers_of(after.model) == numbers_of(killed.model)
 
 
 def test_what_was_stepped_is_not_stepped_again_after_a_kill(tmp_path: Path, store: TossStore) -> None:
