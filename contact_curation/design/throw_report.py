@@ -36,7 +36,7 @@ class ThrowReport:
         toss_id: its toss; empty until one was scored.
         planned: gain in log-det; once the toss was scored, forecast at the theta it was scored at; 0 in warm-up.
         realised: gain of its toss over what was known before, at that theta; not a number until then, and in warm-up.
-        detail: why it is for warm-up, or why it was not made.
+        detail: why it is for warm-up, why it was not made, or why its motion was rejected.
     """
 
     kind: ThrowKind

@@ -58,6 +58,7 @@ class DesignStage:
         self._states = states
         self._infos: dict[str, dict[str, TossInformation]] = {}
         self._stamps: dict[str, int] = {}
+        self._rejected: dict[int, str] = {}
         self._kept: frozenset[str] = frozenset()
         self._particles: dict[str, Particle] = {}
         self._planners: dict[str, Planner] = {}
@@ -84,8 +85,8 @@ class DesignStage:
 
     @property
     def awaits_toss(self) -> bool:
-        """Whether the toss of the last throw was not scored yet."""
-        return bool(self.throws) and not self.throws[-1].toss_id
+        """Whether the toss of the last throw was neither scored yet nor rejected."""
+        return bool(self.throws) and not (self.throws[-1].toss_id or self.throws[-1].rejected)
 
     @property
     def ratio(self) -> float:
@@ -123,6 +124,17 @@ class DesignStage:
         if not self._log.busy:  # else it may be that of the throw under way, whose release nobody has told of yet
             self._match(info.toss_id)
             self._measure()
+
+    def reject(self, first_ns: int, reason: str) -> None:
+        """A motion was kept back, which will be no toss.
+
+        Args:
+            first_ns: stamp of its first frame.
+            reason: why.
+        """
+        self._rejected[first_ns] = reason
+        if not self._log.busy:  # else it may be that of the throw under way
+            self._match_rejected()
 
     def propose(self, seed: int | None = None) -> Proposal:
         """The next throw; the same knowledge and seed give the same.
@@ -170,7 +182,16 @@ class DesignStage:
     def _match_all(self) -> None:
         for toss_id in sorted(self._stamps, key=lambda one: (self._stamps[one], one)):
             self._match(toss_id)
+        self._match_rejected()
         self._measure()
+
+    def _match_rejected(self) -> None:
+        """Gives each motion that was kept back to the throw that it began with; the first one there counts."""
+        for first_ns, reason in sorted(self._rejected.items()):
+            place = self._log.thrower_of(first_ns)
+            if place is not None and not (self.throws[place].toss_id or self.throws[place].rejected):
+                self._log.replace(place, replace(self.throws[place], rejected=reason))
+        self._rejected.clear()
 
     def _match(self, toss_id: str) -> None:
         """Gives a toss to the throw that it ended behind, if it is the first one there."""

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from contact_curation_msgs.msg import CuratedBuffer, ModelParameters
+from contact_curation_msgs.msg import CuratedBuffer, ModelParameters, TossRejected
 from contact_curation_msgs.msg import TossInformation as TossInformationMessage
 from contact_curation_msgs.srv import GetInformation, ProposeThrow
 from rclpy.clock import Clock, ClockType
@@ -27,7 +27,7 @@ from contact_curation.nodes.messages.model_parameters import MODEL, geometry_of_
 from contact_curation.nodes.messages.throw import throw_message, throw_of
 from contact_curation.nodes.messages.toss_information import information_of
 from contact_curation.nodes.parameters import declare
-from contact_curation.nodes.qos import kept
+from contact_curation.nodes.qos import RESULTS_KEPT, kept
 from contact_curation.nodes.scored_theta import read_scored_theta
 from contact_curation.nodes.throw_goals import Outcome, ThrowGoals
 from contact_curation.nodes.throw_log import Proposal
@@ -45,7 +45,7 @@ LONGEST_PROPOSAL = 120.0
 
 
 class ThrowDesigner(StageNode):
-    """Proposes throws when asked, and in `auto` has them made, the next when the last one's toss was scored."""
+    """Proposes throws when asked, and in `auto` has them made, the next when the last one's toss was scored or rejected."""
 
     def __init__(self) -> None:
         super().__init__("throw_designer")
@@ -79,6 +79,7 @@ class ThrowDesigner(StageNode):
         self.create_service(ProposeThrow, "propose_throw", self._propose)
         self.create_subscription(ModelParameters, "model_parameters", self._parameters_came, kept(1))
         self.create_subscription(CuratedBuffer, "curated_buffer", self._buffer_came, kept(1))
+        self.create_subscription(TossRejected, "toss_rejected", self._rejected_came, kept(RESULTS_KEPT))
         self._information = CatchUp(self, self._worker, INFORMATION, Cursor(), self._take)
         self.create_timer(PERIOD, self._look, clock=self._steady)
         HealthReport(self, self._health)
@@ -173,6 +174,15 @@ class ThrowDesigner(StageNode):
         if message.body == self._body.name:
             self._worker.do(partial(self._stage.keep, tuple(message.toss_ids)))
 
+    def _rejected_came(self, message: Any) -> None:
+        if message.body == self._body.name:
+            self._worker.do(partial(self._reject, message))
+
+    def _reject(self, message: Any) -> None:
+        """On the worker's thread: no toss will come of that throw."""
+        self._stage.reject(nanoseconds_of(message.header.stamp), "; ".join(message.reasons))
+        self._reports.tell(self._stage.reports)
+
     def _take(self, messages: Sequence[Any], cursor: Cursor) -> None:
         """On the worker's thread."""
         for message in messages:
@@ -194,6 +204,7 @@ class ThrowDesigner(StageNode):
             "throws": len(made),
             "under_way": self._goals.busy,
             "awaiting_toss": self._stage.awaits_toss,
+            "rejected": sum(bool(one.rejected) for one in made),
             "realised_ratio": round(self._stage.ratio, 3),
             "parameters_version": self._stage.version,
             "queue": self._worker.waiting,

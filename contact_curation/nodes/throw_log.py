@@ -17,6 +17,9 @@ from contact_curation.storage.state_store import StateStore
 
 THROWS, BEGUN, UNDER_WAY = "throws", "begun", "under way"
 
+LEAD_NS = 50_000_000
+"""A motion may seem to begin so much before its throw is released; what begins earlier is how the thrower carried the body."""
+
 LOST = "the designer died while it was under way; whether it was made is not known"
 
 
@@ -39,6 +42,7 @@ class Made:
         warm_up: why it was no designed one; None when it was.
         toss_id: its toss, once one was scored.
         realised: what that taught; None until it was scored at a theta that is known here, and for a warm-up.
+        rejected: why its motion was kept back; empty where it was not.
     """
 
     commanded: Throw
@@ -48,6 +52,7 @@ class Made:
     warm_up: str | None = None
     toss_id: str = ""
     realised: Realised | None = None
+    rejected: str = ""
 
     @property
     def report(self) -> ThrowReport:
@@ -61,7 +66,7 @@ class Made:
             toss_id=self.toss_id,
             planned=self.realised.planned if self.realised else self.commanded.expected_information,
             realised=self.realised.realised if self.realised else float("nan"),
-            detail=self.warm_up or "",
+            detail=f"rejected: {self.rejected}" if self.rejected and not self.toss_id else self.warm_up or "",
         )
 
 
@@ -134,6 +139,11 @@ class ThrowLog:
         """Index of the throw behind which a toss ended at `stamp_ns`: the last one that was released before."""
         return next((place for place in reversed(range(len(self._made))) if stamp_ns > self._made[place].after_ns), None)
 
+    def thrower_of(self, first_ns: int) -> int | None:
+        """Index of the throw that a motion began with, whose first frame is of `first_ns`: the last one released by then."""
+        begun = first_ns + LEAD_NS
+        return next((place for place in reversed(range(len(self._made))) if begun >= self._made[place].released_ns), None)
+
     def replace(self, place: int, made: Made) -> None:
         """More is known of a throw."""
         self._made[place] = made
@@ -178,6 +188,7 @@ def _entry_of(made: Made) -> dict[str, object]:
         "warm_up": made.warm_up,
         "toss_id": made.toss_id,
         "realised": asdict(made.realised) if made.realised else None,
+        "rejected": made.rejected,
     }
 
 

@@ -21,12 +21,12 @@ class ThrowReports:
     def __init__(self, node: Node, board_frame: str) -> None:
         self._publisher = node.create_publisher(ThrowReportMessage, "throw_report", kept(RESULTS_KEPT))
         self._board_frame = board_frame
-        self._told: dict[str, tuple[str, str]] = {}
+        self._told: dict[str, tuple[str, str, str]] = {}
 
     def tell(self, reports: Iterable[ThrowReport]) -> None:
         """Publishes those that say something new."""
         for report in reports:
-            known = (report.state.value, repr(report.realised))
+            known = (report.state.value, repr(report.realised), report.detail)
             if self._told.get(report.commanded.throw_id) != known:
                 self._told[report.commanded.throw_id] = known
                 self._publisher.publish(report_message(report, self._board_frame))

@@ -110,6 +110,34 @@ def test_what_theta_learned_from_does_not_count_as_predicted(states: StateStore)
     assert again.distrust() == "loss: found a median of 7, expected at most 0.15"
 
 
+def test_a_rejected_motion_ends_the_wait_of_the_throw_that_it_began_with_and_of_no_other(states: StateStore) -> None:
+    stage = DesignStage(CUBE, TRUSTING, states, TRUE)
+    thrown(stage, SECOND)
+    waits = []
+    for first_ns, reason in ((SECOND // 2, "carried"), (SECOND + 7_000_000, "depth: found 9 mm"), (2 * SECOND, "still")):
+        stage.reject(first_ns, reason)
+        waits.append(stage.awaits_toss)
+    assert waits == [True, False, False]
+    assert stage.reports[0].detail == "rejected: depth: found 9 mm"
+    assert stage.reports[0].state is ThrowState.EXECUTED
+    again = DesignStage(CUBE, TRUSTING, states)
+    assert not again.awaits_toss
+    proposal = again.propose()
+    again.begin(proposal)
+    again.reject(3 * SECOND, "gap: found 0.1 s")  # of the throw under way: nobody has told yet when it left
+    again.finish(proposal.throw, 3 * SECOND)
+    assert again.reports[1].detail == "rejected: gap: found 0.1 s"
+
+
+def test_a_toss_behind_a_rejected_motion_is_still_the_throws(states: StateStore) -> None:
+    stage = DesignStage(CUBE, TRUSTING, states, TRUE)
+    throw = thrown(stage, SECOND)
+    stage.reject(SECOND, "gap: found 0.1 s")
+    info, stamp_ns = information(throw, SECOND)
+    stage.add(info, stamp_ns)
+    assert (stage.reports[0].state, stage.reports[0].toss_id, stage.reports[0].detail) == (ThrowState.SCORED, info.toss_id, "")
+
+
 def test_proposals_repeat_by_seed_and_state(states: StateStore) -> None:
     stage = DesignStage(CUBE, TRUSTING, states, TRUE)
     one, other, third = (stage.propose(seed).throw.to_mapping() for seed in (7, 7, 8))

@@ -5,12 +5,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from contact_curation_msgs.msg import ModelParameters, ThrowReport
+from contact_curation_msgs.msg import ModelParameters, ThrowReport, TossRejected
 from contact_curation_msgs.srv import ProposeThrow
+from std_msgs.msg import Header
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.design.particle import Particle
+from contact_curation.nodes.messages.headers import time_message
 from contact_curation.nodes.messages.throw import throw_of
 from contact_curation.nodes.qos import RESULTS_KEPT, kept
 from contact_curation.storage.state_store import StateStore
@@ -109,6 +111,21 @@ def test_in_auto_throws_are_made_one_after_the_other_each_when_the_last_ones_tos
         assert (own[-1].toss_id, own[-1].realised_gain) == (entry["toss_id"], entry["realised"]["realised"])
         assert (own[-1].kind, own[-1].planned_gain) == ("designed", entry["commanded"]["expected_information"])
         assert own[-1].executed.throw_id == own[-1].throw_command.throw_id
+
+
+def test_a_throw_whose_motion_is_rejected_is_followed_by_the_next_at_once(graph: Graph) -> None:
+    thrower = Thrower(graph.listener)
+    thrower.silent.set()
+    reports = reported(graph)
+    publisher = graph.listener.node.create_publisher(TossRejected, "/toss_rejected", kept(RESULTS_KEPT))
+    started(graph, auto=True, max_throws=2, toss_timeout=10.0 * LONG, **trusted(graph))
+    graph.until(lambda: len(made(graph.folder)) == 1, LONG, "a first throw")
+    stamp = time_message(made(graph.folder)[0]["released_ns"])
+    reasons = ["gap: found 0.2 s", "depth: found 9 mm"]
+    publisher.publish(TossRejected(header=Header(stamp=stamp), toss_id="cube-1", body="cube", reasons=reasons))
+    graph.until(lambda: len(made(graph.folder)) == 2, LONG, "a second throw")
+    told = [one.detail for one in reports if one.throw_command.throw_id == "cube-throw-0" and one.state == "executed"]
+    assert told[-1] == "rejected: gap: found 0.2 s; depth: found 9 mm"
 
 
 @pytest.mark.slow
