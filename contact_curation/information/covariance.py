@@ -44,9 +44,3 @@ def sandwich_covariance(subspace: IdentifiableSubspace, toss_scores: Array) -> A
         raise InvalidValueError("toss scores", f"shape {toss_scores.shape}", f"(K, {subspace.parameters})")
     steps = (toss_scores @ subspace.whitening) @ subspace.whitening.T  # (K, P) H^-1 s: how far each toss pulls the estimate
     return np.asarray(steps.T @ steps)
-
-
-def standard_deviations(subspace: IdentifiableSubspace, covariance: Array) -> Array:
-    """Standard deviations (P,) of the parameters; infinite for one that no toss measured."""
-    measured = subspace.whitening.any(axis=1)
-    return np.where(measured, np.sqrt(np.diagonal(covariance)), np.inf)
