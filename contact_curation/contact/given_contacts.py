@@ -7,7 +7,7 @@ import ctypes
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.time_step import (
@@ -16,6 +16,7 @@ from contact_curation.contact.time_step import (
     Steps,
     StepStatus,
     SweepLimits,
+    checked_guesses,
     checked_states,
     checked_time_steps,
 )
@@ -54,22 +55,16 @@ def step_at_contacts(
     if phi.ndim != 2 or len(phi) != count:
         raise InvalidValueError("gaps", f"shape {phi.shape}", f"({count}, K)")
     contacts = phi.shape[1]
-    rows = _shaped("jacobians", jacobians, (count, contacts, 3, 6))
-    shape = (count, contacts, 3)
-    impulses = np.zeros(shape) if guesses is None else _shaped("guesses", guesses, shape).copy()
+    rows: Array = np.ascontiguousarray(jacobians, dtype=float)
+    if rows.shape != (count, contacts, 3, 6):
+        raise InvalidValueError("jacobians", f"shape {rows.shape}", f"{(count, contacts, 3, 6)}")
+    impulses = checked_guesses(guesses, count, contacts)
     status, residual = np.empty(count, np.int32), np.empty(count)
     dynamics = CompiledDynamics(body, limits)
     data = (array.ctypes.data for array in (steps, phi, rows, after, impulses, status, residual))
     _compiled_step()(ctypes.byref(dynamics), count, contacts, *data)
     after[status == StepStatus.NOT_FINITE] = np.nan
     return Steps(after, impulses, status, residual)
-
-
-def _shaped(name: str, given: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    array: Array = np.ascontiguousarray(given, dtype=float)
-    if array.shape != shape:
-        raise InvalidValueError(name, f"shape {array.shape}", f"{shape}")
-    return array
 
 
 def _compiled_step() -> Callable[..., None]:

@@ -159,6 +159,19 @@ def checked_time_steps(dt: ArrayLike, count: int) -> Array:
     return np.ascontiguousarray(np.broadcast_to(given, (count,)))
 
 
+def checked_guesses(guesses: ArrayLike | None, count: int, contacts: int) -> Array:
+    """A copy of the impulses (count, contacts, 3) to start from; zero when there are none.
+
+    Raises:
+        InvalidValueError: another shape.
+    """
+    shape = (count, contacts, 3)
+    impulses = np.zeros(shape) if guesses is None else np.array(guesses, dtype=float, order="C")
+    if impulses.shape != shape:
+        raise InvalidValueError("guesses", f"shape {impulses.shape}", f"{shape}")
+    return impulses
+
+
 def step(
     geometry: ContactGeometry,
     body: Body,
@@ -183,12 +196,8 @@ def step(
     after = checked_states(states)
     count = len(after)
     steps = checked_time_steps(dt, count)
-    shape = (count, geometry.vertex_count, 3)
-    impulses = np.zeros(shape) if guesses is None else np.array(guesses, dtype=float, order="C")
-    if impulses.shape != shape:
-        raise InvalidValueError("guesses", f"shape {impulses.shape}", f"{shape}")
-    status = np.empty(count, np.int32)
-    residual = np.empty(count)
+    impulses = checked_guesses(guesses, count, geometry.vertex_count)
+    status, residual = np.empty(count, np.int32), np.empty(count)
     world = CompiledWorld(geometry, body, limits)
     data = (array.ctypes.data for array in (steps, after, impulses, status, residual))
     _compiled_step()(ctypes.byref(world), count, *data)
