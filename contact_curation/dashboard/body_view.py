@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from contact_curation.contact.body import Body
 from contact_curation.dashboard.screen import Screen
 from contact_curation.dashboard.vertex_uncertainty import VertexUncertainty
-from contact_curation.dashboard.wireframe import Wireframe
+from contact_curation.dashboard.wireframe import wireframe_of
 from contact_curation.geometry.quaternions import Array
 
 BODY, KNOWN = "body", "known"
@@ -37,16 +37,15 @@ class BodyView:
     Args:
         screen: to write to.
         body: as it was described.
-        wireframe: how its vertices are joined.
     """
 
-    def __init__(self, screen: Screen, body: Body, wireframe: Wireframe) -> None:
+    def __init__(self, screen: Screen, body: Body) -> None:
         self._screen = screen
         self._body = body
-        self._wireframe = wireframe
-        described = rr.LineStrips3D(wireframe.strips(body.vertices), colors=[DESCRIBED], radii=rr.Radius.ui_points(1.0))
+        self._wireframe = wireframe_of(body.vertices)
+        edges = self._wireframe.strips(body.vertices)
         screen.always(BODY, rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-        screen.always(f"{BODY}/described", described)
+        screen.always(f"{BODY}/described", rr.LineStrips3D(edges, colors=[DESCRIBED], radii=rr.Radius.ui_points(1.0)))
         screen.curve(f"{KNOWN}/worst", "worst vertex [mm]", UNSURE)
         screen.curve(f"{KNOWN}/median", "median vertex [mm]", LEARNED)
 

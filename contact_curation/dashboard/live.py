@@ -20,7 +20,6 @@ from contact_curation.dashboard.screen import Moment, Screen
 from contact_curation.dashboard.throw_view import NEXT_STATE, ThrowMade, ThrowView
 from contact_curation.dashboard.toss_motion import ShownTheta, motion_of
 from contact_curation.dashboard.vertex_uncertainty import vertex_uncertainty
-from contact_curation.dashboard.wireframe import wireframe_of
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.record import TossInformation
@@ -52,10 +51,9 @@ class LiveSession:
         self._stamp_ns = 0
         self._kept: KeptSet | None = None
         self._throws: dict[str, ThrowMade] = {}
-        wireframe = wireframe_of(body.vertices)
         screen.at(Moment())
-        self._bodies = BodyView(screen, body, wireframe)
-        self._motions = MotionView(screen, body, wireframe)
+        self._bodies = BodyView(screen, body)
+        self._motions = MotionView(screen, body)
         self._rankings = RankingView(screen)
         self._learning = LearningView(screen)
         self._flights = ThrowView(screen)

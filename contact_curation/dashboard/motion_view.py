@@ -10,7 +10,7 @@ import rerun as rr
 from contact_curation.contact.body import Body
 from contact_curation.dashboard.screen import Screen, quaternions_xyzw
 from contact_curation.dashboard.toss_motion import TossMotion
-from contact_curation.dashboard.wireframe import Wireframe
+from contact_curation.dashboard.wireframe import wireframe_of
 from contact_curation.design.throw import Throw
 from contact_curation.geometry.quaternions import Array
 
@@ -37,13 +37,12 @@ class MotionView:
     Args:
         screen: to write to.
         body: as it was described.
-        wireframe: how its vertices are joined.
     """
 
-    def __init__(self, screen: Screen, body: Body, wireframe: Wireframe) -> None:
+    def __init__(self, screen: Screen, body: Body) -> None:
         self._screen = screen
         self._body = body
-        self._wireframe = wireframe
+        self._wireframe = wireframe_of(body.vertices)
         size = (BOARD_SIDE / 2, BOARD_SIDE / 2, BOARD_THICKNESS / 2)
         board = rr.Boxes3D(half_sizes=[size], centers=[(0.0, 0.0, -BOARD_THICKNESS / 2)], colors=[BOARD], fill_mode="solid")
         screen.always(SCENE, rr.ViewCoordinates.RIGHT_HAND_Z_UP)

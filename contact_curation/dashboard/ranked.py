@@ -13,7 +13,6 @@ from contact_curation.dashboard.ranking_view import RankingView
 from contact_curation.dashboard.screen import Moment, Screen
 from contact_curation.dashboard.toss_motion import ShownTheta, motion_of
 from contact_curation.dashboard.vertex_uncertainty import VertexUncertainty, vertex_uncertainty
-from contact_curation.dashboard.wireframe import wireframe_of
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.pool import Pool
 from contact_curation.information.pool_subspace import pool_subspace
@@ -54,8 +53,7 @@ def show_ranked(
     Raises:
         InvalidValueError: theta cannot be rolled out.
     """
-    wireframe = wireframe_of(body.vertices)
-    bodies, motions = BodyView(screen, body, wireframe), MotionView(screen, body, wireframe)
+    bodies, motions = BodyView(screen, body), MotionView(screen, body)
     rankings, gates = RankingView(screen), GateView(screen)
     screen.at(Moment())
     for one in kept_back:
