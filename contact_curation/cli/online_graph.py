@@ -5,12 +5,10 @@ import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from contact_curation.cli.free_domain import VARIABLE
 from contact_curation.cli.node_parameters import Parameters
 from contact_curation.cli.online_parameters import DASHBOARD, RECORDER, SessionFolder
 from contact_curation.cli.supervisor import Incident, Patience, Program, Supervisor
-
-LARGEST_DOMAIN = 101
-"""Domains up to this one keep their ports below those that Linux gives out."""
 
 OTHER_RANGES = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS")
 """Variables that would reach beyond this machine, or confuse, when discovery is on it."""
@@ -26,6 +24,7 @@ memory of their own."""
 def supervised(
     parameters: Mapping[str, Parameters],
     folder: SessionFolder,
+    domain: int | str,
     tell: Callable[[Incident], None],
     patience: Patience | None = None,
 ) -> Supervisor:
@@ -34,22 +33,23 @@ def supervised(
     Args:
         parameters: by node; they are in `folder.parameters` already.
         folder: of the session.
+        domain: of ROS.
         tell: called with what happens.
         patience: with them.
     """
     programs = [_program(name, folder.parameters) for name in parameters]
-    return Supervisor(programs, graph_environment(os.environ, folder.logs), folder.logs, tell, patience)
+    return Supervisor(programs, graph_environment(os.environ, folder.logs, domain), folder.logs, tell, patience)
 
 
-def graph_environment(own: Mapping[str, str], logs: Path) -> dict[str, str]:
-    """Environment of the nodes: the user's domain and range of discovery where they are set.
+def graph_environment(own: Mapping[str, str], logs: Path, domain: int | str) -> dict[str, str]:
+    """Environment of the nodes: the user's range of discovery where it is set.
 
     Args:
         own: of this process.
         logs: folder for what ROS logs.
+        domain: of ROS.
     """
-    environment = dict(own)
-    environment.setdefault("ROS_DOMAIN_ID", str(os.getpid() % LARGEST_DOMAIN + 1))
+    environment = {**own, VARIABLE: str(domain)}
     environment.setdefault("ROS_LOG_DIR", str(logs.absolute() / "ros"))
     if "ROS_AUTOMATIC_DISCOVERY_RANGE" not in own:
         environment = {name: value for name, value in environment.items() if name not in OTHER_RANGES}
@@ -58,12 +58,10 @@ def graph_environment(own: Mapping[str, str], logs: Path) -> dict[str, str]:
 
 
 def _program(name: str, parameters: Path) -> Program:
-    command = (
-        sys.executable,
-        "-m",
-        f"contact_curation.nodes.{name}",
-        "--ros-args",
-        "--params-file",
-        str(parameters.absolute()),
-    )
-    return Program(name, command, needed=name != DASHBOARD, stage=LISTENERS if name in (DASHBOARD, RECORDER) else 0)
+    listens = name in (DASHBOARD, RECORDER)
+    return Program(name, node_command(name, parameters), needed=name != DASHBOARD, stage=LISTENERS if listens else 0)
+
+
+def node_command(name: str, parameters: Path) -> tuple[str, ...]:
+    """The command line of a node whose parameters are in a file."""
+    return (sys.executable, "-m", f"contact_curation.nodes.{name}", "--ros-args", "--params-file", str(parameters.absolute()))

@@ -1,17 +1,14 @@
 """A graph of real processes, each test in its own ROS domain."""
 
-import itertools
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from contact_curation.cli.free_domain import free_domain
 from test.graph.graph import Graph
 
 GOLDEN = Path(__file__).resolve().parents[2] / "bags" / "golden.mcap"
-
-_numbers = itertools.count()
 
 
 @pytest.fixture
@@ -24,6 +21,5 @@ def graph(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Graph]:
     """Nodes and listeners that hear nobody else; all are stopped at the end."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "ros_logs"))
-    domain = 1 + (7 * os.getpid() + next(_numbers)) % 100  # above 101 the ports may be taken by others
-    with Graph(tmp_path, domain) as made:
+    with free_domain() as domain, Graph(tmp_path, domain) as made:
         yield made
