@@ -1,12 +1,14 @@
 """`online`: the whole graph as processes, closed to a loop: design, throw, track, ingest, score, curate, train, design."""
 
 import argparse
+import os
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Protocol
 
+from contact_curation.cli.free_domain import graph_domain
 from contact_curation.cli.node_parameters import write_node_parameters
 from contact_curation.cli.online_events import EventLog
 from contact_curation.cli.online_graph import supervised
@@ -19,6 +21,7 @@ from contact_curation.cli.report import print_json
 from contact_curation.cli.stop_signals import StopSignals
 from contact_curation.cli.supervisor import Incident
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.body_file import read_body
 
 
@@ -39,6 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
         ContactCurationError: an option's file cannot be used, or a node cannot be kept running.
         KeyboardInterrupt: a signal came before the throws were over.
     """
+    load_kernel()  # without it no node can work: better said here, once, than by all of them
     config = online_config(arguments)
     with TemporaryDirectory(prefix="contact-curation-online-") as temporary:
         folder = SessionFolder(config.record or Path(temporary))
@@ -80,7 +84,8 @@ def run_session(
     with ExitStack() as running:
         events = running.enter_context(EventLog(folder.events))
         tell = partial(_tell, events, voice)
-        supervisor = running.enter_context(supervised(parameters, folder, tell))
+        domain = running.enter_context(graph_domain(os.environ))
+        supervisor = running.enter_context(supervised(parameters, folder, domain, tell))
         session = Session(config, body, parameters, folder, events, voice.say)
         supervisor.start()
         session.follow(supervisor, stop)

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from contact_curation.cli.log_follower import LogFollower
 from contact_curation.cli.node_parameters import Parameters
 from contact_curation.cli.online_events import EventLog
 from contact_curation.cli.online_options import OnlineConfig
@@ -17,7 +18,7 @@ from contact_curation.cli.supervisor import Supervisor
 from contact_curation.contact.body import Body
 from contact_curation.errors import UnreadableInputError
 
-ARM = "sim_arm"
+ARM, DESIGNER = "sim_arm", "throw_designer"
 
 POLL = 0.25
 """[s] between looks."""
@@ -32,6 +33,9 @@ GAIN_PATIENCE = 20.0
 """[s] that are waited for what the last throw's toss taught: after a kill it may never be known."""
 
 ADDRESS = re.compile(r"dashboard at (\S+)")
+
+NO_THROW = re.compile(r"no throw: (.*?)(?: \(\d+ times so far\))?; dropped")
+"""What the designer says when it finds none that may be commanded."""
 
 ROUND_DEFAULTS = {"least_tosses": 2, "settling_rounds": 3}
 """The trainer's."""
@@ -66,6 +70,8 @@ class Session:
         self._events = events
         self._say = say
         self._told = 0
+        self._complaints = LogFollower(folder.logs / f"{DESIGNER}.log", NO_THROW)
+        self._complaint = ""
         self._changed = time.monotonic()
         self._trained: tuple[Any, str] = (None, "")
         self.standing = Standing()
@@ -84,8 +90,9 @@ class Session:
             supervisor.look()
             self._look()
             self._look_for_address()
+            self._look_for_complaints()
             throws = len(self.standing.throws)
-            if throws < self._config.throws and standstill.found(throws, time.monotonic()):
+            if throws < self._config.throws and standstill.found(throws, time.monotonic(), self._complaint):
                 self._say("no throw for long: the arm, which may have stopped itself, is started again")
                 supervisor.kill(ARM)
         self._tell_of_throws(everything=True)
@@ -126,6 +133,8 @@ class Session:
             self._events.note("unreadable", detail=str(error))
             return
         if standing != self.standing:
+            if len(standing.throws) > len(self.standing.throws):
+                self._complaint = ""
             self.standing, self._changed = standing, time.monotonic()
             self._tell_of_throws()
 
@@ -153,6 +162,13 @@ class Session:
         )
         of = f" of {self._config.throws}" if self._config.throws else ""
         self._say(f"throw {place + 1:3d}{of}  {gains(throw):<34}  {outcome}  ({self._events.seconds:.0f} s)")
+
+    def _look_for_complaints(self) -> None:
+        """Says why no throw is commanded; the same reason again only after a throw."""
+        for complaint in self._complaints.new():
+            if complaint != self._complaint:
+                self._complaint = complaint
+                self._say(f"no throw: {complaint}")
 
     def _look_for_address(self) -> None:
         path = self._folder.logs / f"{DASHBOARD}.log"

@@ -21,20 +21,23 @@ class Standstill:
         self._since = now
         self._starts = 0
 
-    def found(self, throws: int, now: float) -> bool:
+    def found(self, throws: int, now: float, complaint: str = "") -> bool:
         """Whether the arm should be started again; asked often.
 
         Args:
             throws: made so far.
             now: the clock.
+            complaint: why the designer has commanded none since the last throw; empty where that is not why.
 
         Raises:
-            ProgramFailedError: that has not helped.
+            ProgramFailedError: that has not helped, or cannot.
         """
         if throws != self._throws:
             self._throws, self._since, self._starts = throws, now, 0
         if now - self._since < LONGEST_PAUSE:
             return False
+        if complaint:
+            raise ProgramFailedError(f"found no throw for {LONGEST_PAUSE:.0f} s after {throws} throws: {complaint}")
         if self._starts == MOST_STARTS:
             waited = LONGEST_PAUSE * (MOST_STARTS + 1)
             raise ProgramFailedError(

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from contact_curation.cli.free_domain import graph_domain
 from contact_curation.cli.free_port import free_port
 from contact_curation.cli.main import main
 from contact_curation.cli.node_parameters import Parameters
@@ -20,6 +21,7 @@ from contact_curation.cli.online_stores import KeptBack, SessionStores, Standing
 from contact_curation.cli.rank_of_session import rank_command
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.solver import compiled
 from contact_curation.storage.information_store import InformationStore
 from contact_curation.storage.state_store import StateStore
 from contact_curation.storage.toss_store import TossStore
@@ -113,13 +115,14 @@ def test_a_folder_with_a_session_is_not_used_again(tmp_path: Path) -> None:
 
 
 def test_the_domain_is_the_users_or_one_of_its_own_on_this_machine(tmp_path: Path) -> None:
-    own = graph_environment({"ROS_STATIC_PEERS": "far", "A": "1"}, tmp_path)
+    with graph_domain({}) as domain:
+        own = graph_environment({"ROS_STATIC_PEERS": "far", "A": "1"}, tmp_path, domain)
     assert own["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
     assert 1 <= int(own["ROS_DOMAIN_ID"]) <= 101
     assert "ROS_STATIC_PEERS" not in own
-    users = graph_environment(
-        {"ROS_DOMAIN_ID": "7", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_STATIC_PEERS": "far"}, tmp_path
-    )
+    given = {"ROS_DOMAIN_ID": "7", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_STATIC_PEERS": "far"}
+    with graph_domain(given) as domain:
+        users = graph_environment(given, tmp_path, domain)
     assert (users["ROS_DOMAIN_ID"], users["ROS_AUTOMATIC_DISCOVERY_RANGE"], users["ROS_STATIC_PEERS"]) == ("7", "SUBNET", "far")
 
 
@@ -236,3 +239,19 @@ def test_a_file_that_is_not_there_is_one_line_and_starts_nothing(tmp_path: Path,
     assert main(["online", "--record", str(record), "--body-file", str(tmp_path / "none.yaml")]) == 1
     assert capsys.readouterr().err.count("\n") == 2
     assert not record.exists()
+
+
+def test_without_the_compiled_kernel_a_session_ends_before_it_begins(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(compiled, "KERNEL_FOLDER", tmp_path)
+    compiled.load_kernel.cache_clear()
+    try:
+        assert main(["online", "--throws", "1", "--record", str(tmp_path / "session")]) == 1
+    finally:
+        compiled.load_kernel.cache_clear()
+    said = capsys.readouterr()
+    assert said.err.startswith("contact-curation: error: ")
+    assert "the compiled kernel" in said.err
+    assert (said.err.count("\n"), said.out) == (1, "")
+    assert not (tmp_path / "session").exists()

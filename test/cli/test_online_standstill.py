@@ -27,3 +27,10 @@ def test_when_starting_again_does_not_help_the_session_ends_with_one_line() -> N
         assert not standstill.found(0, LONGEST_PAUSE * attempt + 1.0)
     with pytest.raises(ProgramFailedError, match="found no throw for 720 s after 0 throws"):
         standstill.found(0, LONGEST_PAUSE * (MOST_STARTS + 1))
+
+
+def test_where_the_designer_said_why_nothing_is_started_again_in_vain() -> None:
+    standstill = Standstill(0.0)
+    assert not standstill.found(3, 1.0, "releases: found 0")
+    with pytest.raises(ProgramFailedError, match="found no throw for 180 s after 3 throws: releases: found 0"):
+        standstill.found(3, LONGEST_PAUSE + 1.0, "releases: found 0")
