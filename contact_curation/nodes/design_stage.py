@@ -21,6 +21,7 @@ from contact_curation.design.safety_set import Feasible
 from contact_curation.design.throw import Throw
 from contact_curation.design.throw_prior import PUBLISHED_PRIOR, ReleasePrior
 from contact_curation.design.throw_report import ThrowReport
+from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
 from contact_curation.nodes.messages.model_parameters import bytes_of_geometry, geometry_of_bytes
@@ -143,13 +144,17 @@ class DesignStage:
             seed: of the pool; by default the number of throws that were begun.
 
         Raises:
-            InvalidValueError: no release may be thrown.
+            InvalidValueError: no release may be thrown, not even as the body is described.
         """
         own = self._log.begun if seed is None else seed
         name = f"{self._designer.body.name}-throw-{self._log.begun}" + ("" if seed is None else f"-{seed}")
         reason = self.distrust()
         if reason is None:
-            return Proposal(self._design(self._best_known()).plan([name], own).throws[0], None)
+            design = self._design(self._best_known())
+            try:
+                return Proposal(design.plan([name], own).throws[0], None)
+            except InvalidValueError as error:  # a theta at which no throw comes to rest, say
+                reason = str(error)
         thrown = [made.executed.release for made in self.throws]
         return Proposal(self._designer.warm_up(name, own, thrown), reason)
 

@@ -138,6 +138,14 @@ def test_a_toss_behind_a_rejected_motion_is_still_the_throws(states: StateStore)
     assert (stage.reports[0].state, stage.reports[0].toss_id, stage.reports[0].detail) == (ThrowState.SCORED, info.toss_id, "")
 
 
+def test_a_theta_at_which_nothing_comes_to_rest_is_not_followed_but_said(states: StateStore) -> None:
+    stage = DesignStage(CUBE, TRUSTING, states, other_theta(1.0, 1e-3).geometry)
+    proposal = stage.propose()
+    assert proposal.warm_up is not None
+    assert "releases that may be thrown: found 0" in proposal.warm_up
+    assert proposal.throw.expected_information == 0.0
+
+
 def test_proposals_repeat_by_seed_and_state(states: StateStore) -> None:
     stage = DesignStage(CUBE, TRUSTING, states, TRUE)
     one, other, third = (stage.propose(seed).throw.to_mapping() for seed in (7, 7, 8))
