@@ -8,8 +8,9 @@ from typing import NamedTuple
 from contact_curation.design.throw import Throw, throw_of_state
 from contact_curation.geometry.quaternions import Array
 from contact_curation.sim.arm_feasibility import ArmFeasibility, described
+from contact_curation.sim.arm_frame import ArmFrame, Phase
 from contact_curation.sim.arm_path import JointPath
-from contact_curation.sim.arm_simulation import ArmFrame, ArmSimulation, ControlConfig, Phase
+from contact_curation.sim.arm_simulation import ArmSimulation, ControlConfig
 from contact_curation.sim.safety import SafetyGate, path_out_of_limits
 
 

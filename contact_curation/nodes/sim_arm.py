@@ -38,7 +38,8 @@ from contact_curation.nodes.simulated_time import SimulatedTime
 from contact_curation.nodes.worker import Worker
 from contact_curation.sim.arm import ArmConfig
 from contact_curation.sim.arm_feasibility import ArmFeasibility
-from contact_curation.sim.arm_simulation import ArmFrame, ControlConfig, Phase
+from contact_curation.sim.arm_frame import ArmFrame, Phase
+from contact_curation.sim.arm_simulation import ControlConfig
 from contact_curation.sim.safety import GateConfig, SafetyGate
 from contact_curation.sim.throw_motion import ThrowPlanner
 

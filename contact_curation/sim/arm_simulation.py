@@ -10,52 +10,26 @@ down as planned but no longer holds its place, and goes home from where it then 
 """
 
 from dataclasses import dataclass, field
-from enum import StrEnum
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
-from contact_curation.geometry import quaternions
-from contact_curation.geometry.poses import Pose
-from contact_curation.geometry.quaternions import IDENTITY, Array
-from contact_curation.sim.arm import (
-    ARM_BIT,
-    BOARD_BIT,
-    DEFAULT_ARM,
-    GRIPPER_LENGTH,
-    HELD,
-    JOINT_NAMES,
-    ArmConfig,
-    free_model,
-    holding_model,
-    put_into_gripper,
-)
-from contact_curation.sim.arm_grasps import grasps_of
-from contact_curation.sim.arm_kinematics import FLANGE
+from contact_curation.geometry.quaternions import Array
+from contact_curation.sim.arm import DEFAULT_ARM, ArmConfig
+from contact_curation.sim.arm_frame import ArmFrame, Phase
 from contact_curation.sim.arm_limits import JOINTS
 from contact_curation.sim.arm_path import DEFAULT_RAMP, JointPath, moving
+from contact_curation.sim.arm_worlds import ArmWorlds
 from contact_curation.sim.collision_reflex import CollisionReflex, ReflexConfig
+from contact_curation.sim.limit_use import LimitUse, Peaks
 from contact_curation.sim.throw_motion import STEP, STEPS_PER_FRAME, ThrowMotion
 
 PER_FRAME = STEP * STEPS_PER_FRAME
 
 SOFT_DAMPING = 10.0
 """Kd of an arm that gives way; it has no stiffness [1/s]."""
-
-
-class Phase(StrEnum):
-    """What the arm is doing."""
-
-    RESTING = "resting"
-    MOVING = "moving"
-    THROWING = "throwing"
-    RELEASED = "released"
-    STOPPING = "stopping"
-    STOPPED = "stopped"
-    RETURNING = "returning"
 
 
 @dataclass(frozen=True)
@@ -98,46 +72,6 @@ class ControlConfig:
 DEFAULT_CONTROL = ControlConfig()
 
 
-@dataclass(frozen=True, eq=False)
-class ArmFrame:
-    """The world once per frame.
-
-    Attributes:
-        time: simulated [s].
-        phase: of the arm.
-        progress: of the motion, 0 to 1.
-        joints: (7,) [rad].
-        speeds: (7,) [rad/s].
-        torques: (7,) that the motors gave [N m].
-        body: (13,) state in SI units, in the board's frame.
-        free: whether the body has left the gripper.
-    """
-
-    time: float
-    phase: Phase
-    progress: float
-    joints: Array
-    speeds: Array
-    torques: Array
-    body: Array
-    free: bool
-
-    @property
-    def twist_in_body(self) -> Array:
-        """(6,) velocity and angular velocity in the body's own frame."""
-        back = quaternions.conjugate(self.body[3:7])
-        return np.concatenate([quaternions.rotate(back, self.body[7:10]), self.body[10:]])
-
-
-@dataclass(frozen=True, eq=False)
-class Peaks:
-    """The largest shares of the joints' limits that were used, (7,) each."""
-
-    torque: Array
-    speed: Array
-    position: Array
-
-
 class ArmSimulation:
     """Arm, body and board, moved on frame by frame.
 
@@ -153,11 +87,7 @@ class ArmSimulation:
     ) -> None:
         self.body, self.config, self.control = body, config, control
         self._rng = np.random.default_rng(seed)
-        self._models = {True: holding_model(body, config, STEP), False: free_model(body, config, STEP)}
-        self._data = {held: mujoco.MjData(model) for held, model in self._models.items()}
-        self._arm = {held: _addresses(model) for held, model in self._models.items()}
-        self._held = True
-        self._data[True].qpos[:] = config.home_posture
+        self._worlds = ArmWorlds(body, config, STEP)
         self.time = 0.0
         self.phase = Phase.RESTING
         self.release: Array | None = None
@@ -168,25 +98,23 @@ class ArmSimulation:
         self._at, self._rate, self._wanted, self._slowing = 0.0, 0.0, 0.0, 1.0
         self._release_row, self._swing_row, self._stopped_row, self._opens_at = -1, -1, -1, -1.0
         self._still_for, self._free_for = 0.0, 0.0
-        self._torques = np.zeros(JOINTS)
-        self._torque_peak, self._speed_peak, self._position_peak = np.zeros((3, JOINTS))
-        self._take(_first_grip(body))
-        self._torques = self._data[True].qfrc_bias.copy()  # it stands at home and bears its weight
+        self._used = LimitUse(config.limits)
+        self._torques = self._worlds.now.data.qfrc_bias.copy()  # it stands at home and bears its weight
 
     @property
     def holding(self) -> bool:
         """Whether the body is in the gripper."""
-        return self._held
+        return self._worlds.held
 
     @property
     def rested(self) -> bool:
         """Whether the body has left the gripper and lies still."""
-        return not self._held and self._still_for >= self.control.rest_time
+        return not self._worlds.held and self._still_for >= self.control.rest_time
 
     @property
     def peaks(self) -> Peaks:
         """Of the limits, since the motion began."""
-        return Peaks(self._torque_peak.copy(), self._speed_peak.copy(), self._position_peak.copy())
+        return self._used.peaks
 
     def begin(self, motion: ThrowMotion) -> None:
         """Begins a throw: the body is put into the gripper the way the throw wants it.
@@ -196,7 +124,7 @@ class ArmSimulation:
         """
         if self.phase is not Phase.RESTING:
             raise InvalidValueError("arm", self.phase.value, "an arm that rests at home")
-        self._take(motion.grip)
+        self._worlds.take(motion.grip)
         lead = -(len(motion.approach) + len(motion.swing) - 2) % STEPS_PER_FRAME  # so that the release falls on a frame
         before = JointPath.joined(_still(self.config.home_posture, lead + 1), motion.approach)
         self._path = JointPath.joined(before, motion.swing, motion.stopping, motion.returning)
@@ -207,7 +135,7 @@ class ArmSimulation:
         self._slowing = self.control.braking / max(float(np.abs(self._path.speeds).max()), 1e-6)
         self._at, self._rate, self._wanted, self.release = 0.0, 1.0, 1.0, None
         self.touched = self.gave_way = self.settled = False
-        self._torque_peak, self._speed_peak, self._position_peak = np.zeros((3, JOINTS))
+        self._used.forget()
         self.phase = Phase.MOVING
 
     def stop(self) -> None:
@@ -220,7 +148,7 @@ class ArmSimulation:
     def rearm(self) -> None:
         """After a stop: goes home, back on the way it came, or forward when the body is gone."""
         if self.phase is Phase.STOPPED:
-            self.phase, self._wanted = Phase.RETURNING, -self.control.return_rate if self._held else 1.0
+            self.phase, self._wanted = Phase.RETURNING, -self.control.return_rate if self._worlds.held else 1.0
 
     def advance(self) -> ArmFrame:
         """The next frame."""
@@ -231,16 +159,16 @@ class ArmSimulation:
 
     def frame(self) -> ArmFrame:
         """The world as it is now."""
-        data, (joints, speeds) = self._data[self._held], self._arm[self._held]
+        world = self._worlds.now
         return ArmFrame(
             self.time,
             self.phase,
             min(self._at / max(len(self._path) - 1, 1), 1.0),
-            data.qpos[joints].copy(),
-            data.qvel[speeds].copy(),
+            world.data.qpos[world.joints].copy(),
+            world.data.qvel[world.dofs].copy(),
             self._torques.copy(),
-            self._body_state(),
-            not self._held,
+            self._worlds.body_state(),
+            not self._worlds.held,
         )
 
     def _step(self) -> None:
@@ -249,7 +177,7 @@ class ArmSimulation:
         self._at, self._rate = self._ahead()
         posture, speed = self._reference(before, rate)
         next_speed = self._reference(self._at, self._rate)[1]
-        model, data, (joints, dofs) = self._models[self._held], self._data[self._held], self._arm[self._held]
+        model, data, joints, dofs = self._worlds.now
         mujoco.mj_step1(model, data)
         speeds = data.qvel.copy()
         wanted, moment = np.zeros(model.nv), np.zeros(model.nv)
@@ -261,11 +189,11 @@ class ArmSimulation:
         data.qfrc_applied[dofs] = self._torques
         mujoco.mj_step2(model, data)
         self.time += STEP
-        self._note(data.qpos[joints], data.qvel[dofs])
-        if not self._held:
+        self._used.note(self._torques, data.qpos[joints], data.qvel[dofs])
+        if not self._worlds.held:
             mujoco.mj_mulM(model, data, moment, (data.qvel - speeds) / STEP)
             self._feel(moment[dofs] + data.qfrc_bias[dofs] - self._torques)
-        if self._held and self.phase is Phase.THROWING and self._at >= self._opens_at:
+        if self._worlds.held and self.phase is Phase.THROWING and self._at >= self._opens_at:
             self._open()
 
     def _pull(self, off: Array, slow: Array) -> Array:
@@ -276,10 +204,7 @@ class ArmSimulation:
 
     def _feel(self, outside: Array) -> None:
         """Notes what touches, and gives way to torques from outside (7,) that are too large."""
-        data, model = self._data[False], self._models[False]
-        pairs = data.contact.geom
-        ours = (pairs == model.geom(self.body.name).id).any(axis=1) & (pairs != model.geom("board").id).all(axis=1)
-        self.touched |= bool(ours.any())
+        self.touched |= self._worlds.body_touches_arm()
         if self._reflex.feels(outside, STEP) and not self._gone:
             self._yields = self.gave_way = True
 
@@ -290,7 +215,7 @@ class ArmSimulation:
         if not (past_release and self._wanted == 0.0):  # there the path slows down by itself, as hard as it may
             rate += float(np.clip(self._wanted - rate, -change, change))
         # The arm goes home when the body rests, so that it does not meet it on the way.
-        waits = not self._held and self._at <= self._stopped_row and (self._yields or not self._gone)
+        waits = not self._worlds.held and self._at <= self._stopped_row and (self._yields or not self._gone)
         return float(np.clip(self._at + rate, 0.0, self._stopped_row if waits else len(self._path) - 1)), rate
 
     def _reference(self, at: float, rate: float) -> tuple[Array, Array]:
@@ -305,22 +230,24 @@ class ArmSimulation:
         """What follows from where everything is."""
         if self.phase is Phase.MOVING and self._at >= self._swing_row:
             self.phase = Phase.THROWING
-        if not self._held:
+        if not self._worlds.held:
             self._watch_body()
         if self._yields and self._gone and self._stands() and self.phase in (Phase.RELEASED, Phase.RETURNING):
             self._go_on()
         at_end = self._at >= len(self._path) - 1
         if self.phase is Phase.STOPPING and self._stands():
             self.phase, self._rate = Phase.STOPPED, 0.0
-        elif self.phase is Phase.RETURNING and self._held and self._at <= 0.0:
+        elif self.phase is Phase.RETURNING and self._worlds.held and self._at <= 0.0:
             self._home()
         elif self.phase in (Phase.RELEASED, Phase.RETURNING) and at_end and self._gone:
-            self._take(_first_grip(self.body))
+            self._worlds.take_anew()
+            self._gone = False
             self._home()
 
     def _stands(self) -> bool:
         """Whether the path is followed no further, and an arm that gives way stands still."""
-        if self._yields and np.abs(self._data[False].qvel[self._arm[False][1]]).max() > self.control.still:
+        world = self._worlds.now
+        if self._yields and np.abs(world.data.qvel[world.dofs]).max() > self.control.still:
             return False
         row = min(int(self._at), len(self._path) - 1)
         slowed = bool(self._at > self._release_row >= 0 and np.abs(self._path.speeds[row]).max() < 1e-9)
@@ -328,7 +255,8 @@ class ArmSimulation:
 
     def _go_on(self) -> None:
         """Back to its path, from where an arm stands that gave way, and home."""
-        here, rest = self._data[False].qpos[self._arm[False][0]], self._path.after(self._stopped_row)
+        world, rest = self._worlds.now, self._path.after(self._stopped_row)
+        here = world.data.qpos[world.joints]
         back = moving(here, rest.positions[0], self.config.limits.speed, STEP, DEFAULT_RAMP)
         self._path = JointPath.joined(back, rest)
         self._slowing = self.control.braking / max(float(np.abs(self._path.speeds).max()), 1e-6)
@@ -342,88 +270,22 @@ class ArmSimulation:
 
     def _watch_body(self) -> None:
         self._free_for += PER_FRAME
-        body = self._body_state()
+        body = self._worlds.body_state()
         slow = np.abs(body[7:10]).max() < self.control.rest_speed and np.abs(body[10:]).max() < self.control.rest_spin
         self._still_for = self._still_for + PER_FRAME if slow else 0.0
         self.settled |= self.rested
         if not self._gone and (self.rested or self._free_for >= self.control.longest_flight):
             self._gone = True
-            self._let_meet(BOARD_BIT)
-
-    def _let_meet(self, others: int) -> None:
-        """What the free body can hit; an arm on its way home passes where the body lay that was taken away."""
-        self._models[False].geom(self.body.name).conaffinity[:] = others
+            self._worlds.take_away()
 
     def _open(self) -> None:
-        """Hands arm and body to the world in which the body is free."""
-        model, data = self._models[True], self._data[True]
-        mujoco.mj_forward(model, data)
-        self.release = self._body_state()
-        free, (joints, speeds) = self._data[False], self._arm[False]
-        mujoco.mj_resetData(self._models[False], free)
-        free.qpos[joints], free.qvel[speeds] = data.qpos, data.qvel
-        place, motion = self._free_addresses()
-        free.qpos[place : place + 7], free.qvel[motion : motion + 6] = self.release[:7], self.release[7:]
-        self._held, self._still_for, self._free_for = False, 0.0, 0.0
+        """The gripper lets go."""
+        self.release = self._worlds.open()
+        self._still_for, self._free_for = 0.0, 0.0
         self._yields = self._gone = False
         self._reflex.forget()
-        self._let_meet(BOARD_BIT | ARM_BIT)
         self.phase = Phase.RELEASED
-
-    def _take(self, grip: Pose) -> None:
-        """Puts the body into the gripper; picking it up is not simulated."""
-        put_into_gripper(self._models[True], grip.position, grip.orientation_wxyz)
-        holding = self._data[True]
-        if not self._held:
-            joints, speeds = self._arm[False]
-            holding.qpos[:], holding.qvel[:] = self._data[False].qpos[joints], self._data[False].qvel[speeds]
-            self._held, self._gone = True, False
-        mujoco.mj_forward(self._models[True], holding)
-
-    def _body_state(self) -> Array:
-        if not self._held:
-            place, motion = self._free_addresses()
-            data = self._data[False]
-            return np.concatenate([data.qpos[place : place + 7], data.qvel[motion : motion + 6]])
-        model, data = self._models[True], self._data[True]
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_comVel(model, data)
-        held, twist = data.body(HELD), np.zeros(6)
-        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, held.id, twist, 0)
-        spin = held.xmat.reshape(3, 3).T @ twist[:3]
-        return np.concatenate([held.xpos, held.xquat, twist[3:], spin])
-
-    def _free_addresses(self) -> tuple[int, int]:
-        model = self._models[False]
-        joint = model.joint(self.body.name).id
-        return int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
-
-    def _note(self, joints: Array, speeds: Array) -> None:
-        limits = self.config.limits
-        middle, half = 0.5 * (limits.highest + limits.lowest), 0.5 * (limits.highest - limits.lowest)
-        self._torque_peak = np.maximum(self._torque_peak, np.abs(self._torques) / limits.torque)
-        self._speed_peak = np.maximum(self._speed_peak, limits.speed_use(joints, speeds))
-        self._position_peak = np.maximum(self._position_peak, np.abs(joints - middle) / half)
-
-
-def _addresses(model: mujoco.MjModel) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Where the arm's joints are among a state's positions and speeds."""
-    joints = [model.joint(name).id for name in JOINT_NAMES]
-    return np.array(model.jnt_qposadr[joints], dtype=np.int64), np.array(model.jnt_dofadr[joints], dtype=np.int64)
 
 
 def _still(posture: Array, count: int = 1) -> JointPath:
     return JointPath(np.tile(posture, (count, 1)), np.zeros((count, JOINTS)), np.zeros((count, JOINTS)))
-
-
-def _first_grip(body: Body) -> Pose:
-    """The body on the pad by the first face it can be held by, in the last link's frame."""
-    grasps = grasps_of(body)
-    down = np.array([0.0, 0.0, 1.0])
-    normal = -grasps.normals[0]  # of the face, into the body; it goes along the pad's axis
-    half = np.concatenate([[1.0 + normal @ down], np.cross(normal, down)])
-    turn = half / np.linalg.norm(half) if np.linalg.norm(half) > 1e-9 else np.array([0.0, 1.0, 0.0, 0.0])
-    pad = Pose(np.array([0.0, 0.0, FLANGE + GRIPPER_LENGTH]), IDENTITY)
-    on_face = Pose(np.zeros(3), turn)
-    return pad.compose(on_face).compose(Pose(-grasps.places[0], IDENTITY))

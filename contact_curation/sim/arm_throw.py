@@ -9,7 +9,9 @@ from contact_curation.design.throw import Throw
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
-from contact_curation.sim.arm_simulation import DEFAULT_CONTROL, ArmSimulation, ControlConfig, Peaks, Phase
+from contact_curation.sim.arm_frame import Phase
+from contact_curation.sim.arm_simulation import DEFAULT_CONTROL, ArmSimulation, ControlConfig
+from contact_curation.sim.limit_use import Peaks
 from contact_curation.sim.throw_motion import FRAME_PERIOD, Refused, ThrowMotion, ThrowPlanner
 
 

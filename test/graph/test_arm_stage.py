@@ -9,7 +9,8 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.nodes.arm_stage import ArmStage, Ending
 from contact_curation.sim.arm_feasibility import ArmFeasibility
-from contact_curation.sim.arm_simulation import ArmFrame, ControlConfig, Phase
+from contact_curation.sim.arm_frame import ArmFrame, Phase
+from contact_curation.sim.arm_simulation import ControlConfig
 from contact_curation.sim.safety import GateConfig, SafetyGate
 from contact_curation.sim.throw_motion import FRAME_PERIOD, ThrowPlanner
 from test.sim.throws import PLAIN

@@ -10,8 +10,9 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.sim.arm_departure import DepartureConfig
 from contact_curation.sim.arm_feasibility import ArmFeasibility, blended
+from contact_curation.sim.arm_frame import Phase
 from contact_curation.sim.arm_path import JointPath, RampConfig
-from contact_curation.sim.arm_simulation import ArmSimulation, ControlConfig, Phase
+from contact_curation.sim.arm_simulation import ArmSimulation, ControlConfig
 from contact_curation.sim.arm_throw import ArmThrower, ExecutedThrow
 from contact_curation.sim.collision_reflex import CollisionReflex, ReflexConfig
 from contact_curation.sim.safety import GateConfig

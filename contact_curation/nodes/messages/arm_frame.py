@@ -6,7 +6,7 @@ from sensor_msgs.msg import JointState
 
 from contact_curation.nodes.messages.headers import Stamped, header_message
 from contact_curation.sim.arm import JOINT_NAMES
-from contact_curation.sim.arm_simulation import ArmFrame
+from contact_curation.sim.arm_frame import ArmFrame
 
 BASE_FRAME = "fr3_link0"
 
