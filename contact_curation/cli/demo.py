@@ -89,7 +89,8 @@ def show(recording: Recording, out: Path, folder: Path) -> None:
         folder: for the nodes' stores.
 
     Raises:
-        DemoFailedError: a node died or was silent for long, or the rankings differ.
+        DemoFailedError: the nodes were silent for long, or the rankings differ.
+        ProgramFailedError: a node cannot be kept running.
     """
     begun = time.monotonic()
     print(f"1. The library ranks {recording.bag.name}.")

@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from contact_curation.cli.node_process import NodeProcess
+from contact_curation.cli.free_domain import graph_domain
+from contact_curation.cli.node_parameters import write_node_parameters
+from contact_curation.cli.online_graph import graph_environment, node_command
+from contact_curation.cli.supervisor import Incident, Program, Supervisor
 from contact_curation.errors import ContactCurationError
 from contact_curation.storage.information_store import InformationStore
 from contact_curation.storage.state_store import StateStore
 from contact_curation.storage.toss_store import TossStore
-
-LARGEST_DOMAIN = 101
-"""Domains up to this one keep their ports below those that Linux gives out."""
 
 PAGE = 64
 """Records read from a store at a time."""
@@ -72,23 +72,32 @@ def rank_by_nodes(recording: Recording, expected: Sequence[dict[str, Any]], logs
         folder: for their stores.
 
     Raises:
-        DemoFailedError: a node died.
+        ProgramFailedError: a node cannot be kept running.
     """
-    domain = os.getpid() % LARGEST_DOMAIN + 1
     stores = {name: folder / f"{name}.sqlite" for name in ("pose_ingest", "fisher_scorer", "curator")}
     parameters: dict[str, dict[str, Any]] = {name: {"store": str(path)} for name, path in stores.items()}
     parameters["pose_ingest"]["rules_of"] = str(recording.bag.resolve())
     parameters["curator"]["top"] = recording.top
     parameters["player"] = {"bag": str(recording.bag.resolve()), "rate": recording.rate, "wait_for": PATIENCE, "stay": True}
+    told = folder / "parameters.yaml"
+    write_node_parameters(told, parameters)
+    programs = [Program(name, node_command(name, told)) for name in parameters]
     with ExitStack() as running:
-        nodes = [
-            running.enter_context(NodeProcess(name, values, domain, logs / f"{name}.log"))
-            for name, values in parameters.items()
-        ]
-        watch = _Watch(stores, nodes)
+        domain = running.enter_context(graph_domain(os.environ))
+        environment = graph_environment(os.environ, logs, domain)
+        supervisor = running.enter_context(Supervisor(programs, environment, logs, _tell))
+        supervisor.start()
+        watch = _Watch(stores)
         while not watch.finished(expected):
+            supervisor.look()
             time.sleep(POLL)
         return watch.found()
+
+
+def _tell(incident: Incident) -> None:
+    """Of a node that died and is started again; what it keeps is on disk."""
+    if incident.what == "died":
+        print(f"   {incident.program} died ({incident.detail})", flush=True)
 
 
 class _Watch:
@@ -96,12 +105,10 @@ class _Watch:
 
     Args:
         stores: by node.
-        nodes: running.
     """
 
-    def __init__(self, stores: dict[str, Path], nodes: Sequence[NodeProcess]) -> None:
+    def __init__(self, stores: dict[str, Path]) -> None:
         self._stores = stores
-        self._nodes = nodes
         self._rejected: dict[str, list[str]] = {}
         self._traces: dict[str, float] = {}
         self._last_information = 0
@@ -110,14 +117,7 @@ class _Watch:
         self._news = self._told = time.monotonic()
 
     def finished(self, expected: Sequence[dict[str, Any]]) -> bool:
-        """Looks into the stores; whether all tosses that the library found have come through, or nothing has for long.
-
-        Raises:
-            DemoFailedError: a node died.
-        """
-        for node in self._nodes:
-            if node.status is not None:
-                raise DemoFailedError(f"{node.name} ended with status {node.status}: {node.last_words()}")
+        """Looks into the stores; whether all tosses that the library found have come through, or nothing has for long."""
         if self._look():
             self._news = time.monotonic()
             self._tell()

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from contact_curation.cli.demo import GOLDEN_BAG, THROWS, main
-from contact_curation.cli.node_process import NodeProcess
+from contact_curation.cli.demo_nodes import Recording, rank_by_nodes
+from contact_curation.cli.supervisor import ProgramFailedError
 
 COMMAND = [sys.executable, "-m", "contact_curation.cli.demo", "--out"]
 
@@ -80,8 +81,7 @@ def test_data_that_is_not_there_is_one_line(tmp_path: Path) -> None:
     assert done.stderr.startswith("demo: error: ")
 
 
-def test_a_node_that_cannot_start_says_why_in_its_last_words(tmp_path: Path) -> None:
-    with NodeProcess("player", {"bag": str(tmp_path / "none.mcap")}, 1, tmp_path / "player.log") as node:
-        wait_until(lambda: node.status is not None)
-        assert node.status == 1
-        assert "none.mcap" in node.last_words()
+def test_a_node_that_cannot_be_kept_running_ends_it_with_its_last_words(tmp_path: Path) -> None:
+    recording = Recording(tmp_path / "none.mcap", rate=5.0, top=8)
+    with pytest.raises(ProgramFailedError, match=r"died 4 times right after its start, .*none\.mcap"):
+        rank_by_nodes(recording, [{"toss_id": "cube-1", "kept": True}], tmp_path, tmp_path)
