@@ -101,6 +101,8 @@ def test_ways_of_choosing_throws_are_compared_throw_by_throw(cli: Cli, folder: P
     rows = table(tmp_path / "whole" / "rows.csv")
     assert [(row["rule"], row["throws"]) for row in rows] == [(arm, n) for arm in ("random", "raw") for n in ("1.0", "2.0")]
     assert [bool(row["position"]) for row in rows] == [False, True, False, True]  # judged after the second throw
+    assert {row["reason"] for row in rows} == {"at random"}
+    assert len({row["seconds"] for row in rows}) == len(rows)  # other throws from the other prior
     summary = table(tmp_path / "whole" / "summary.csv")
     own = {(row["rule"], row["measure"]): row for row in summary if row["throws"] == "2.0"}
     errors = [float(row["position"]) for row in rows if row["position"]]

@@ -51,14 +51,6 @@ def test_held_out_motion_judges_after_the_throws_that_were_named(designed: tuple
     assert float(designed[2]["vertices"]) < float(designed[0]["vertices"])
 
 
-def test_random_throws_are_the_same_again_and_others_of_the_other_prior(bench: Bench) -> None:
-    cell = ThrowsCell("random", (1,), 3)
-    first = throws_rows(cell, bench, CONFIG)
-    assert first == throws_rows(cell, bench, CONFIG)
-    assert first[0]["reason"] == "at random"
-    assert throws_rows(replace(cell, rule="raw"), bench, CONFIG)[0]["seconds"] != first[0]["seconds"]
-
-
 def test_the_body_as_described_is_right_about_itself(bench: Bench) -> None:
     row = judged(PolytopeModel(TRUE, CONTACTNETS_CUBE, Form.PHYSICAL), bench)
     assert row["vertices"] == 0.0
