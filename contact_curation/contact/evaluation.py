@@ -53,12 +53,12 @@ class LossConfig:
         threads: tosses are spread over so many; 0 for one per processor.
     """
 
-    match: float = 0.1
-    complementarity_normal: float = 1.0
-    complementarity_tangent: float = 1.0
-    dissipation: float = 1.0
-    penetration: float = 1.0
-    regularization: float = 1e-6
+    match: float = ConeWeights.match
+    complementarity_normal: float = ConeWeights.complementarity_normal
+    complementarity_tangent: float = ConeWeights.complementarity_tangent
+    dissipation: float = ConeWeights.dissipation
+    penetration: float = ConeWeights.penetration
+    regularization: float = ConeWeights.regularization
     cone: Cone = Cone.CIRCULAR
     tolerance: float = 1e-7
     max_iterations: int = 60
