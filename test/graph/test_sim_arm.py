@@ -16,22 +16,13 @@ from action_msgs.msg import GoalStatus
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Empty
 
-from contact_curation.design.throw import Throw
 from contact_curation.nodes.messages.headers import Stamped
 from contact_curation.nodes.messages.throw import throw_message
 from contact_curation.nodes.qos import profile
 from contact_curation.sim.arm import ArmConfig
 from test.graph.graph import Graph
 from test.graph.thrower import STILL, Goal, Thrower, speeds
-
-THROW = Throw(
-    throw_id="plain",
-    body="cube",
-    position=np.array([-0.307, 0.0, 0.16]),
-    orientation_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
-    linear_velocity=np.array([1.0, 0.0, 0.0]),
-    angular_velocity=np.array([0.0, 2.0, 0.0]),
-)
+from test.sim.throws import PLAIN
 
 MID_THROW = 0.3
 """A body this fast [m/s] is on its way to the release."""
@@ -57,7 +48,7 @@ def test_a_throw_is_made_and_told_as_it_was_and_the_next_one_too(graph: Graph, t
     graph.start("sim_arm", rate=0.0, clock=50.0, epoch=1000.0)
     assert "armed" in thrower.trigger("arm")
     for _ in range(2):
-        goal = thrower.send(THROW)
+        goal = thrower.send(PLAIN)
         answer = thrower.ended(goal)
         assert answer.status == GoalStatus.STATUS_SUCCEEDED, graph.logs()
         assert answer.result.success
@@ -82,7 +73,7 @@ def test_what_cannot_be_thrown_is_refused_with_the_limit_and_what_could_be(graph
     graph.start("sim_arm", rate=0.0)
 
     def refused(change: dict[str, float] | None = None, **twist: float) -> str:
-        message = throw_message(THROW, Stamped(0, "body_surface"))
+        message = throw_message(PLAIN, Stamped(0, "body_surface"))
         for name, value in twist.items():
             setattr(message.release_twist.linear if len(name) == 1 else message.release_twist.angular, name[-1], value)
         for name, value in (change or {}).items():
@@ -108,8 +99,8 @@ def test_what_cannot_be_thrown_is_refused_with_the_limit_and_what_could_be(graph
 def test_of_two_goals_at_once_the_second_is_refused_and_the_first_is_made(graph: Graph, thrower: Thrower) -> None:
     graph.start("sim_arm", rate=1.0, armed=True)
     thrower.until_healthy("resting")
-    first = thrower.send(THROW)
-    second = thrower.send(THROW)
+    first = thrower.send(PLAIN)
+    second = thrower.send(PLAIN)
     assert "busy with throw plain" in thrower.ended(second).result.message
     thrower.set_rate(0.0)
     assert thrower.ended(first).result.success, thrower.ended(first).result.message
@@ -119,7 +110,7 @@ def stopped_in_mid_throw(thrower: Thrower, stop: Callable[[Goal], object]) -> An
     """Stops a throw in its swing, and gives the answer of its goal."""
     for _ in range(TRIES):
         thrower.set_rate(SLOWED)
-        goal = thrower.send(THROW)
+        goal = thrower.send(PLAIN)
         thrower.until_body_moves(MID_THROW)
         stop(goal)
         answer = thrower.ended(goal)
@@ -142,14 +133,14 @@ def test_a_stop_in_mid_throw_latches_and_the_loop_goes_on_when_it_is_armed_again
     assert not answer.result.executed.throw_id
     thrower.until_healthy("disarmed: the stop service was called")
     stands = thrower.joints[-1].position
-    assert "disarmed (the stop service was called)" in thrower.ended(thrower.send(THROW)).result.message
+    assert "disarmed (the stop service was called)" in thrower.ended(thrower.send(PLAIN)).result.message
     thrower.set_rate(1.0)  # time goes on, the arm does not
     thrower.until_still(frames=60)
     np.testing.assert_allclose(thrower.joints[-1].position, stands, atol=0.02)
     thrower.trigger("arm")
     thrower.set_rate(0.0)
     thrower.until_healthy("resting")
-    thrower.throws(THROW)
+    thrower.throws(PLAIN)
 
 
 @pytest.mark.slow
@@ -160,17 +151,17 @@ def test_a_goal_that_is_cancelled_in_mid_throw_ends_at_home_and_armed(graph: Gra
     assert answer.status == GoalStatus.STATUS_CANCELED
     assert "stopped before the release: cancelled" in answer.result.message
     thrower.until_healthy("resting")
-    thrower.throws(THROW)
+    thrower.throws(PLAIN)
 
 
 @pytest.mark.slow
 def test_without_a_heartbeat_from_outside_the_arm_stops_within_half_a_second(graph: Graph, thrower: Thrower) -> None:
     graph.start("sim_arm", rate=1.0, armed=True, external_heartbeat=True)
-    assert "disarmed (it was never armed)" in thrower.ended(thrower.send(THROW)).result.message
+    assert "disarmed (it was never armed)" in thrower.ended(thrower.send(PLAIN)).result.message
     beats = graph.listener.node.create_publisher(Empty, "/sim_arm/heartbeat", profile(1, reliable=True, latched=False))
     timer = graph.listener.node.create_timer(0.05, lambda: beats.publish(Empty()))
     thrower.until_healthy("resting")  # `armed` needs a heartbeat
-    goal = thrower.send(THROW)
+    goal = thrower.send(PLAIN)
     thrower.until_phase(goal, "moving")
     timer.cancel()
     message = str(thrower.ended(goal).result.message)
@@ -181,18 +172,18 @@ def test_without_a_heartbeat_from_outside_the_arm_stops_within_half_a_second(gra
     thrower.until_still(frames=60)
     timer.reset()  # who beats again does not arm
     thrower.until_healthy("disarmed: no heartbeat for")
-    assert "disarmed (no heartbeat for" in thrower.ended(thrower.send(THROW)).result.message
+    assert "disarmed (no heartbeat for" in thrower.ended(thrower.send(PLAIN)).result.message
     thrower.trigger("arm")
     thrower.set_rate(0.0)
     thrower.until_healthy("resting")
-    thrower.throws(THROW)
+    thrower.throws(PLAIN)
 
 
 @pytest.mark.slow
 def test_a_process_that_stood_still_has_missed_no_heartbeat_and_goes_on(graph: Graph, thrower: Thrower) -> None:
     process = graph.start("sim_arm", rate=1.0)
     thrower.trigger("arm")
-    goal = thrower.send(THROW)
+    goal = thrower.send(PLAIN)
     thrower.until_phase(goal, "moving")
     os.kill(process.pid, signal.SIGSTOP)
     seen = -1
@@ -215,11 +206,11 @@ def test_a_designer_that_dies_in_mid_goal_leaves_an_arm_that_ends_at_home_and_ta
     thrower.until_body_moves(MID_THROW)
     designer.kill()
     designer.wait()
-    assert "busy with throw plain" in thrower.ended(thrower.send(THROW)).result.message
+    assert "busy with throw plain" in thrower.ended(thrower.send(PLAIN)).result.message
     thrower.set_rate(0.0)
     thrower.until_healthy("resting")
     assert max(speeds(thrower.joints[-1:])) < STILL
-    thrower.throws(THROW)
+    thrower.throws(PLAIN)
 
 
 @pytest.mark.slow
@@ -231,16 +222,16 @@ def test_after_a_kill_in_mid_throw_the_arm_is_at_home_and_disarmed_and_time_goes
     settings: dict[str, Any] = {"epoch": 1000.0, "clock": 148.0, "state": graph.folder / "time.json"}
     process = graph.start("sim_arm", rate=SLOWED, **settings)
     thrower.trigger("arm")
-    thrower.send(THROW)
+    thrower.send(PLAIN)
     thrower.until_body_moves(MID_THROW)
     process.kill()
     graph.start("sim_arm", rate=1.0, **settings)
     thrower.until_healthy("disarmed: it was never armed")
     thrower.until_still(frames=30)
-    assert "disarmed (it was never armed)" in thrower.ended(thrower.send(THROW)).result.message
+    assert "disarmed (it was never armed)" in thrower.ended(thrower.send(PLAIN)).result.message
     thrower.trigger("arm")
     thrower.set_rate(0.0)
-    thrower.throws(THROW)
+    thrower.throws(PLAIN)
     stamps = [[seconds_of(message.header.stamp) for message in heard] for heard in (thrower.joints, thrower.truth)]
     for heard in (*stamps, [seconds_of(message.clock) for message in times]):
         rises = np.diff(heard)
