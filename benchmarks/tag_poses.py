@@ -276,7 +276,7 @@ def _tosses(streams: Sequence[Sequence[Measured]], config: TrackerConfig) -> dic
 def _log_dets(tosses: Sequence[Toss], geometry: ContactGeometry) -> list[float]:
     """What log-det says of each toss alone, within its pool."""
     infos = [one for one in Scorer(geometry, CUBE, ScoringConfig()).score(tosses) if isinstance(one, TossInformation)]
-    alone = {entry.toss_id: entry.score for entry in rank(infos, RankingConfig(top=min(8, len(infos)))).entries}
+    alone = {entry.toss_id: entry.score for entry in rank(infos, RankingConfig("log-det", top=min(8, len(infos)))).entries}
     return [alone[toss.toss_id] for toss in tosses]
 
 

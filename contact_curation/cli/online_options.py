@@ -6,7 +6,7 @@ from pathlib import Path
 
 from contact_curation.cli.option_types import natural_number, number_from_zero, positive_integer
 from contact_curation.cli.report import add_json_option
-from contact_curation.information.ranker import CRITERIA
+from contact_curation.information.ranker import CRITERIA, DEFAULT_CRITERION
 
 CAMERAS = ("poses", "rendered")
 
@@ -62,7 +62,7 @@ def add_online_options(parser: argparse.ArgumentParser) -> None:
         help="the object, a YAML file like config/cube.yaml (default: ContactNets' cube)",
     )
     parser.add_argument("--top", type=positive_integer, metavar="K", help="how many tosses are kept (default 32)")
-    parser.add_argument("--criterion", choices=CRITERIA, help="by what they are chosen (default log-det)")
+    parser.add_argument("--criterion", choices=CRITERIA, help=f"by what they are chosen (default {DEFAULT_CRITERION})")
     parser.add_argument("--seed", type=natural_number, metavar="N", help="of all that is random (default 0)")
     parser.add_argument(
         "--rate", type=number_from_zero, metavar="R", help="simulated seconds a second; 0: as fast as possible (default 1)"

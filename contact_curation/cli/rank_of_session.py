@@ -8,7 +8,7 @@ from typing import Any
 from contact_curation.cli.node_parameters import Parameters
 from contact_curation.cli.online_parameters import SessionFolder
 from contact_curation.contact.evaluation import DEFAULT_LOSS
-from contact_curation.information.ranker import RankingConfig
+from contact_curation.information.ranker import DEFAULT_CRITERION, STREAMED_CRITERION, RankingConfig
 from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.storage.pose_source import PoseTopicConfig
@@ -37,7 +37,8 @@ def rank_command(folder: SessionFolder, parameters: Mapping[str, Parameters], bo
         parameters: of its nodes.
         body_file: describes the body; None for ContactNets' cube.
     """
-    ingest, scorer, curator = (parameters[name] for name in ("pose_ingest", "fisher_scorer", "curator"))
+    ingest, scorer = parameters["pose_ingest"], parameters["fisher_scorer"]
+    curator = _with_its_criterion(parameters["curator"])
     words = ["contact-curation", "rank", str(folder.bag), "--out", str(folder.manifest)]
     words += ["--figure", str(ranking_figure_of(folder))]
     words += ["--body", str(body_file)] if body_file else []
@@ -53,6 +54,13 @@ def rank_command(folder: SessionFolder, parameters: Mapping[str, Parameters], bo
     words += _settings("loss", scorer, DEFAULT_LOSS, "loss.")
     words += _settings("ranking", curator, RankingConfig(), "")
     return words
+
+
+def _with_its_criterion(curator: Parameters) -> Parameters:
+    """The curator's parameters; where it let tosses go another criterion stood in for the default one."""
+    whole = curator.get("selection", "exact") == "exact"
+    stood_in = not whole and curator.get("criterion", DEFAULT_CRITERION) == DEFAULT_CRITERION
+    return {**curator, "criterion": STREAMED_CRITERION} if stood_in else curator
 
 
 def _settings(stage: str, values: Parameters, defaults: Any, prefix: str) -> Iterator[str]:

@@ -20,7 +20,7 @@ from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.parameter_form import Form
 from contact_curation.information.network_config import network_config_for
 from contact_curation.information.orthogonal import VARIANTS
-from contact_curation.information.ranker import CRITERIA, RankingConfig
+from contact_curation.information.ranker import CRITERIA, DEFAULT_CRITERION, RankingConfig
 from contact_curation.information.score_folder import ScoreFolder
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.held_out import HeldOutRule
@@ -84,7 +84,7 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
 
 def _add_ranking_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("how they are ranked")
-    group.add_argument("--criterion", choices=CRITERIA, default="log-det", help="(default log-det)")
+    group.add_argument("--criterion", choices=CRITERIA, default=DEFAULT_CRITERION, help=f"(default {DEFAULT_CRITERION})")
     group.add_argument("--variant", choices=VARIANTS, default="pivoted", help="of criterion orthogonal (default pivoted)")
     group.add_argument("--top", type=positive_integer, default=32, metavar="K", help="how many are kept (default 32)")
     group.add_argument("--seed", type=natural_number, default=0, metavar="N", help="of criterion random (default 0)")

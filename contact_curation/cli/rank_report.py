@@ -65,6 +65,7 @@ def diagnostics_of(curation: Curation, config: PoolConfig) -> dict[str, Diagnost
         "spectrum": curation.spectrum.tolist(),
         "efficiency": asdict(curation.efficiency),
         "frame_efficiency": asdict(curation.frame_efficiency),
+        "answer": asdict(curation.answer),
         "certificate": asdict(certificate) if certificate else None,
         "kept_gram": asdict(curation.kept_gram) if curation.kept_gram else None,
         "block_shares": {share.name: share.share for share in curation.block_shares},
@@ -136,6 +137,11 @@ def _print_evidence(report: RankReport, curation: Curation) -> None:
     print(
         f"D-efficiency {per_toss.determinant:.3g} per toss, {per_transition.determinant:.3g} per transition; "
         f"E-efficiency {per_toss.smallest:.3g} per toss (1 is the average toss)"
+    )
+    answer = curation.answer
+    print(
+        f"the kept tosses' answer is {answer.off:.3g} from that of all, as many at random about {answer.by_chance:.3g} "
+        "(1 is what single tosses scatter by)"
     )
     certificate = curation.ranking.certificate
     if certificate:

@@ -21,7 +21,7 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.ranker import RankingConfig
+from contact_curation.information.ranker import DEFAULT_CRITERION, RankingConfig
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.held_out import HeldOutRule
 from contact_curation.learning.protocols import TrainingConfig, budgeted, published
@@ -85,7 +85,7 @@ def train_config(arguments: argparse.Namespace) -> TrainConfig:
     """
     kind, body = ModelKind(arguments.model), chosen_body(arguments)
     protocol = budgeted(kind) if arguments.protocol == "budgeted" else published(kind)
-    ranking = RankingConfig(arguments.criterion or "log-det", arguments.top or 1, arguments.seed, certificate_steps=0)
+    ranking = RankingConfig(arguments.criterion or DEFAULT_CRITERION, arguments.top or 1, arguments.seed, certificate_steps=0)
     ranking = replace(ranking, variant=arguments.variant or ranking.variant)
     defaults = {"training": protocol, "ranking": ranking, "canary": CanaryConfig()}
     stages = stages_of(arguments, defaults)

@@ -10,7 +10,7 @@ from contact_curation.cli.report import add_json_option
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.information.orthogonal import VARIANTS
-from contact_curation.information.ranker import CRITERIA
+from contact_curation.information.ranker import CRITERIA, DEFAULT_CRITERION
 
 STAGES = ("poses", "segmenter", "gates", "training", "ranking", "canary")
 PROTOCOLS = ("budgeted", "published")
@@ -55,7 +55,7 @@ def _add_toss_options(parser: argparse.ArgumentParser) -> None:
     chosen = group.add_mutually_exclusive_group()
     chosen.add_argument("--manifest", type=Path, metavar="FILE", help="those that `rank` kept")
     chosen.add_argument("--top", type=positive_integer, metavar="K", help="the best K, as the model sees them")
-    group.add_argument("--criterion", choices=CRITERIA, help="of --top (default log-det)")
+    group.add_argument("--criterion", choices=CRITERIA, help=f"of --top (default {DEFAULT_CRITERION})")
     group.add_argument("--variant", choices=VARIANTS, help="of criterion orthogonal (default pivoted)")
     group.add_argument(
         "--estimator", choices=[estimator.value for estimator in Estimator], help="of --top (default gauss-newton)"

@@ -1,7 +1,8 @@
 """Why a toss is kept or not, and how the kept set stands to its pool: the numbers behind the ranking's views.
 
-Whatever chose the kept set, a toss outside of it is told what it would still add to the set's log-det (METHOD 2.3), and the set
-is held against all tosses by the theorem's spectrum (METHOD 1.9).
+A toss outside of the kept set is told what it would still add: where `representative` chose the set, by how much it would lower
+the expected error; else what it would add to the set's log-det (METHOD 2.3). The set is held against all tosses by the
+theorem's spectrum (METHOD 1.9) and by what it answers.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,11 +13,13 @@ import numpy as np
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.accumulated import Accumulated
+from contact_curation.information.answer import Answer, answer_of
 from contact_curation.information.diagnostics import SINGULAR, spectral_distance
 from contact_curation.information.pool import Pool
 from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.information.prior import log_det_prior
 from contact_curation.information.ranker import RankingConfig
+from contact_curation.information.representative import standing_of
 from contact_curation.information.subspace import IdentifiableSubspace
 
 DEFAULT = RankingConfig()
@@ -57,7 +60,8 @@ class EvidenceRow:
         rank: from 1.
         toss_id: the toss.
         trace: of its information.
-        gain: of a kept toss by the criterion; of another the log-det that it would add to the kept set [nats].
+        gain: of a kept toss by the criterion; of another what it would add to the kept set: by representative by how much it
+            would lower the expected error, by all others log-det [nats].
         kept: whether it is.
         reason: why, in a few words.
     """
@@ -94,10 +98,12 @@ class Evidence:
     Attributes:
         rows: all tosses, the kept ones first.
         spectrum: of the kept set.
+        answer: of the kept set, beside that of all tosses.
     """
 
     rows: tuple[EvidenceRow, ...]
     spectrum: KeptSpectrum
+    answer: Answer
 
 
 def evidence_of(pool: Pool, kept: KeptSet) -> Evidence:
@@ -110,8 +116,13 @@ def evidence_of(pool: Pool, kept: KeptSet) -> Evidence:
     Raises:
         InvalidValueError: a kept toss is not in the pool, or no toss carries information.
     """
-    spectrum = kept_spectrum(pool, pool_subspace(pool, DEFAULT.cut), kept.toss_ids)
-    return Evidence(_rows(pool, kept), spectrum)
+    subspace = pool_subspace(pool, DEFAULT.cut)
+    coordinates, indices = subspace.per_mean_toss(len(pool)), pool.indices_of(kept.toss_ids)
+    return Evidence(
+        rows=_rows(pool, kept, _told(pool, kept, coordinates)),
+        spectrum=kept_spectrum(pool, subspace, kept.toss_ids),
+        answer=answer_of(pool, coordinates, indices, DEFAULT.prior),
+    )
 
 
 def kept_spectrum(pool: Pool, subspace: IdentifiableSubspace, kept: Sequence[str]) -> KeptSpectrum:
@@ -127,26 +138,49 @@ def kept_spectrum(pool: Pool, subspace: IdentifiableSubspace, kept: Sequence[str
     )
 
 
-def _rows(pool: Pool, kept: KeptSet) -> tuple[EvidenceRow, ...]:
+@dataclass(frozen=True)
+class _Told:
+    """What tosses are told, by id: what each would add to the kept set, and why it is kept or not."""
+
+    gains: Mapping[str, float]
+    reasons: Mapping[str, str]
+
+
+def _rows(pool: Pool, kept: KeptSet, told: _Told) -> tuple[EvidenceRow, ...]:
     traces = {info.toss_id: info.trace for info in pool.infos}
+    gains = {**told.gains, **dict(zip(kept.toss_ids, kept.gains, strict=True))}
     inside = frozenset(kept.toss_ids)
-    first = [
-        EvidenceRow(rank, toss_id, traces[toss_id], gain, True, _why_kept(kept, rank))
-        for rank, (toss_id, gain) in enumerate(zip(kept.toss_ids, kept.gains, strict=True), start=1)
-    ]
-    gains = _gains_of_others(pool, kept)
     others = sorted((toss_id for toss_id in pool.ids if toss_id not in inside), key=lambda one: -gains[one])
-    smallest = min(traces[toss_id] for toss_id in kept.toss_ids)
-    return (
-        *first,
-        *(
-            EvidenceRow(rank, one, traces[one], gains[one], False, _why_not(kept, gains[one], smallest))
-            for rank, one in enumerate(others, start=len(first) + 1)
-        ),
+    return tuple(
+        EvidenceRow(rank, one, traces[one], gains[one], one in inside, told.reasons[one])
+        for rank, one in enumerate((*kept.toss_ids, *others), start=1)
     )
 
 
-def _gains_of_others(pool: Pool, kept: KeptSet) -> Mapping[str, float]:
+def _told(pool: Pool, kept: KeptSet, coordinates: Array) -> _Told:
+    if kept.criterion == "representative":
+        return _told_by_error(pool, kept, coordinates)
+    gains, inside = _log_det_gains(pool, kept), frozenset(kept.toss_ids)
+    smallest = min(info.trace for info in pool.infos if info.toss_id in inside)
+    reasons = {one: _why_not(kept, gain, smallest) for one, gain in gains.items()}
+    return _Told(gains, reasons | {one: _why_kept(kept, rank) for rank, one in enumerate(kept.toss_ids, start=1)})
+
+
+def _told_by_error(pool: Pool, kept: KeptSet, coordinates: Array) -> _Told:
+    """By representative: what becomes of the expected error without a kept toss, and with another one more."""
+    standing = standing_of([pool], [coordinates], pool.indices_of(kept.toss_ids).tolist(), DEFAULT.prior)
+    before = standing.error or 1.0  # 0 of a pool that says nothing, with or without a toss
+    joined = dict(zip(pool.ids, standing.joined.tolist(), strict=True))
+    without = zip(kept.toss_ids, standing.without.tolist(), strict=True)
+    reasons = {
+        one: f"not kept: one more, with it the expected error is {error / before:.4g} times as large"
+        for one, error in joined.items()
+    }
+    reasons |= {one: f"kept: without it the expected error is {error / before:.4g} times as large" for one, error in without}
+    return _Told({one: standing.error - error for one, error in joined.items()}, reasons)
+
+
+def _log_det_gains(pool: Pool, kept: KeptSet) -> Mapping[str, float]:
     """By toss, what it would add to the kept set's log-det."""
     prior = log_det_prior(pool, DEFAULT.prior, DEFAULT.cut)
     gathered = Accumulated.prior_only(prior.coordinates).joined(pool.stacked(pool.indices_of(kept.toss_ids)))

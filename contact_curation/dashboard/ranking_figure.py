@@ -32,7 +32,7 @@ LARGEST_LINEAR_RATIO = 50.0
 
 UNITS = {
     "log-det": "log-det gain of the toss alone [nats]",
-    "representative": "pool's excess loss by the toss alone, times -1 [mean toss]",
+    "representative": "fall of the expected error by the toss alone [variance of the scores]",
     "trace": "trace of the toss's Fisher matrix [characteristic units]",
     "leverage": "leverage of the toss [parameters]",
     "min-eig": "score of the toss alone",

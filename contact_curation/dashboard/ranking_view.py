@@ -53,11 +53,13 @@ class RankingView:
 def ranking_page(kept: KeptSet, evidence: Evidence) -> str:
     """The ranking as a page."""
     proven = f", at least {100.0 * kept.bound:.0f} % of the best set's D-efficiency" if kept.bound > 0.0 else ""
+    off, by_chance = number(evidence.answer.off), number(evidence.answer.by_chance)
     title = f"**{len(kept.toss_ids)} of {kept.seen} tosses kept** by {kept.criterion}{proven}; theta `{kept.version[:12]}`"
+    answer = f"Their answer is {off} from that of all, in units of a toss's scatter; as many at random about {by_chance}."
     count = len(kept.toss_ids) + LISTED_OTHERS
     rows = table(HEADER, (_cells(row) for row in evidence.rows[:count]))
     more = len(evidence.rows) - count
-    return "\n\n".join([title, rows, *([f"and {more} more that would add less"] if more > 0 else [])])
+    return "\n\n".join([title, answer, rows, *([f"and {more} more that would add less"] if more > 0 else [])])
 
 
 def _cells(row: EvidenceRow) -> tuple[str, ...]:

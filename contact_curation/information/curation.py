@@ -1,7 +1,7 @@
 """From scored tosses to a curated set and its evidence: what `rank` prints and what the curator publishes.
 
 Beside the ranking stand the spectrum of the kept set's information against the pool's (METHOD 1.9), the efficiencies of
-METHOD 2.3 and each parameter block's share of the trace (METHOD 2.2).
+METHOD 2.3, each parameter block's share of the trace (METHOD 2.2), and how far what the kept set answers is from the pool's.
 """
 
 from collections.abc import Iterable, Sequence
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.answer import Answer, answer_of
 from contact_curation.information.diagnostics import (
     BlockShare,
     Efficiency,
@@ -45,6 +46,7 @@ class Curation:
         efficiency: of the kept set per toss, 1 being an average toss.
         frame_efficiency: of the kept set per scored transition.
         block_shares: of the pool's trace.
+        answer: of the kept set, beside the pool's.
         warnings: sentences about what to be careful with.
         kept_gram: of the kept tosses' exact scores by a network's weights, where the pool has them; else None.
     """
@@ -58,6 +60,7 @@ class Curation:
     efficiency: Efficiency
     frame_efficiency: Efficiency
     block_shares: tuple[BlockShare, ...]
+    answer: Answer
     warnings: tuple[str, ...]
     kept_gram: KeptGram | None = None
 
@@ -85,6 +88,7 @@ def curate_particles(pools: Sequence[Pool], config: RankingConfig) -> Curation:
         efficiency=efficiency(pool, subspace, kept),
         frame_efficiency=efficiency(pool, subspace, kept, per_transition=True),
         block_shares=shares,
+        answer=answer_of(pool, subspace.per_mean_toss(len(pool)), pool.indices_of(kept), config.prior),
         warnings=(*ranking.diagnostics, *dominance_warnings(shares)),
         kept_gram=None if pool.network_scores is None else kept_gram(pool.toss_scores[pool.indices_of(kept)]),
     )

@@ -26,13 +26,19 @@ from contact_curation.information.subspace import EIGENVALUE_CUT, IdentifiableSu
 
 CRITERIA = ("trace", "log-det", "representative", "min-eig", "orthogonal", "leverage", "longest", "random")
 
+DEFAULT_CRITERION = "representative"
+"""The one to keep training sets by (docs/rule.md)."""
+
+STREAMED_CRITERION = "log-det"
+"""What stands in for the default where tosses are let go unranked: the default needs the whole pool."""
+
 
 @dataclass(frozen=True)
 class RankingConfig:
     """How tosses are ranked.
 
     Attributes:
-        criterion: one of `CRITERIA`.
+        criterion: one of `CRITERIA`; log-det stands in for representative where a stream is not kept whole.
         top: k, how many tosses are kept.
         seed: of the random criterion.
         prior: delta: the prior information A0 is this share of the pool's mean toss (METHOD 1.6).
@@ -45,7 +51,7 @@ class RankingConfig:
             there is and cost about as much as the selection, whatever the size of the pool: a small share of scoring it.
     """
 
-    criterion: str = "log-det"
+    criterion: str = DEFAULT_CRITERION
     top: int = 32
     seed: int = 0
     prior: float = 1e-3

@@ -1,146 +1,150 @@
 """The kept set whose own answer is the pool's.
 
-Near theta the loss of tosses S is lowest at theta + d_S, one Newton step away, and that of the whole pool at theta + d:
-
-    d_S = (A0 + sum_S F)^-1 sum_S s,        d likewise over the pool;   F Fisher matrices, s scores
-
-Kept is the set for which, in coordinates where the pool's mean toss is the identity,
-
-    |d_S - d|^2 + c sigma^2 tr (A0 + sum_S F)^-1                         sigma^2: the scores' variance in the pool
-
-is small. The first term is what the pool's loss per toss is above its lowest at what S teaches; the second is what it would be
-in the mean if the scores of S were noise. Where theta is far off, sigma^2 is large and the set is chosen for what it knows
-(A-optimality); near the optimum the scores are known, and the set is chosen so that they cancel as the pool's do.
+Kept is the set of which `expected_error` is small: what the pool's loss is expected to be above its lowest at what the set
+teaches. Where theta is far off the scores are as good as noise and the set is chosen for what it knows (A-optimality); near the
+optimum they are known, and the set is chosen so that they cancel as the pool's do.
 
 Why not for what it knows alone: how much a toss knows goes with how it came out. A toss in which the body happened to slide
 easily lasts longer and knows more, so that the most informative tosses, and the longest ones, agree on too low a friction
 (docs/rule.md). Here they are balanced by tosses that pull the other way.
 
-The set is built greedily and then improved by exchanges of one toss for another, until none helps. There is no guarantee: the
-sum is not submodular.
+The set is built greedily and then improved by exchanges of one toss for another, until none helps or two rounds are over. There
+is no guarantee: the sum is not submodular. In each step the tosses are looked at from the lowest bound up, until no bound
+reaches down to the best value found: the result is that of looking at all of them.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.pool import Indices, Pool
+from contact_curation.information.expected_error import ExpectedError, Sums
+from contact_curation.information.pool import CHUNK, Indices, Pool
 from contact_curation.information.ranking import Selection, greedy_selection
-from contact_curation.information.ties import first_of_the_best
-
-CAUTION = 0.1
-"""c. At 1 a set would be as much for what it knows as for what it says; a tenth keeps it from directions that nothing holds."""
+from contact_curation.information.ties import ABSOLUTE, first_of_the_best
 
 EXCHANGES = 2
-"""Passes over the kept tosses, each of which may give way to a better one."""
+"""Rounds over the kept tosses, each of which may give way to a better one."""
+
+FIRST_BLOCK = 32
+"""Tosses looked at closely at first in a step; twice as many at each further try."""
+
+SLACK = 1e-6
+"""Share of a value by which its bound may be too high from rounding, and more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """How a kept set stands; errors as in `expected_error`, averaged over the particles.
+
+    Attributes:
+        error: of the set.
+        without: (k,) of the set without each of its tosses.
+        joined: (K,) of the set with each toss of the pool added; of the kept ones the set's.
+    """
+
+    error: float
+    without: Array
+    joined: Array
 
 
 def select_representative(pools: Sequence[Pool], coordinates: Sequence[Array], top: int, prior: float) -> Selection:
-    """The set of up to `top` tosses.
+    """The set of up to `top` tosses; what a toss gains is by how much it lowers the expected error.
 
     Args:
-        pools: the same tosses, once per parameter particle; the sums above are averaged over them.
+        pools: the same tosses, once per parameter particle; errors are averaged over them.
         coordinates: per particle (P, p) in which the pool's mean toss is the identity.
         top: how many tosses to keep.
         prior: delta > 0: A0 is this share of the mean toss.
     """
-    targets = [_Target.of(pool, c, prior) for pool, c in zip(pools, coordinates)]
-    singles = -_costs(targets, [])
-    picks: list[int] = []
-    while len(picks) < min(top, len(pools[0])):
-        picks.append(_best(targets, picks))
-    for _ in range(EXCHANGES):
-        before = list(picks)
-        for place in range(len(picks)):
-            picks[place] = _best(targets, picks[:place] + picks[place + 1 :])
-        if picks == before:
-            break
-    values = [_cost(targets, picks[:count]) for count in range(len(picks) + 1)]
-    others = np.setdiff1d(np.arange(len(pools[0])), picks)
-    final = np.zeros(len(pools[0]))
-    final[others] = values[-1] - _costs(targets, picks)[others]
+    errors = _Errors.of(pools, coordinates, prior)
+    picks = _exchanged(errors, _greedy(errors, min(top, len(pools[0]))))
+    states = list(accumulate(picks, errors.with_toss, initial=errors.sums([])))
+    values = [errors.value(state) for state in states]
+    singles = values[0] - errors.all_joined(states[0])
+    final = values[-1] - errors.all_joined(states[-1])
     return greedy_selection(np.array(picks), -np.diff(values), singles, final)
 
 
-def _best(targets: Sequence["_Target"], kept: Sequence[int]) -> int:
-    """The toss that is best added to the kept ones; ties go to the smaller id."""
-    return first_of_the_best(-_costs(targets, kept))
+def standing_of(pools: Sequence[Pool], coordinates: Sequence[Array], kept: Sequence[int], prior: float) -> Standing:
+    """How k >= 1 tosses of a pool stand; the other arguments as in `select_representative`."""
+    errors = _Errors.of(pools, coordinates, prior)
+    sums = errors.sums(kept)
+    error, joined = errors.value(sums), errors.all_joined(sums)
+    joined[list(kept)] = error
+    without = [errors.value(errors.sums([*kept[:place], *kept[place + 1 :]])) for place in range(len(kept))]
+    return Standing(error, np.array(without), joined)
 
 
-def _costs(targets: Sequence["_Target"], kept: Sequence[int]) -> Array:
-    """(K,) what is to be small, with each toss added to the kept ones; inf for those themselves."""
-    costs = np.asarray(np.mean([target.costs(kept) for target in targets], axis=0))
-    costs[list(kept)] = np.inf
-    return costs
+def _greedy(errors: "_Errors", count: int) -> list[int]:
+    """Each the best beside those before."""
+    picks: list[int] = []
+    sums = errors.sums([])
+    while len(picks) < count:
+        picks.append(errors.best(sums, picks))
+        sums = errors.with_toss(sums, picks[-1])
+    return picks
 
 
-def _cost(targets: Sequence["_Target"], kept: Sequence[int]) -> float:
-    return float(np.mean([target.cost(kept) for target in targets]))
+def _exchanged(errors: "_Errors", picks: list[int]) -> list[int]:
+    """The set after exchanges of one toss for another; a round in which none helped is the last."""
+    kept, unmoved = list(picks), 0
+    if len(kept) == errors.tosses:
+        return kept
+    for place in (*range(len(kept)),) * EXCHANGES:
+        others = kept[:place] + kept[place + 1 :]
+        best = errors.best(errors.sums(others), others)
+        unmoved = unmoved + 1 if best == kept[place] else 0
+        kept[place] = best
+        if unmoved == len(kept):
+            break
+    return kept
 
 
 @dataclass(frozen=True, eq=False)
-class _Target:
-    """What one particle's sets are measured by.
+class _Errors:
+    """The expected error under every particle; each value is the mean over them."""
 
-    Attributes:
-        pool: its tosses.
-        coordinates: (P, p) in which the mean toss is the identity.
-        scores: (K, p) of the tosses, there.
-        prior: delta.
-        answer: (p,) d.
-        doubt: c sigma^2.
-    """
-
-    pool: Pool
-    coordinates: Array
-    scores: Array
-    prior: float
-    answer: Array
-    doubt: float
+    particles: tuple[ExpectedError, ...]
 
     @staticmethod
-    def of(pool: Pool, coordinates: Array, prior: float) -> "_Target":
-        scores = replace(pool, network_scores=None).toss_scores @ coordinates
-        answer = scores.sum(axis=0) / (prior + len(scores))
-        return _Target(pool, coordinates, scores, prior, answer, CAUTION * float(scores.var(axis=0).mean()))
+    def of(pools: Sequence[Pool], coordinates: Sequence[Array], prior: float) -> "_Errors":
+        return _Errors(tuple(ExpectedError.of(pool, c, prior) for pool, c in zip(pools, coordinates, strict=True)))
 
-    def cost(self, kept: Sequence[int]) -> float:
-        """Of one set."""
-        inverse, score = self._sums(kept)
-        off = inverse @ score - self.answer
-        return float(off @ off + self.doubt * np.trace(inverse))
+    @property
+    def tosses(self) -> int:
+        """K."""
+        return len(self.particles[0].pool)
 
-    def costs(self, kept: Sequence[int]) -> Array:
-        """(K,) of the set with each toss added, by the Sherman-Morrison-Woodbury formula."""
-        inverse, score = self._sums(kept)
-        costs = np.empty(len(self.pool))
-        for chunk, rows in self._rows():
-            costs[chunk] = self._joined(inverse, score, rows, self.scores[chunk])
-        return costs
+    def sums(self, kept: Sequence[int]) -> tuple[Sums, ...]:
+        return tuple(particle.sums(kept) for particle in self.particles)
 
-    def _joined(self, inverse: Array, score: Array, rows: Array, scores: Array) -> Array:
-        """(b,) for tosses of factors (b, R, p) and scores (b, p)."""
-        gained = rows @ inverse  # (b, R, p) Z X
-        steps = (score + scores) @ inverse  # (b, p)
-        inner = np.eye(rows.shape[1]) + gained @ rows.swapaxes(1, 2)
-        along = np.concatenate([gained @ gained.swapaxes(1, 2), (rows @ steps[..., None])], axis=2)  # (b, R, R + 1)
-        solved = np.linalg.solve(inner, along)
-        off = steps - (gained.swapaxes(1, 2) @ solved[..., -1:])[..., 0] - self.answer
-        traces = np.trace(inverse) - np.trace(solved[..., :-1], axis1=1, axis2=2)
-        return np.asarray((off * off).sum(axis=1) + self.doubt * traces)
+    def with_toss(self, sums: Sequence[Sums], index: int) -> tuple[Sums, ...]:
+        return tuple(particle.with_toss(one, index) for particle, one in zip(self.particles, sums, strict=True))
 
-    def _sums(self, kept: Sequence[int]) -> tuple[Array, Array]:
-        """(p, p) inverse of A0 + sum F, and (p,) sum of the scores."""
-        size = self.coordinates.shape[1]
-        rows = self._whitened(np.array(kept, dtype=np.int64)).reshape(-1, size) if kept else np.zeros((0, size))
-        return np.linalg.inv(self.prior * np.eye(size) + rows.T @ rows), self.scores[list(kept)].sum(axis=0)
+    def value(self, sums: Sequence[Sums]) -> float:
+        return float(np.mean([particle.value(one) for particle, one in zip(self.particles, sums, strict=True)]))
 
-    def _rows(self) -> Iterator[tuple[Indices, Array]]:
-        for chunk in self.pool.chunks():
-            yield chunk, self._whitened(chunk)
+    def joined(self, sums: Sequence[Sums], indices: Indices) -> Array:
+        return _mean([particle.joined(one, indices) for particle, one in zip(self.particles, sums, strict=True)])
 
-    def _whitened(self, indices: Indices) -> Array:
-        """(b, R, p)."""
-        return self.pool.stacked(indices) @ self.coordinates
+    def all_joined(self, sums: Sequence[Sums]) -> Array:
+        """(K,) with each toss added."""
+        return np.concatenate([self.joined(sums, chunk) for chunk in self.particles[0].pool.chunks()])
+
+    def best(self, sums: Sequence[Sums], kept: Sequence[int]) -> int:
+        """The toss that is best added to the kept ones; ties go to the smaller id."""
+        bounds = _mean([particle.bounds(one) for particle, one in zip(self.particles, sums, strict=True)])
+        bounds[list(kept)] = np.inf
+        values = np.full(self.tosses, np.inf)
+        left, block = np.argsort(bounds, kind="stable")[: self.tosses - len(kept)], FIRST_BLOCK
+        while left.size and bounds[left[0]] <= float(values.min()) * (1.0 + SLACK) + ABSOLUTE:
+            values[left[:block]] = self.joined(sums, left[:block])
+            left, block = left[block:], min(2 * block, CHUNK)
+        return first_of_the_best(-values)
+
+
+def _mean(values: Sequence[Array]) -> Array:
+    return np.asarray(np.mean(values, axis=0))

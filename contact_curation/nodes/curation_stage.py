@@ -15,7 +15,7 @@ from contact_curation.information.prior import log_det_prior
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.record import TossInformation
 from contact_curation.nodes.catch_up import Cursor
-from contact_curation.nodes.selection import SELECTIONS, Selection, selection_of
+from contact_curation.nodes.selection import SELECTIONS, Selection, kept_to, selection_of
 from contact_curation.storage.information_store import InformationStore
 from contact_curation.storage.state_store import StateStore
 
@@ -87,7 +87,7 @@ class CurationStage:
     """Keeps the best tosses of one body.
 
     Args:
-        ranking: criterion and number of tosses.
+        ranking: criterion and number of tosses; where a stream is not kept whole, log-det stands in for the default criterion.
         config: how they are kept.
         informations: where everything that came is kept.
         states: where the place in the stream and the buffer are kept.
@@ -102,6 +102,7 @@ class CurationStage:
         self._config = config
         self._informations = informations
         self._states = states
+        ranking = kept_to(config.selection, ranking)
         self.check(ranking)
         self._newest_stamp_ns, self._frame_id = json.loads(states.load(STAMP) or b'[0, ""]')
         self._selections: dict[str, Selection] = {}

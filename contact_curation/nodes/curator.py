@@ -46,6 +46,8 @@ class Curator(StageNode):
         self._informations = InformationStore(store)
         self._states = StateStore(store.with_name(f"{store.name}.state"))
         self._stage = CurationStage(ranking, config, self._informations, self._states)
+        if self._stage.ranking != ranking:
+            self.get_logger().info(f"{ranking.criterion} needs all tosses: keeps to {self._stage.ranking.criterion}")
         self._complaints = Complaints(self)
         self._buffer: Buffer | None = None
         self._publisher = self.create_publisher(CuratedBuffer, "curated_buffer", kept(1))

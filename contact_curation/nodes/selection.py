@@ -4,15 +4,18 @@
 what one pass can: the k largest traces, exactly; or for log-det the better of exchanges, which come out near `exact`, and of a
 sieve, which is proven to reach nearly half of the best set's value. `sieve` is that sieve alone: on real tosses it is little
 better than keeping the first k. The prior of log-det comes from the first tosses.
+
+The default criterion needs the whole pool. Where tosses are let go log-det stands in for it.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Protocol
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.pool import pool_of
 from contact_curation.information.prior import LogDetPrior, log_det_prior
-from contact_curation.information.ranker import RankingConfig
+from contact_curation.information.ranker import DEFAULT_CRITERION, STREAMED_CRITERION, RankingConfig
 from contact_curation.information.record import TossInformation
 from contact_curation.information.sieve import SieveStreaming
 from contact_curation.information.streaming import Selector, TraceHeap
@@ -101,6 +104,12 @@ class StreamingSelection:
     @property
     def seen(self) -> int:
         return len(self._first) if self._selector is None else self._selector.seen
+
+
+def kept_to(kind: str, config: RankingConfig) -> RankingConfig:
+    """How tosses are ranked by one of `SELECTIONS` where a configuration may not have named its criterion."""
+    stands_in = kind != "exact" and config.criterion == DEFAULT_CRITERION
+    return replace(config, criterion=STREAMED_CRITERION) if stands_in else config
 
 
 def selection_of(kind: str, config: RankingConfig, warm_up: int) -> Selection:

@@ -43,7 +43,11 @@ def test_it_is_the_ranking_of_the_library_and_the_glitches_are_kept_back(cli: Cl
     assert report["outcomes"] == {"kept": 8, "ranked, not kept": 13, **dict.fromkeys(sorted(GLITCHES), 1)}
     assert report["diagnostics"]["epsilon"] == expected.epsilon
     assert report["diagnostics"]["sufficient_k"] == expected.sufficient_k
-    assert 0.0 < report["diagnostics"]["certificate"]["subset"] <= 1.0
+    assert report["diagnostics"]["answer"] == {"off": expected.answer.off, "by_chance": expected.answer.by_chance}
+    assert report["diagnostics"]["certificate"] is None
+    proven = cli("rank", golden, "--top", "8", "--criterion", "log-det", "--json").json["diagnostics"]
+    assert 0.0 < proven["certificate"]["subset"] <= 1.0
+    assert report["diagnostics"]["answer"]["off"] < proven["answer"]["off"]
 
 
 @pytest.mark.parametrize("ending", ["parquet", "csv", "json"])
@@ -56,7 +60,7 @@ def test_the_manifest_says_what_the_report_says_and_a_figure_lies_beside_it(
     assert [row.toss_id for row in manifest.rows] == [row["toss_id"] for row in report["tosses"]]
     assert [row.toss_id for row in manifest.kept] == ids(report)[:5]
     assert manifest.run.command[:2] == ("contact-curation", "rank")
-    assert (manifest.run.criterion, manifest.run.estimator, manifest.run.model) == ("log-det", "gauss-newton", "polytope")
+    assert (manifest.run.criterion, manifest.run.estimator, manifest.run.model) == ("representative", "gauss-newton", "polytope")
     assert manifest.run.inputs[0].sha256 == manifest.rows[0].input_sha256 != ""
     assert manifest.rows[0].topic == "/tagslam/odom/body_cube"
     assert all(row.frames > 0 and row.duration > 0.0 and row.first_stamp_ns < row.last_stamp_ns for row in manifest.rows)
@@ -78,17 +82,20 @@ def test_people_get_a_table_totals_and_evidence(cli: Cli, golden: Path, tmp_path
     assert table[0].split()[:3] == ["rank", "toss", "score"]
     assert table[1].split()[:2] == ["1", best.toss_id]
     for said in (
-        "24 tosses of 1 input: 21 ranked by log-det, 8 kept",
+        "24 tosses of 1 input: 21 ranked by representative, 8 kept",
         "kept back: 1 (gap)",
         "epsilon",
         "D-efficiency",
-        "certificate",
+        "the kept tosses' answer is",
         "share of the trace: vertices_normal",
         "careful: block tilt holds",
         f"manifest: {tmp_path / 'm.csv'}",
     ):
         assert said in done.out
+    assert "certificate" not in done.out
+    assert "nan" not in done.out
     assert "warning" not in done.err
+    assert "certificate: D-efficiency at least" in cli("rank", golden, "--top", "8", "--criterion", "log-det").out
 
 
 @pytest.mark.parametrize(("criterion", "estimator"), list(zip(CRITERIA, cycle(["empirical", "gauss-newton"]))))

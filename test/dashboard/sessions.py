@@ -15,7 +15,7 @@ from contact_curation.dashboard.toss_motion import ShownTheta
 from contact_curation.design.throw import Throw
 from contact_curation.information.curation import Curation, curate
 from contact_curation.information.pool import Pool, pool_of
-from contact_curation.information.ranker import RankingConfig
+from contact_curation.information.ranker import DEFAULT_CRITERION, RankingConfig
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import Scorer, ScoringConfig
 from contact_curation.motion.toss import Toss
@@ -37,7 +37,7 @@ class Scored:
     def pool(self) -> Pool:
         return pool_of(self.informations)
 
-    def curation(self, top: int, criterion: str = "log-det", seen: int | None = None) -> Curation:
+    def curation(self, top: int, criterion: str = DEFAULT_CRITERION, seen: int | None = None) -> Curation:
         return curate(self.informations[:seen], RankingConfig(criterion, top))
 
 

@@ -1,5 +1,7 @@
 """The numbers behind the ranking's views agree with those of `rank`."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,9 @@ from contact_curation.dashboard.evidence import KeptSet, evidence_of
 from contact_curation.dashboard.pages import number, table
 from contact_curation.dashboard.ranking_view import ranking_page, short_id
 from contact_curation.errors import InvalidValueError
+from contact_curation.information.pool_subspace import pool_subspace
+from contact_curation.information.ranker import RankingConfig
+from contact_curation.information.representative import standing_of
 from test.dashboard.sessions import Scored, kept_set, scored
 
 COUNT, TOP = 12, 5
@@ -26,14 +31,38 @@ def test_spectrum_epsilon_and_efficiency_are_those_of_the_ranking(made: Scored) 
     assert spectrum.efficiency == pytest.approx(curation.efficiency.determinant)
 
 
-def test_what_is_not_kept_is_told_what_it_would_still_add_in_the_order_of_the_ranking(made: Scored) -> None:
-    curation = made.curation(TOP)
+@pytest.mark.parametrize("criterion", ["representative", "log-det"])
+def test_what_is_not_kept_is_told_what_it_would_still_add_in_the_order_of_the_ranking(made: Scored, criterion: str) -> None:
+    curation = made.curation(TOP, criterion)
     rows = evidence_of(made.pool, kept_set(curation, TOP, COUNT, "v")).rows
     entries = curation.ranking.entries
     assert [row.toss_id for row in rows] == [entry.toss_id for entry in entries]
     assert [row.gain for row in rows] == pytest.approx([entry.marginal_gain for entry in entries])
     assert [row.rank for row in rows] == list(range(1, COUNT + 1))
     assert all(row.reason.startswith("kept") == row.kept for row in rows)
+
+
+def test_by_representative_the_reasons_say_what_becomes_of_the_expected_error(made: Scored) -> None:
+    curation = made.curation(TOP)
+    evidence = evidence_of(made.pool, kept_set(curation, TOP, COUNT, "v"))
+    coordinates = pool_subspace(made.pool).per_mean_toss(COUNT)
+    kept = [made.pool.ids.index(one) for one in curation.ranking.kept_ids]
+    standing = standing_of([made.pool], [coordinates], kept, RankingConfig().prior)
+    told = {row.toss_id: row.reason for row in evidence.rows}
+    for place, one in enumerate(curation.ranking.kept_ids):
+        times = f"{standing.without[place] / standing.error:.4g} times as large"
+        assert told[one] == f"kept: without it the expected error is {times}"
+    for one in curation.ranking.ids[TOP:]:
+        times = f"{standing.joined[made.pool.ids.index(one)] / standing.error:.4g} times as large"
+        assert told[one] == f"not kept: one more, with it the expected error is {times}"
+    assert evidence.answer == curation.answer
+    assert f"Their answer is {number(curation.answer.off)} from" in ranking_page(kept_set(curation, TOP, COUNT, "v"), evidence)
+
+
+def test_by_log_det_the_reason_is_what_is_new(made: Scored) -> None:
+    rows = evidence_of(made.pool, kept_set(made.curation(TOP, "log-det"), TOP, COUNT, "v")).rows
+    assert rows[0].reason == "kept: most new by itself"
+    assert all(row.reason.startswith("not kept: less new than the last") for row in rows[TOP:])
 
 
 def test_by_trace_the_reason_is_the_trace(made: Scored) -> None:
@@ -59,7 +88,7 @@ def test_a_kept_set_has_a_gain_for_each_toss() -> None:
 def test_a_long_ranking_ends_with_how_many_more_there_are(made: Scored) -> None:
     kept = KeptSet("longest", 1, made.pool.ids[:1], (1.0,), "0123456789abcdef", COUNT)
     evidence = evidence_of(made.pool, kept)
-    page = ranking_page(kept, type(evidence)(evidence.rows + evidence.rows[1:], evidence.spectrum))
+    page = ranking_page(kept, replace(evidence, rows=evidence.rows + evidence.rows[1:]))
     assert page.endswith(f"and {COUNT - 1 - 12 + COUNT - 1} more that would add less")
     assert "theta `0123456789ab`" in page
 

@@ -113,6 +113,15 @@ def test_the_buffer_is_the_ranking_of_all_that_came_in_any_order(tmp_path: Path)
         buffer = stage.buffer()
     assert buffer is not None
     assert buffer.curation.ranking == curate(informations, RankingConfig(top=3)).ranking
+    assert buffer.curation.ranking.criterion == "representative"
+
+
+def test_the_log_det_of_a_buffer_is_what_its_tosses_added_by_log_det(tmp_path: Path) -> None:
+    with curating(tmp_path) as stage:
+        stage.rank_by(RankingConfig("log-det", top=3))
+        added(stage, scored(TOSSES))
+        buffer = stage.buffer()
+    assert buffer is not None
     gains = [entry.marginal_gain for entry in buffer.curation.ranking.entries if entry.kept]
     assert buffer.log_det == pytest.approx(sum(gains), rel=1e-9)
 
@@ -190,7 +199,7 @@ def test_a_streaming_trace_keeps_the_same_tosses_with_bounded_memory(tmp_path: P
 
 
 def test_a_streaming_log_det_takes_its_prior_from_the_first_tosses(tmp_path: Path) -> None:
-    selection = StreamingSelection(RankingConfig(top=3), warm_up=4)
+    selection = StreamingSelection(RankingConfig("log-det", top=3), warm_up=4)
     sizes = []
     for information in scored(TOSSES):
         selection.add(information)
@@ -200,7 +209,7 @@ def test_a_streaming_log_det_takes_its_prior_from_the_first_tosses(tmp_path: Pat
     assert 1 <= sizes[-1] <= 3
 
 
-@pytest.mark.parametrize(("criterion", "bounded"), [("log-det", True), ("trace", False)])
+@pytest.mark.parametrize(("criterion", "bounded"), [("log-det", True), ("trace", False), ("representative", False)])
 def test_a_buffer_says_what_is_proven_of_it_against_sets_of_its_size(tmp_path: Path, criterion: str, bounded: bool) -> None:
     with curating(tmp_path) as stage:
         stage.rank_by(RankingConfig(criterion, top=3))
@@ -222,6 +231,22 @@ def test_nothing_is_proven_of_a_stream_that_has_let_tosses_go(tmp_path: Path) ->
             bounds.append(buffer_message(buffer).efficiency_bound)
     assert min(bounds[:3]) > 0.0
     assert bounds[3:] == [0.0] * 5
+
+
+@pytest.mark.parametrize("selection", ["streaming", "sieve"])
+def test_log_det_stands_in_for_the_default_where_tosses_are_let_go_but_not_for_what_was_named(
+    tmp_path: Path, selection: str
+) -> None:
+    with curating(tmp_path, config=CurationConfig(selection=selection, warm_up=4)) as stage:
+        added(stage, scored(TOSSES))
+        buffer = stage.buffer()
+        with pytest.raises(InvalidValueError, match=f"criterion of a {selection} selection: found representative"):
+            stage.check(RankingConfig("representative", top=3))
+    assert buffer is not None
+    assert stage.ranking == RankingConfig("log-det", top=3)
+    assert buffer_message(buffer).criterion == "log-det"
+    with curating(tmp_path) as stage:
+        assert stage.ranking.criterion == "representative"
 
 
 def test_a_stream_cannot_keep_to_every_criterion(tmp_path: Path) -> None:

@@ -52,7 +52,7 @@ def test_a_short_pool_is_kept_whole(criterion: str) -> None:
     assert len(rank(tosses(1, 4, 4, seed=3), RankingConfig(criterion, top=10)).kept_ids) == 1
 
 
-@pytest.mark.parametrize("criterion", ["log-det", "min-eig", "leverage"])
+@pytest.mark.parametrize("criterion", ["log-det", "representative", "min-eig", "leverage"])
 @pytest.mark.parametrize("seed", range(5))
 def test_units_of_the_parameters_change_neither_order_nor_scores(criterion: str, seed: int) -> None:
     infos = tosses(60, 12, 5, seed)
@@ -108,6 +108,12 @@ def test_no_particle_outweighs_another_by_its_units(criterion: str) -> None:
     assert plain.kept_ids != rank(loud, config).kept_ids
 
 
+def test_the_default_is_the_rule_that_training_sets_are_kept_by() -> None:
+    infos = tosses(30, 5, 4, seed=9)
+    assert rank(infos, RankingConfig(top=6)) == rank(infos, RankingConfig("representative", top=6))
+    assert rank(infos, RankingConfig(top=6)).kept_ids != rank(infos, RankingConfig("log-det", top=6)).kept_ids
+
+
 def test_particles_must_hold_the_same_tosses() -> None:
     with pytest.raises(InvalidValueError, match="different tosses"):
         rank_particles([pool_of(tosses(3, 2, 2, 0)), pool_of(tosses(4, 2, 2, 0))], RankingConfig())
@@ -115,7 +121,7 @@ def test_particles_must_hold_the_same_tosses() -> None:
         rank_particles([], RankingConfig())
 
 
-@pytest.mark.parametrize("criterion", ["log-det", "min-eig", "leverage"])
+@pytest.mark.parametrize("criterion", ["log-det", "representative", "min-eig", "leverage"])
 def test_a_pool_that_tells_nothing_cannot_be_ranked_by_what_it_tells(criterion: str) -> None:
     with pytest.raises(InvalidValueError, match="pooled information: found zero"):
         rank([toss("a", np.zeros((2, 3)))], RankingConfig(criterion))

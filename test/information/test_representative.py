@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information import representative
+from contact_curation.information import expected_error, representative
 from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.information.ranker import RankingConfig, rank
 from contact_curation.information.record import TossInformation
-from contact_curation.information.representative import CAUTION, select_representative
+from contact_curation.information.expected_error import CAUTION
+from contact_curation.information.representative import select_representative, standing_of
 from test.information.pools import rescaled, tosses
 
 PRIOR = 1e-3
@@ -23,7 +24,7 @@ def with_scores(infos: list[TossInformation], scale: float, seed: int) -> list[T
 
 
 def plain_cost(pool: Pool, kept: list[int]) -> float:
-    """The module's sum, toss by toss, with whole matrices."""
+    """The expected error, toss by toss, with whole matrices."""
     coordinates = pool_subspace(pool).per_mean_toss(len(pool))
     scores = pool.toss_scores @ coordinates
     fishers = [coordinates.T @ info.fisher() @ coordinates for info in pool.infos]
@@ -31,7 +32,7 @@ def plain_cost(pool: Pool, kept: list[int]) -> float:
     inverse = np.linalg.inv(prior + sum((fishers[k] for k in kept), np.zeros_like(prior)))
     off = inverse @ sum((scores[k] for k in kept), np.zeros(len(prior)))
     off -= np.linalg.solve(prior + sum(fishers), scores.sum(axis=0))
-    return float(off @ off + CAUTION * scores.var(axis=0).mean() * np.trace(inverse))
+    return float(off @ off / scores.var(axis=0).mean() + CAUTION * np.trace(inverse))
 
 
 def plain_selection(pool: Pool, top: int) -> list[int]:
@@ -55,7 +56,21 @@ def test_it_picks_what_plain_loops_over_whole_matrices_pick(seed: int) -> None:
     assert found.order[:5].tolist() == plain_selection(pool, 5)
     values = [plain_cost(pool, found.order[:count].tolist()) for count in range(6)]
     np.testing.assert_allclose(found.gains[found.order[:5]], -np.diff(values), rtol=1e-6)
-    assert found.scores[7] == pytest.approx(-plain_cost(pool, [7]), rel=1e-6)
+    assert found.scores[7] == pytest.approx(plain_cost(pool, []) - plain_cost(pool, [7]), rel=1e-6)
+    others = found.order[5:]
+    final = [values[-1] - plain_cost(pool, [*found.order[:5], k]) for k in others.tolist()]
+    np.testing.assert_allclose(found.gains[others], final, rtol=1e-6, atol=1e-9)
+    assert np.diff(final).max() <= 1e-9
+
+
+def test_how_a_kept_set_stands_is_what_it_would_cost_without_and_with_a_toss() -> None:
+    pool = pool_of(with_scores(tosses(12, 5, 3, seed=4), 0.3, seed=4))
+    kept = [7, 2, 9]
+    standing = standing_of([pool], [pool_subspace(pool).per_mean_toss(len(pool))], kept, PRIOR)
+    assert standing.error == pytest.approx(plain_cost(pool, kept), rel=1e-9)
+    assert standing.without == pytest.approx([plain_cost(pool, [other for other in kept if other != one]) for one in kept])
+    joined = [plain_cost(pool, kept if one in kept else [*kept, one]) for one in range(12)]
+    assert standing.joined == pytest.approx(joined, rel=1e-6)
 
 
 def test_exchanges_improve_what_greedy_picks_found(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -107,11 +122,40 @@ def test_units_of_the_parameters_change_nothing() -> None:
     assert rank(infos, config).kept_ids == rank(there, config).kept_ids
 
 
-def test_scores_that_are_all_noise_make_it_choose_for_what_tosses_know() -> None:
-    """The prior's share apart, tr (sum F)^-1 is then all there is: the kept set knows more than as many random tosses."""
-    infos = tosses(60, 4, 3, seed=8)
-    loud = [replace(info, score_sum=np.zeros(4)) for info in infos[:-1]] + [replace(infos[-1], score_sum=np.full(4, 1e-3))]
-    kept = set(rank(loud, RankingConfig("representative", top=8)).kept_ids)
-    chance = set(rank(loud, RankingConfig("random", top=8)).kept_ids)
-    known = [np.trace(np.linalg.inv(sum(i.fisher() for i in infos if i.toss_id in ids))) for ids in (kept, chance)]
-    assert known[0] < known[1]
+def test_where_no_toss_says_anything_it_chooses_for_what_tosses_know() -> None:
+    """tr (sum F)^-1 is then all there is: the kept set knows more than any of some random sets of as many."""
+    silent = [replace(info, score_sum=np.zeros(4)) for info in tosses(60, 4, 3, seed=8)]
+    ranking = rank(silent, RankingConfig("representative", top=8))
+    random = [rank(silent, RankingConfig("random", top=8, seed=seed)).kept_ids for seed in range(5)]
+    known = [np.trace(np.linalg.inv(sum(i.fisher() for i in silent if i.toss_id in ids))) for ids in (ranking.kept_ids, *random)]
+    assert known[0] < min(known[1:])
+    assert np.isfinite([(entry.score, entry.marginal_gain) for entry in ranking.entries]).all()
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e9])
+def test_units_of_the_loss_change_nothing(scale: float) -> None:
+    """Scores that are small or large as a whole do not tie: they are measured by what they scatter by."""
+    infos = with_scores(tosses(40, 6, 4, seed=5), 0.2, seed=5)
+    config = RankingConfig("representative", top=10)
+    there = [replace(info, score_sum=info.score_sum * scale) for info in infos]
+    assert rank(infos, config).ids == rank(there, config).ids
+
+
+@pytest.mark.parametrize("count", [1, 2, 9])
+def test_copies_of_one_toss_are_ranked_by_their_ids(count: int) -> None:
+    first = with_scores(tosses(1, 4, 4, seed=2), 0.3, seed=2)[0]
+    copies = [replace(first, toss_id=f"copy-{k}") for k in range(count)]
+    ranking = rank(copies, RankingConfig("representative", top=3))
+    assert ranking.ids == tuple(f"copy-{k}" for k in range(count))
+    assert np.isfinite([(entry.score, entry.marginal_gain) for entry in ranking.entries]).all()
+
+
+def test_a_pool_whose_factors_are_not_held_is_ranked_as_one_whose_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    infos = with_scores(tosses(150, 6, 4, seed=6), 0.3, seed=6)
+    config = RankingConfig("representative", top=12)
+    held = rank(infos, config)
+    monkeypatch.setattr(expected_error, "LARGEST_HELD", 100)
+    anew = rank(infos, config)
+    assert anew.ids == held.ids
+    gains, again = ([entry.marginal_gain for entry in ranking.entries] for ranking in (held, anew))
+    np.testing.assert_allclose(again, gains, rtol=1e-8, atol=1e-10)
