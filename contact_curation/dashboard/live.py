@@ -19,8 +19,7 @@ from contact_curation.dashboard.ranking_view import RankingView
 from contact_curation.dashboard.screen import Moment, Screen
 from contact_curation.dashboard.throw_view import NEXT_STATE, ThrowMade, ThrowView
 from contact_curation.dashboard.toss_motion import ShownTheta, motion_of
-from contact_curation.dashboard.vertex_uncertainty import vertex_uncertainty
-from contact_curation.errors import InvalidValueError
+from contact_curation.dashboard.vertex_uncertainty import uncertainty_if_told
 from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.record import TossInformation
 from contact_curation.motion.toss import Toss
@@ -157,10 +156,7 @@ class LiveSession:
         if geometry is None:
             self._bodies.show(self._body.vertices, None)
             return
-        try:
-            uncertainty = vertex_uncertainty(pool, kept.toss_ids)
-        except InvalidValueError:  # information that says nothing of this kind: empirical, or about a network
-            uncertainty = None
+        uncertainty = uncertainty_if_told(pool, kept.toss_ids)
         self._bodies.show(geometry.vertices_normal * self._body.length_scale, uncertainty)
 
     def _show_motion(self, toss: Toss) -> None:

@@ -12,8 +12,7 @@ from contact_curation.dashboard.motion_view import MotionView
 from contact_curation.dashboard.ranking_view import RankingView
 from contact_curation.dashboard.screen import Moment, Screen
 from contact_curation.dashboard.toss_motion import ShownTheta, motion_of
-from contact_curation.dashboard.vertex_uncertainty import VertexUncertainty, vertex_uncertainty
-from contact_curation.errors import InvalidValueError
+from contact_curation.dashboard.vertex_uncertainty import uncertainty_if_told
 from contact_curation.information.pool import Pool
 from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.motion.toss import Toss
@@ -61,18 +60,10 @@ def show_ranked(
     rankings.show_page(kept, evidence_of(pool, kept))
     subspace = pool_subspace(pool, DEFAULT.cut)
     vertices = body.vertices if theta.geometry is None else theta.geometry.vertices_normal * body.length_scale
-    bodies.show(vertices, _known(pool, ()))
+    bodies.show(vertices, uncertainty_if_told(pool, ()))
     for place, toss_id in enumerate(kept.toss_ids, start=1):
         screen.at(Moment(place))
         rankings.show_spectrum(kept_spectrum(pool, subspace, kept.toss_ids[:place]))
-        bodies.show(vertices, _known(pool, kept.toss_ids[:place]))
+        bodies.show(vertices, uncertainty_if_told(pool, kept.toss_ids[:place]))
         if toss_id in tosses:
             motions.show(motion_of(tosses[toss_id], body, theta, loss), place)
-
-
-def _known(pool: Pool, kept: Sequence[str]) -> VertexUncertainty | None:
-    """None where information says nothing of the kind: empirical, or about a network."""
-    try:
-        return vertex_uncertainty(pool, kept)
-    except InvalidValueError:
-        return None

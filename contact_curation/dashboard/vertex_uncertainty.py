@@ -71,6 +71,14 @@ def vertex_uncertainty(pool: Pool, kept: Sequence[str]) -> VertexUncertainty:
     return VertexUncertainty(np.sqrt(np.maximum(variances, 0.0)), directions)
 
 
+def uncertainty_if_told(pool: Pool, kept: Sequence[str]) -> VertexUncertainty | None:
+    """The same; None where the information says nothing of the kind: it is empirical, or about a network."""
+    try:
+        return vertex_uncertainty(pool, kept)
+    except InvalidValueError:
+        return None
+
+
 def noise_variance(pool: Pool, kept: Sequence[str]) -> float:
     """Sigma^2 of the residuals, by the tosses that are not kept if there are enough of them, else by all."""
     inside = frozenset(kept)
