@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.sim.corner_refinement import refined_corners
 from contact_curation.sim.tag_library import tag_library
@@ -27,6 +28,11 @@ class DetectorConfig:
     refine_edges: bool = True
     refine_corners: bool = True
     threads: int = 1
+
+    def __post_init__(self) -> None:
+        for name, least in (("decimate", 1.0), ("blur", 0.0), ("threads", 1)):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= least):
+                raise InvalidValueError(f"detector.{name}", getattr(self, name), f"a number of at least {least:g}")
 
 
 @dataclass(frozen=True, eq=False)

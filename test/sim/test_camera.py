@@ -213,6 +213,12 @@ def test_a_camera_that_cannot_be_is_refused(wrong: dict[str, object]) -> None:
         replace(CameraConfig(), **wrong)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(("name", "value"), [("decimate", 0.5), ("blur", -1.0), ("blur", np.inf), ("threads", 0)])
+def test_a_detector_that_cannot_be_is_refused(name: str, value: float) -> None:
+    with pytest.raises(InvalidValueError, match=f"detector.{name}: found {value}, expected a number of at least"):
+        DetectorConfig(**{name: value})  # type: ignore[arg-type]
+
+
 def _projected(pose: Pose, tag_id: int) -> Array:
     """Corners (4, 2) [px] of a tag of the board, or of the body at a pose."""
     if tag_id in BOARD.ids:
