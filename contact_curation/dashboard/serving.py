@@ -41,9 +41,9 @@ class ServingConfig:
     def __post_init__(self) -> None:
         if not (self.web_port or self.recording):
             raise InvalidValueError("dashboard", "neither a web_port nor a recording", "at least one of them")
-        for name in ("web_port", "grpc_port"):
-            if not 0 <= getattr(self, name) < 1 << 16:
-                raise InvalidValueError(name, getattr(self, name), "a port, 1 to 65535")
+        for name, least in (("web_port", 0), ("grpc_port", 1 if self.web_port else 0)):
+            if not least <= getattr(self, name) < 1 << 16:
+                raise InvalidValueError(name, getattr(self, name), f"a port, {least} to 65535")
         if self.web_port and self.web_port == self.grpc_port:
             raise InvalidValueError("grpc_port", self.grpc_port, "another port than web_port")
 

@@ -64,6 +64,8 @@ def test_a_file_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
 def test_a_dashboard_that_goes_nowhere_or_to_one_port_twice_is_refused() -> None:
     with pytest.raises(InvalidValueError, match="neither a web_port nor a recording"):
         ServingConfig(0)
+    with pytest.raises(InvalidValueError, match="grpc_port: found 0, expected a port, 1 to 65535"):
+        ServingConfig(grpc_port=0)
     with pytest.raises(InvalidValueError, match="grpc_port: found 9090, expected another port"):
         ServingConfig(9090, 9090)
     with pytest.raises(InvalidValueError, match="web_port: found 70000"):
