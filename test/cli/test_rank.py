@@ -60,7 +60,11 @@ def test_the_manifest_says_what_the_report_says_and_a_figure_lies_beside_it(
     assert [row.toss_id for row in manifest.rows] == [row["toss_id"] for row in report["tosses"]]
     assert [row.toss_id for row in manifest.kept] == ids(report)[:5]
     assert manifest.run.command[:2] == ("contact-curation", "rank")
-    assert (manifest.run.criterion, manifest.run.estimator, manifest.run.model) == ("representative", "gauss-newton", "polytope")
+    assert (manifest.run.criterion, manifest.run.estimator, manifest.run.model) == (
+        "representative",
+        "gauss-newton",
+        "polytope",
+    )
     assert manifest.run.inputs[0].sha256 == manifest.rows[0].input_sha256 != ""
     assert manifest.rows[0].topic == "/tagslam/odom/body_cube"
     assert all(row.frames > 0 and row.duration > 0.0 and row.first_stamp_ns < row.last_stamp_ns for row in manifest.rows)

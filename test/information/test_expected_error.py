@@ -11,7 +11,7 @@ from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.pool_subspace import pool_subspace
 from test.information.pools import tosses
 
-SETS = ([], [3], [3, 17, 20, 4], list(range(0, 60, 2)))
+SETS: tuple[list[int], ...] = ([], [3], [3, 17, 20, 4], list(range(0, 60, 2)))
 
 
 def pool_of_tosses(seed: int, parameters: int = 9) -> Pool:

@@ -7,11 +7,11 @@ import pytest
 
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information import expected_error, representative
+from contact_curation.information.expected_error import CAUTION
 from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.information.ranker import RankingConfig, rank
 from contact_curation.information.record import TossInformation
-from contact_curation.information.expected_error import CAUTION
 from contact_curation.information.representative import select_representative, standing_of
 from test.information.pools import rescaled, tosses
 
@@ -127,7 +127,9 @@ def test_where_no_toss_says_anything_it_chooses_for_what_tosses_know() -> None:
     silent = [replace(info, score_sum=np.zeros(4)) for info in tosses(60, 4, 3, seed=8)]
     ranking = rank(silent, RankingConfig("representative", top=8))
     random = [rank(silent, RankingConfig("random", top=8, seed=seed)).kept_ids for seed in range(5)]
-    known = [np.trace(np.linalg.inv(sum(i.fisher() for i in silent if i.toss_id in ids))) for ids in (ranking.kept_ids, *random)]
+    known = [
+        np.trace(np.linalg.inv(sum(i.fisher() for i in silent if i.toss_id in ids))) for ids in (ranking.kept_ids, *random)
+    ]
     assert known[0] < min(known[1:])
     assert np.isfinite([(entry.score, entry.marginal_gain) for entry in ranking.entries]).all()
 
