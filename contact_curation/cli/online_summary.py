@@ -90,7 +90,7 @@ def summary_lines(told: dict[str, Any]) -> list[tuple[str, str]]:
         ("gain", _gain(told)),
         ("held out", _errors(told["held_out"])),
         ("buffer", f"{len(told['kept'])} of {told['tosses']} tosses kept"),
-        ("training", f"{told['rounds']} rounds, {told['gradient_steps']} gradient steps"),
+        ("training", f"{told['rounds']} rounds, {told['gradient_steps']} steps"),
         ("restarts", restarts),
         ("time", f"{told['seconds']:.0f} s" + ("" if told["settled"] else "; ended before all was at rest")),
     ]
