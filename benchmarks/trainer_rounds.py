@@ -1,0 +1,128 @@
+"""What the trainer's protocols make of the same loop: how soon theta may design throws, and what it knows after twelve.
+
+The loop in one process, as `contact-curation reproduce designed-throws` has it (the simulated arm, a tracker's noise, the
+designer with its canary), with a learner of the node's own kind and settings. Judged by ContactNets' tosses 400 to 569.
+
+    python -m benchmarks.trainer_rounds [--seeds 5] [--throws 12] [--arms budgeted exact trimmed] [--save RUNS.jsonl]
+
+With `--save` runs are kept, and those that are there already are not made again.
+"""
+
+import argparse
+import json
+import sys
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks._data import contactnets_folder, training_and_held_out
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.model_kind import ModelKind
+from contact_curation.design.designer import Designer, DesignerConfig
+from contact_curation.design.throw_prior import fitted_prior
+from contact_curation.learning.experiment_run import ONE_THREAD, Bench
+from contact_curation.learning.protocols import TrainingConfig, budgeted, exact
+from contact_curation.learning.toss_by_toss import BudgetedLearner
+from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import states_of
+from contact_curation.sim.arm_rig import ArmRig
+from contact_curation.sim.throw_choice import DesignedThrows
+from contact_curation.sim.thrown_experiment import judged
+
+STEPS = 400
+"""Of a budgeted round, as in the node."""
+
+ARMS: dict[str, TrainingConfig] = {
+    "budgeted": budgeted(ModelKind.POLYTOPE),
+    "exact": replace(exact(), trimmed=0.0),
+    "trimmed": exact(),
+}
+MEASURES = ("position", "rotation", "vertices", "friction_from_described")
+
+
+@dataclass(frozen=True)
+class Run:
+    """One learner.
+
+    Attributes:
+        arm, seed: which.
+        designed: of all throws.
+        first: number of the first designed one; 0 for none.
+        results: by measure, at the end.
+    """
+
+    arm: str
+    seed: int
+    throws: int
+    designed: int
+    first: int
+    results: dict[str, float]
+
+
+def run(arm: str, seed: int, throws: int, bench: Bench) -> Run:
+    """One loop."""
+    rig, start = ArmRig(bench.body, seed), bench.initial_polytope(seed)
+    learner = BudgetedLearner(start, replace(ARMS[arm], loss=ONE_THREAD), STEPS, seed)
+    releases = np.array([states_of(toss, 1.0)[0] for toss in bench.training])
+    designer = Designer(bench.body, DesignerConfig(loss=ONE_THREAD), fitted_prior(releases), rig.feasibility)
+    chooser, tosses, designed = DesignedThrows(designer, start.geometry(), seed), list[Toss](), list[int]()
+    for number in range(1, throws + 1):
+        choice = chooser.choose(number)
+        designed += [] if choice.reason else [number]
+        seen = rig.throw(choice.throw)
+        chooser.thrown(seen.commanded, seen.executed)
+        if seen.toss is not None:
+            chooser.came(seen.toss)
+            tosses.append(seen.toss)
+            if learner.learn(tosses):
+                chooser.learned(learner.model.geometry(), tosses)
+    row = judged(learner.model, bench)
+    return Run(arm, seed, throws, len(designed), min(designed, default=0), {name: float(row[name]) for name in MEASURES})
+
+
+def print_runs(runs: list[Run]) -> None:
+    """Medians over the seeds, and the range."""
+    print(f"{'':<10} {'seeds':>5} {'designed':>9} {'first':>6} " + " ".join(f"{name:>26}" for name in MEASURES))
+    for arm in ARMS:
+        own = [one for one in runs if one.arm == arm]
+        if own:
+            cells = []
+            for name in MEASURES:
+                values = [one.results[name] for one in own]
+                cells.append(f"{np.median(values):.3g} ({min(values):.3g} to {max(values):.3g})")
+            designed, first = (np.median([getattr(one, name) for one in own]) for name in ("designed", "first"))
+            print(f"{arm:<10} {len(own):>5} {designed:>9.3g} {first:>6.3g} " + " ".join(f"{cell:>26}" for cell in cells))
+
+
+def main() -> int:
+    """Runs the benchmark."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--throws", type=int, default=12)
+    parser.add_argument("--arms", nargs="+", choices=tuple(ARMS), default=list(ARMS))
+    parser.add_argument("--save", type=Path)
+    arguments = parser.parse_args()
+    folder = contactnets_folder()
+    if folder is None:
+        return 1
+    parts = training_and_held_out(folder)
+    bench = Bench(CONTACTNETS_CUBE, tuple(parts.training), tuple(parts.held_out), GateConfig())
+    there = arguments.save is not None and arguments.save.exists()
+    runs = [Run(**json.loads(line)) for line in arguments.save.read_text().splitlines()] if there else []
+    for seed in range(arguments.seeds):
+        for arm in arguments.arms:
+            if any((one.arm, one.seed, one.throws) == (arm, seed, arguments.throws) for one in runs):
+                continue
+            runs.append(run(arm, seed, arguments.throws, bench))
+            print(runs[-1], file=sys.stderr, flush=True)
+            if arguments.save is not None:
+                with arguments.save.open("a") as file:
+                    file.write(json.dumps(asdict(runs[-1])) + "\n")
+    print_runs([one for one in runs if one.seed < arguments.seeds and one.throws == arguments.throws])
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
