@@ -14,8 +14,8 @@ h1 { font-size: 1.6em; margin-bottom: 0.2em; } h2 { font-size: 1.2em; margin: 1.
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 th, td { text-align: left; padding: 0.15em 1.2em 0.15em 0; vertical-align: top; border-bottom: 1px solid #eee; }
 th { font-weight: 600; } td.number, th.number { text-align: right; }
-tr.kept td { background: #eef5fa; } td.bad { color: #b04a00; }
-img { max-width: 100%; } p.note { color: #666; } code { font-size: 0.9em; }
+tr.kept td { background: #eef5fa; }
+img { max-width: 100%; } p.note { color: #666; }
 """
 
 LARGEST_TABLE = 500
