@@ -78,7 +78,7 @@ def test_the_page_of_the_ranking_says_of_every_toss_why(session: Recorded) -> No
     assert f"{TOP} of {COUNT} tosses kept" in page
     lines = [line for line in page.splitlines() if line.startswith(("| **", "| 5", "| 6"))]
     assert ["| kept: " in line for line in lines] == [True] * TOP + [False] * 2
-    assert all("not kept: less new than the last" in line for line in lines[TOP:])
+    assert all("not kept: one more, with it the expected error is" in line for line in lines[TOP:])
 
 
 def test_the_spectrum_is_drawn_by_its_logarithm(session: Recorded, made: Scored) -> None:
