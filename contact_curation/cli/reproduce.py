@@ -32,6 +32,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the results")
     group = parser.add_argument_group("what is run (defaults: docs/results.md)")
     add_held_out_option(group, f"default {PUBLIC_HELD_OUT}")
+    group.add_argument(
+        "--as-recorded", action="store_true", help="do not put tosses right by what they say of their rig (docs/results.md)"
+    )
     group.add_argument("--rules", nargs="+", metavar="RULE", help="that are compared")
     group.add_argument("--sizes", nargs="+", type=natural_number, metavar="K", help="of the kept sets; 0 for all")
     group.add_argument("--seeds", type=positive_integer, metavar="N", help="how many")

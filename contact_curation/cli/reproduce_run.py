@@ -9,6 +9,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import torch
 
 from contact_curation import __version__
@@ -37,6 +38,7 @@ from contact_curation.learning.experiment import (
 from contact_curation.learning.experiment_cell import Protocol
 from contact_curation.learning.experiment_run import Bench, Row
 from contact_curation.learning.experiment_throws import ThrowsCell
+from contact_curation.motion.rig import rig_of
 from contact_curation.storage.inputs import InputsConfig
 
 
@@ -54,8 +56,8 @@ def run_experiment(arguments: argparse.Namespace) -> int:
     torch.set_num_threads(1)
     began = time.monotonic()
     experiment, config = Experiment(arguments.experiment), experiment_config(arguments)
-    bench = _bench(arguments)
     cells = cells_of(experiment, config)
+    bench = _bench(arguments)
     _make_folder(arguments.out)
     ledger = Ledger(arguments.out / "cells.jsonl", _identity(experiment, bench))
     left = [cell for cell in cells if cell.key not in ledger]
@@ -105,7 +107,10 @@ def experiment_config(arguments: argparse.Namespace) -> ExperimentConfig:
 
 
 def _bench(arguments: argparse.Namespace) -> Bench:
-    """Tosses that pass the gates; the gates see a pool again once faults are put into it."""
+    """Tosses that pass the gates, put right by what the training tosses say of their rig.
+
+    The gates see a pool again once faults are put into it.
+    """
     body = chosen_body(arguments)
     stages = stages_of(arguments, {})
     reading = ReadingConfig(body, InputsConfig(stages["poses"], stages["segmenter"], stages["gates"]))
@@ -113,7 +118,19 @@ def _bench(arguments: argparse.Namespace) -> Bench:
     with Progress("reading", "tosses") as bar:
         tosses = learning_tosses(arguments.inputs, TossesConfig(reading, rule, said=True), bar.advance)
     warn(tosses.warnings)
-    return Bench(body, tosses.training, tosses.held_out, stages["gates"])
+    bench = Bench(body, tosses.training, tosses.held_out, stages["gates"])
+    return bench if arguments.as_recorded else _put_right(bench)
+
+
+def _put_right(bench: Bench) -> Bench:
+    try:
+        rig = rig_of(bench.training, bench.body.polytope)
+    except InvalidValueError as error:
+        warn([f"tosses are taken as recorded: {error}"])
+        return bench
+    lean, off = np.degrees(rig.lean), 100.0 * (rig.scale - 1.0)
+    warn([f"the rig's board leans by {lean:.2f} degrees and its metre is {off:.1f} % short: put right; --as-recorded does not"])
+    return bench.on(rig)
 
 
 def _run(left: list[AnyCell], bench: Bench, ledger: Ledger, jobs: int, cells: int) -> list[str]:

@@ -37,6 +37,7 @@ from contact_curation.learning.protocols import TrainingConfig, budgeted, publis
 from contact_curation.learning.reranking import CanaryConfig, Reranking, RerankingConfig
 from contact_curation.learning.training import Training, rows_of
 from contact_curation.motion.gates import GateConfig, inspect
+from contact_curation.motion.rig import Rig, put_right
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
 
@@ -76,6 +77,11 @@ class Bench:
     training: tuple[Toss, ...]
     held_out: tuple[Toss, ...]
     gates: GateConfig
+
+    def on(self, rig: Rig) -> "Bench":
+        """The same tosses as a level rig with a true metre would have tracked them."""
+        training, held_out = (tuple(put_right(toss, rig) for toss in side) for side in (self.training, self.held_out))
+        return replace(self, training=training, held_out=held_out)
 
     @cached_property
     def pivot(self) -> Array:

@@ -9,6 +9,7 @@ that contact (and nothing else) has given in between:
     energy    |v'|^2/2 + g z' <= |v|^2/2 + g z + e_tol                no contact, no work
     jump      |(p' - p)/dt - v'| <= v_max, and turns likewise         velocities belong to their poses
     depth     lowest corner >= -depth                                 the board is hard
+    rest      tilt <= angle, |height| <= bound of the face it lies on a body at rest lies flat on the board
 
 Stamps and quaternion norms complete the list. The jump gate sees what a filter hid: a median of three takes a spike of a frame
 out of the velocities, but not out of the positions. A flagged toss is kept aside and shown, never deleted.
@@ -33,7 +34,7 @@ class GateConfig:
     """Bounds, for a body of about 10 cm at 100 to 200 frames a second.
 
     METHOD 2.1 gives them in half widths of 0.0524 m: tol 3 and depth 0.15. The others lie above what all 570 public tosses show
-    (0.51 g, 0.7 rad/s, 0.04 m^2/s^2, 0.20 m/s, 16 rad/s).
+    (0.51 g, 0.7 rad/s, 0.04 m^2/s^2, 0.20 m/s, 16 rad/s, 1.1 degrees, 2.5 mm).
 
     Attributes:
         enabled: False lets everything pass.
@@ -47,6 +48,8 @@ class GateConfig:
         jump_velocity: v_max, about 3 mm at 148 Hz [m/s].
         jump_spin: the same of turns [rad/s].
         depth: of the lowest corner under the board [m].
+        rest_tilt: of the face that the body comes to lie on [rad].
+        rest_height: of that face over or under the board [m].
         quaternion_tolerance: on the norm.
         largest_gap: between frames, in frame periods.
     """
@@ -62,6 +65,8 @@ class GateConfig:
     jump_velocity: float = 0.4
     jump_spin: float = 25.0
     depth: float = 0.15 * 0.0524
+    rest_tilt: float = np.radians(1.4)
+    rest_height: float = 0.003
     quaternion_tolerance: float = 1e-4
     largest_gap: float = 1.5
 
@@ -70,6 +75,10 @@ class GateConfig:
             value = getattr(self, field.name)
             if field.name != "enabled" and not value > 0.0:
                 raise InvalidValueError(field.name, value, "a positive number")
+
+
+REST_FRAMES, REST_SPEED, REST_SPIN = 5, 0.05, 0.5
+"""A body is at rest at the end if it is as slow as that over the last frames [m/s, rad/s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +91,7 @@ class Steps:
         dt: (T - 1,) [s].
         contact_velocities: (T - 1, 3) dv [m/s].
         airborne: (T - 1,) whether the body is in the air in all frames that the velocities at both ends come from.
+        footing: (3, 3) where the three lowest corners are at the end [m]; None for a body that still moves.
     """
 
     toss: Toss
@@ -89,6 +99,7 @@ class Steps:
     dt: Array
     contact_velocities: Array
     airborne: NDArray[np.bool_]
+    footing: Array | None
 
 
 def steps_of(toss: Toss, polytope: Polytope, config: GateConfig) -> Steps:
@@ -97,7 +108,18 @@ def steps_of(toss: Toss, polytope: Polytope, config: GateConfig) -> Steps:
     dt = np.diff(toss.stamps_ns) / NANOSECONDS
     gained = np.diff(toss.linear_velocities, axis=0) + np.outer(dt, [0.0, 0.0, config.gravity])
     airborne = all_around(lowest > config.airborne_clearance, 2, 2)[:-1]  # the poses that v and v' come from
-    return Steps(toss, lowest, dt, gained, airborne)
+    return Steps(toss, lowest, dt, gained, airborne, footing(toss, polytope))
+
+
+def footing(toss: Toss, polytope: Polytope) -> Array | None:
+    """(3, 3) where the three lowest corners are at rest, in the median of the last frames [m]; None if it still moves."""
+    last = slice(-REST_FRAMES, None)
+    speeds, spins = (np.linalg.norm(each[last], axis=1) for each in (toss.linear_velocities, toss.angular_velocities))
+    if np.median(speeds) > REST_SPEED or np.median(spins) > REST_SPIN:
+        return None
+    turned = quaternions.to_matrix(toss.orientations_wxyz[last]) @ polytope.vertices.T
+    corners = np.median(turned.swapaxes(1, 2) + toss.positions[last, np.newaxis], axis=0)
+    return np.asarray(corners[np.argsort(corners[:, 2])[:3]])
 
 
 def inspect(toss: Toss, polytope: Polytope, config: GateConfig) -> tuple[str, ...]:
@@ -122,6 +144,24 @@ def quaternion_gate(steps: Steps, config: GateConfig) -> str:
 def depth_gate(steps: Steps, config: GateConfig) -> str:
     """The body does not go into the board."""
     return _worst("depth in the board", -steps.lowest, config.depth, "m", first=0)
+
+
+def rest_gate(steps: Steps, config: GateConfig) -> str:
+    """A body at rest lies flat, ..."""
+    if steps.footing is None:
+        return ""
+    normal = np.cross(steps.footing[1] - steps.footing[0], steps.footing[2] - steps.footing[0])
+    tilt = float(np.degrees(np.arccos(min(abs(normal[2]) / np.linalg.norm(normal), 1.0))))
+    bound = np.degrees(config.rest_tilt)
+    return f"tilt at rest: found {tilt:.4g} degrees, expected at most {bound:.4g} degrees" if tilt > bound else ""
+
+
+def rest_height_gate(steps: Steps, config: GateConfig) -> str:
+    """... and on the board."""
+    height = 0.0 if steps.footing is None else float(steps.footing[:, 2].mean())
+    if abs(height) <= config.rest_height:
+        return ""
+    return f"height at rest: found {height:.4g} m, expected at most {config.rest_height:.4g} m over or under the board"
 
 
 def impulse_gate(steps: Steps, config: GateConfig) -> str:
@@ -174,6 +214,8 @@ GATES: tuple[Callable[[Steps, GateConfig], str], ...] = (
     stamps_gate,
     quaternion_gate,
     depth_gate,
+    rest_gate,
+    rest_height_gate,
     impulse_gate,
     cone_gate,
     airborne_gate,

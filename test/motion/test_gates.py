@@ -124,6 +124,40 @@ def test_what_is_just_inside_the_bounds_passes(toss: Toss) -> None:
     assert inspect(toss, CUBE, CONFIG) == ()
 
 
+def lying(toss: Toss, degrees: float, metres: float) -> Toss:
+    """The toss as on a board that leans and is too low, its face on average so high."""
+    turn = quaternions.exp(np.radians([degrees, 0.0, 0.0]))
+    middle = toss.positions[-1] * [1.0, 1.0, 0.0]
+    return replace(
+        toss,
+        positions=quaternions.rotate(turn, toss.positions - middle) + middle + [0.0, 0.0, metres],
+        orientations_wxyz=quaternions.multiply(turn, toss.orientations_wxyz),
+        linear_velocities=quaternions.rotate(turn, toss.linear_velocities),
+        angular_velocities=quaternions.rotate(turn, toss.angular_velocities),
+    )
+
+
+@pytest.mark.parametrize(
+    ("degrees", "metres", "reason"),
+    [
+        (1.0, 0.0, None),
+        (0.0, 0.0025, None),
+        (0.0, -0.0025, None),
+        (2.0, 0.0, "tilt at rest: found 2"),
+        (0.0, 0.0035, "height at rest: found 0.003"),
+        (0.0, -0.0035, "height at rest: found -0.003"),
+    ],
+)
+def test_a_body_at_rest_lies_flat_on_the_board(good: Toss, degrees: float, metres: float, reason: str | None) -> None:
+    reasons = inspect(lying(good, degrees, metres), CUBE, CONFIG)
+    assert not reasons if reason is None else any(line.startswith(reason) for line in reasons)
+
+
+def test_of_a_body_that_still_moves_nothing_is_said_of_its_rest(good: Toss) -> None:
+    moving = replace(lying(good, 2.0, 0.0), angular_velocities=good.angular_velocities + np.array([0.0, 0.0, 1.0]))
+    assert not any("at rest" in line for line in inspect(moving, CUBE, CONFIG))
+
+
 def test_a_disabled_gate_lets_everything_pass() -> None:
     assert inspect(pulled([0.0, 0.0, -3.0]), CUBE, GateConfig(enabled=False)) == ()
 

@@ -1,0 +1,68 @@
+"""A rig's lean and metre are found from tosses, and are put right."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry import quaternions
+from contact_curation.motion.rig import put_right, rig_of
+from contact_curation.motion.toss import Toss
+from test.simulated import simulated_tosses
+
+CUBE = CONTACTNETS_CUBE.polytope
+LEAN = np.radians([0.5, -0.8, 0.0])
+METRE = 0.98
+
+
+@pytest.fixture(scope="module")
+def tosses() -> tuple[Toss, ...]:
+    return tuple(simulated_tosses(12, 3))
+
+
+def mistracked(toss: Toss) -> Toss:
+    """By a rig whose frame leans and whose metre is short."""
+    turn = quaternions.exp(LEAN)
+    return replace(
+        toss,
+        positions=METRE * quaternions.rotate(turn, toss.positions),
+        orientations_wxyz=quaternions.multiply(turn, toss.orientations_wxyz),
+        linear_velocities=METRE * quaternions.rotate(turn, toss.linear_velocities),
+        angular_velocities=quaternions.rotate(turn, toss.angular_velocities),
+    )
+
+
+def test_of_a_true_rig_there_is_nothing_to_put_right(tosses: tuple[Toss, ...]) -> None:
+    rig = rig_of(tosses, CUBE)
+    assert np.degrees(rig.lean) < 0.05
+    assert rig.scale == pytest.approx(1.0, abs=0.005)
+    assert rig.rests == 12
+    assert rig.falls >= 8
+
+
+def test_a_lean_and_a_short_metre_are_found_and_put_right(tosses: tuple[Toss, ...]) -> None:
+    tracked = [mistracked(toss) for toss in tosses]
+    true, rig = rig_of(tosses, CUBE), rig_of(tracked, CUBE)
+    np.testing.assert_allclose(rig.normal, quaternions.rotate(quaternions.exp(LEAN), true.normal), atol=5e-4)
+    assert rig.scale / true.scale == pytest.approx(1.0 / METRE, rel=2e-3)
+    mended = rig_of([put_right(toss, rig) for toss in tracked], CUBE)
+    assert np.degrees(mended.lean) < 0.02
+    assert mended.scale == pytest.approx(1.0, abs=2e-3)
+
+
+def test_what_is_put_right_is_still_one_motion(tosses: tuple[Toss, ...]) -> None:
+    tracked = mistracked(tosses[0])
+    mended = put_right(tracked, rig_of([mistracked(toss) for toss in tosses], CUBE))
+    dt = np.diff(tosses[0].stamps_ns)[:, np.newaxis] / 1e9
+    for toss in (tosses[0], mended):
+        np.testing.assert_allclose(np.diff(toss.positions, axis=0), dt * toss.linear_velocities[1:], atol=2e-3)
+    heights = CUBE.corner_heights(mended.positions, mended.orientations_wxyz)
+    assert np.ptp(np.sort(heights[-1])[:4]) < 1e-3
+    assert mended.toss_id == tosses[0].toss_id
+
+
+def test_too_few_tosses_tell_no_rig(tosses: tuple[Toss, ...]) -> None:
+    with pytest.raises(InvalidValueError, match="tosses that come to rest: found 3, expected at least 8"):
+        rig_of(tosses[:3], CUBE)
