@@ -23,7 +23,7 @@ from contact_curation.design.designer import Designer, DesignerConfig
 from contact_curation.design.throw_prior import fitted_prior
 from contact_curation.learning.experiment_run import ONE_THREAD, Bench
 from contact_curation.learning.protocols import TrainingConfig, budgeted, exact
-from contact_curation.learning.toss_by_toss import BudgetedLearner
+from contact_curation.learning.toss_by_toss import RoundsLearner
 from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of
@@ -64,7 +64,7 @@ class Run:
 def run(arm: str, seed: int, throws: int, bench: Bench) -> Run:
     """One loop."""
     rig, start = ArmRig(bench.body, seed), bench.initial_polytope(seed)
-    learner = BudgetedLearner(start, replace(ARMS[arm], loss=ONE_THREAD), STEPS, seed)
+    learner = RoundsLearner(start, replace(ARMS[arm], loss=ONE_THREAD), STEPS, seed)
     releases = np.array([states_of(toss, 1.0)[0] for toss in bench.training])
     designer = Designer(bench.body, DesignerConfig(loss=ONE_THREAD), fitted_prior(releases), rig.feasibility)
     chooser, tosses, designed = DesignedThrows(designer, start.geometry(), seed), list[Toss](), list[int]()

@@ -26,7 +26,8 @@ class ThrowsCell:
         rule: one of `ARMS`.
         judged: numbers of throws after which held-out motion judges; the last is how many are made.
         seed: of the initial parameters, the arm, the tracker and the pools: the same for all arms.
-        protocol, steps: how it learns after each throw, as in `Cell`; not as published.
+        protocol, steps: how it learns after each throw, a round of the trainer's exact protocol or of its budgeted one with so
+            many steps.
         model: that learns; a polytope.
     """
 

@@ -9,6 +9,7 @@ from contact_curation.design.designer import Designer
 from contact_curation.design.particle import Particle
 from contact_curation.design.planner import Planner
 from contact_curation.design.throw import Throw
+from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
 from contact_curation.motion.toss import Toss
@@ -130,11 +131,12 @@ class DesignedThrows:
         """What is expected to teach most, or a warm-up and why."""
         reason = self._distrust()
         self._planned, self._design = None, None
-        if reason is not None:
-            return self._warm_up.warm_up(number, reason)
-        self._design = AdaptiveDesign(self._planner_here(), [self._infos], self._warm_up.pairs)
-        self._planned = self._design.plan([name_of(number)], self._warm_up.pool(number)).throws[0]
-        return Choice(self._planned, "")
+        if reason is None:
+            try:
+                return Choice(self._plan(number), "")
+            except InvalidValueError as error:  # with a friction that is far too small nothing comes to rest
+                reason = str(error)
+        return self._warm_up.warm_up(number, reason)
 
     def thrown(self, commanded: Throw, executed: Throw) -> None:
         """Learns the thrower's noise from it."""
@@ -152,6 +154,11 @@ class DesignedThrows:
         """Scores everything again."""
         self._particle, self._planner, self._begun = self._designer.particle(geometry), None, True
         self._infos = _scored(self._particle, tosses)
+
+    def _plan(self, number: int) -> Throw:
+        self._design = AdaptiveDesign(self._planner_here(), [self._infos], self._warm_up.pairs)
+        self._planned = self._design.plan([name_of(number)], self._warm_up.pool(number)).throws[0]
+        return self._planned
 
     def _distrust(self) -> str | None:
         if not self._begun:

@@ -21,11 +21,11 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation import shape_errors
 from contact_curation.learning.experiment_cell import Protocol
-from contact_curation.learning.experiment_run import FIT, ONE_THREAD, Bench, Row
+from contact_curation.learning.experiment_run import ONE_THREAD, Bench, Row
 from contact_curation.learning.experiment_throws import RANDOM, RAW, ThrowsCell
 from contact_curation.learning.motion_errors import motion_errors
-from contact_curation.learning.protocols import budgeted
-from contact_curation.learning.toss_by_toss import BudgetedLearner, ExactLearner, Learner
+from contact_curation.learning.protocols import budgeted, exact
+from contact_curation.learning.toss_by_toss import RoundsLearner
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of
 from contact_curation.sim.arm_rig import ArmRig
@@ -57,7 +57,7 @@ def throws_rows(cell: ThrowsCell, bench: Bench, config: DesignerConfig = DEFAULT
     return tuple(rows)
 
 
-def _thrown(number: int, chooser: Chooser, rig: ArmRig, learner: Learner, tosses: list[Toss]) -> Row:
+def _thrown(number: int, chooser: Chooser, rig: ArmRig, learner: RoundsLearner, tosses: list[Toss]) -> Row:
     """One throw; its toss, if it made one, is added and learned from."""
     choice = chooser.choose(number)
     seen = rig.throw(choice.throw)
@@ -94,11 +94,10 @@ def judged(model: PolytopeModel, bench: Bench) -> Row:
     return row | {"vertices": shape.vertex_rms_mm, "friction": shape.friction, "friction_from_described": off}
 
 
-def _learner(cell: ThrowsCell, bench: Bench) -> Learner:
-    start = bench.initial_polytope(cell.seed)
-    if cell.protocol == Protocol.EXACT:
-        return ExactLearner(start, FIT)
-    return BudgetedLearner(start, replace(budgeted(ModelKind.POLYTOPE), loss=ONE_THREAD), cell.steps, cell.seed)
+def _learner(cell: ThrowsCell, bench: Bench) -> RoundsLearner:
+    """One round after each throw, as the node trainer's."""
+    config = exact() if cell.protocol == Protocol.EXACT else budgeted(ModelKind.POLYTOPE)
+    return RoundsLearner(bench.initial_polytope(cell.seed), replace(config, loss=ONE_THREAD), max(cell.steps, 1), cell.seed)
 
 
 def _chooser(cell: ThrowsCell, bench: Bench, rig: ArmRig, config: DesignerConfig, geometry: ContactGeometry) -> Chooser:

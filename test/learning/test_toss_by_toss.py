@@ -12,13 +12,12 @@ from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.errors import InvalidValueError
-from contact_curation.learning.experiment_fit import HeldFitConfig
 from contact_curation.learning.experiment_throws import ThrowsCell
-from contact_curation.learning.protocols import budgeted
-from contact_curation.learning.toss_by_toss import BudgetedLearner, ExactLearner
+from contact_curation.learning.protocols import budgeted, exact
+from contact_curation.learning.toss_by_toss import RoundsLearner
 from test.simulated import simulated_tosses
 
-FIT = HeldFitConfig(loss=LossConfig(threads=1))
+CONFIG = replace(exact(), loss=LossConfig(threads=1))
 TOSSES = simulated_tosses(3, seed=4)
 
 
@@ -35,9 +34,9 @@ def off(model: PolytopeModel) -> float:
 
 
 def test_an_exact_learner_knows_only_which_tosses_came() -> None:
-    one, other = ExactLearner(start(), FIT), ExactLearner(start(), FIT)
+    one, other = (RoundsLearner(start(), CONFIG, 1, 0) for _ in range(2))
     begun = off(one.model)
-    assert one.learn(TOSSES[:1])
+    assert one.learn(TOSSES[:2])
     assert one.learn(TOSSES)
     assert other.learn(TOSSES)
     assert np.array_equal(one.model.geometry().vertices_normal, other.model.geometry().vertices_normal)
@@ -45,7 +44,7 @@ def test_an_exact_learner_knows_only_which_tosses_came() -> None:
 
 
 def test_a_budgeted_learner_goes_on_from_round_to_round_from_two_tosses_on() -> None:
-    learner = BudgetedLearner(start(), budgeted(ModelKind.POLYTOPE), 5, 0)
+    learner = RoundsLearner(start(), budgeted(ModelKind.POLYTOPE), 5, 0)
     begun = learner.model.geometry().vertices_normal
     assert not learner.learn(TOSSES[:1])
     assert np.array_equal(learner.model.geometry().vertices_normal, begun)
