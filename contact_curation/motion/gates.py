@@ -65,7 +65,7 @@ class GateConfig:
     jump_velocity: float = 0.4
     jump_spin: float = 25.0
     depth: float = 0.15 * 0.0524
-    rest_tilt: float = np.radians(1.4)
+    rest_tilt: float = float(np.radians(1.4))
     rest_height: float = 0.003
     quaternion_tolerance: float = 1e-4
     largest_gap: float = 1.5
