@@ -9,8 +9,10 @@ easily lasts longer and knows more, so that the most informative tosses, and the
 (docs/rule.md). Here they are balanced by tosses that pull the other way.
 
 The set is built greedily and then improved by exchanges of one toss for another, until none helps or two rounds are over. There
-is no guarantee: the sum is not submodular. In each step the tosses are looked at from the lowest bound up, until no bound
-reaches down to the best value found: the result is that of looking at all of them.
+is no guarantee: the sum is not submodular. At last its tosses are put in the order in which greedy picks would take them.
+
+In each step the tosses are looked at from the lowest bound up, until no bound reaches down to the best value found: the result
+is that of looking at all of them.
 """
 
 from collections.abc import Sequence
@@ -60,7 +62,7 @@ def select_representative(pools: Sequence[Pool], coordinates: Sequence[Array], t
         prior: delta > 0: A0 is this share of the mean toss.
     """
     errors = _Errors.of(pools, coordinates, prior)
-    picks = _exchanged(errors, _greedy(errors, min(top, len(pools[0]))))
+    picks = _in_order(errors, _exchanged(errors, _greedy(errors, min(top, len(pools[0])))))
     states = list(accumulate(picks, errors.with_toss, initial=errors.sums([])))
     values = [errors.value(state) for state in states]
     singles = values[0] - errors.all_joined(states[0])
@@ -101,6 +103,15 @@ def _exchanged(errors: "_Errors", picks: list[int]) -> list[int]:
         if unmoved == len(kept):
             break
     return kept
+
+
+def _in_order(errors: "_Errors", kept: Sequence[int]) -> list[int]:
+    """The same tosses, each the best of those left beside those before; ties go to the smaller id."""
+    left, picks, sums = sorted(kept), list[int](), errors.sums([])
+    while left:
+        picks.append(left.pop(first_of_the_best(-errors.joined(sums, np.array(left)))))
+        sums = errors.with_toss(sums, picks[-1])
+    return picks
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,17 +36,21 @@ def plain_cost(pool: Pool, kept: list[int]) -> float:
 
 
 def plain_selection(pool: Pool, top: int) -> list[int]:
-    def best(others: list[int]) -> int:
-        left = [k for k in range(len(pool)) if k not in others]
+    def best(others: list[int], among: list[int]) -> int:
+        left = [k for k in among if k not in others]
         return left[int(np.argmin([plain_cost(pool, [*others, k]) for k in left]))]
 
-    picks: list[int] = []
-    while len(picks) < top:
-        picks.append(best(picks))
+    def greedy(among: list[int]) -> list[int]:
+        picks: list[int] = []
+        while len(picks) < top:
+            picks.append(best(picks, among))
+        return picks
+
+    kept = greedy(list(range(len(pool))))
     for _ in range(representative.EXCHANGES):
         for place in range(top):
-            picks[place] = best(picks[:place] + picks[place + 1 :])
-    return picks
+            kept[place] = best(kept[:place] + kept[place + 1 :], list(range(len(pool))))
+    return greedy(sorted(kept))
 
 
 @pytest.mark.parametrize("seed", range(4))
