@@ -19,6 +19,8 @@ import numpy as np
 from benchmarks._data import contactnets_folder, training_and_held_out
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.model_kind import ModelKind
+from contact_curation.contact.parameter_form import Form
+from contact_curation.contact.polytope_model import PolytopeModel, initial_geometry
 from contact_curation.design.designer import Designer, DesignerConfig
 from contact_curation.design.throw_prior import fitted_prior
 from contact_curation.learning.experiment_run import ONE_THREAD, Bench
@@ -63,7 +65,8 @@ class Run:
 
 def run(arm: str, seed: int, throws: int, bench: Bench) -> Run:
     """One loop."""
-    rig, start = ArmRig(bench.body, seed), bench.initial_polytope(seed)
+    drawn = initial_geometry(bench.body, Form.PHYSICAL, bench.pivot, np.random.default_rng(seed))
+    rig, start = ArmRig(bench.body, seed), PolytopeModel(drawn, bench.body, Form.PHYSICAL)
     learner = RoundsLearner(start, replace(ARMS[arm], loss=ONE_THREAD), STEPS, seed)
     releases = np.array([states_of(toss, 1.0)[0] for toss in bench.training])
     designer = Designer(bench.body, DesignerConfig(loss=ONE_THREAD), fitted_prior(releases), rig.feasibility)
