@@ -24,13 +24,16 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.ranker import DEFAULT_CRITERION, RankingConfig
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.held_out import HeldOutRule
-from contact_curation.learning.protocols import TrainingConfig, budgeted, published
+from contact_curation.learning.protocols import TrainingConfig, budgeted, exact, published
 from contact_curation.learning.reranking import CanaryConfig, RerankingConfig
 from contact_curation.learning.training_plan import TrainingPlan
 from contact_curation.storage.inputs import InputsConfig
 from contact_curation.storage.manifest_file import read_manifest
 from contact_curation.storage.parameters_file import Parameters
 from contact_curation.storage.theta_file import is_checkpoint, read_theta
+
+PROTOCOLS = {"budgeted": budgeted, "published": published}
+"""Those that every model has."""
 
 ONLY_WITH_TOP = ("criterion", "variant", "estimator", "rerank_every", "canary")
 
@@ -84,7 +87,7 @@ def train_config(arguments: argparse.Namespace) -> TrainConfig:
         ContactCurationError: a file that an option names cannot be used, or a value is not accepted.
     """
     kind, body = ModelKind(arguments.model), chosen_body(arguments)
-    protocol = budgeted(kind) if arguments.protocol == "budgeted" else published(kind)
+    protocol = exact() if arguments.protocol == "exact" else PROTOCOLS[arguments.protocol](kind)
     ranking = RankingConfig(arguments.criterion or DEFAULT_CRITERION, arguments.top or 1, arguments.seed, certificate_steps=0)
     ranking = replace(ranking, variant=arguments.variant or ranking.variant)
     defaults = {"training": protocol, "ranking": ranking, "canary": CanaryConfig()}

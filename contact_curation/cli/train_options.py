@@ -13,7 +13,7 @@ from contact_curation.information.orthogonal import VARIANTS
 from contact_curation.information.ranker import CRITERIA, DEFAULT_CRITERION
 
 STAGES = ("poses", "segmenter", "gates", "training", "ranking", "canary")
-PROTOCOLS = ("budgeted", "published")
+PROTOCOLS = ("budgeted", "published", "exact")
 DEFAULT_SHARE = 0.2
 """Of the tosses that is held out where nothing else is said."""
 
@@ -43,8 +43,8 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
         "--protocol",
         choices=PROTOCOLS,
         default=PROTOCOLS[0],
-        help="budgeted: so many steps in batches; published: ContactNets', until the held-out loss stops falling "
-        "(default budgeted)",
+        help="budgeted: so many steps in batches; published: ContactNets', until the held-out loss stops falling; "
+        "exact: a polytope's optimum at once (default budgeted)",
     )
     group.add_argument("--steps", type=positive_integer, metavar="N", help="gradient steps at most")
     group.add_argument("--seed", type=natural_number, default=0, metavar="N", help="of everything random (default 0)")

@@ -84,6 +84,16 @@ def test_the_same_seed_gives_the_same_numbers_and_another_one_others(cli: Cli, f
     assert a != c
 
 
+def test_exactly_a_polytope_is_trained_at_once_and_a_network_is_refused(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    how = ("--protocol", "exact", "--held-out", "5,6")
+    done = cli("train", folder, "--out", tmp_path / "a.safetensors", *how, "--json")
+    assert done.json["state"] == "converged"
+    assert done.json["held_out_loss_after"] < 0.1 * done.json["held_out_loss_before"]
+    refused = cli("train", folder, "--out", tmp_path / "b.safetensors", *how, "--model", "deep")
+    assert refused.status == 1
+    assert "model to train exactly: found a deep, expected a polytope in the physical form" in refused.err
+
+
 def test_numbers_in_a_recording_count_what_was_kept_back(cli: Cli, golden: Path, tmp_path: Path) -> None:
     items = list(open_inputs([golden], CONTACTNETS_CUBE))  # 24, of which 5, 12 and 19 are kept back
     in_order = [item.toss_id if isinstance(item, Toss) else "kept back" for item in items]
