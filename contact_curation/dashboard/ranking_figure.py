@@ -105,19 +105,30 @@ def _row(figure: Any, widths: list[float]) -> "list[Axes]":
 def _draw_scores(axes: "Axes", picture: RankingPicture) -> None:
     """A histogram; the kept tosses' part of each bar in colour."""
     scores = picture.scores
-    positive = bool((scores > 0.0).all())
-    logarithmic = positive and scores.max() > LARGEST_LINEAR_RATIO * scores.min()
+    width = _linear_width(scores)
     low, high = float(scores.min()), float(scores.max())
     if low == high:
         low, high = low - 0.5, high + 0.5
-    edges = np.geomspace(low, high, BINS + 1) if logarithmic else np.linspace(low, high, BINS + 1)
+    if low > 0.0 and high > LARGEST_LINEAR_RATIO * low:
+        edges = np.geomspace(low, high, BINS + 1)
+        axes.set_xscale("log")
+    elif width:
+        edges = width * np.sinh(np.linspace(np.arcsinh(low / width), np.arcsinh(high / width), BINS + 1))
+        axes.set_xscale("asinh", linear_width=width)
+    else:
+        edges = np.linspace(low, high, BINS + 1)
     edges[0], edges[-1] = low, high
     parts = [scores[: picture.kept], scores[picture.kept :]]
     axes.hist(parts, bins=edges.tolist(), stacked=True, color=[KEPT, OTHER], label=["kept", "not kept"])
-    if logarithmic:
-        axes.set_xscale("log")
     axes.set(title="Scores", xlabel=UNITS[picture.criterion], ylabel="tosses")
     axes.legend(frameon=False)
+
+
+def _linear_width(scores: Array) -> float:
+    """About zero, where scores of both signs are drawn by their logarithms outside of it; 0 where they need not be."""
+    sizes = np.abs(scores)
+    typical = float(np.median(sizes))
+    return typical if scores.min() < 0.0 and float(sizes.max()) > LARGEST_LINEAR_RATIO * typical else 0.0
 
 
 def _draw_gains(axes: "Axes", picture: RankingPicture) -> None:

@@ -52,11 +52,25 @@ def test_every_criterion_has_its_unit() -> None:
         replace(picture(), scores=np.zeros(40), gains=np.zeros(40)),
         replace(picture(), scores=np.linspace(3.0, -3.0, 40)),
         replace(picture(), scores=np.geomspace(1e12, 1e-9, 40)),
+        replace(picture(), scores=np.concatenate([np.geomspace(1e3, 1.0, 20), -np.geomspace(1.0, 1e6, 20)])),
+        replace(picture(), scores=np.concatenate([np.zeros(30), np.full(10, -1e6)])),
         replace(picture(), spectrum=np.zeros(0)),
         replace(picture(), spectrum=np.array([0.0, 0.0, 1.0]), epsilon=1.0),
         replace(picture(), shares={}, criterion="longest"),
     ],
-    ids=["one toss", "all kept", "equal", "no gains", "negative", "wide", "no spectrum", "empty directions", "no blocks"],
+    ids=[
+        "one toss",
+        "all kept",
+        "equal",
+        "no gains",
+        "negative",
+        "wide",
+        "wide of both signs",
+        "mostly nothing",
+        "no spectrum",
+        "empty directions",
+        "no blocks",
+    ],
 )
 def test_unusual_pools_are_drawn_without_a_warning(tmp_path: Path, unusual: RankingPicture) -> None:
     save_ranking_figure(unusual, tmp_path / "figure.png")
