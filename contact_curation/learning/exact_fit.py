@@ -5,9 +5,9 @@ board's zero. So theta follows from theta_0 and the data alone, and not from how
 is made again with the same digits.
 
 The few transitions that are explained worst are left out, which ones being part of the fit: least trimmed squares (Rousseeuw
-1984, with concentration steps: Rousseeuw and Van Driessen 2006), where "squares" are losses. They are hard impacts, which a
-rigid body without restitution cannot explain, and which it therefore blames on friction: throws that are designed to hit hard
-pulled it from 0.18 to 0.12, and with 2 % of the transitions left out to 0.16 (docs/learning.md).
+1984, with concentration steps: Rousseeuw and Van Driessen 2006), where "squares" are losses. Among them are the hard impacts,
+which a rigid body without restitution cannot explain, so that throws that are designed to hit hard pull friction away from the
+truth (docs/learning.md).
 """
 
 import math
