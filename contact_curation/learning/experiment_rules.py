@@ -15,12 +15,15 @@ class Rule:
         criterion, variant: as in `RankingConfig`.
         estimator: of the information that it ranks by.
         reranked: whether the set is selected again at what was learned from it.
+        by_polytope: whether a polytope, fitted to the optimum, selects for whatever learns: a network then learns from what is
+            known before it is made, and no pool has to be scored by it.
     """
 
     criterion: str
     estimator: Estimator = Estimator.GAUSS_NEWTON
     reranked: bool = True
     variant: str = "pivoted"
+    by_polytope: bool = False
 
     def ranking(self, top: int, seed: int) -> RankingConfig:
         """For so many tosses; the seed is that of random ones."""
@@ -41,6 +44,8 @@ RULES: dict[str, Rule] = {
     "orthogonal": Rule("orthogonal", Estimator.EMPIRICAL),
     "orthogonal-literal": Rule("orthogonal", Estimator.EMPIRICAL, variant="literal"),
     "representative": Rule("representative"),
+    "trace-by-polytope": Rule("trace", Estimator.EMPIRICAL, by_polytope=True),
+    "representative-by-polytope": Rule("representative", by_polytope=True),
     "all": Rule("random", reranked=False),
 }
 """`all` keeps the whole pool."""

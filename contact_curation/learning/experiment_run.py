@@ -173,7 +173,13 @@ def select(rule: Rule, model: Model, tosses: Sequence[Toss], size: int, seed: in
 
 
 def _learn_exactly(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> Learned:
-    """To the optimum: some rounds of selection, each at what the last set taught, then the fit to the last set."""
+    """To the optimum, from the initial parameters, of what was selected last."""
+    kept = _kept_exactly(cell, bench, tosses)
+    return Learned(kept, fit_held(bench.initial_polytope(cell.seed), _data(bench, tosses, kept), FIT).model)
+
+
+def _kept_exactly(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> tuple[str, ...]:
+    """Some rounds of selection, each at what the last set taught a polytope."""
     start = bench.initial_polytope(cell.seed)
     model, rule = start, RULES[cell.rule]
     size = len(tosses) if cell.size == ALL else cell.size
@@ -183,30 +189,39 @@ def _learn_exactly(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> Learne
         before, kept = kept, select(rule, model, tosses, size, cell.seed)
         if set(kept) == set(before):
             break
-    return Learned(kept, fit_held(start, _data(bench, tosses, kept), FIT).model)
+    return kept
 
 
 def _learn(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> Learned:
     """Along gradient steps, the set selected again when the canaries have moved, as `train --top K --canary` does."""
-    kind, rule, config = ModelKind(cell.model), RULES[cell.rule], _protocol(cell)
+    kind, config = ModelKind(cell.model), _protocol(cell)
     watched, tosses = _watched(tosses) if config.patience else ((), tosses)
-    size = len(tosses) if cell.size == ALL else cell.size
-    scale = bench.body.length_scale
     noise, shuffles = np.random.SeedSequence(cell.seed).generate_state(2)
-    everything = rows_of(transitions_of(bench.training, scale))
+    everything = rows_of(transitions_of(bench.training, bench.body.length_scale))
     model = initial_model(kind, bench.body, config.form, everything, np.random.default_rng(noise))
-    ranking = RerankingConfig(rule.ranking(size, cell.seed), canary=CanaryConfig() if rule.reranked else None)
-    reranking = Reranking(tosses, toss_scorer(replace(rule.scoring(), loss=ONE_THREAD), rule.criterion), ranking)
-    first = reranking.select(model)
-    held = transitions_of(watched, scale) if watched else None
-    training = Training(model, _data(bench, tosses, first.kept), held, config, int(shuffles))
-    curated = CuratedTraining(training, tosses, reranking, (first,))
+    reranking, kept = _first_selection(cell, bench, tosses, model)
+    held = transitions_of(watched, bench.body.length_scale) if watched else None
+    training = Training(model, _data(bench, tosses, kept), held, config, int(shuffles))
+    curated = CuratedTraining(training, tosses, reranking)
     progress = training.progress
     while progress.state is TrainingState.RUNNING:
         progress = curated.advance(100)
     if progress.state is TrainingState.FAILED:
         raise NoResultError(cell, progress.reason)
-    return Learned(curated.selections[-1].kept, training.trained())
+    return Learned(curated.selections[-1].kept if curated.selections else kept, training.trained())
+
+
+def _first_selection(
+    cell: Cell, bench: Bench, tosses: tuple[Toss, ...], model: Model
+) -> tuple[Reranking | None, tuple[str, ...]]:
+    """What selects again later, if anything does, and the ids of the first set."""
+    rule = RULES[cell.rule]
+    if rule.by_polytope:
+        return None, _kept_exactly(cell, bench, tosses)
+    size = len(tosses) if cell.size == ALL else cell.size
+    ranking = RerankingConfig(rule.ranking(size, cell.seed), canary=CanaryConfig() if rule.reranked else None)
+    reranking = Reranking(tosses, toss_scorer(replace(rule.scoring(), loss=ONE_THREAD), rule.criterion), ranking)
+    return reranking, reranking.select(model).kept
 
 
 def _watched(tosses: tuple[Toss, ...]) -> tuple[tuple[Toss, ...], tuple[Toss, ...]]:
