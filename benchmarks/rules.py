@@ -1,11 +1,13 @@
 """Why informative tosses say too little of friction, and which rule mends it: on tosses below 400 alone, by cross-validation.
 
-`why` fits all training tosses, and then asks of sets of them which friction they would say, all else held: of the four
+`rig` says what the tosses tell of the rig that tracked them, and what a fit to all of them is worth before and after they are
+put right by it; everything below is done with tosses that are. `why` fits all training tosses, and then asks of sets of them which friction they would say, all else held: of the four
 quarters by duration, and of what each rule keeps at that fit. `ground` says how that fit predicts the motion of the same
 tosses, beside one whose ground may lean and one with friction acting at the vertices of the gaps. `search` trains on what
 rules keep of four fifths of the training tosses and judges by the last fifth; a seed is a fifth and an initialisation. The
 tosses are found through CONTACTNETS_DATA.
 
+    python -m benchmarks.rules rig
     python -m benchmarks.rules why
     python -m benchmarks.rules ground
     python -m benchmarks.rules search [--rules random longest log-det representative] [--sizes 8 16 32] [--seeds 10]
@@ -29,7 +31,7 @@ import torch
 from benchmarks._data import contactnets_folder, training_and_held_out
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import Estimator
-from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import INITIAL_NOISE, PolytopeModel
 from contact_curation.information.pool import Indices
@@ -42,10 +44,12 @@ from contact_curation.learning.experiment_rules import BASELINES, RULES
 from contact_curation.learning.experiment_run import FIT, ONE_THREAD, Bench, run_cell, select
 from contact_curation.learning.experiment_summary import Summary, summarised
 from contact_curation.learning.polytope_sums import polytope_sums
-from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.gates import GateConfig, footing
+from contact_curation.motion.rig import Rig, rig_of
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 
+DESCRIBED = ContactGeometry.of_body(CONTACTNETS_CUBE).vertices_normal
 FOLDS = 5
 MEASURES = (
     "rotation",
@@ -67,7 +71,7 @@ FRICTION = -4
 def main() -> int:
     """Prints tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("what", choices=("why", "ground", "search"))
+    parser.add_argument("what", choices=("rig", "why", "ground", "search"))
     parser.add_argument("--rules", nargs="+", default=["random", "longest", "log-det", "representative"], choices=RULES)
     parser.add_argument("--sizes", nargs="+", type=int, default=[8, 16, 32])
     parser.add_argument("--seeds", type=int, default=10)
@@ -80,14 +84,52 @@ def main() -> int:
     folder = contactnets_folder()
     if folder is None:
         return 0
-    tosses = training_and_held_out(folder).training
-    if arguments.what == "why":
-        print_why(Bench(CONTACTNETS_CUBE, tosses, (), GateConfig()))
+    recorded = Bench(CONTACTNETS_CUBE, training_and_held_out(folder).training, (), GateConfig())
+    rig = rig_of(recorded.training, recorded.body.polytope)
+    bench = recorded.on(rig)
+    if arguments.what == "rig":
+        print_rig(recorded, rig)
+    elif arguments.what == "why":
+        print_why(bench)
     elif arguments.what == "ground":
-        print_ground(Bench(CONTACTNETS_CUBE, tosses, (), GateConfig()))
+        print_ground(bench)
     else:
-        print_search(search(arguments, tosses))
+        print_search(search(arguments, bench.training))
     return 0
+
+
+def print_rig(bench: Bench, rig: Rig) -> None:
+    """Lean, metre and rest of the tosses as recorded, and fits to them and to what is put right."""
+    print(
+        f"{rig.rests} tosses at rest: the board leans by {np.degrees(rig.lean):.2f} degrees, normal {np.round(rig.normal, 4)}"
+    )
+    print(f"{rig.falls} tosses in the air: lengths are to be multiplied with {rig.scale:.4f}")
+    rigs = {
+        "as recorded": replace(rig, normal=UPWARD, scale=1.0),
+        "levelled": replace(rig, scale=1.0),
+        "lengthened": replace(rig, normal=UPWARD),
+        "put right": rig,
+    }
+    print(
+        f"\n{'':14}{'rest, mm':>10}{'vertices, mm':>14}{'position %':>12}{'rotation':>10}{'described: position %':>23}{'rotation':>10}"
+    )
+    for name, by in rigs.items():
+        mended = bench.on(by)
+        rests = [corners for toss in mended.training if (corners := footing(toss, bench.body.polytope)) is not None]
+        height = 1e3 * float(np.mean([corners[:, 2].mean() for corners in rests]))
+        off = 1e3 * bench.body.length_scale * np.linalg.norm(mended.reference.vertices_normal - DESCRIBED, axis=1)
+        fitted, described = (_errors(mended, geometry) for geometry in (mended.reference, ContactGeometry.of_body(bench.body)))
+        print(
+            f"{name:14}{height:10.2f}{np.sqrt(np.square(off).mean()):14.2f}{fitted[0]:12.2f}{fitted[1]:10.2f}"
+            f"{described[0]:23.2f}{described[1]:10.2f}"
+        )
+
+
+def _errors(bench: Bench, geometry: ContactGeometry) -> tuple[float, float]:
+    """Mean position [%] and rotation [deg] errors of a polytope on the training tosses."""
+    model = PolytopeModel(geometry, bench.body, Form.PHYSICAL)
+    errors = evaluate_model(model, bench.training, EvaluationConfig(loss=ONE_THREAD)).errors
+    return float(errors.position.mean()), float(errors.rotation.mean())
 
 
 def print_why(bench: Bench) -> None:
@@ -126,10 +168,9 @@ def print_ground(bench: Bench) -> None:
     }
     print(f"{'mean errors over the training tosses':46}{'position':>10}{'rotation':>10}{'friction':>10}{'lean, deg':>11}")
     for name, geometry in fits.items():
-        model = PolytopeModel(geometry, bench.body, Form.PHYSICAL)
-        errors = evaluate_model(model, bench.training, EvaluationConfig(loss=ONE_THREAD)).errors
+        position, rotation = _errors(bench, geometry)
         friction, lean = np.linalg.norm(geometry.tangents[0]), np.degrees(np.arccos(min(geometry.normal[2], 1.0)))
-        print(f"{name:46}{errors.position.mean():10.2f}{errors.rotation.mean():10.2f}{friction:10.4f}{lean:11.2f}")
+        print(f"{name:46}{position:10.2f}{rotation:10.2f}{friction:10.4f}{lean:11.2f}")
 
 
 def search(arguments: argparse.Namespace, tosses: Sequence[Toss]) -> list[dict[str, Any]]:
