@@ -1,11 +1,11 @@
 """Why informative tosses say too little of friction, and which rule mends it: on tosses below 400 alone, by cross-validation.
 
 `rig` says what the tosses tell of the rig that tracked them, and what a fit to all of them is worth before and after they are
-put right by it; everything below is done with tosses that are. `why` fits all training tosses, and then asks of sets of them which friction they would say, all else held: of the four
-quarters by duration, and of what each rule keeps at that fit. `ground` says how that fit predicts the motion of the same
-tosses, beside one whose ground may lean and one with friction acting at the vertices of the gaps. `search` trains on what
-rules keep of four fifths of the training tosses and judges by the last fifth; a seed is a fifth and an initialisation. The
-tosses are found through CONTACTNETS_DATA.
+put right by it; everything below is done with tosses that are. `why` fits all training tosses, and then asks of sets of them
+which friction they would say, all else held: of the four quarters by duration, and of what each rule keeps at that fit.
+`ground` says how that fit predicts the motion of the same tosses, beside one whose ground may lean and one with friction
+acting at the vertices of the gaps. `search` trains on what rules keep of four fifths of the training tosses and judges by the
+last fifth; a seed is a fifth and an initialisation. The tosses are found through CONTACTNETS_DATA.
 
     python -m benchmarks.rules rig
     python -m benchmarks.rules why
@@ -110,9 +110,8 @@ def print_rig(bench: Bench, rig: Rig) -> None:
         "lengthened": replace(rig, normal=UPWARD),
         "put right": rig,
     }
-    print(
-        f"\n{'':14}{'rest, mm':>10}{'vertices, mm':>14}{'position %':>12}{'rotation':>10}{'described: position %':>23}{'rotation':>10}"
-    )
+    columns = f"{'position %':>12}{'rotation':>10}"
+    print(f"\n{'':14}{'rest, mm':>10}{'fit, mm':>12}{columns}{'described:':>14}{columns}")
     for name, by in rigs.items():
         mended = bench.on(by)
         rests = [corners for toss in mended.training if (corners := footing(toss, bench.body.polytope)) is not None]
@@ -120,8 +119,8 @@ def print_rig(bench: Bench, rig: Rig) -> None:
         off = 1e3 * bench.body.length_scale * np.linalg.norm(mended.reference.vertices_normal - DESCRIBED, axis=1)
         fitted, described = (_errors(mended, geometry) for geometry in (mended.reference, ContactGeometry.of_body(bench.body)))
         print(
-            f"{name:14}{height:10.2f}{np.sqrt(np.square(off).mean()):14.2f}{fitted[0]:12.2f}{fitted[1]:10.2f}"
-            f"{described[0]:23.2f}{described[1]:10.2f}"
+            f"{name:14}{height:10.2f}{np.sqrt(np.square(off).mean()):12.2f}{fitted[0]:12.2f}{fitted[1]:10.2f}"
+            f"{described[0]:26.2f}{described[1]:10.2f}"
         )
 
 
