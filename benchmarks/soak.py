@@ -35,7 +35,7 @@ EIGHT = ("pose_ingest", "fisher_scorer", "curator", "trainer", "throw_designer",
 POSES, STATIC = "/tagslam/odom/body_cube", "/tf_static"
 BUDGETS = """
 /**/trainer:
-  ros__parameters: {steps: 100, settling_rounds: 1}
+  ros__parameters: {protocol: budgeted, steps: 100, settling_rounds: 1}
 /**/throw_designer:
   ros__parameters:
     design: {pool: 48, reference: 32}
