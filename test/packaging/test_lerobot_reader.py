@@ -68,7 +68,7 @@ def lerobot(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("lerobot")
     subprocess.run([sys.executable, "-m", "venv", folder], check=True)
     python = folder / "bin" / "python"
-    install = [python, "-m", "pip", "install", "--quiet", "--no-compile", LEROBOT]  # most of it is never imported
+    install = [str(python), "-m", "pip", "install", "--quiet", "--no-compile", LEROBOT]  # most of it is never imported
     subprocess.run(install, check=True, timeout=LONGEST_INSTALLATION)
     return python
 
