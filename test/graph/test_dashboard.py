@@ -150,8 +150,9 @@ class Moments:
         self._informations[nanoseconds_of(message.header.stamp)] = info["source_timestamp"]
 
     def median_ms(self) -> float:
-        """From a toss's last pose to its information."""
-        return float(np.median([(at - self._poses[stamp]) * 1e-6 for stamp, at in self._informations.items()]))
+        """From a toss's last pose to its information; poses that come too fast for this listener are not counted."""
+        heard = [(at, self._poses[stamp]) for stamp, at in self._informations.items() if stamp in self._poses]
+        return float(np.median([(at - posed) * 1e-6 for at, posed in heard]))
 
 
 @pytest.fixture
