@@ -18,7 +18,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.gates import footing
+from contact_curation.motion.gates import footing, rest_normal
 from contact_curation.motion.toss import NANOSECONDS, Toss
 
 FEWEST_TOSSES = 8
@@ -66,7 +66,7 @@ def rig_of(tosses: Sequence[Toss], polytope: Polytope, gravity: float = 9.81) ->
     Raises:
         InvalidValueError: fewer than `FEWEST_TOSSES` of them come to rest, or are long enough in the air.
     """
-    rests = [normal for toss in tosses if (normal := _rest_normal(toss, polytope)) is not None]
+    rests = [rest_normal(corners) for toss in tosses if (corners := footing(toss, polytope)) is not None]
     falls = [fall for toss in tosses if (fall := _fall(toss, polytope)) is not None]
     for what, found in (("come to rest", rests), (f"are {FEWEST_FRAMES} frames in the air", falls)):
         if len(found) < FEWEST_TOSSES:
@@ -92,15 +92,6 @@ def put_right(toss: Toss, rig: Rig) -> Toss:
         linear_velocities=rig.scale * quaternions.rotate(turn, toss.linear_velocities),
         angular_velocities=quaternions.rotate(turn, toss.angular_velocities),
     )
-
-
-def _rest_normal(toss: Toss, polytope: Polytope) -> Array | None:
-    """(3,) up, of the face that it comes to lie on."""
-    corners = footing(toss, polytope)
-    if corners is None:
-        return None
-    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-    return np.asarray(normal * np.sign(normal[2]) / np.linalg.norm(normal))
 
 
 def _fall(toss: Toss, polytope: Polytope) -> tuple[Array, float] | None:
