@@ -93,7 +93,7 @@ def played(bag: Path, held_out: Path, criterion: str, seed: int, top: int, rate:
         graph.start("pose_ingest", rules_of=bag)
         graph.start("fisher_scorer", params=theta)
         graph.start("curator", top=top, criterion=criterion, seed=seed)
-        trainer = graph.start("trainer", params=theta, held_out=[held_out], seed=seed)
+        trainer = graph.start("trainer", protocol="budgeted", params=theta, held_out=[held_out], seed=seed)
         until(
             lambda: graph.listener.node.count_publishers("/training_status") or trainer.status is not None, 60.0, "the trainer"
         )
