@@ -63,7 +63,8 @@ def test_every_type_of_pose_topic_gives_the_same_tosses(
         label = topic.strip("/")
         heard[topic] = graph.tosses(f"/{label}/toss")
         graph.start("pose_ingest", {"__ns": f"/{label}"}, label, topic=topic, array_index=1, source="tracker")
-    publish([tracker.topic(kind, topic, qos) for topic, (kind, qos) in kinds.items()], poses)
+    listening = {"/tf": len(kinds)}  # every node listens to the transforms, whatever its own topic is
+    publish([tracker.topic(kind, topic, qos, listening.get(topic, 1)) for topic, (kind, qos) in kinds.items()], poses)
     expected = [toss.toss_id for toss in tosses_in((*rig, *poses), "tracker")]
     assert len(expected) == 2
     for topic, tosses in heard.items():

@@ -54,10 +54,10 @@ class Tracker:
         latched = self._node.create_publisher(TFMessage, "/tf_static", kept(10))
         latched.publish(TFMessage(transforms=[message_of(TFMessage, one).transforms[0] for one in board]))
 
-    def topic(self, kind: type, name: str, qos: QoSProfile) -> Publisher:
-        """A topic to publish on, once somebody listens."""
+    def topic(self, kind: type, name: str, qos: QoSProfile, subscribers: int = 1) -> Publisher:
+        """A topic to publish on, once as many as are expected listen."""
         publisher = self._node.create_publisher(kind, name, qos)
-        until(publisher.get_subscription_count, 20.0, f"a subscriber of {name}")
+        until(lambda: publisher.get_subscription_count() >= subscribers, 20.0, f"{subscribers} subscribers of {name}")
         return publisher
 
 
