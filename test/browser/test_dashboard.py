@@ -1,6 +1,5 @@
 """The dashboard of a running graph, in a browser: every view shows something that is not there in an empty one."""
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contact_curation.cli.free_domain import free_domain
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.dashboard.layout import live_layout
 from test.browser.viewer import CHROMIUM, Page, opened, regions, settled, share_changed
@@ -29,7 +29,7 @@ LEAST_CHANGE = 0.01
 @pytest.fixture
 def graph(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Graph]:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    with Graph(tmp_path, 1 + os.getpid() % 100) as made:
+    with free_domain() as domain, Graph(tmp_path, domain) as made:
         yield made
 
 

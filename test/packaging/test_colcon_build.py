@@ -16,6 +16,7 @@ import pytest
 from ament_index_python.packages import get_package_prefix, get_package_share_directory, get_packages_with_prefixes
 from ament_index_python.resources import get_resource
 
+from contact_curation.cli.free_domain import free_domain
 from contact_curation.nodes.processes import parameter_text
 from test.graph.graph import Graph
 from test.graph.offline import assert_same_buffer, curated, tosses_of
@@ -177,7 +178,7 @@ def test_the_nodes_that_colcon_built_rank_a_recording_as_the_library_and_talk_to
     in_workspace: Workspace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    with Graph(tmp_path, domain=1 + os.getpid() % 100) as graph, ExitStack() as nodes:
+    with free_domain() as domain, Graph(tmp_path, domain) as graph, ExitStack() as nodes:
         buffers = graph.buffers()
         for name, chosen in STAGES.items():
             nodes.enter_context(running(in_workspace, name, graph, store=tmp_path / f"{name}.sqlite", **chosen))
