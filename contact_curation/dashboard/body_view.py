@@ -5,6 +5,7 @@ import rerun as rr
 from scipy.spatial.transform import Rotation
 
 from contact_curation.contact.body import Body
+from contact_curation.dashboard.colours import BLUE, GREEN, VERMILION, Colour
 from contact_curation.dashboard.screen import Screen
 from contact_curation.dashboard.vertex_uncertainty import VertexUncertainty
 from contact_curation.dashboard.wireframe import wireframe_of
@@ -12,10 +13,7 @@ from contact_curation.geometry.quaternions import Array
 
 BODY, KNOWN = "body", "known"
 
-DESCRIBED, LEARNED, SURE, UNSURE = (150, 150, 150), (0, 114, 178), (0, 158, 115), (213, 94, 0)
-"""Colours of Okabe and Ito."""
-
-TEXT = (20, 20, 20)
+DESCRIBED, LEARNED, SURE, UNSURE, TEXT = Colour(150, 150, 150), BLUE, GREEN, VERMILION, Colour(20, 20, 20)
 SMALL = 0.0005
 """[m] A point that a label hangs on."""
 
@@ -80,9 +78,8 @@ def ellipsoids_of(vertices: Array, uncertainty: VertexUncertainty, length_scale:
     )
 
 
-def colour_of(millimetres: float) -> tuple[int, int, int]:
+def colour_of(millimetres: float) -> Colour:
     """From sure to unsure by the logarithm of a standard deviation."""
     share = np.log(max(millimetres, SURE_MM) / SURE_MM) / np.log(UNSURE_MM / SURE_MM)
     mixed = np.array(SURE) + min(float(share), 1.0) * (np.array(UNSURE) - np.array(SURE))
-    red, green, blue = mixed.astype(int).tolist()
-    return red, green, blue
+    return Colour(*mixed.astype(int).tolist())

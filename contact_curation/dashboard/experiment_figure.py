@@ -1,6 +1,6 @@
 """Results of experiments: a panel per measure, a line or a row of points per rule, with intervals.
 
-Colours are those of Okabe and Ito; markers differ, too. matplotlib is imported when a picture is drawn.
+Markers differ, too, not only colours. matplotlib is imported when a picture is drawn.
 """
 
 from collections.abc import Sequence
@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from contact_curation.dashboard.colours import BLACK, BLUE, GREEN, GREY, LEVEL, ORANGE, PURPLE, SKY_BLUE, VERMILION
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COLOURS = ("#000000", "#999999", "#E69F00", "#D55E00", "#CC79A7", "#56B4E9", "#009E73", "#0072B2")
+COLOURS = (BLACK, GREY, ORANGE, VERMILION, PURPLE, SKY_BLUE, GREEN, BLUE)
 MARKERS = "os^vDP*X"
 WIDTH, HEIGHT, DOTS = 5.0, 4.2, 110
 COLUMNS = 3
@@ -98,7 +99,7 @@ def _draw(axes: "Axes", panel: Panel, places: str) -> None:
     else:
         _lines(axes, panel)
     if panel.level is not None:
-        axes.axhline(panel.level, color="#444444", linestyle=":")
+        axes.axhline(panel.level, color=LEVEL.web, linestyle=":")
     axes.set(xlabel=places, ylabel=panel.measure)
     if panel.logarithmic and any((series.values > 0.0).any() for series in panel.series):
         from matplotlib.ticker import LogLocator
@@ -113,7 +114,7 @@ def _draw(axes: "Axes", panel: Panel, places: str) -> None:
 def _lines(axes: "Axes", panel: Panel) -> None:
     ticks = sorted({float(place) for series in panel.series for place in series.places})
     for number, series in enumerate(panel.series):
-        colour = COLOURS[number % len(COLOURS)]
+        colour = COLOURS[number % len(COLOURS)].web
         where = np.array(series.places, dtype=float)
         marker = MARKERS[number % len(MARKERS)]
         axes.plot(where, series.values, marker=marker, markersize=4, linewidth=1.8, color=colour, label=series.name)
@@ -134,7 +135,7 @@ def _points(axes: "Axes", panel: Panel, categories: list[str]) -> None:
             fmt=MARKERS[number % len(MARKERS)],
             markersize=5,
             linewidth=1.2,
-            color=COLOURS[number % len(COLOURS)],
+            color=COLOURS[number % len(COLOURS)].web,
             label=series.name,
         )
     axes.set_xticks(range(len(categories)), categories, rotation=30, ha="right")

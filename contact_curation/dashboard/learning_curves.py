@@ -1,7 +1,6 @@
 """Held-out errors while tosses come in: one panel per error, one colour per way of choosing what is trained on.
 
-Thin lines are single runs, thick ones their median. Colours are those of Okabe and Ito. matplotlib is imported when a picture
-is drawn.
+Thin lines are single runs, thick ones their median. matplotlib is imported when a picture is drawn.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
+from contact_curation.dashboard.colours import BLACK, BLUE, GREEN, LEVEL, ORANGE, PURPLE, SKY_BLUE, VERMILION
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+COLOURS = (BLUE, VERMILION, GREEN, PURPLE, SKY_BLUE, ORANGE, BLACK)
 WIDTH, HEIGHT, DOTS = 14.0, 5.0, 110
 
 
@@ -55,11 +55,11 @@ def save_learning_curves(
     for panel, name in zip(panels, names):
         for colour, (label, curves) in zip(COLOURS, runs.items()):
             for curve in curves:
-                panel.step(curve.tosses, curve.errors[name], where="post", color=colour, alpha=0.25, linewidth=1.0)
+                panel.step(curve.tosses, curve.errors[name], where="post", color=colour.web, alpha=0.25, linewidth=1.0)
             places, middle = _median(curves, name)
-            panel.step(places, middle, where="post", color=colour, linewidth=2.4, label=label)
+            panel.step(places, middle, where="post", color=colour.web, linewidth=2.4, label=label)
         if floors and name in floors:
-            panel.axhline(floors[name], color="#444444", linestyle=":", label="true cube")
+            panel.axhline(floors[name], color=LEVEL.web, linestyle=":", label="true cube")
         panel.set(yscale="log", xlabel="tosses recorded", ylabel=name)
         panel.grid(alpha=0.3, which="both")
     panels[0].legend(frameon=False)

@@ -3,13 +3,14 @@
 from dataclasses import dataclass
 from math import log10
 
+from contact_curation.dashboard.colours import BLUE, GREEN, PURPLE, VERMILION
 from contact_curation.dashboard.screen import Screen
 
 ERRORS, LOSSES = "errors", "losses"
 MOST_SHOWN = 100.0
 """Errors before the first training are many times a width; more is drawn as this, so that what follows can be read."""
 
-POSITION, ROTATION, TRAINING, HELD_OUT = (0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167)
+POSITION, ROTATION, TRAINING, HELD_OUT = BLUE, VERMILION, GREEN, PURPLE
 
 
 @dataclass(frozen=True)

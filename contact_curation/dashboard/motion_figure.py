@@ -1,7 +1,6 @@
 """Predicted against measured motion: for a few tosses the height over time, the path from above, and the bodies from the side.
 
-Colours are those of Okabe and Ito, which people tell apart whatever colours they see, and every model has a line style of its
-own beside its colour. matplotlib is imported when a picture is drawn.
+Every model has a line style of its own beside its colour. matplotlib is imported when a picture is drawn.
 """
 
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from contact_curation.dashboard.colours import BLUE, INK, PALE, VERMILION
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
@@ -18,8 +18,8 @@ from contact_curation.geometry.quaternions import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MEASURED, BOARD = "#222222", "#B8B8B8"
-STYLES = (("#0072B2", "--"), ("#D55E00", ":"))
+MEASURED, BOARD = INK.web, PALE.web
+STYLES = ((BLUE.web, "--"), (VERMILION.web, ":"))
 """Colour and line of the first and the second model."""
 
 WIDTH, ROW_HEIGHT, TITLE_HEIGHT, DOTS = 16.0, 3.9, 0.9, 100

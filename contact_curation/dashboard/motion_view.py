@@ -8,6 +8,7 @@ import numpy as np
 import rerun as rr
 
 from contact_curation.contact.body import Body
+from contact_curation.dashboard.colours import BLUE, PURPLE, VERMILION, Colour
 from contact_curation.dashboard.screen import Screen, quaternions_xyzw
 from contact_curation.dashboard.toss_motion import TossMotion
 from contact_curation.dashboard.wireframe import wireframe_of
@@ -15,8 +16,7 @@ from contact_curation.design.throw import Throw
 from contact_curation.geometry.quaternions import Array
 
 SCENE = "scene"
-MEASURED, PREDICTED, IMPULSE, NEXT, BOARD = (30, 30, 30), (0, 114, 178), (213, 94, 0), (204, 121, 167), (190, 190, 190)
-"""Colours of Okabe and Ito, grey for what is there anyway."""
+MEASURED, PREDICTED, IMPULSE, NEXT, BOARD = Colour(30, 30, 30), BLUE, VERMILION, PURPLE, Colour(190, 190, 190)
 
 BOARD_SIDE, BOARD_THICKNESS = 0.9, 0.004
 """[m]"""
@@ -87,7 +87,7 @@ class MotionView:
         )
         self._screen.log(f"{SCENE}/next/velocity", arrow)
 
-    def _path(self, name: str, positions: Array, orientations: Array, vertices: Array, colour: tuple[int, int, int]) -> None:
+    def _path(self, name: str, positions: Array, orientations: Array, vertices: Array, colour: Colour) -> None:
         """The way of the centre, and outlines at a few moments."""
         trail = rr.LineStrips3D([positions], colors=[colour], radii=rr.Radius.ui_points(2.5))
         self._screen.log(f"{SCENE}/{name}/trail", trail)

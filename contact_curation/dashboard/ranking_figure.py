@@ -1,7 +1,6 @@
 """One picture of a ranking: what the tosses are worth, what was kept, and how far the kept set stands for the pool.
 
-Colours are those of Okabe and Ito, which people tell apart whatever colours they see. matplotlib is imported when a
-picture is drawn.
+matplotlib is imported when a picture is drawn.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from contact_curation.dashboard.colours import BLUE, INK, PALE, VERMILION
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-KEPT, OTHER, WARNING, LINE = "#0072B2", "#B8B8B8", "#D55E00", "#222222"
+KEPT, OTHER, WARNING, LINE = BLUE.web, PALE.web, VERMILION.web, INK.web
 WIDTH, HEIGHT, DOTS = 16.0, 10.0, 100
 BINS = 60
 FEWEST_BARS = 5

@@ -3,6 +3,7 @@
 import numpy as np
 import rerun as rr
 
+from contact_curation.dashboard.colours import BLUE, GREEN, VERMILION
 from contact_curation.dashboard.evidence import Evidence, EvidenceRow, KeptSet, KeptSpectrum
 from contact_curation.dashboard.pages import number, table
 from contact_curation.dashboard.screen import Screen
@@ -14,7 +15,7 @@ LISTED_OTHERS = 12
 
 HEADER = ("rank", "toss [s]", "trace", "gain", "why")
 
-KEPT, POOL, WORST = (0, 114, 178), (0, 158, 115), (213, 94, 0)
+KEPT, POOL, WORST = BLUE, GREEN, VERMILION
 
 FLOOR, DECIMALS = 1e-3, 6
 """Smaller eigenvalues are drawn as the floor; heights are rounded, so that a kept set of all tosses shows none."""

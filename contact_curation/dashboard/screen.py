@@ -12,6 +12,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from contact_curation.dashboard.colours import Colour
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.toss import NANOSECONDS
 
@@ -79,7 +80,7 @@ class Screen:
             if np.isfinite(value):
                 self.log(f"{path}/{name}", rr.Scalars(float(value)))
 
-    def curve(self, path: str, name: str, colour: tuple[int, int, int]) -> None:
+    def curve(self, path: str, name: str, colour: Colour) -> None:
         """Says how a curve looks."""
         self.always(path, rr.SeriesLines(colors=colour, names=name, widths=2.0))
         self.always(path, rr.SeriesPoints(colors=colour, names=name, marker_sizes=3.0))

@@ -1,6 +1,6 @@
 """What is told of a session, and its figures: what was learned, gained and kept, and what happened on the way.
 
-Colours are those of Okabe and Ito. matplotlib is imported when a figure is drawn.
+matplotlib is imported when a figure is drawn.
 """
 
 from collections.abc import Callable, Sequence
@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from contact_curation.dashboard.colours import BLUE, GREEN, INK, PALE, VERMILION
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-BLUE, ORANGE, GREEN, GREY, LINE = "#0072B2", "#D55E00", "#009E73", "#B8B8B8", "#222222"
 WIDTH, DOTS = 10.0, 110
 GONE = ("died", "given up", "stopped")
 """Events that end a run of a node."""
@@ -138,7 +138,7 @@ def learning_figure(story: SessionStory) -> "Figure":
     figure = _figure(3.2)
     panels = figure.subplots(1, len(story.errors), squeeze=False)[0]
     for panel, (name, values) in zip(panels, story.errors.items()):
-        panel.plot(story.throws_then, values, color=BLUE, marker="o", markersize=4)
+        panel.plot(story.throws_then, values, color=BLUE.web, marker="o", markersize=4)
         panel.set(yscale="log", xlabel="throws scored", ylabel=name)
         panel.grid(alpha=0.3, which="both")
     return figure
@@ -150,12 +150,12 @@ def gains_figure(story: SessionStory) -> "Figure":
     panel = figure.subplots()
     places = np.array([throw.number for throw in story.throws], dtype=float)
     for shift, colour, label, values in (
-        (-0.2, GREY, "planned", [throw.planned for throw in story.throws]),
-        (0.2, BLUE, "realised", [throw.realised for throw in story.throws]),
+        (-0.2, PALE.web, "planned", [throw.planned for throw in story.throws]),
+        (0.2, BLUE.web, "realised", [throw.realised for throw in story.throws]),
     ):
         panel.bar(places + shift, [value or 0.0 for value in values], width=0.4, color=colour, label=label)
     warm_up = [throw.number for throw in story.throws if throw.kind == "warm-up"]
-    panel.plot(warm_up, [0.0] * len(warm_up), linestyle="", marker="^", color=ORANGE, label="warm-up", clip_on=False)
+    panel.plot(warm_up, [0.0] * len(warm_up), linestyle="", marker="^", color=VERMILION.web, label="warm-up", clip_on=False)
     panel.set(xlabel="throw", ylabel="gain in log-det [nats]")
     panel.legend(frameon=False)
     panel.grid(alpha=0.3, axis="y")
@@ -166,8 +166,8 @@ def spectrum_figure(story: SessionStory) -> "Figure":
     """Eigenvalues of the kept set's information per toss, relative to the pool's."""
     figure = _figure(3.2)
     panel = figure.subplots()
-    panel.plot(np.arange(1, story.spectrum.size + 1), np.sort(story.spectrum)[::-1], color=BLUE, marker="o", markersize=4)
-    panel.axhline(1.0, color=LINE, linestyle=":", label="as the pool")
+    panel.plot(np.arange(1, story.spectrum.size + 1), np.sort(story.spectrum)[::-1], color=BLUE.web, marker="o", markersize=4)
+    panel.axhline(1.0, color=INK.web, linestyle=":", label="as the pool")
     panel.set(
         xlabel="direction of theta", ylabel="information per toss,\nkept set / pool", title=f"epsilon {story.epsilon:.3g}"
     )
@@ -183,9 +183,9 @@ def nodes_figure(story: SessionStory) -> "Figure":
     panel = figure.subplots()
     for row, node in enumerate(nodes):
         for begin, end in _runs([event for event in story.events if event.node == node], story.seconds):
-            panel.barh(row, end - begin, left=begin, height=0.5, color=GREEN)
+            panel.barh(row, end - begin, left=begin, height=0.5, color=GREEN.web)
         deaths = [event.seconds for event in story.events if event.node == node and event.event == "died"]
-        panel.plot(deaths, [row] * len(deaths), linestyle="", marker="x", color=LINE, markersize=8, markeredgewidth=2)
+        panel.plot(deaths, [row] * len(deaths), linestyle="", marker="x", color=INK.web, markersize=8, markeredgewidth=2)
     panel.set(yticks=range(len(nodes)), yticklabels=nodes, xlabel="time [s]", xlim=(0.0, max(story.seconds, 1.0)))
     panel.invert_yaxis()
     panel.grid(alpha=0.3, axis="x")

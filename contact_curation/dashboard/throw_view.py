@@ -5,12 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contact_curation.dashboard.colours import BLUE, PURPLE
 from contact_curation.dashboard.pages import number, table
 from contact_curation.dashboard.screen import Screen
 from contact_curation.design.throw import Throw
 
 TABLE, GAINS = "throws", "gains"
-PLANNED, REALISED = (204, 121, 167), (0, 114, 178)
+PLANNED, REALISED = PURPLE, BLUE
 NEXT_STATE, DONE_STATE = "commanded", "scored"
 LISTED = 12
 """Throws on the page, newest first."""
