@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 from benchmarks._data import contactnets_folder
 from benchmarks._design_by_arm import ByArm, worths_by_arm
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.evaluation import LossConfig
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel, initial_geometry
 from contact_curation.design.canary import spearman

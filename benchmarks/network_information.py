@@ -27,7 +27,8 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.deep_model import DeepModel
 from contact_curation.contact.deepvertex_model import DeepvertexModel
 from contact_curation.contact.end_to_end_model import EndToEndModel
-from contact_curation.contact.evaluation import DEFAULT_LOSS, Estimator
+from contact_curation.contact.evaluation import Estimator
+from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.contact.model import Rows
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.geometry.quaternions import Array

@@ -9,7 +9,7 @@ from contact_curation.cli.option_types import PathEndingIn, natural_number, posi
 from contact_curation.cli.reading import ReadingConfig
 from contact_curation.cli.report import add_json_option
 from contact_curation.cli.settings import add_settings, with_settings
-from contact_curation.contact.evaluation import DEFAULT_LOSS, LossConfig
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.design.outlook import OutlookConfig
 from contact_curation.design.planner import DesignConfig
 from contact_curation.motion.gates import GateConfig

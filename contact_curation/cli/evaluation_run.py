@@ -15,7 +15,7 @@ from contact_curation.cli.progress import Progress
 from contact_curation.cli.reading import ReadingConfig
 from contact_curation.cli.reading_options import stages_of
 from contact_curation.cli.report import print_json, warn
-from contact_curation.contact.evaluation import DEFAULT_LOSS
+from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.contact.parameter_form import is_physical
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.contact.time_step import DEFAULT_LIMITS

@@ -7,7 +7,7 @@ from typing import Any
 
 from contact_curation.cli.node_parameters import Parameters
 from contact_curation.cli.online_parameters import SessionFolder
-from contact_curation.contact.evaluation import DEFAULT_LOSS
+from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.information.ranker import DEFAULT_CRITERION, STREAMED_CRITERION, RankingConfig
 from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.segmenter_config import SegmenterConfig

@@ -15,7 +15,8 @@ from contact_curation.cli.reading import ReadingConfig
 from contact_curation.cli.reading_options import add_reading_options, stages_of
 from contact_curation.cli.report import add_json_option
 from contact_curation.cli.theta_options import form_of, thetas_of
-from contact_curation.contact.evaluation import DEFAULT_LOSS, Estimator
+from contact_curation.contact.evaluation import Estimator
+from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.parameter_form import Form
 from contact_curation.information.network_config import network_config_for

@@ -14,7 +14,8 @@ from contact_curation.cli.reading import InputReader, ReadingConfig
 from contact_curation.cli.reading_options import add_reading_options, stages_of
 from contact_curation.cli.report import add_json_option, nothing_found, print_json, warn
 from contact_curation.cli.theta_options import polytope_of
-from contact_curation.contact.evaluation import Cone, Evaluation, LossConfig, SolveStatus, evaluate
+from contact_curation.contact.evaluation import Cone, Evaluation, SolveStatus, evaluate
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of

@@ -16,8 +16,8 @@ import torch
 from torch import Tensor
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.evaluation import LossConfig
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.model import BatchLoss, ContactModel, Rows, over_finite_rows
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.parameter_form import Form

@@ -14,9 +14,9 @@ import torch
 from torch import Tensor
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.evaluation import LossConfig
 from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
 from contact_curation.contact.input_scaling import InputScaling
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.model import BatchLoss, ContactModel, Rows, over_finite_rows
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.pose_streams import spin_tangents

@@ -7,23 +7,21 @@ holds (METHOD E5). A transition whose impulses carry no certificate keeps its st
 never zero.
 """
 
-import ctypes
-import functools
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import StrEnum
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from contact_curation.contact import compiled_evaluation
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.time_step import checked_states, checked_time_steps
 from contact_curation.errors import InvalidValueError, MissingDependencyError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.solver.compiled import load_kernel, processor_count
-from contact_curation.solver.cone_problem import MAX_CONTACTS, ConeWeights
+from contact_curation.solver.compiled import load_kernel
+from contact_curation.solver.cone_problem import MAX_CONTACTS
 from contact_curation.solver.cone_problem import Cone as Cone
 from contact_curation.solver.cone_problem import SolveStatus as SolveStatus
 
@@ -40,45 +38,8 @@ class Estimator(StrEnum):
     GAUSS_NEWTON = "gauss-newton"
 
 
-@dataclass(frozen=True)
-class LossConfig:
-    """Weights of the loss and how well its inner problem is solved; the defaults are ContactNets' (METHOD 1.2, 1.3).
-
-    Attributes:
-        match, complementarity_normal, complementarity_tangent, dissipation, penetration: weights of the terms.
-        regularization: eps, which picks the smallest of equally good impulses.
-        cone: shape of the friction cone.
-        tolerance: largest natural residual of impulses that count as solved.
-        max_iterations: of the interior point method.
-        threads: tosses are spread over so many; 0 for one per processor.
-    """
-
-    match: float = ConeWeights.match
-    complementarity_normal: float = ConeWeights.complementarity_normal
-    complementarity_tangent: float = ConeWeights.complementarity_tangent
-    dissipation: float = ConeWeights.dissipation
-    penetration: float = ConeWeights.penetration
-    regularization: float = ConeWeights.regularization
-    cone: Cone = Cone.CIRCULAR
-    tolerance: float = 1e-7
-    max_iterations: int = 60
-    threads: int = 0
-
-    def __post_init__(self) -> None:
-        _ = self.weights  # checks them
-        if not (np.isfinite(self.tolerance) and self.tolerance > 0.0):
-            raise InvalidValueError("loss.tolerance", self.tolerance, "a positive number")
-        for name, least in (("max_iterations", 1), ("threads", 0)):
-            if getattr(self, name) < least:
-                raise InvalidValueError(f"loss.{name}", getattr(self, name), f"at least {least}")
-
-    @cached_property
-    def weights(self) -> ConeWeights:
-        """What the inner problem needs of them."""
-        return ConeWeights(**{field.name: getattr(self, field.name) for field in fields(ConeWeights)})
-
-
-DEFAULT_LOSS = LossConfig()
+KERNEL_CODES = {Estimator.EMPIRICAL: 1, Estimator.GAUSS_NEWTON: 2}
+"""What the kernel calls them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,72 +93,6 @@ class FisherSums:
     status: NDArray[np.int32]
 
 
-class _Model(ctypes.Structure):
-    """The kernel's `PolytopeModel`, field by field (contact/kernel/polytope_transition.hpp)."""
-
-    _fields_ = (
-        ("contacts", ctypes.c_int),
-        ("vertices_normal", ctypes.c_void_p),
-        ("normal", ctypes.c_void_p),
-        ("vertices_tangent", ctypes.c_void_p),
-        ("tangents", ctypes.c_void_p),
-        ("pivot", ctypes.c_double * 3),
-        ("height", ctypes.c_double),
-        ("mass", ctypes.c_double),
-        ("inverse_inertia", ctypes.c_double * 9),
-        ("gravity", ctypes.c_double),
-        ("match", ctypes.c_double),
-        ("complementarity_normal", ctypes.c_double),
-        ("complementarity_tangent", ctypes.c_double),
-        ("dissipation", ctypes.c_double),
-        ("penetration", ctypes.c_double),
-        ("regularization", ctypes.c_double),
-        ("circular", ctypes.c_int),
-    )
-
-    def __init__(self, geometry: ContactGeometry, body: Body, config: LossConfig) -> None:
-        super().__init__(
-            contacts=geometry.vertex_count,
-            vertices_normal=geometry.vertices_normal.ctypes.data,
-            normal=geometry.normal.ctypes.data,
-            vertices_tangent=geometry.vertices_tangent.ctypes.data,
-            tangents=geometry.tangents.ctypes.data,
-            pivot=(ctypes.c_double * 3)(*geometry.pivot),
-            height=geometry.height,
-            mass=body.mass,
-            inverse_inertia=(ctypes.c_double * 9)(*body.scaled_inverse_inertia.flat),
-            gravity=body.scaled_gravity,
-            circular=int(config.cone is Cone.CIRCULAR),
-            **vars(config.weights),
-        )
-        self.owner = geometry  # ctypes holds bare addresses: keep the arrays alive
-
-
-class _Job(ctypes.Structure):
-    """The kernel's `Evaluation`, field by field (contact/kernel/polytope_loss.cpp)."""
-
-    _fields_ = (
-        ("before", ctypes.c_void_p),
-        ("after", ctypes.c_void_p),
-        ("dt", ctypes.c_void_p),
-        ("starts", ctypes.c_void_p),
-        ("tosses", ctypes.c_int64),
-        ("threads", ctypes.c_int32),
-        ("estimator", ctypes.c_int32),
-        ("max_iterations", ctypes.c_int32),
-        ("residual_tolerance", ctypes.c_double),
-        ("influence_bound", ctypes.c_double),
-        ("terms", ctypes.c_void_p),
-        ("impulse", ctypes.c_void_p),
-        ("score", ctypes.c_void_p),
-        ("residual", ctypes.c_void_p),
-        ("status", ctypes.c_void_p),
-        ("iterations", ctypes.c_void_p),
-        ("fisher", ctypes.c_void_p),
-        ("score_sum", ctypes.c_void_p),
-    )
-
-
 def evaluate(
     geometry: ContactGeometry, body: Body, before: ArrayLike, after: ArrayLike, dt: ArrayLike, config: LossConfig = DEFAULT_LOSS
 ) -> Evaluation:
@@ -229,7 +124,7 @@ def evaluate(
         iterations=np.empty(count, np.int32),
     )
     pieces = np.unique(np.append(np.arange(0, count, PIECE), count)).astype(np.int64)
-    _run(
+    compiled_evaluation.run(
         geometry, body, config, first, second, periods, pieces,
         terms=result.terms, impulse=result.impulses, score=result.scores,
         residual=result.residuals, status=result.status, iterations=result.iterations,
@@ -278,8 +173,8 @@ def fisher_sums(
         residuals=np.empty(count),
         status=np.empty(count, np.int32),
     )
-    _run(
-        geometry, body, config, first, second, periods, edges, estimator, influence_bound,
+    compiled_evaluation.run(
+        geometry, body, config, first, second, periods, edges, KERNEL_CODES[estimator], influence_bound,
         terms=terms, residual=result.residuals, status=result.status, fisher=result.fishers, score_sum=result.score_sums,
     )  # fmt: skip
     terms.sum(axis=1, out=result.losses)
@@ -298,46 +193,9 @@ def checked_transitions(
     return first, second, checked_time_steps(dt, len(first))
 
 
-def _run(
-    geometry: ContactGeometry,
-    body: Body,
-    config: LossConfig,
-    before: Array,
-    after: Array,
-    periods: Array,
-    starts: NDArray[np.int64],
-    estimator: Estimator | None = None,
-    influence_bound: float = np.inf,
-    **outputs: np.ndarray[tuple[int, ...], np.dtype[np.float64]] | NDArray[np.int32],
-) -> None:
-    model = _Model(geometry, body, config)
-    job = _Job(
-        before=before.ctypes.data,
-        after=after.ctypes.data,
-        dt=periods.ctypes.data,
-        starts=starts.ctypes.data,
-        tosses=starts.size - 1,
-        threads=config.threads or processor_count(),
-        estimator=0 if estimator is None else 1 + list(Estimator).index(estimator),
-        max_iterations=config.max_iterations,
-        residual_tolerance=config.tolerance,
-        influence_bound=influence_bound,
-        **{name: value.ctypes.data for name, value in outputs.items()},
-    )
-    _compiled_evaluation()(ctypes.byref(model), ctypes.byref(job))
-
-
 def _kernel_is_there() -> bool:
     try:
         load_kernel()
     except MissingDependencyError:
         return False
     return True
-
-
-@functools.cache
-def _compiled_evaluation() -> Callable[..., int]:
-    function = load_kernel().contact_curation_evaluate
-    function.argtypes = (ctypes.POINTER(_Model), ctypes.POINTER(_Job))
-    function.restype = ctypes.c_int
-    return function

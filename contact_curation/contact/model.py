@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from torch import Tensor
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.evaluation import LossConfig
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.torch_contacts import Contacts, Frames
 from contact_curation.geometry.quaternions import Array

@@ -8,8 +8,9 @@ from numpy.typing import ArrayLike
 from torch import Tensor
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.evaluation import DEFAULT_LOSS, Evaluation, LossConfig, checked_transitions
+from contact_curation.contact.evaluation import Evaluation, checked_transitions
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.torch_contacts import Frames, Theta, contacts_of
 from contact_curation.contact.torch_loss import cone_problems, loss_terms
 from contact_curation.geometry.quaternions import Array

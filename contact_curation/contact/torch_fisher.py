@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.evaluation import DEFAULT_LOSS, Estimator, FisherSums, LossConfig
+from contact_curation.contact.evaluation import Estimator, FisherSums
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.torch_contacts import Frames, Theta, contacts_of
 from contact_curation.contact.torch_evaluation import evaluate_in_torch
 from contact_curation.contact.torch_loss import cone_problems, residuals

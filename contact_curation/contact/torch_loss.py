@@ -12,7 +12,8 @@ import torch
 from torch import Tensor
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.evaluation import DEFAULT_LOSS, LossConfig, SolveStatus, evaluate
+from contact_curation.contact.evaluation import SolveStatus, evaluate
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.loss_slopes import loss_and_slopes
 from contact_curation.contact.torch_contacts import Contacts, Frames, Theta
 from contact_curation.errors import InvalidValueError, MissingDependencyError

@@ -8,7 +8,7 @@ overtaken already. Everything may come twice, late, or in another order; what do
 from collections.abc import Mapping, Sequence
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.evaluation import LossConfig
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.dashboard.body_view import BodyView
 from contact_curation.dashboard.evidence import KeptSet, evidence_of
 from contact_curation.dashboard.gate_view import GateView

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.evaluation import LossConfig
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.dashboard.body_view import BodyView
 from contact_curation.dashboard.evidence import DEFAULT, KeptSet, evidence_of, kept_spectrum
 from contact_curation.dashboard.gate_view import GateView

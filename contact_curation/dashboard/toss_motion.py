@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.evaluation import LossConfig, evaluate
+from contact_curation.contact.evaluation import evaluate
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.rollout import rollout
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array

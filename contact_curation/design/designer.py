@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.evaluation import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.design.canary import CanaryConfig, distrust
 from contact_curation.design.particle import Particle
 from contact_curation.design.planner import DesignConfig, Planner

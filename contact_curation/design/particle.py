@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.evaluation import DEFAULT_LOSS, Estimator, LossConfig
+from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.parameter_form import Form, is_physical
 from contact_curation.information.scoring import Scorer, ScoringConfig
 

@@ -21,7 +21,7 @@ from torch import Tensor
 from contact_curation.contact.deep_model import DeepModel
 from contact_curation.contact.deepvertex_model import DeepvertexModel
 from contact_curation.contact.end_to_end_model import EndToEndModel
-from contact_curation.contact.evaluation import LossConfig
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.model import Rows
 from contact_curation.contact.stream_network import LayerTrace, StreamNetwork
 from contact_curation.contact.torch_contacts import Contacts, Frames

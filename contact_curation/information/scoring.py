@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.evaluation import DEFAULT_LOSS, Estimator, FisherSums, LossConfig, SolveStatus, fisher_sums
+from contact_curation.contact.evaluation import Estimator, FisherSums, SolveStatus, fisher_sums
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.parameter_form import Form, ParameterForm, parameter_form
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array

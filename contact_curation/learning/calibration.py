@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contact_curation.contact.evaluation import Estimator, LossConfig
+from contact_curation.contact.evaluation import Estimator
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array

@@ -3,7 +3,8 @@
 from dataclasses import asdict
 from typing import Any
 
-from contact_curation.contact.evaluation import Cone, LossConfig
+from contact_curation.contact.evaluation import Cone
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.parameter_form import Form
 from contact_curation.learning.bounded_influence import InfluenceBound, InfluenceShape
 from contact_curation.learning.protocols import Pace, Patience, Schedule, TrainingConfig

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from contact_curation.contact.evaluation import LossConfig
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.model import ContactModel, Model, Rows
 from contact_curation.contact.torch_contacts import Frames
 

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from contact_curation.contact.evaluation import DEFAULT_LOSS, LossConfig
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.model import Model, Rows
 from contact_curation.contact.model_rollout import roll_out_model
 from contact_curation.contact.polytope_model import PolytopeModel

@@ -18,8 +18,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from contact_curation.contact.evaluation import LossConfig
 from contact_curation.contact.geometry_parameters import UPWARD
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.model import Model, Rows
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel

@@ -17,8 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contact_curation.contact.evaluation import DEFAULT_LOSS, Estimator, LossConfig
+from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.polytope_model import INITIAL_NOISE, PolytopeModel
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.damped_descent import DescentLimits, Place, descend

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.evaluation import DEFAULT_LOSS
 from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
+from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.contact.model import Model
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.models import initial_model

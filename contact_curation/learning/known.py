@@ -28,7 +28,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contact_curation.contact.evaluation import DEFAULT_LOSS, Estimator, LossConfig
+from contact_curation.contact.evaluation import Estimator
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.contact.polytope_model import INITIAL_NOISE, PolytopeModel
 from contact_curation.errors import InvalidValueError

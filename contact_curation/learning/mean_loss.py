@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import torch
 
-from contact_curation.contact.evaluation import LossConfig
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.model import Model, Rows
 
 PIECE = 1024

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from torch.nn.utils import parameters_to_vector, vector_to_parameters
 
-from contact_curation.contact.evaluation import Estimator, LossConfig, SolveStatus, fisher_sums
+from contact_curation.contact.evaluation import Estimator, SolveStatus, fisher_sums
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.geometry.quaternions import Array

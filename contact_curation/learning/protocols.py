@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
-from contact_curation.contact.evaluation import DEFAULT_LOSS, LossConfig
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError

@@ -20,7 +20,7 @@ from contact_curation_msgs.srv import GetInformation, GetTosses
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 
-from contact_curation.contact.evaluation import DEFAULT_LOSS
+from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.dashboard.health_view import NodeHealth
 from contact_curation.dashboard.layout import live_layout
 from contact_curation.dashboard.live import LiveSession

@@ -12,8 +12,8 @@ from contact_curation_msgs.msg import Toss as TossMessage
 from contact_curation_msgs.msg import TossInformation as TossInformationMessage
 from contact_curation_msgs.srv import GetInformation, GetTosses
 
-from contact_curation.contact.evaluation import DEFAULT_LOSS
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.motion.toss import Toss

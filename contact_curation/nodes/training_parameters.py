@@ -8,7 +8,7 @@ import numpy as np
 from rclpy.node import Node
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.evaluation import DEFAULT_LOSS
+from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.contact.model import Model, Rows
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.models import initial_model

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.evaluation import LOSS_TERMS, Cone, LossConfig, SolveStatus, evaluate
+from contact_curation.contact.evaluation import LOSS_TERMS, Cone, SolveStatus, evaluate
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of

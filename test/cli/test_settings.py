@@ -3,7 +3,8 @@
 import pytest
 
 from contact_curation.cli.settings import with_settings
-from contact_curation.contact.evaluation import Cone, LossConfig
+from contact_curation.contact.evaluation import Cone
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.motion.gates import GateConfig

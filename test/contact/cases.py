@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.evaluation import DEFAULT_LOSS, LossConfig, evaluate
+from contact_curation.contact.evaluation import evaluate
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.transitions import Transitions, transitions_of
 from test.simulated import RIG_NOISE, simulated_tosses

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from contact_curation.contact.evaluation import Cone, Estimator, LossConfig, evaluate, fisher_sums
+from contact_curation.contact.evaluation import Cone, Estimator, evaluate, fisher_sums
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.torch_contacts import Frames
 from contact_curation.contact.torch_fisher import FREE_TOLERANCE, free_directions, profile_fishers
 from contact_curation.errors import InvalidValueError

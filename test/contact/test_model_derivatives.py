@@ -11,7 +11,7 @@ from torch import Tensor
 from contact_curation.contact.deep_model import DeepModel
 from contact_curation.contact.deepvertex_model import DeepvertexModel
 from contact_curation.contact.end_to_end_model import ImpulseLoss
-from contact_curation.contact.evaluation import LossConfig
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.model import ContactModel, Model, Rows
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.models import model_of_tensors, tensors_of

@@ -7,7 +7,7 @@ import torch
 from contact_curation.contact.body import Body
 from contact_curation.contact.deep_model import DeepModel
 from contact_curation.contact.end_to_end_model import EndToEndModel, ImpulseLoss
-from contact_curation.contact.evaluation import LossConfig
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.model import Model, Rows
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.models import initial_model, model_of_tensors, tensors_of

@@ -9,8 +9,9 @@ import torch
 from torch import Tensor
 
 from contact_curation.contact import evaluation
-from contact_curation.contact.evaluation import Cone, Estimator, LossConfig, SolveStatus, evaluate, fisher_sums
+from contact_curation.contact.evaluation import Cone, Estimator, SolveStatus, evaluate, fisher_sums
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.loss_slopes import loss_and_slopes
 from contact_curation.contact.torch_contacts import Contacts, Frames, Theta, contacts_of
 from contact_curation.contact.torch_evaluation import evaluate_in_torch

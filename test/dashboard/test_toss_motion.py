@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE as BODY
-from contact_curation.contact.evaluation import DEFAULT_LOSS
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.contact.model import Rows
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.models import initial_model

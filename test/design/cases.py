@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.evaluation import LossConfig
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.design.execution_noise import ExecutionNoise, NoiseConfig
 from contact_curation.design.forecast import ForecastConfig
 from contact_curation.design.outlook import OutlookConfig

@@ -9,7 +9,7 @@ import torch
 from contact_curation.contact.deep_model import DeepModel
 from contact_curation.contact.deepvertex_model import DeepvertexModel
 from contact_curation.contact.end_to_end_model import EndToEndModel, ImpulseLoss
-from contact_curation.contact.evaluation import DEFAULT_LOSS, LossConfig
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.model import Rows
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.models import initial_model

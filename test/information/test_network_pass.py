@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from contact_curation.contact.end_to_end_model import EndToEndModel
-from contact_curation.contact.evaluation import DEFAULT_LOSS, LossConfig
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.model import Rows
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.torch_contacts import Contacts

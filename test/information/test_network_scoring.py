@@ -9,7 +9,8 @@ import pytest
 import torch
 
 from contact_curation.contact.deep_model import DeepModel
-from contact_curation.contact.evaluation import Estimator, LossConfig
+from contact_curation.contact.evaluation import Estimator
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import initial_geometry

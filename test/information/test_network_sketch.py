@@ -8,7 +8,7 @@ import pytest
 import torch
 from scipy.stats import spearmanr
 
-from contact_curation.contact.evaluation import DEFAULT_LOSS
+from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.evaluation import Estimator, LossConfig, evaluate
+from contact_curation.contact.evaluation import Estimator, evaluate
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from contact_curation.contact.evaluation import DEFAULT_LOSS
+from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.parameter_form import Form
 from contact_curation.learning.culprit import not_finite, not_finite_gradient

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.evaluation import LossConfig
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel, initial_geometry
 from contact_curation.geometry.quaternions import Array

@@ -7,8 +7,9 @@ import pytest
 import torch
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.evaluation import Estimator, LossConfig
+from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.model import Rows
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel, initial_geometry

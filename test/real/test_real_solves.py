@@ -5,8 +5,9 @@ import pytest
 import torch
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.evaluation import Cone, LossConfig, evaluate
+from contact_curation.contact.evaluation import Cone, evaluate
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.torch_contacts import Frames, Theta, contacts_of
 from contact_curation.contact.torch_loss import cone_problems, loss_terms
 from contact_curation.geometry.quaternions import Array

@@ -8,7 +8,7 @@
 
 namespace contact_curation {
 
-// Plain data, mirrored by ctypes in contact/evaluation.py.
+// Plain data, mirrored by ctypes in contact/compiled_evaluation.py.
 struct PolytopeModel {
   int contacts;
   const double *vertices_normal;   // (K, 3)

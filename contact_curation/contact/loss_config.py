@@ -1,0 +1,50 @@
+"""Weights of the loss, and how well its inner problem is solved (METHOD 1.2, 1.3)."""
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.solver.cone_problem import Cone, ConeWeights
+
+
+@dataclass(frozen=True)
+class LossConfig:
+    """Weights of the loss and how well its inner problem is solved; the defaults are ContactNets' (METHOD 1.2, 1.3).
+
+    Attributes:
+        match, complementarity_normal, complementarity_tangent, dissipation, penetration: weights of the terms.
+        regularization: eps, which picks the smallest of equally good impulses.
+        cone: shape of the friction cone.
+        tolerance: largest natural residual of impulses that count as solved.
+        max_iterations: of the interior point method.
+        threads: tosses are spread over so many; 0 for one per processor.
+    """
+
+    match: float = ConeWeights.match
+    complementarity_normal: float = ConeWeights.complementarity_normal
+    complementarity_tangent: float = ConeWeights.complementarity_tangent
+    dissipation: float = ConeWeights.dissipation
+    penetration: float = ConeWeights.penetration
+    regularization: float = ConeWeights.regularization
+    cone: Cone = Cone.CIRCULAR
+    tolerance: float = 1e-7
+    max_iterations: int = 60
+    threads: int = 0
+
+    def __post_init__(self) -> None:
+        _ = self.weights  # checks them
+        if not (np.isfinite(self.tolerance) and self.tolerance > 0.0):
+            raise InvalidValueError("loss.tolerance", self.tolerance, "a positive number")
+        for name, least in (("max_iterations", 1), ("threads", 0)):
+            if getattr(self, name) < least:
+                raise InvalidValueError(f"loss.{name}", getattr(self, name), f"at least {least}")
+
+    @cached_property
+    def weights(self) -> ConeWeights:
+        """What the inner problem needs of them."""
+        return ConeWeights(**{field.name: getattr(self, field.name) for field in fields(ConeWeights)})
+
+
+DEFAULT_LOSS = LossConfig()
