@@ -34,7 +34,8 @@ from contact_curation.learning.bootstrap import BootstrapConfig, spread
 from contact_curation.learning.evaluation import EvaluationConfig, evaluate_model
 from contact_curation.learning.progress import TrainingState
 from contact_curation.learning.protocols import budgeted
-from contact_curation.learning.training import Training, rows_of
+from contact_curation.learning.training import Training
+from contact_curation.learning.training_data import rows_of
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 

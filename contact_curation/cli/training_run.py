@@ -25,7 +25,7 @@ from contact_curation.learning.curated_training import CuratedTraining
 from contact_curation.learning.mean_loss import mean_loss
 from contact_curation.learning.progress import Progress, TrainingState
 from contact_curation.learning.stored_model import notes_of_bytes
-from contact_curation.learning.training import rows_of
+from contact_curation.learning.training_data import rows_of
 from contact_curation.learning.training_plan import TrainingPlan, begin, resume, stored
 from contact_curation.storage.atomic_file import write_atomically
 

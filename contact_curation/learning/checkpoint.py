@@ -25,7 +25,8 @@ from contact_curation.learning.stored_model import (
     named,
     named_back,
 )
-from contact_curation.learning.training import Counters, Training, TrainingMemory
+from contact_curation.learning.training import Training
+from contact_curation.learning.training_memory import Counters, TrainingMemory
 from contact_curation.motion.transitions import Transitions
 
 MOMENTS, ORDER, ORIGIN = "moments/", "order", "origin/"

@@ -35,7 +35,8 @@ from contact_curation.learning.model_scoring import toss_scorer
 from contact_curation.learning.progress import TrainingState
 from contact_curation.learning.protocols import TrainingConfig, budgeted, published
 from contact_curation.learning.reranking import CanaryConfig, Reranking, RerankingConfig
-from contact_curation.learning.training import Training, rows_of
+from contact_curation.learning.training import Training
+from contact_curation.learning.training_data import rows_of
 from contact_curation.motion.gates import GateConfig, inspect
 from contact_curation.motion.rig import Rig, put_right
 from contact_curation.motion.toss import Toss

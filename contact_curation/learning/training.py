@@ -10,10 +10,7 @@ The same arguments give the same numbers bit for bit, however the steps are cut 
 was stored and resumed (learning/checkpoint.py).
 """
 
-import hashlib
-import json
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -37,57 +34,9 @@ from contact_curation.learning.mean_loss import mean_loss
 from contact_curation.learning.optimizer import Optimizer
 from contact_curation.learning.progress import Evaluated, Progress, TrainingState
 from contact_curation.learning.protocols import TrainingConfig
+from contact_curation.learning.training_data import checked, digest_of, rows_of, transition_name
+from contact_curation.learning.training_memory import Counters, TrainingMemory
 from contact_curation.motion.transitions import Transitions
-
-
-@dataclass(frozen=True)
-class Counters:
-    """Where a training is.
-
-    Attributes:
-        gradient_steps, epochs: over all data that it has had.
-        first_step, first_epoch: where the present budget began.
-        not_solved: transitions left out of gradient steps, counted each time.
-        loss_sum, loss_count: of the transitions trained on since the last evaluation.
-        state: whether it goes on.
-        reason: why not.
-    """
-
-    gradient_steps: int = 0
-    epochs: int = 0
-    first_step: int = 0
-    first_epoch: int = 0
-    not_solved: int = 0
-    loss_sum: float = 0.0
-    loss_count: int = 0
-    state: TrainingState = TrainingState.RUNNING
-    reason: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class TrainingMemory:
-    """All that a training remembers beside its model, its data and its protocol.
-
-    Attributes:
-        counters, early_stop, history: where it is.
-        best_tensors: the model's at the lowest held-out loss; None where training does not stop early or was not evaluated yet.
-        moments: of the optimizer.
-        order: (N,) this epoch's order of the data.
-        batches: the place in it, and the generator's state.
-        data, held_out: digests; empty without held-out transitions.
-        origin: the tensors of theta_0 in the exact protocol; None in the others.
-    """
-
-    counters: Counters
-    early_stop: EarlyStop
-    history: tuple[Evaluated, ...]
-    best_tensors: dict[str, Array] | None
-    moments: dict[str, Tensor]
-    order: NDArray[np.int64]
-    batches: dict[str, Any]
-    data: str
-    held_out: str
-    origin: dict[str, Array] | None = None
 
 
 class Training:
@@ -112,7 +61,7 @@ class Training:
             raise InvalidValueError("held-out transitions", "none", "some, since the protocol stops early on their loss")
         self.model = model
         self.config = config
-        self.held_out = None if held_out is None else _checked(held_out)
+        self.held_out = None if held_out is None else checked(held_out)
         self.counters = Counters()
         self.early_stop = EarlyStop()
         self.history: tuple[Evaluated, ...] = ()
@@ -227,7 +176,7 @@ class Training:
         return model_of_tensors(model.kind, model.settings(), tensors, model.body)
 
     def _take(self, data: Transitions) -> None:
-        self._data = _checked(data)
+        self._data = checked(data)
         self._batches = Batches(len(data.dt), self.config.batch, self._generator)
 
     def _step(self) -> None:
@@ -336,34 +285,5 @@ def new_training(
 ) -> Training:
     """A training from the published random initialisation (METHOD 1.1); one seed gives one model and one order of the data."""
     noise, shuffles = np.random.SeedSequence(seed).generate_state(2)
-    model = initial_model(kind, body, config.form, rows_of(_checked(data)), np.random.default_rng(noise))
+    model = initial_model(kind, body, config.form, rows_of(checked(data)), np.random.default_rng(noise))
     return Training(model, data, held_out, config, int(shuffles))
-
-
-def rows_of(data: Transitions) -> Rows:
-    """Transitions as models take them."""
-    return Rows(data.before, data.after, data.dt)
-
-
-def digest_of(data: Transitions) -> str:
-    """Equal ids, states and periods in equal order, equal digest."""
-    state = hashlib.sha256(json.dumps(data.toss_ids).encode())
-    for values in (data.starts, data.before, data.after, data.dt):
-        state.update(np.ascontiguousarray(values).tobytes())
-    return state.hexdigest()
-
-
-def transition_name(data: Transitions, row: int) -> str:
-    """How messages name a row."""
-    toss = int(np.searchsorted(data.starts, row, side="right")) - 1
-    return f"toss {data.toss_ids[toss]}, transition {row - int(data.starts[toss])}"
-
-
-def _checked(data: Transitions) -> Transitions:
-    if not len(data.dt):
-        raise InvalidValueError("transitions", "none", "at least one")
-    finite = np.isfinite(data.before).all(axis=1) & np.isfinite(data.after).all(axis=1) & np.isfinite(data.dt)
-    if not finite.all():
-        row = int(np.argmin(finite))
-        raise InvalidValueError(transition_name(data, row), "a state that is not finite", "finite numbers")
-    return data

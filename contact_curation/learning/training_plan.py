@@ -27,7 +27,8 @@ from contact_curation.learning.protocols import TrainingConfig
 from contact_curation.learning.reranking import Reranking, RerankingConfig, Selected
 from contact_curation.learning.selection_document import document_of_selections, selections_of
 from contact_curation.learning.stored_model import MALFORMED, notes_of_bytes
-from contact_curation.learning.training import Training, rows_of
+from contact_curation.learning.training import Training
+from contact_curation.learning.training_data import rows_of
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
 

@@ -12,7 +12,8 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.learning.culprit import not_finite, not_finite_gradient
 from contact_curation.learning.progress import TrainingState
 from contact_curation.learning.protocols import published
-from contact_curation.learning.training import Training, rows_of
+from contact_curation.learning.training import Training
+from contact_curation.learning.training_data import rows_of
 from test.contact.cases import tracked_transitions
 from test.contact.model_cases import VARIANTS, model_of
 from test.contact.model_cases import rows_of as rows_of_kind

@@ -17,7 +17,8 @@ from contact_curation.learning.exact_fit import _only, optimum, theta_0
 from contact_curation.learning.mean_loss import mean_loss
 from contact_curation.learning.progress import TrainingState
 from contact_curation.learning.protocols import budgeted, exact
-from contact_curation.learning.training import Training, rows_of
+from contact_curation.learning.training import Training
+from contact_curation.learning.training_data import rows_of
 from contact_curation.motion.transitions import Transitions, transitions_of
 from test.simulated import simulated_tosses
 

@@ -27,7 +27,7 @@ from contact_curation.learning.reranking import (
     Selected,
     Trigger,
 )
-from contact_curation.learning.training import rows_of
+from contact_curation.learning.training_data import rows_of
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 from test.information import pools
