@@ -30,6 +30,14 @@ def golden() -> Path:
     return REPOSITORY / "bags" / "golden.mcap"
 
 
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Seven simulated tosses of the true cube as ContactNets' files, which are read faster than a bag."""
+    from test.cli.simulated_files import write_simulated  # torch takes over a second to import
+
+    return write_simulated(tmp_path_factory.mktemp("tosses"), 7)
+
+
 @pytest.fixture
 def true_parameters(tmp_path: Path) -> Path:
     return write_parameters(tmp_path / "true.json")

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.model import Rows
@@ -15,21 +14,9 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.motion.transitions import transitions_of
 from contact_curation.storage.checkpoint_file import save_model
 from test.cli.commands import Cli, write_parameters
-from test.simulated import length_scales, simulated_tosses
+from test.simulated import simulated_tosses
 
-TOSSES = 7
 QUICK = ("--set", "bootstrap.resamples=100", "--set", "loss.threads=1")
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Seven simulated tosses of the true cube as ContactNets' files."""
-    folder = tmp_path_factory.mktemp("tosses")
-    for number, toss in enumerate(simulated_tosses(TOSSES, seed=8)):
-        parts = (toss.positions, toss.orientations_wxyz, toss.linear_velocities, toss.angular_velocities)
-        rows = np.concatenate(parts, axis=1) / length_scales(CONTACTNETS_CUBE)
-        torch.save(torch.as_tensor(np.pad(rows, ((0, 0), (0, 6))))[None], folder / f"{number}.pt")
-    return folder
 
 
 @pytest.fixture(scope="module")

@@ -6,11 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 
-from contact_curation.contact.body import CONTACTNETS_CUBE
 from test.cli.commands import Cli
-from test.simulated import length_scales, simulated_tosses
+from test.cli.simulated_files import write_simulated
 
 SMALL = ("--held-out", "8,9", "--quick")
 
@@ -18,12 +16,7 @@ SMALL = ("--held-out", "8,9", "--quick")
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Ten simulated tosses as ContactNets' files."""
-    folder = tmp_path_factory.mktemp("tosses")
-    for number, toss in enumerate(simulated_tosses(10, seed=8)):
-        parts = (toss.positions, toss.orientations_wxyz, toss.linear_velocities, toss.angular_velocities)
-        rows = np.concatenate(parts, axis=1) / length_scales(CONTACTNETS_CUBE)
-        torch.save(torch.as_tensor(np.pad(rows, ((0, 0), (0, 6))))[None], folder / f"{number}.pt")
-    return folder
+    return write_simulated(tmp_path_factory.mktemp("tosses"), 10)
 
 
 def table(path: Path) -> list[dict[str, str]]:

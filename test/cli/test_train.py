@@ -1,53 +1,20 @@
-"""`train`: what it learns from and what it never sees, the same end however it was stopped, one line for what is wrong."""
+"""`train`: what it learns from and what it never sees, what it says, one line for what is wrong."""
 
-import json
-import os
-import shlex
-import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
-from contact_curation.cli.stop_signals import StopSignals
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.model_kind import ModelKind
-from contact_curation.learning.curated_training import CuratedTraining
-from contact_curation.learning.progress import Progress
-from contact_curation.learning.safetensors_bytes import unpack
 from contact_curation.motion.toss import Toss
 from contact_curation.storage.checkpoint_file import read_model
 from contact_curation.storage.inputs import open_inputs
 from test.cli.commands import Cli, write_parameters
-from test.simulated import length_scales, simulated_tosses
-
-TOSSES = 7
-SHORT = ("--steps", "12", "--set", "training.evaluation_steps=4", "--held-out", "5,6")
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Seven simulated tosses as ContactNets' files, which are read faster than a bag."""
-    folder = tmp_path_factory.mktemp("tosses")
-    for number, toss in enumerate(simulated_tosses(TOSSES, seed=8)):
-        parts = (toss.positions, toss.orientations_wxyz, toss.linear_velocities, toss.angular_velocities)
-        rows = np.concatenate(parts, axis=1) / length_scales(CONTACTNETS_CUBE)
-        torch.save(torch.as_tensor(np.pad(rows, ((0, 0), (0, 6))))[None], folder / f"{number}.pt")
-    return folder
-
-
-def numbers(path: Path) -> dict[str, bytes]:
-    """All arrays of a checkpoint, to the last bit."""
-    return {name: array.tobytes() for name, array in unpack(path.read_bytes(), path).arrays.items()}
-
-
-def events(path: Path) -> list[dict[str, Any]]:
-    return [json.loads(line) for line in path.read_text().splitlines()]
+from test.cli.trainings import SHORT, events, numbers
 
 
 def test_a_bag_is_trained_on_and_its_held_out_loss_falls(cli: Cli, golden: Path, tmp_path: Path) -> None:
@@ -101,189 +68,6 @@ def test_numbers_in_a_recording_count_what_was_kept_back(cli: Cli, golden: Path,
     assert held_out.json["held_out_tosses"] == sorted(in_order[place] for place in (6, 20, 21))
     refused = cli("train", golden, "--out", tmp_path / "b.safetensors", "--held-out", "12")
     assert refused.err_lines == ["contact-curation: error: --held-out: found none of 21 tosses, expected at least one"]
-
-
-Interrupt = Callable[[], None]
-
-
-def stopped_at(monkeypatch: pytest.MonkeyPatch, step: int, interrupt: Interrupt) -> None:
-    """Once `step` gradient steps are taken, something interrupts."""
-    advance = CuratedTraining.advance
-
-    def interrupted(self: CuratedTraining, steps: int) -> Progress:
-        progress = advance(self, steps)
-        if progress.gradient_steps == step:
-            interrupt()
-        return progress
-
-    monkeypatch.setattr(CuratedTraining, "advance", interrupted)
-
-
-def killed() -> None:
-    raise KeyboardInterrupt  # as of a second Ctrl-C: nothing more is stored
-
-
-def send(number: signal.Signals) -> Interrupt:
-    return lambda: os.kill(os.getpid(), number)
-
-
-@pytest.mark.parametrize(
-    ("interrupt", "stored"),
-    [(send(signal.SIGINT), 7), (send(signal.SIGTERM), 7), (killed, 6)],
-    ids=["Ctrl-C", "SIGTERM", "killed"],
-)
-def test_a_training_that_is_stopped_goes_on_to_the_same_end(
-    cli: Cli, folder: Path, tmp_path: Path, interrupt: Interrupt, stored: int
-) -> None:
-    options = (*SHORT, "--top", 3, "--criterion", "trace", "--canary", "--set", "canary.steps=5", "--checkpoint-every", 0)
-    whole, parts = tmp_path / "whole.safetensors", tmp_path / "parts.safetensors"
-    assert cli("train", folder, "--out", whole, *options).status == 0
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        stopped_at(monkeypatch, 7, interrupt)
-        stopped = cli("train", folder, "--out", parts, *options)
-    assert (stopped.status, stopped.out) == (130, "")
-    assert stopped.err_lines[-1] == "contact-curation: interrupted"
-    assert (f"stopped after 7 gradient steps; {parts} holds them" in stopped.err) is (stored == 7)
-    resumed = cli("train", folder, "--out", parts, *options, "--resume")
-    assert resumed.status == 0
-    assert resumed.err_lines[0] == f"going on after {stored} gradient steps of {parts}"
-    assert numbers(parts) == numbers(whole)
-    assert (tmp_path / "parts.jsonl").read_bytes() == (tmp_path / "whole.jsonl").read_bytes()
-    assert len([one for one in events(tmp_path / "whole.jsonl") if one["event"] == "selection"]) > 1
-
-
-def test_the_command_that_is_said_after_a_stop_goes_on(cli: Cli, folder: Path, tmp_path: Path) -> None:
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        stopped_at(monkeypatch, 3, send(signal.SIGINT))
-        stopped = cli("train", folder, "--out", tmp_path / "a b.safetensors", *SHORT, "--overwrite")
-    assert stopped.err_lines[-2].startswith("  contact-curation train ")
-    again = cli(*shlex.split(stopped.err_lines[-2])[1:])
-    assert again.status == 0
-    assert "going on after 3 gradient steps" in again.err
-
-
-def test_metrics_that_were_lost_are_written_again_from_the_checkpoint(cli: Cli, folder: Path, tmp_path: Path) -> None:
-    out = tmp_path / "a.safetensors"
-    cli("train", folder, "--out", out, *SHORT)
-    before = (tmp_path / "a.jsonl").read_bytes()
-    (tmp_path / "a.jsonl").unlink()
-    done = cli("train", folder, "--out", out, *SHORT, "--resume")
-    assert done.status == 0
-    assert (tmp_path / "a.jsonl").read_bytes() == before
-
-
-def test_metrics_beyond_the_checkpoint_are_cut_when_it_goes_on(cli: Cli, folder: Path, tmp_path: Path) -> None:
-    whole, parts = tmp_path / "whole.safetensors", tmp_path / "parts.safetensors"
-    cli("train", folder, "--out", whole, *SHORT)
-    for step, interrupt in ((6, send(signal.SIGINT)), (10, killed)):
-        with pytest.MonkeyPatch.context() as monkeypatch:
-            stopped_at(monkeypatch, step, interrupt)
-            cli("train", folder, "--out", parts, *SHORT, "--resume")
-    assert [one["gradient_steps"] for one in events(tmp_path / "parts.jsonl")] == [0, 4, 8]
-    done = cli("train", folder, "--out", parts, *SHORT, "--resume")
-    assert "going on after 6 gradient steps" in done.err
-    assert (tmp_path / "parts.jsonl").read_bytes() == (tmp_path / "whole.jsonl").read_bytes()
-
-
-def test_a_second_signal_does_not_wait() -> None:
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
-    with StopSignals() as stop:
-        os.kill(os.getpid(), signal.SIGTERM)
-        assert stop.wanted
-        with pytest.raises(KeyboardInterrupt):
-            os.kill(os.getpid(), signal.SIGINT)
-    assert signal.signal(signal.SIGINT, before) is signal.default_int_handler
-
-
-def test_a_checkpoint_is_neither_overwritten_nor_taken_for_another_training(cli: Cli, folder: Path, tmp_path: Path) -> None:
-    out = tmp_path / "a.safetensors"
-    assert cli("train", folder, "--out", out, *SHORT).status == 0
-    before = out.read_bytes()
-    refused = {
-        (): "--out: found a file at",
-        ("--resume", "--seed", "1"): "seed of the training to go on with: found 1, expected 0",
-        ("--resume", "--steps", "13"): "protocol of the training to go on with: found steps 13, expected steps 12",
-        ("--resume", "--held-out", "6"): "tosses of the training to go on with: found 6 tosses",
-        ("--resume", "--model", "deep"): "model of the training to go on with: found deep, expected polytope",
-        ("--resume", "--top", "2"): "selection of the training to go on with:",
-    }
-    for options, line in refused.items():
-        done = cli("train", folder, "--out", out, *SHORT, *options)
-        assert (done.status, len(done.err_lines)) == (1, 1)
-        assert line in done.err
-    assert out.read_bytes() == before
-    assert cli("train", folder, "--out", out, *SHORT, "--overwrite", "--seed", 1).status == 0
-    assert out.read_bytes() != before
-
-
-def test_with_nothing_to_go_on_with_it_begins_anew(cli: Cli, folder: Path, tmp_path: Path) -> None:
-    done = cli("train", folder, "--out", tmp_path / "a.safetensors", *SHORT, "--resume")
-    assert done.status == 0
-    assert done.err_lines[0] == f"found no {tmp_path / 'a.safetensors'} to go on with: beginning anew"
-
-
-@pytest.fixture
-def manifest(cli: Cli, folder: Path, tmp_path: Path) -> Path:
-    """Keeps four of the seven tosses."""
-    out = tmp_path / "manifest.json"
-    assert cli("rank", folder, "--top", 4, "--out", out, "--no-figure").status == 0
-    return out
-
-
-def kept_ids(manifest: Path) -> list[str]:
-    return [row["toss_id"] for row in json.loads(manifest.read_text())["tosses"] if row["kept"]]
-
-
-def test_the_kept_tosses_of_a_manifest_are_trained_on(cli: Cli, folder: Path, tmp_path: Path, manifest: Path) -> None:
-    done = cli("train", folder, "--manifest", manifest, "--out", tmp_path / "a.safetensors", "--steps", 2, "--json")
-    kept = kept_ids(manifest)
-    assert done.json["training_tosses"] == sorted(kept)
-    assert not set(done.json["held_out_tosses"]) & set(kept)
-    assert done.err == ""
-
-
-def test_what_is_held_out_wins_over_a_manifest_and_is_said(cli: Cli, folder: Path, tmp_path: Path, manifest: Path) -> None:
-    kept = kept_ids(manifest)
-    options = ("--manifest", manifest, "--out", tmp_path / "a.safetensors", "--steps", 2, "--held-out", kept[0], "--json")
-    done = cli("train", folder, *options)
-    assert done.json["training_tosses"] == sorted(kept[1:])
-    assert done.err_lines == [f"contact-curation: warning: {manifest}: 1 of 4 kept tosses are held out: {kept[0]}"]
-
-
-def test_kept_tosses_that_are_not_in_the_inputs_are_one_line(cli: Cli, folder: Path, tmp_path: Path, manifest: Path) -> None:
-    kept = kept_ids(manifest)
-    options = ("--manifest", manifest, "--held-out", "none", "--steps", 2, "--json")
-    some = [folder / f"{toss_id}.pt" for toss_id in kept[1:]]
-    done = cli("train", *some, *options, "--out", tmp_path / "a.safetensors")
-    assert done.json["training_tosses"] == sorted(kept[1:])
-    line = f"contact-curation: warning: {manifest}: 1 of 4 kept tosses are not in the inputs: {kept[0]}"
-    assert done.err_lines == [line]
-    others = [folder / f"{number}.pt" for number in range(TOSSES) if str(number) not in kept]
-    refused = cli("train", *others, *options, "--out", tmp_path / "b.safetensors")
-    assert (refused.status, len(refused.err_lines)) == (1, 1)
-    assert f"kept tosses of {manifest}: found none in the inputs: no {', '.join(kept[:3])}, ..." in refused.err
-
-
-def test_the_longest_are_the_baseline_of_any_model(cli: Cli, folder: Path, tmp_path: Path) -> None:
-    ranked = cli("rank", folder, "--criterion", "longest", "--json").json["tosses"]
-    longest = [row["toss_id"] for row in ranked if row["toss_id"] not in ("5", "6")][:2]
-    for model in ("polytope", "end_to_end"):
-        options = ("--model", model, "--top", 2, "--criterion", "longest", "--steps", 1, "--held-out", "5,6", "--json")
-        done = cli("train", folder, *options, "--out", tmp_path / f"{model}.safetensors")
-        assert done.json["training_tosses"] == sorted(longest)
-        assert [one["trigger"] for one in done.json["selections"]] == ["first"]
-
-
-def test_what_was_selected_is_told(cli: Cli, folder: Path, tmp_path: Path) -> None:
-    options = (*SHORT, "--top", 2, "--criterion", "trace", "--rerank-every", 1)
-    done = cli("train", folder, "--out", tmp_path / "a.safetensors", *options)
-    assert "polytope trained on 2 of 5 tosses, " in done.out
-    assert "2 tosses selected before the first step" in done.out
-    assert ", after so many epochs (Spearman " in done.out
-    told = [one for one in events(tmp_path / "a.jsonl") if one["event"] == "selection"]
-    assert [one["trigger"] for one in told] == ["first"] + ["epochs"] * (len(told) - 1)
-    assert len(told) > 2
-    assert all(len(one["kept"]) == 2 and set(one["kept"]) <= set("01234") for one in told)
 
 
 def test_a_polytope_that_is_given_is_where_it_starts(cli: Cli, folder: Path, tmp_path: Path, true_parameters: Path) -> None:

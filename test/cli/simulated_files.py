@@ -1,0 +1,13 @@
+"""Simulated tosses of the true cube as ContactNets' files."""
+
+from pathlib import Path
+
+from test.simulated import simulated_tosses
+from test.storage.test_tagslam_bag import save_contactnets
+
+
+def write_simulated(folder: Path, count: int) -> Path:
+    """Writes the same tosses `0.pt`, `1.pt`, ... every time; gives the folder back."""
+    for number, toss in enumerate(simulated_tosses(count, seed=8)):
+        save_contactnets(folder, number, toss)
+    return folder

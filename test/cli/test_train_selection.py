@@ -1,0 +1,73 @@
+"""`train` on some of the tosses: those that a manifest keeps, the longest, those that a criterion chooses as it goes."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from test.cli.commands import Cli
+from test.cli.trainings import SHORT, events
+
+
+@pytest.fixture
+def manifest(cli: Cli, folder: Path, tmp_path: Path) -> Path:
+    """Keeps four of the seven tosses."""
+    out = tmp_path / "manifest.json"
+    assert cli("rank", folder, "--top", 4, "--out", out, "--no-figure").status == 0
+    return out
+
+
+def kept_ids(manifest: Path) -> list[str]:
+    return [row["toss_id"] for row in json.loads(manifest.read_text())["tosses"] if row["kept"]]
+
+
+def test_the_kept_tosses_of_a_manifest_are_trained_on(cli: Cli, folder: Path, tmp_path: Path, manifest: Path) -> None:
+    done = cli("train", folder, "--manifest", manifest, "--out", tmp_path / "a.safetensors", "--steps", 2, "--json")
+    kept = kept_ids(manifest)
+    assert done.json["training_tosses"] == sorted(kept)
+    assert not set(done.json["held_out_tosses"]) & set(kept)
+    assert done.err == ""
+
+
+def test_what_is_held_out_wins_over_a_manifest_and_is_said(cli: Cli, folder: Path, tmp_path: Path, manifest: Path) -> None:
+    kept = kept_ids(manifest)
+    options = ("--manifest", manifest, "--out", tmp_path / "a.safetensors", "--steps", 2, "--held-out", kept[0], "--json")
+    done = cli("train", folder, *options)
+    assert done.json["training_tosses"] == sorted(kept[1:])
+    assert done.err_lines == [f"contact-curation: warning: {manifest}: 1 of 4 kept tosses are held out: {kept[0]}"]
+
+
+def test_kept_tosses_that_are_not_in_the_inputs_are_one_line(cli: Cli, folder: Path, tmp_path: Path, manifest: Path) -> None:
+    kept = kept_ids(manifest)
+    options = ("--manifest", manifest, "--held-out", "none", "--steps", 2, "--json")
+    some = [folder / f"{toss_id}.pt" for toss_id in kept[1:]]
+    done = cli("train", *some, *options, "--out", tmp_path / "a.safetensors")
+    assert done.json["training_tosses"] == sorted(kept[1:])
+    line = f"contact-curation: warning: {manifest}: 1 of 4 kept tosses are not in the inputs: {kept[0]}"
+    assert done.err_lines == [line]
+    others = [path for path in folder.iterdir() if path.stem not in kept]
+    refused = cli("train", *others, *options, "--out", tmp_path / "b.safetensors")
+    assert (refused.status, len(refused.err_lines)) == (1, 1)
+    assert f"kept tosses of {manifest}: found none in the inputs: no {', '.join(kept[:3])}, ..." in refused.err
+
+
+def test_the_longest_are_the_baseline_of_any_model(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    ranked = cli("rank", folder, "--criterion", "longest", "--json").json["tosses"]
+    longest = [row["toss_id"] for row in ranked if row["toss_id"] not in ("5", "6")][:2]
+    for model in ("polytope", "end_to_end"):
+        options = ("--model", model, "--top", 2, "--criterion", "longest", "--steps", 1, "--held-out", "5,6", "--json")
+        done = cli("train", folder, *options, "--out", tmp_path / f"{model}.safetensors")
+        assert done.json["training_tosses"] == sorted(longest)
+        assert [one["trigger"] for one in done.json["selections"]] == ["first"]
+
+
+def test_what_was_selected_is_told(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    options = (*SHORT, "--top", 2, "--criterion", "trace", "--rerank-every", 1)
+    done = cli("train", folder, "--out", tmp_path / "a.safetensors", *options)
+    assert "polytope trained on 2 of 5 tosses, " in done.out
+    assert "2 tosses selected before the first step" in done.out
+    assert ", after so many epochs (Spearman " in done.out
+    told = [one for one in events(tmp_path / "a.jsonl") if one["event"] == "selection"]
+    assert [one["trigger"] for one in told] == ["first"] + ["epochs"] * (len(told) - 1)
+    assert len(told) > 2
+    assert all(len(one["kept"]) == 2 and set(one["kept"]) <= set("01234") for one in told)
