@@ -9,6 +9,7 @@ import numpy as np
 from contact_curation.cli.body_option import chosen_body
 from contact_curation.cli.design_options import add_design_options, design_config
 from contact_curation.cli.known_tosses import tosses_in
+from contact_curation.cli.output_paths import check_outputs
 from contact_curation.cli.report import counted, print_json, warn
 from contact_curation.cli.theta_options import polytope_of
 from contact_curation.contact.body import Body
@@ -45,6 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         ContactCurationError: a file cannot be used, nothing safe can be thrown, or `--out` cannot be written.
     """
+    check_outputs(out=arguments.out)
     config = design_config(arguments)
     body = chosen_body(arguments)
     thetas = [polytope_of(path, body) for path in (*arguments.checkpoint, *arguments.params)]

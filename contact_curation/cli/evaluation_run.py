@@ -11,6 +11,7 @@ from contact_curation.cli.evaluation_models import JudgedModel, judged_model
 from contact_curation.cli.evaluation_picture import picture_of
 from contact_curation.cli.evaluation_report import EvaluationReport, json_report, print_report
 from contact_curation.cli.evaluation_tosses import JudgingTosses, judging_tosses
+from contact_curation.cli.output_paths import check_outputs
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.reading import ReadingConfig
 from contact_curation.cli.reading_options import stages_of
@@ -30,6 +31,7 @@ from contact_curation.storage.inputs import InputsConfig
 def run_evaluation(arguments: argparse.Namespace) -> int:
     """What `evaluate` does; see there."""
     torch.set_num_threads(1)  # threads that share busy cores wait for each other, and sums would depend on them
+    check_outputs(figure=arguments.figure)
     body = chosen_body(arguments)
     defaults = {"loss": DEFAULT_LOSS, "sweeps": DEFAULT_LIMITS, "bootstrap": BootstrapConfig(), "known": KnownConfig()}
     stages = stages_of(arguments, defaults)

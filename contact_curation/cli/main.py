@@ -1,6 +1,6 @@
 """The door of the command line: finds the verb, runs it, and turns errors into one line and an exit status.
 
-0 done, 1 an error, 2 bad usage, 130 interrupted.
+0 done, 1 an error, 2 bad usage, 130 interrupted by Ctrl-C or SIGTERM.
 """
 
 import argparse
@@ -8,8 +8,11 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from pathlib import Path
 
 from contact_curation import __version__
+from contact_curation.cli.one_line_parser import OneLineParser
+from contact_curation.cli.stop_signals import sigterm_as_interrupt
 from contact_curation.errors import ContactCurationError
 
 NAME = "contact-curation"
@@ -32,10 +35,10 @@ VERBS = {
 
 def build_parser(words: Sequence[str]) -> argparse.ArgumentParser:
     """The parser of a command line; only the verbs among its `words` are imported, so that help comes at once."""
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog=NAME,
         description="Says how much each recorded toss teaches about an object's shape and friction, and keeps the best set.",
-        epilog="Exit status: 0 done, 1 a clear one-line error, 2 bad usage. VERB --help lists a verb's options.",
+        epilog="Exit status: 0 done, 1 a one-line error, 2 bad usage, 130 interrupted. VERB --help lists a verb's options.",
     )
     parser.add_argument("--version", action="version", version=f"{NAME} {__version__}")
     verbs = parser.add_subparsers(title="verbs", metavar="VERB", required=True)
@@ -50,23 +53,48 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command line; returns its exit status."""
     # Thousands of small matrices: the BLAS's own threads only wait for each other, five times longer on a busy machine.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    words = sys.argv[1:] if argv is None else list(argv)
-    arguments = build_parser(words).parse_args(words)
-    arguments.command = (NAME, *words)
+    _open_closed_streams()
     try:
-        status: int = arguments.run(arguments)
-        sys.stdout.flush()
+        with sigterm_as_interrupt():
+            return _run(sys.argv[1:] if argv is None else list(argv))
     except ContactCurationError as error:
-        print(f"{NAME}: error: {error}", file=sys.stderr)
-        return 1
+        return _failed(str(error))
     except KeyboardInterrupt:
         print(f"{NAME}: interrupted", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
-        # Whoever read our output has gone; without this the interpreter would complain of it once more when it ends.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _forget_output()
         return 1
+    except OSError as error:  # a full disk, a quota, too many open files: nothing that a single stage could mend
+        _forget_output()
+        where = error.filename or "standard output or a temporary file"
+        return _failed(f"{where}: found {error.strerror or error}, expected to read and write there")
+    except MemoryError as error:
+        return _failed(f"memory: found too little ({error}), expected more; fewer --jobs or inputs at once need less")
+
+
+def _run(words: list[str]) -> int:
+    arguments = build_parser(words).parse_args(words)
+    arguments.command = (NAME, *words)
+    status: int = arguments.run(arguments)
+    sys.stdout.flush()
     return status
+
+
+def _failed(why: str) -> int:
+    print(f"{NAME}: error: {' '.join(why.split())}", file=sys.stderr)
+    return 1
+
+
+def _forget_output() -> None:
+    """Whoever read our output has gone; without this the interpreter would complain of it once more when it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _open_closed_streams() -> None:
+    """Python has no `sys.stdout` or `sys.stderr` where the shell closed it (`>&-`): what goes there is lost, not an error."""
+    sys.stdout = sys.stdout or Path(os.devnull).open("w")  # noqa: SIM115 - open until the process ends
+    sys.stderr = sys.stderr or Path(os.devnull).open("w")  # noqa: SIM115
 
 
 if __name__ == "__main__":

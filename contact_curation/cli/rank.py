@@ -8,6 +8,7 @@ from tempfile import TemporaryDirectory
 
 from contact_curation import __version__
 from contact_curation.cli.held_out_tosses import held_out_tosses
+from contact_curation.cli.output_paths import check_outputs
 from contact_curation.cli.pool_scoring import ScoredPool, score_pool
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.rank_dashboard import add_dashboard_options, dashboard_of
@@ -44,6 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         InvalidValueError: nothing could be ranked, or an output cannot be written.
     """
+    check_outputs(out=arguments.out, figure=_figure(arguments))
     config = rank_config(arguments)
     dashboard = dashboard_of(arguments, config)
     jobs = min(arguments.jobs or os.cpu_count() or 1, len(arguments.inputs))

@@ -1,14 +1,16 @@
-"""Ctrl-C and SIGTERM as a wish: what runs comes to a good end. A second one does not wait."""
+"""Ctrl-C and SIGTERM: as a wish, so that what runs comes to a good end, or as the same interrupt, which tidies up and ends."""
 
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType, TracebackType
-from typing import Any, Self
+from typing import Any, Never, Self
 
 STOPPING = (signal.SIGINT, signal.SIGTERM)
 
 
 class StopSignals:
-    """Notes the signals; use it as a context manager in the main thread.
+    """Notes the signals; a second one does not wait. Use it as a context manager in the main thread.
 
     Attributes:
         wanted: whether one has come.
@@ -30,3 +32,17 @@ class StopSignals:
         if self.wanted:
             raise KeyboardInterrupt
         self.wanted = True
+
+
+@contextmanager
+def sigterm_as_interrupt() -> Iterator[None]:
+    """SIGTERM raises KeyboardInterrupt, as Ctrl-C does: partial outputs and temporary files go. For the main thread."""
+    before = signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> Never:
+    raise KeyboardInterrupt

@@ -13,6 +13,7 @@ from typing import Any
 import torch
 
 from contact_curation import __version__
+from contact_curation.cli.output_paths import check_outputs
 from contact_curation.cli.progress import Progress as Bar
 from contact_curation.cli.report import print_json, warn
 from contact_curation.cli.stop_signals import StopSignals
@@ -105,6 +106,7 @@ def _check_out(arguments: argparse.Namespace) -> None:
         raise InvalidValueError(
             "--out", f"a file at {arguments.out}", "--resume to go on with it, or --overwrite to begin anew"
         )
+    check_outputs(out=arguments.out, metrics=arguments.metrics)
 
 
 def _begun_or_resumed(arguments: argparse.Namespace, plan: TrainingPlan) -> tuple[CuratedTraining, float]:

@@ -47,6 +47,10 @@ def each[Input, Result](
                 yield result
         except BrokenProcessPool as error:
             raise WorkerDiedError(jobs) from error
+        except KeyboardInterrupt:  # of this process alone: workers would end their inputs first
+            for worker in multiprocessing.active_children():
+                worker.terminate()
+            raise
         finally:
             executor.shutdown(wait=False, cancel_futures=True)
 

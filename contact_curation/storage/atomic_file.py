@@ -1,6 +1,7 @@
 """Files that are there whole or not at all."""
 
 import os
+from contextlib import suppress
 from pathlib import Path
 
 from contact_curation.errors import InvalidValueError
@@ -19,6 +20,9 @@ def write_atomically(path: Path, data: bytes) -> None:
             file.flush()
             os.fsync(file.fileno())
         partial.replace(path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise InvalidValueError("output", path, f"a path that can be written ({error.strerror})") from error
+    except BaseException as error:  # an interrupt leaves nothing behind either
+        with suppress(OSError):
+            partial.unlink()
+        if isinstance(error, OSError):
+            raise InvalidValueError("output", path, f"a path that can be written ({error.strerror})") from error
+        raise

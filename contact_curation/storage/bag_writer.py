@@ -181,7 +181,7 @@ class BagWriter:
         """A bag that someone reads must stay what it is: readers hold a shared lock (`BagFile`)."""
         if self.path.is_dir() or (self._as_folder and self.path.exists()):
             raise InvalidValueError("output", self.path, "a name that is not taken yet")
-        with suppress(FileNotFoundError), self.path.open("rb") as file:
+        with suppress(FileNotFoundError, NotADirectoryError), self.path.open("rb") as file:
             if self._over_readers:
                 _lock(file, self.path, "a file that nobody is writing", fcntl.LOCK_SH)
             else:

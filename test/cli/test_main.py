@@ -1,8 +1,12 @@
 """The door: exit statuses, one line per error, and a start that does not wait for libraries nobody needs yet."""
 
+import errno
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 
@@ -61,11 +65,24 @@ def test_every_verb_explains_itself(cli: Cli, verb: str) -> None:
         ("play", "a.mcap", "--remap", "no_arrow"),
     ],
 )
-def test_bad_usage_is_exit_status_2(cli: Cli, words: Sequence[str]) -> None:
+def test_bad_usage_is_one_line_that_says_where_help_is_and_exit_status_2(cli: Cli, words: Sequence[str]) -> None:
     done = cli(*words)
     assert done.status == 2
     assert done.out == ""
-    assert "usage: contact-curation" in done.err
+    assert len(done.err_lines) == 1
+    assert done.err.startswith("contact-curation")
+    assert "(usage: contact-curation" in done.err
+
+
+def test_an_option_that_no_verb_has_names_the_verb_and_the_option_that_was_meant(cli: Cli) -> None:
+    done = cli("rank", "a.mcap", "--criterium", "trace")
+    assert done.status == 2
+    assert done.err.startswith("contact-curation rank: error: found --criterium trace, expected")
+    assert "did you mean --criterion?" in done.err
+
+
+def test_an_option_cut_short_is_not_guessed(cli: Cli) -> None:
+    assert cli("rank", "a.mcap", "--crit", "trace").status == 2
 
 
 def raising(error: BaseException) -> object:
@@ -86,6 +103,21 @@ def test_an_interrupt_is_exit_status_130(cli: Cli, monkeypatch: pytest.MonkeyPat
     assert cli("rank", "a.mcap").status == door.INTERRUPTED == 130
 
 
+def test_a_full_disk_is_one_line_and_exit_status_1(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(door, "_forget_output", lambda: None)  # pytest's own output has no file to point elsewhere
+    monkeypatch.setattr(rank, "run", raising(OSError(errno.ENOSPC, "No space left on device", "/tmp/spool")))
+    done = cli("rank", "a.mcap")
+    assert done.status == 1
+    assert done.err == "contact-curation: error: /tmp/spool: found No space left on device, expected to read and write there\n"
+
+
+def test_too_little_memory_is_one_line_and_exit_status_1(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rank, "run", raising(MemoryError("Unable to allocate 9 TiB")))
+    done = cli("rank", "a.mcap")
+    assert (done.status, len(done.err_lines)) == (1, 1)
+    assert "9 TiB" in done.err
+
+
 def test_a_programming_error_keeps_its_traceback(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rank, "run", raising(ZeroDivisionError()))
     with pytest.raises(ZeroDivisionError):
@@ -97,3 +129,34 @@ def test_a_reader_that_goes_away_ends_it_without_a_traceback(golden: object) -> 
     done = subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, text=True, check=False)
     assert "Traceback" not in done.stderr
     assert "BrokenPipe" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("where", "status", "says"), [(">/dev/full", 1, "No space left on device"), (">&-", 0, ""), (">&- 2>&-", 0, "")]
+)
+def test_an_output_that_takes_nothing_is_at_most_one_line(where: str, status: int, says: str, golden: object) -> None:
+    command = f"{sys.executable} -m contact_curation.cli.main rank {golden} --json {where}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert done.returncode == status
+    assert len(done.stderr.splitlines()) == len([says] if says else [])
+    assert says in done.stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_with_status_130_and_leaves_nothing_half_written(
+    number: signal.Signals, golden: object, true_parameters: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    command = [sys.executable, "-m", "contact_curation.cli.main", "score", *[str(golden)] * 40]
+    words = ["--params", str(true_parameters), "--out", str(folder / "scores.npz")]
+    running = subprocess.Popen([*command, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    while not any(folder.iterdir()):  # its hidden folder, which only work under way has
+        assert running.poll() is None
+        time.sleep(0.01)
+    running.send_signal(number)
+    _, err = running.communicate(timeout=60)
+    assert err == "contact-curation: interrupted\n"
+    # Where the interrupt meets an import, CPython ends itself by SIGINT instead, which a shell calls 130 as well.
+    assert running.returncode in (130, -signal.SIGINT)
+    assert not any(folder.iterdir())
