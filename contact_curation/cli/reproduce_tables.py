@@ -26,13 +26,27 @@ ERRORS = {
     "vertices_from_all": "vertices from those of all tosses [mm RMS]",
     "friction_from_all": "friction from that of all tosses",
 }
+RIGID = ("rigid_position", "rigid_rotation", "rigid_penetration")
+"""Errors of a polytope whose friction acts at the vertices of the gaps."""
+
 KEPT = ("kept_seconds", "kept_frames", "kept_bad", "gate_hits", "gate_false_alarms", "not_finite")
-LEARNED = (*ERRORS, "position_median", "rotation_median", "friction", *KEPT)
+LEARNED = (*ERRORS, *RIGID, "position_median", "rotation_median", "friction", *KEPT)
 THROWN = {
     **{name: ERRORS[name] for name in ("position", "rotation", "penetration", "vertices")},
     "friction_from_described": "friction from the body as described",
 }
-TAUGHT = ("position_median", "rotation_median", "friction", "designed", "toss", "seconds", "planned", "realised", "not_finite")
+TAUGHT = (
+    *RIGID,
+    "position_median",
+    "rotation_median",
+    "friction",
+    "designed",
+    "toss",
+    "seconds",
+    "planned",
+    "realised",
+    "not_finite",
+)
 RATIOS = {"sandwich": "sandwich", "cramer_rao": "Cramér-Rao", "naive": "naive"}
 
 

@@ -16,6 +16,7 @@ from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.model import Model, Rows
 from contact_curation.contact.model_rollout import roll_out_model
 from contact_curation.contact.polytope_model import PolytopeModel
+from contact_curation.contact.rollout import Rollout
 from contact_curation.contact.time_step import DEFAULT_LIMITS, StepStatus, SweepLimits
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
@@ -106,6 +107,33 @@ class ModelEvaluation:
         return self.measured[rows], self.predicted[rows]
 
 
+class PredictedMotions(NamedTuple):
+    """Motions from the first measured state of each of K tosses on.
+
+    Attributes:
+        rolled: what a model predicts; K trajectories.
+        measured: (N, 13) states [characteristic lengths], rows as of `rolled`.
+        errors: of one against the other.
+    """
+
+    rolled: Rollout
+    measured: Array
+    errors: MotionErrors
+
+
+def predicted_motions(model: Model, tosses: Sequence[Toss], config: EvaluationConfig) -> PredictedMotions:
+    """Rolls a model out along every toss; arguments and errors as of `evaluate_model`."""
+    for toss in tosses:
+        if toss.body != model.body.name:
+            raise InvalidValueError(f"body of toss {toss.toss_id}", toss.body, model.body.name)
+    states = [states_of(toss, model.body.length_scale) for toss in tosses]
+    counts = np.array([len(each) for each in states])
+    periods = np.array([toss.frame_period for toss in tosses])
+    rolled = roll_out_model(model, np.stack([each[0] for each in states]), counts, periods, config.sweeps, config.threads)
+    measured = np.concatenate(states)
+    return PredictedMotions(rolled, measured, motion_errors(rolled.states, measured, rolled.starts, model.body))
+
+
 def evaluate_model(model: Model, tosses: Sequence[Toss], config: EvaluationConfig) -> ModelEvaluation:
     """Rolls a model out along every toss, and takes its loss.
 
@@ -117,27 +145,20 @@ def evaluate_model(model: Model, tosses: Sequence[Toss], config: EvaluationConfi
     Raises:
         InvalidValueError: no toss, or one of another body.
     """
-    for toss in tosses:
-        if toss.body != model.body.name:
-            raise InvalidValueError(f"body of toss {toss.toss_id}", toss.body, model.body.name)
-    rows = transitions_of(tosses, model.body.length_scale)
-    states = [states_of(toss, model.body.length_scale) for toss in tosses]
-    counts = np.array([len(each) for each in states])
-    periods = np.array([toss.frame_period for toss in tosses])
-    rolled = roll_out_model(model, np.stack([each[0] for each in states]), counts, periods, config.sweeps, config.threads)
-    measured = np.concatenate(states)
+    motions = predicted_motions(model, tosses, config)
+    rolled, rows = motions.rolled, transitions_of(tosses, model.body.length_scale)
     losses, solved = transition_losses(model, Rows(rows.before, rows.after, rows.dt), config.loss)
     return ModelEvaluation(
         toss_ids=rows.toss_ids,
-        errors=motion_errors(rolled.states, measured, rolled.starts, model.body),
+        errors=motions.errors,
         losses=_means(losses, solved, rows.starts),
         mean_loss=float(losses[solved].mean()) if solved.any() else np.nan,
         transitions=len(losses),
         not_solved=int(np.count_nonzero(~solved)),
         sweeps_exhausted=int(np.count_nonzero(rolled.status == StepStatus.SWEEPS_EXHAUSTED)),
-        steps=int(counts.sum() - len(counts)),
+        steps=len(rolled.states) - len(tosses),
         starts=rolled.starts,
-        measured=measured,
+        measured=motions.measured,
         predicted=rolled.states,
         shape=shape_errors(model),
     )

@@ -26,12 +26,13 @@ from contact_curation.information.pool import pool_of
 from contact_curation.information.ranker import rank_particles
 from contact_curation.information.record import TossInformation
 from contact_curation.learning.curated_training import CuratedTraining, kept_transitions
-from contact_curation.learning.evaluation import EvaluationConfig, evaluate_model
+from contact_curation.learning.evaluation import MEASURES, EvaluationConfig, evaluate_model, predicted_motions
 from contact_curation.learning.experiment_cell import ALL, Cell, Protocol
 from contact_curation.learning.experiment_faults import Fault, with_faults
 from contact_curation.learning.experiment_fit import HeldFitConfig, fit_held
 from contact_curation.learning.experiment_rules import RULES, Rule
 from contact_curation.learning.model_scoring import toss_scorer
+from contact_curation.learning.motion_errors import MotionErrors
 from contact_curation.learning.progress import TrainingState
 from contact_curation.learning.protocols import TrainingConfig, budgeted, published
 from contact_curation.learning.reranking import CanaryConfig, Reranking, RerankingConfig
@@ -247,14 +248,10 @@ def _judged(model: Model, bench: Bench) -> Row:
     if not bench.held_out:
         raise InvalidValueError("held-out tosses", "none", "some to judge by")
     found = evaluate_model(model, bench.held_out, EvaluationConfig(loss=ONE_THREAD))
-    finite = found.errors.finite
-    row: Row = {}
-    for name in ("position", "rotation", "penetration"):
-        values = getattr(found.errors, name)[finite]
-        row |= {name: float(values.mean()), f"{name}_median": float(np.median(values))}
-    row["not_finite"] = float(np.count_nonzero(~finite))
+    row = motion_row(found.errors)
     if found.shape is None or not isinstance(model, PolytopeModel):
         return row
+    rigid = motion_row(predicted_motions(model.rubbing_where_it_touches(), bench.held_out, EvaluationConfig()).errors)
     reference = bench.reference
     away = model.geometry().vertices_normal - reference.vertices_normal
     taught = float(np.linalg.norm(reference.tangents[0]) / np.linalg.norm(reference.normal))
@@ -264,4 +261,13 @@ def _judged(model: Model, bench: Bench) -> Row:
         "friction": found.shape.friction,
         "friction_from_all": abs(found.shape.friction - taught),
     }
-    return row | shape
+    return row | {f"rigid_{name}": value for name, value in rigid.items()} | shape
+
+
+def motion_row(errors: MotionErrors) -> Row:
+    """Means and medians over the motions that are finite, and how many are not."""
+    row: Row = {"not_finite": float(np.count_nonzero(~errors.finite))}
+    for name in MEASURES if errors.finite.any() else ():
+        values = getattr(errors, name)[errors.finite]
+        row |= {name: float(values.mean()), f"{name}_median": float(np.median(values))}
+    return row

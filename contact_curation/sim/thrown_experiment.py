@@ -11,7 +11,6 @@ import numpy as np
 
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.model_kind import ModelKind
-from contact_curation.contact.model_rollout import roll_out_model
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.design.designer import Designer, DesignerConfig
 from contact_curation.design.planner import Planner
@@ -19,11 +18,10 @@ from contact_curation.design.throw import Throw
 from contact_curation.design.throw_prior import ReleasePrior, fitted_prior, raw_prior
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.learning.evaluation import shape_errors
+from contact_curation.learning.evaluation import EvaluationConfig, predicted_motions, shape_errors
 from contact_curation.learning.experiment_cell import Protocol
-from contact_curation.learning.experiment_run import ONE_THREAD, Bench, Row
+from contact_curation.learning.experiment_run import ONE_THREAD, Bench, Row, motion_row
 from contact_curation.learning.experiment_throws import RANDOM, RAW, ThrowsCell
-from contact_curation.learning.motion_errors import motion_errors
 from contact_curation.learning.protocols import budgeted, exact
 from contact_curation.learning.toss_by_toss import RoundsLearner
 from contact_curation.motion.toss import Toss
@@ -79,15 +77,9 @@ def _told(number: int, choice: Choice) -> Row:
 
 def judged(model: PolytopeModel, bench: Bench) -> Row:
     """Means and medians over held-out tosses, and how far shape and friction are from the body that was thrown."""
-    scale = bench.body.length_scale
-    states = [states_of(toss, scale) for toss in bench.held_out]
-    periods = np.array([toss.frame_period for toss in bench.held_out])
-    rolled = roll_out_model(model, np.stack([one[0] for one in states]), np.array([len(one) for one in states]), periods)
-    errors = motion_errors(rolled.states, np.concatenate(states), rolled.starts, bench.body)
-    row: Row = {"not_finite": float(np.count_nonzero(~errors.finite))}
-    for name in ("position", "rotation", "penetration") if errors.finite.any() else ():
-        values = getattr(errors, name)[errors.finite]
-        row |= {name: float(values.mean()), f"{name}_median": float(np.median(values))}
+    row = motion_row(predicted_motions(model, bench.held_out, EvaluationConfig()).errors)
+    rigid = motion_row(predicted_motions(model.rubbing_where_it_touches(), bench.held_out, EvaluationConfig()).errors)
+    row |= {f"rigid_{name}": value for name, value in rigid.items()}
     shape = shape_errors(model)
     assert shape is not None
     off = abs(shape.friction_error)

@@ -22,6 +22,7 @@ from contact_curation.learning.evaluation import (
     EvaluationConfig,
     comparison,
     evaluate_model,
+    predicted_motions,
     shape_errors,
     summary,
     transition_losses,
@@ -52,6 +53,19 @@ def test_the_model_that_made_the_tosses_predicts_them(tosses: tuple[Toss, ...]) 
     assert found.mean_loss < 1e-4
     assert found.losses.shape == (5,)
     assert (found.not_solved, found.sweeps_exhausted, found.not_finite) == (0, 0, ())
+
+
+def test_friction_at_the_vertices_of_the_gaps_predicts_a_rigid_body_whatever_its_own_vertices_are(
+    tosses: tuple[Toss, ...],
+) -> None:
+    apart = CUBE.vertices_tangent + 0.3 * np.random.default_rng(2).standard_normal(CUBE.vertices_tangent.shape)
+    model = PolytopeModel(replace(CUBE, vertices_tangent=apart), CONTACTNETS_CUBE, Form.PHYSICAL)
+    rigid = model.rubbing_where_it_touches()
+    own, gaps = (predicted_motions(each, tosses, CONFIG).errors for each in (model, rigid))
+    assert own.rotation.mean() > 5.0
+    assert gaps.rotation.max() < 0.05
+    assert gaps.position.max() < 0.01
+    np.testing.assert_array_equal(model.geometry().vertices_tangent, apart)  # the model itself is not changed
 
 
 def test_an_evaluation_is_what_its_parts_give(tosses: tuple[Toss, ...]) -> None:
