@@ -17,6 +17,8 @@ class Rule:
         reranked: whether the set is selected again at what was learned from it.
         by_polytope: whether a polytope, fitted to the optimum, selects for whatever learns: a network then learns from what is
             known before it is made, and no pool has to be scored by it.
+        redrawn: whether it keeps other tosses at every look at the canaries. A re-ranked rule has a model see more tosses than
+            it keeps; this is what that alone is worth.
     """
 
     criterion: str
@@ -24,6 +26,7 @@ class Rule:
     reranked: bool = True
     variant: str = "pivoted"
     by_polytope: bool = False
+    redrawn: bool = False
 
     def ranking(self, top: int, seed: int) -> RankingConfig:
         """For so many tosses; the seed is that of random ones."""
@@ -36,6 +39,7 @@ class Rule:
 
 RULES: dict[str, Rule] = {
     "random": Rule("random", reranked=False),
+    "random-redrawn": Rule("random", redrawn=True),
     "longest": Rule("longest", reranked=False),
     "trace-static": Rule("trace", Estimator.EMPIRICAL, reranked=False),
     "trace": Rule("trace", Estimator.EMPIRICAL),

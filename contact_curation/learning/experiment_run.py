@@ -53,6 +53,9 @@ ROUNDS = 3
 DRAWN = 0.8
 """Share of the training tosses in a seed's pool."""
 
+CANARIES = CanaryConfig()
+"""When a set is selected again along gradient steps."""
+
 WATCHED = 32
 """Tosses of the pool whose loss ends a published training; no rule may keep them."""
 
@@ -206,11 +209,20 @@ def _learn(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> Learned:
     training = Training(model, _data(bench, tosses, kept), held, config, int(shuffles))
     curated = CuratedTraining(training, tosses, reranking)
     progress = training.progress
+    redrawn = RULES[cell.rule].redrawn
     while progress.state is TrainingState.RUNNING:
-        progress = curated.advance(100)
+        progress = curated.advance(CANARIES.steps if redrawn else 100)
+        if redrawn and progress.state is TrainingState.RUNNING:
+            kept = select(RULES[cell.rule], model, tosses, len(kept), _draw(cell.seed, progress.gradient_steps))
+            training.replace_data(_data(bench, tosses, kept))
     if progress.state is TrainingState.FAILED:
         raise NoResultError(cell, progress.reason)
     return Learned(curated.selections[-1].kept if curated.selections else kept, training.trained())
+
+
+def _draw(seed: int, gradient_steps: int) -> int:
+    """Seed of the random set from a gradient step on."""
+    return int(np.random.SeedSequence([seed, gradient_steps]).generate_state(1)[0])
 
 
 def _first_selection(
@@ -221,7 +233,7 @@ def _first_selection(
     if rule.by_polytope:
         return None, _kept_exactly(cell, bench, tosses)
     size = len(tosses) if cell.size == ALL else cell.size
-    ranking = RerankingConfig(rule.ranking(size, cell.seed), canary=CanaryConfig() if rule.reranked else None)
+    ranking = RerankingConfig(rule.ranking(size, cell.seed), canary=CANARIES if rule.reranked else None)
     reranking = Reranking(tosses, toss_scorer(replace(rule.scoring(), loss=ONE_THREAD), rule.criterion), ranking)
     return reranking, reranking.select(model).kept
 
