@@ -12,7 +12,6 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -20,29 +19,29 @@ import torch
 
 from benchmarks._data import contactnets_folder, training_and_held_out
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.model_kind import ModelKind
+from contact_curation.contact.models import initial_model
 from contact_curation.contact.parameter_form import Form
-from contact_curation.contact.polytope_model import PolytopeModel, initial_geometry
+from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.calibration import Calibration, calibration
 from contact_curation.learning.evaluation import EvaluationConfig, evaluate_model, shape_errors
+from contact_curation.learning.experiment_calibration import HIGH, LOW, SAID, count_within, deviations_said, kind_of
 from contact_curation.learning.known import KnownConfig
 from contact_curation.learning.motion_errors import MotionErrors
 from contact_curation.learning.polytope_fit import PolytopeFit, fit_polytope
-from contact_curation.motion.transitions import Transitions, transitions_of
+from contact_curation.learning.training_data import rows_of
+from contact_curation.motion.transitions import transitions_of
 
-KINDS = {"sandwich": "sandwich", "whole": "whole Hessian", "cramer_rao": "Cramer-Rao", "naive": "naive"}
-"""Standard deviations that are said, and their names; the second is the sandwich about the loss's whole Hessian."""
-
-LOW, HIGH = 0.7, 1.4
-
-GROUPS: dict[str, Callable[[str], bool]] = {
-    "friction": lambda name: name == "friction",
-    "vertex heights": lambda name: name.startswith("vertices_normal") and name.endswith("[2]"),
-    "vertices of the gap": lambda name: name.startswith("vertices_normal"),
-    "vertices of friction": lambda name: name.startswith("vertices_tangent"),
-    "tilt": lambda name: name.startswith("tilt"),
-    "height": lambda name: name == "height",
+GROUPS = {
+    "friction": ("friction",),
+    "vertex heights": ("vertex heights",),
+    "vertices of the gap": ("vertices_normal", "vertex heights"),
+    "vertices of friction": ("vertices_tangent",),
+    "tilt": ("tilt",),
+    "height": ("height",),
 }
+"""Kinds of parameters (`learning.experiment_calibration`) that are shown together."""
 
 
 def main() -> int:
@@ -66,7 +65,9 @@ def main() -> int:
     rows = transitions_of([parts.training[k] for k in chosen], scale)
     others = transitions_of(parts.held_out, scale)
     begin = time.perf_counter()
-    fit = fit_polytope(start(rows, rng), rows)
+    start = initial_model(ModelKind.POLYTOPE, CONTACTNETS_CUBE, Form.PHYSICAL, rows_of(rows), rng)
+    assert isinstance(start, PolytopeModel)
+    fit = fit_polytope(start, rows)
     fitted = time.perf_counter()
     found = calibration(fit.model, rows, others, arguments.resamples, arguments.seed, KnownConfig())
     seconds = fitted - begin, time.perf_counter() - fitted
@@ -78,18 +79,10 @@ def main() -> int:
     return 0
 
 
-def start(rows: Transitions, rng: np.random.Generator) -> PolytopeModel:
-    """The published random initialisation."""
-    pivot = np.array([*rows.before[:, :2].mean(axis=0), 0.0])
-    geometry = initial_geometry(CONTACTNETS_CUBE, Form.PHYSICAL, pivot, rng)
-    return PolytopeModel(geometry, CONTACTNETS_CUBE, Form.PHYSICAL)
-
-
-def deviations(found: Calibration, kind: str) -> Array:
-    """(P,) what was said."""
-    if kind == "whole":
-        return found.whole_hessian
-    return np.array([getattr(parameter, kind) for parameter in found.known.parameters])
+def said(found: Calibration) -> dict[str, Array]:
+    """By name, (P,) standard deviations that are said; the second is the sandwich about the loss's whole Hessian."""
+    sandwich, cramer_rao, naive = (deviations_said(found, name) for name in SAID)
+    return {"sandwich": sandwich, "whole Hessian": found.whole_hessian, "Cramer-Rao": cramer_rao, "naive": naive}
 
 
 def as_json(fit: PolytopeFit, found: Calibration, seconds: tuple[float, float], errors: MotionErrors) -> dict[str, Any]:
@@ -128,30 +121,29 @@ def print_table(fit: PolytopeFit, found: Calibration, seconds: tuple[float, floa
     )
     resampled = f"{found.converged} of {found.resamples} resampled fits converged, {seconds[1]:.0f} s"
     print(f"sigma^2 {known.noise_variance:.4g}; {resampled}\n")
+    deviations = said(found)
     print("median standard deviation")
-    print(f"{'':26} {'bootstrap':>14}" + "".join(f"{name:>16}" for name in KINDS.values()))
+    print(f"{'':26} {'bootstrap':>14}" + "".join(f"{name:>16}" for name in deviations))
     for name, chosen, unit in groups(found):
-        columns = [found.bootstrap, *(deviations(found, kind) for kind in KINDS)]
-        cells = "".join(f"{np.median(column[chosen]):15.4f} " for column in columns)
+        cells = "".join(f"{np.median(column[chosen]):15.4f} " for column in (found.bootstrap, *deviations.values()))
         print(f"{f'{name} [{unit or 1}]':26}{cells}")
     print(f"\nbootstrap over what was said: median, and how many of them are within {LOW} to {HIGH}")
-    print(f"{'':26} {'':14}" + "".join(f"{name:>16}" for name in KINDS.values()))
+    print(f"{'':26} {'':14}" + "".join(f"{name:>16}" for name in deviations))
     for name, chosen, _ in groups(found):
-        cells = "".join(ratio_cell((found.bootstrap / deviations(found, kind))[chosen]) for kind in KINDS)
+        cells = "".join(ratio_cell((found.bootstrap / column)[chosen]) for column in deviations.values())
         print(f"{name:26} {'':14}{cells}")
 
 
 def groups(found: Calibration) -> list[tuple[str, list[int], str]]:
     """Name, places of its parameters, and unit of every group."""
     parameters = found.known.parameters
-    places = {name: [k for k, one in enumerate(parameters) if belongs(one.name)] for name, belongs in GROUPS.items()}
+    places = {name: [k for k, one in enumerate(parameters) if kind_of(one.name) in kinds] for name, kinds in GROUPS.items()}
     return [(name, chosen, parameters[chosen[0]].unit) for name, chosen in places.items()]
 
 
 def ratio_cell(ratios: Array) -> str:
     """The median, and how many are as they should be."""
-    inside = int(np.count_nonzero((ratios > LOW) & (ratios < HIGH)))
-    return f"{f'{np.median(ratios):.2f} ({inside} of {ratios.size})':>16}"
+    return f"{f'{np.median(ratios):.2f} ({count_within(ratios)} of {ratios.size})':>16}"
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.calibration import Calibration, calibration
 from contact_curation.learning.experiment_fit import fit_held
 from contact_curation.learning.experiment_run import FIT, ONE_THREAD, Bench, Row
@@ -16,6 +17,7 @@ SAID = ("sandwich", "cramer_rao", "naive")
 """Standard deviations that are said (`learning.known`)."""
 
 LOW, HIGH = 0.7, 1.4
+"""Between them a deviation found is what was said of it."""
 
 
 @dataclass(frozen=True)
@@ -52,22 +54,32 @@ def calibration_rows(cell: CalibrationCell, bench: Bench) -> tuple[Row, ...]:
     model = fit_polytope(begun, data, FitConfig(ONE_THREAD)).model
     others = transitions_of(bench.held_out, scale)
     found = calibration(model, data, others, cell.resamples, cell.seed, KnownConfig(ONE_THREAD))
-    names = dict.fromkeys(_kind(parameter.name) for parameter in found.known.parameters)
+    names = dict.fromkeys(kind_of(parameter.name) for parameter in found.known.parameters)
     return tuple(_row(name, found) for name in names)
 
 
-def _kind(name: str) -> str:
+def kind_of(name: str) -> str:
     """`vertices_normal[2][0]` is of the kind `vertices_normal`; heights of vertices are a kind of their own."""
     kind = name.partition("[")[0]
     return "vertex heights" if kind == "vertices_normal" and name.endswith("[2]") else kind
 
 
+def deviations_said(found: Calibration, said: str) -> Array:
+    """(P,) standard deviations in the parameters' units, one of those of SAID."""
+    return np.array([getattr(parameter, said) for parameter in found.known.parameters])
+
+
+def count_within(ratios: Array) -> int:
+    """How many deviations are what was said of them."""
+    return int(np.count_nonzero((ratios > LOW) & (ratios < HIGH)))
+
+
 def _row(kind: str, found: Calibration) -> Row:
-    places = [k for k, parameter in enumerate(found.known.parameters) if _kind(parameter.name) == kind]
-    parameters = [found.known.parameters[k] for k in places]
-    row: Row = {"parameters": kind, "unit": parameters[0].unit, "found": float(np.median(found.bootstrap[places]))}
+    parameters = found.known.parameters
+    places = [k for k, parameter in enumerate(parameters) if kind_of(parameter.name) == kind]
+    row: Row = {"parameters": kind, "unit": parameters[places[0]].unit, "found": float(np.median(found.bootstrap[places]))}
     for said in SAID:
-        ratios = found.bootstrap[places] / np.array([getattr(parameter, said) for parameter in parameters])
+        ratios = found.bootstrap[places] / deviations_said(found, said)[places]
         row[said] = float(np.median(ratios))
-        row[f"{said}_within"] = float(np.mean((ratios > LOW) & (ratios < HIGH)))
+        row[f"{said}_within"] = count_within(ratios) / ratios.size
     return row
