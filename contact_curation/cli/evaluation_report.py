@@ -1,5 +1,6 @@
 """What `evaluate` says: tables for people, one object for programs."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import isfinite
 from pathlib import Path
@@ -24,6 +25,7 @@ class EvaluationReport:
     Attributes:
         models: one, or two that are compared.
         evaluations: of them, over the same tosses.
+        rigid: of polytopes that rub elsewhere than where they touch, as if they did not, by what they are called.
         tosses: by which, and why these.
         known: what is known of the first model's parameters; None where that cannot be said.
         why_not: why.
@@ -33,6 +35,7 @@ class EvaluationReport:
 
     models: tuple[JudgedModel, ...]
     evaluations: tuple[ModelEvaluation, ...]
+    rigid: Mapping[str, ModelEvaluation]
     tosses: JudgingTosses
     known: Known | None
     why_not: str
@@ -40,8 +43,9 @@ class EvaluationReport:
     figure: Path | None
 
     def summaries(self) -> dict[str, Summary]:
-        """Of every model by its file; without the twins, where there are any; and of the differences."""
+        """By file; as rigid bodies; without the twins, where there are any; and of the differences."""
         found = {str(one.path): summary(each, self.bootstrap) for one, each in self._pairs()}
+        found |= {name: summary(each, self.bootstrap) for name, each in self.rigid.items()}
         if self.tosses.twins:
             name = f"without the {len(self.tosses.twins)} that have a twin among the others"
             found |= {f"{one.path}, {name}": summary(each, self.bootstrap, self.tosses.twins) for one, each in self._pairs()}

@@ -49,8 +49,17 @@ def run_evaluation(arguments: argparse.Namespace) -> int:
         for one in models:
             evaluations.append(evaluate_model(one.model, tosses.judged_by, config))
             progress.advance()
+    rigid = {
+        f"{one.path}, friction at the vertices of the gaps": evaluate_model(
+            one.model.rubbing_where_it_touches(), tosses.judged_by, config
+        )
+        for one in models
+        if isinstance(one.model, PolytopeModel) and one.model.rubs_elsewhere
+    }
     what_is_known, why_not = _known(models[0], tosses, replace(stages["known"], loss=stages["loss"]))
-    report = EvaluationReport(tuple(models), tuple(evaluations), tosses, what_is_known, why_not, bootstrap, arguments.figure)
+    report = EvaluationReport(
+        tuple(models), tuple(evaluations), rigid, tosses, what_is_known, why_not, bootstrap, arguments.figure
+    )
     if report.figure:
         save_motion_figure(picture_of(report), report.figure)
     if arguments.json:

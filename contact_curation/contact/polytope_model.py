@@ -87,6 +87,11 @@ class PolytopeModel(ContactModel):
     def settings(self) -> dict[str, str]:
         return {"form": self.form.value}
 
+    @property
+    def rubs_elsewhere(self) -> bool:
+        """Whether friction acts at other vertices than those that the gaps depend on."""
+        return not torch.equal(self.vertices_normal, self.vertices_tangent)
+
     def rubbing_where_it_touches(self) -> "PolytopeModel":
         """The same with friction at the vertices of the gaps, as of a rigid body; those of its own are forgotten.
 

@@ -11,8 +11,9 @@ from contact_curation.contact.model import Rows
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.models import initial_model
 from contact_curation.contact.parameter_form import Form
+from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.motion.transitions import transitions_of
-from contact_curation.storage.checkpoint_file import save_model
+from contact_curation.storage.checkpoint_file import read_model, save_model
 from test.cli.commands import Cli, write_parameters
 from test.simulated import simulated_tosses
 
@@ -123,6 +124,21 @@ def test_two_models_are_compared_toss_by_toss(cli: Cli, folder: Path, tmp_path: 
     assert theirs[0] < 0.01 < 3.0 < ours[0]
     assert paired[0] == pytest.approx(ours[0] - theirs[0])
     assert report["summaries"][f"{bad} - {good}, toss by toss"]["position"]["mean"]["low"] > 0.0
+
+
+def test_a_polytope_that_rubs_elsewhere_than_it_touches_is_judged_as_a_rigid_body_too(
+    cli: Cli, folder: Path, checkpoint: Path, tmp_path: Path
+) -> None:
+    summaries = cli("evaluate", checkpoint, folder, *QUICK, "--json").json["summaries"]
+    own, rigid = summaries
+    assert rigid == f"{own}, friction at the vertices of the gaps"
+    model = read_model(checkpoint, CONTACTNETS_CUBE)
+    assert isinstance(model, PolytopeModel)
+    save_model(tmp_path / "rigid.safetensors", model.rubbing_where_it_touches())
+    words = ("evaluate", tmp_path / "rigid.safetensors", folder, *QUICK, "--held-out", "5,6", "--json")
+    alone = cli(*words).json["summaries"]
+    assert list(alone.values()) == [summaries[rigid]]  # it has nothing to add about itself
+    assert means(alone, str(tmp_path / "rigid.safetensors")) != means(summaries, own)
 
 
 def test_a_seed_moves_intervals_and_nothing_else(cli: Cli, folder: Path, tmp_path: Path) -> None:
