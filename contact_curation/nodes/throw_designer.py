@@ -54,7 +54,7 @@ class ThrowDesigner(StageNode):
         parameters = declare(self, "params", "", "theta to begin with: JSON file or checkpoint; empty: none yet")
         store = Path(declare(self, "store", "throws.sqlite", "file that throws, theta and what they taught are kept in"))
         self._board_frame = declare(self, "board_frame", "body_surface", "frame that throws are given in")
-        declare(self, "auto", False, "throws are made one after the other; can be changed while the node runs", fixed=False)
+        declare(self, "auto", False, "throws are made one after the other", fixed=False)
         self._max_throws = declare(self, "max_throws", 0, "no more throws than these in auto; 0: no end", bounds=(0, 1 << 31))
         self._toss_timeout = declare(self, "toss_timeout", 15.0, "waits so long for a throw's toss [s]", bounds=(0.0, 3600.0))
         self._pause = declare(self, "retry_period", 2.0, "pause after a throw that was not made [s]", bounds=(0.1, 3600.0))
