@@ -13,6 +13,8 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.learning.held_out import HeldOutRule, NumberedToss, split
 from contact_curation.motion.toss import Toss
 
+EVERYTHING = "all there are"
+
 
 @dataclass(frozen=True, eq=False)
 class JudgingTosses:
@@ -40,7 +42,7 @@ def judging_tosses(
 
     Args:
         paths: at least one.
-        spec: `--held-out`; None for what the first model's training held out, or all.
+        spec: `--held-out`; None for what the first model's training held out, or all; all, too, where it is `none`.
         models: at least one; what the first learned from is what it was fitted to.
         reading: how recordings become tosses.
         advance: told how many tosses more were read.
@@ -51,8 +53,10 @@ def judging_tosses(
     rule = HeldOutRule() if spec is None else held_out_rule(spec)
     read = learning_tosses(paths, TossesConfig(reading, rule, said=spec is not None, with_twins=True), advance)
     judged_by, others, chosen = read.held_out, read.training, f"--held-out {spec}"
-    if not judged_by:
+    if spec is None:
         judged_by, others, chosen = _as_trained(models[0], read.training)
+    elif not judged_by:  # `none`: nobody tells some apart
+        judged_by, others, chosen = read.training, (), EVERYTHING
     learned = models[0].learned_from
     fitted = tuple(toss for toss in others if not learned or toss.toss_id in learned)
     parts = split([NumberedToss(toss, 0) for toss in (*judged_by, *fitted)], HeldOutRule(ids=_ids(judged_by)))
@@ -63,7 +67,7 @@ def judging_tosses(
 def _as_trained(model: JudgedModel, tosses: tuple[Toss, ...]) -> tuple[tuple[Toss, ...], tuple[Toss, ...], str]:
     """Those that a training held out, the others, and words for it; all where it held out none."""
     if not model.held_out:
-        return tosses, (), "all there are"
+        return tosses, (), EVERYTHING
     judged_by = tuple(toss for toss in tosses if toss.toss_id in model.held_out)
     if not judged_by:
         found = f"none of the {len(model.held_out)} that {model.path} names"

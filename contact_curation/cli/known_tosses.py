@@ -22,6 +22,8 @@ def tosses_in(paths: Sequence[Path], manifest: Path | None, reading: ReadingConf
     Raises:
         ContactCurationError: recordings without a toss, or a manifest whose kept tosses are not in them.
     """
+    if not paths and manifest is not None:
+        raise InvalidValueError("--manifest", f"{manifest} and no --known", "--known INPUT..., the recordings that it is of")
     if not paths:
         return (), ()
     known, warnings = KnownTosses(), list[str]()

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from contact_curation.cli.pool_scoring import PoolConfig
-from contact_curation.cli.report import counted
+from contact_curation.cli.report import counted, counted_tosses
 from contact_curation.dashboard.ranking_figure import RankingPicture
 from contact_curation.information.curation import SUFFICIENT_EPSILON, Curation
 from contact_curation.information.diagnostics import BlockShare
@@ -118,7 +118,9 @@ def _print_totals(report: RankReport) -> None:
     transitions, not_scored = (sum(getattr(row, name) or 0 for row in scored) for name in ("transitions", "not_scored"))
     run = report.manifest.run
     where = counted(len(run.inputs), "input")
-    print(f"{len(rows)} tosses of {where}: {ranked} ranked by {run.criterion}, {report.outcomes['kept']} kept")
+    print(f"{counted_tosses(len(rows))} of {where}: {ranked} ranked by {run.criterion}, {report.outcomes['kept']} kept")
+    if not report.outcomes["ranked, not kept"]:
+        print("every toss that could be ranked is kept, for --top asks for no fewer")
     print(f"scored with {run.estimator} at {run.parameters}: {transitions} transitions, {not_scored} not solved")
     if run.influence_bound != np.inf:
         print(f"losses above {run.influence_bound:.4g} count as that much")

@@ -73,7 +73,8 @@ class Reading:
     @property
     def warnings(self) -> tuple[str, ...]:
         """All that is wrong with it, one line each."""
-        return (*self.problems, *(f"{self.path}: {line}" for line in self.losses))
+        own = f"{Path(self.path).name}: "  # of a bag that is one file
+        return (*self.problems, *(f"{self.path}: {line.removeprefix(own)}" for line in self.losses))
 
 
 class InputReader:

@@ -32,14 +32,18 @@ def stages_of(arguments: argparse.Namespace, others: Mapping[str, Any]) -> dict[
     """The stages `poses`, `segmenter` and `gates` and the `others`, as the options want them.
 
     Raises:
-        InvalidValueError: a setting that no stage accepts.
+        ContactCurationError: a setting that no stage accepts, or `--tag-map` names no map of tags.
     """
     from contact_curation.motion.gates import GateConfig
     from contact_curation.motion.segmenter_config import SegmenterConfig
     from contact_curation.storage.pose_source import PoseTopicConfig
+    from contact_curation.storage.tag_map_file import read_tag_maps
 
     poses = PoseTopicConfig(topic=arguments.topic, body_frame=arguments.body_frame, tag_map=arguments.tag_map)
     if arguments.board_frame is not None:
         poses = replace(poses, board_frame=arguments.board_frame)
     stages = {"poses": poses, "segmenter": SegmenterConfig(), "gates": GateConfig(), **others}
-    return with_settings(stages, arguments.settings)
+    chosen = with_settings(stages, arguments.settings)
+    if tag_map := chosen["poses"].tag_map:
+        read_tag_maps(Path(tag_map))  # so that a file that is none is said once, and not of every input
+    return chosen

@@ -3,6 +3,7 @@
 import argparse
 import json
 import math
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,6 +13,9 @@ from contact_curation.errors import ContactCurationError, InvalidValueError
 
 MOST_CAUSES = 3
 """Of one error that fit a line."""
+
+LEFT_OUT = re.compile(r"^(.*?: )toss (\S+) is left out(: .*)$")
+"""A line about a toss that cannot be taken: its recording, its id, the reason."""
 
 
 def add_json_option(parser: argparse.ArgumentParser) -> None:
@@ -34,6 +38,11 @@ def counted(count: int, thing: str) -> str:
     return f"{count} {thing}{'' if count == 1 else 's'}"
 
 
+def counted_tosses(count: int) -> str:
+    """``1 toss``, ``2 tosses``."""
+    return f"{count} toss{'' if count == 1 else 'es'}"
+
+
 def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {str(name): _plain(part) for name, part in value.items()}
@@ -45,9 +54,21 @@ def _plain(value: Any) -> Any:
 
 
 def warn(lines: Sequence[str]) -> None:
-    """Lines of warning on stderr."""
-    for line in lines:
+    """Lines of warning on stderr; tosses that are left out of one recording for one reason are one line where they are many."""
+    for line in _condensed(lines):
         print(f"contact-curation: warning: {line}", file=sys.stderr, flush=True)
+
+
+def _condensed(lines: Sequence[str]) -> list[str]:
+    """The same lines, in the order of the first of each kind."""
+    alike: dict[str, list[str]] = {}
+    for line in lines:
+        alike.setdefault(LEFT_OUT.sub(r"\1\3", line), []).append(line)
+    return [line for group in alike.values() for line in (group if len(group) <= MOST_CAUSES else [_of_many(group)])]
+
+
+def _of_many(lines: Sequence[str]) -> str:
+    return LEFT_OUT.sub(rf"\g<1>{len(lines)} tosses are left out, the first one \g<2>\g<3>", lines[0])
 
 
 def nothing_found(paths: Sequence[Path], warnings: Sequence[str], found: str, expected: str) -> ContactCurationError:

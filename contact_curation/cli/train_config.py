@@ -87,6 +87,8 @@ def train_config(arguments: argparse.Namespace) -> TrainConfig:
         ContactCurationError: a file that an option names cannot be used, or a value is not accepted.
     """
     kind, body = ModelKind(arguments.model), chosen_body(arguments)
+    if arguments.steps is not None and arguments.protocol == "exact":
+        raise InvalidValueError("--steps", "--protocol exact, which takes none", "--protocol budgeted or published")
     protocol = exact() if arguments.protocol == "exact" else PROTOCOLS[arguments.protocol](kind)
     ranking = RankingConfig(arguments.criterion or DEFAULT_CRITERION, arguments.top or 1, arguments.seed, certificate_steps=0)
     ranking = replace(ranking, variant=arguments.variant or ranking.variant)

@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from contact_curation.cli.report import counted_tosses
 from contact_curation.cli.training_tosses import LearningTosses
 from contact_curation.learning.curated_training import CuratedTraining
 from contact_curation.learning.progress import Progress
@@ -48,11 +49,6 @@ class TrainReport:
         """Held-out loss of the result: the best one where the protocol stops early, else the last."""
         progress = self.progress
         return progress.held_out_loss if self.plan.protocol.patience is None else progress.best_held_out_loss
-
-
-def counted_tosses(count: int) -> str:
-    """``1 toss``, ``2 tosses``."""
-    return f"{count} toss{'' if count == 1 else 'es'}"
 
 
 def json_report(report: TrainReport) -> dict[str, Any]:

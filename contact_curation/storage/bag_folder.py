@@ -12,6 +12,7 @@ from contact_curation.storage.bag_records import Channel
 
 STORAGE_ENDINGS = (".mcap", ".db3")
 COMPRESSED = ".zstd"
+EXPECTED = "expected .mcap or .db3 files directly in it, or .pt files of ContactNets' tosses"
 
 
 class BagFolder(NamedTuple):
@@ -34,7 +35,7 @@ def storage_files(path: Path, losses: Losses) -> BagFolder:
     except OSError as error:
         raise UnreadableInputError(path, f"cannot be read: {error.strerror}") from error
     if not found:
-        raise UnreadableInputError(path, "is a folder without storage files; expected .mcap or .db3 files in it")
+        raise UnreadableInputError(path, f"is a folder without storage files; {EXPECTED}")
     metadata = _metadata_if_sound(path / METADATA_NAME, losses)
     files = tuple(found) if metadata is None else _chosen(found, metadata, losses)
     if len({_format(file) for file in files}) > 1:

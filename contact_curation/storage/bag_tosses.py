@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from contact_curation.contact.body import Body
+from contact_curation.errors import MissingTopicError, UnreadableInputError
 from contact_curation.motion.ingest import IngestConfig, IngestEvent, TossIngest
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.toss import NANOSECONDS, Rejected
@@ -12,11 +13,12 @@ from contact_curation.storage.bag_reader import BagReader
 from contact_curation.storage.bag_records import BagMessage
 from contact_curation.storage.input_records import Found, InputReading, InputsConfig, InputSummary, Problem
 from contact_curation.storage.pose_messages import Measured
-from contact_curation.storage.pose_source import PoseSource, TypedTopic, find_pose_source
+from contact_curation.storage.pose_source import PoseSource, TypedTopic, find_pose_source, is_of_another
 from contact_curation.storage.provenance import TossProvenance
 from contact_curation.storage.recorded_numbers import NUMBERS_NOTE, RecordedNumbers, recorded_numbers
 from contact_curation.storage.recorded_rules import NOTE, with_recorded_rules
 
+MOTION = ", expected motions that fall freely (in metres, z up on the board) and come to rest"
 UNNUMBERED = RecordedNumbers()
 
 
@@ -41,9 +43,16 @@ def bag_tosses(reader: BagReader, body: Body, config: InputsConfig) -> "BagTosse
 
     Raises:
         MissingTopicError: no topic, or several, could tell where the body is.
+        UnreadableInputError: the same of a damaged bag, with what was lost.
     """
     topics = [TypedTopic(info.name, info.type) for info in reader.topics if info.count != 0]
-    source = find_pose_source(reader.path, topics, body.name, config.poses)
+    try:
+        source = find_pose_source(reader.path, topics, body.name, config.poses)
+    except MissingTopicError as error:
+        if not reader.losses:
+            raise
+        why = str(error).removeprefix(f"{reader.path}: ")  # perhaps only since the bag is damaged
+        raise UnreadableInputError(reader.path, "; ".join((*reader.losses, why))) from error
     rules = with_recorded_rules(config.segmenter, reader.note(NOTE))
     origin = TossProvenance(str(reader.path), reader.sha256, source.body.name)
     numbers = recorded_numbers(reader.note(NUMBERS_NOTE))
@@ -75,6 +84,8 @@ class BagTosses:
         self.origin = origin
         self.source = source
         self.settle_time = config.segmenter.settle_time
+        self._body = body.name
+        self._of_another = is_of_another(source.body.name, body.name, config.poses)
         self._numbers = numbers
         self._detections = config.poses.detections(body.name)
         self._ingest = TossIngest(stages, body.polytope, body=body.name, source=source.body.name)
@@ -96,12 +107,15 @@ class BagTosses:
         yield from self._found(self._ingest.flush())
 
     def left_out(self) -> Iterator[str]:
-        """A line for each kind of pose that could not be used, and one if no toss was found."""
+        """Lines about another body's poses, each kind of pose that could not be used, and no toss, as far as it is so."""
+        if self._of_another:
+            yield f"found no topic named after {self._body}, expected one, or a name for it: took {self.source.body.name}"
         for kind, first in self._bad.items():
             which = f"the first one, of '{first.child}' at {first.stamp_ns / NANOSECONDS:.6f} s"
             yield f"{self._bad_counts[kind]} poses were left out, {which}, for this: {first.why}"
+        poses = self._ingest.counts["poses"]
         if not self._ingest.counts["tosses"] + self._ingest.counts["rejected"]:
-            yield f"found no toss in {self._ingest.counts['poses']} poses of {self.source.body.name}"
+            yield f"found no toss in {poses} poses of {self.source.body.name}{MOTION if poses else ''}"
 
     def summary(self, losses: tuple[str, ...]) -> InputSummary:
         origin, counts = self.origin, dict(self._ingest.counts)

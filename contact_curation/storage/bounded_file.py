@@ -35,7 +35,7 @@ def read_yaml(path: Path, largest: int, expected: str) -> Any:
     try:
         return yaml.safe_load(read_bounded(path, largest, expected).decode("utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise UnreadableInputError(path, f"found no YAML ({error}), expected {expected}") from error
+        raise UnreadableInputError(path, f"found no YAML ({_why(error)}), expected {expected}") from error
 
 
 def read_json(path: Path, largest: int, expected: str) -> Any:
@@ -43,4 +43,8 @@ def read_json(path: Path, largest: int, expected: str) -> Any:
     try:
         return json.loads(read_bounded(path, largest, expected))
     except (ValueError, RecursionError) as error:
-        raise UnreadableInputError(path, f"is not JSON: {error}") from error
+        raise UnreadableInputError(path, f"is not JSON ({_why(error)}), expected {expected}") from error
+
+
+def _why(error: Exception) -> str:
+    return "it is no text" if isinstance(error, UnicodeDecodeError) else str(error)

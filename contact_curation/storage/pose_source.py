@@ -157,13 +157,19 @@ def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: st
         wanted = (
             f"topic {config.topic} with poses"
             if config.topic
-            else f"one topic with poses of {body}; name it if there are several"
+            else f"one topic with poses of {body}; name it (`topic`) if there are several"
         )
         if any(one.type == DETECTIONS for one in topics):
             wanted += "; detections of tags are read with a tag map"
         raise MissingTopicError(where, wanted, listed)
     leads_to_board = bool(transforms) or board is not None
     return PoseSource(chosen, body_frame, board, config.board_frame if leads_to_board else "", transforms, config.array_index)
+
+
+def is_of_another(topic: str, body: str, config: PoseTopicConfig) -> bool:
+    """Whether a topic that nobody named is called after another body, as TagSLAM does: `body_<name>`."""
+    name = _last_part(topic)
+    return not config.topic and name.startswith("body_") and name != config.body_frame_of(body)
 
 
 def _tag_source(where: Path | str, topics: Collection[TypedTopic], body: str, config: PoseTopicConfig) -> PoseSource:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from contact_curation.contact.body import Body
+from contact_curation.errors import UnreadableInputError
 from contact_curation.storage.parameters_file import Parameters, read_parameters
 
 if TYPE_CHECKING:
@@ -31,7 +32,11 @@ def read_theta(path: Path, body: Body) -> "Parameters | Model":
         UnreadableInputError, InvalidValueError: the file holds neither.
     """
     if not is_checkpoint(path):
-        return read_parameters(path, body)
+        try:
+            return read_parameters(path, body)
+        except UnreadableInputError as error:
+            why = str(error).removeprefix(f"{path}: ")
+            raise UnreadableInputError(path, f"{why}; or a checkpoint, a {CHECKPOINT} file") from error
     from contact_curation.storage.checkpoint_file import read_model
 
     return read_model(path, body)

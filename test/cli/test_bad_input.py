@@ -13,6 +13,15 @@ from contact_curation.storage.bag_reader import BagReader
 from contact_curation.storage.bag_writer import BagWriter
 from test.cli.commands import Cli, write_parameters
 
+BRICK = """
+name: brick
+half_extents: [0.0524, 0.0524, 0.0524]
+mass: 0.37
+inertia: [0.00081, 0.00081, 0.00081]
+friction: 0.18
+length_scale: 0.0524
+"""
+
 ODOMETRY = "/tagslam/odom/body_cube"
 
 
@@ -28,6 +37,11 @@ def copied(golden: Path, bag: Path, topics: tuple[str, ...] | None, spoilt: Call
 
 def nan_poses(message: object) -> None:
     message.pose.pose.position.x = float("nan")  # type: ignore[attr-defined]
+
+
+def thousandfold(message: object) -> None:
+    position = message.pose.pose.position  # type: ignore[attr-defined]
+    position.x, position.y, position.z = 1e3 * position.x, 1e3 * position.y, 1e3 * position.z
 
 
 class Malice:
@@ -85,6 +99,23 @@ def no_bag(folder: Path, golden: Path) -> Path:
     return path
 
 
+def cut_in_its_head(folder: Path, golden: Path) -> Path:
+    path = folder / "head.mcap"
+    path.write_bytes(golden.read_bytes()[:100])
+    return path
+
+
+def in_millimetres(folder: Path, golden: Path) -> Path:
+    return copied(golden, folder / "mm.mcap", None, thousandfold)
+
+
+def folders_in_a_folder(folder: Path, golden: Path) -> Path:
+    path = folder / "recordings"
+    (path / "run").mkdir(parents=True)
+    (path / "run" / "run.mcap").write_bytes(golden.read_bytes())
+    return path
+
+
 def missing(folder: Path, golden: Path) -> Path:
     return folder / "missing.mcap"
 
@@ -101,6 +132,9 @@ BAD = [
     (without_poses, "found /chatter (std_msgs/msg/String); expected one topic with poses of cube"),
     (frames_only, "found no toss in 0 poses of /tf_static"),
     (with_nan, "expected finite numbers"),
+    (cut_in_its_head, "cut short at byte"),
+    (in_millimetres, "expected motions that fall freely (in metres, z up on the board) and come to rest"),
+    (folders_in_a_folder, "expected .mcap or .db3 files directly in it, or .pt files of ContactNets' tosses"),
     (no_bag, "text.mcap"),
     (missing, "missing.mcap"),
     (missing_folder, "missing"),
@@ -185,6 +219,42 @@ def test_an_output_that_cannot_be_written_is_one_line(cli: Cli, golden: Path, tm
     assert done.status == 1
     assert done.err_lines[-1].startswith("contact-curation: error: ")
     assert str(path) in done.err_lines[-1]
+
+
+def test_a_map_of_tags_that_is_not_there_is_said_once_and_not_of_every_input(cli: Cli, golden: Path, tmp_path: Path) -> None:
+    done = cli("rank", golden, golden, "--tag-map", tmp_path / "tags.yaml")
+    assert (done.status, done.out, len(done.err_lines)) == (1, "", 1)
+    assert done.err.startswith(f"contact-curation: error: {tmp_path / 'tags.yaml'}: cannot be read")
+
+
+def test_a_recording_of_another_body_is_ranked_with_a_warning_that_names_its_topic(
+    cli: Cli, golden: Path, tmp_path: Path
+) -> None:
+    body = tmp_path / "brick.yaml"
+    body.write_text(BRICK)
+    warned = cli("rank", golden, "--body", body, "--json")
+    assert warned.status == 0
+    assert warned.err_lines == [f"contact-curation: warning: {line}" for line in warned.json["warnings"]]
+    assert warned.json["warnings"][0] == (
+        f"{golden}: found no topic named after brick, expected one, or a name for it: took {ODOMETRY}"
+    )
+    for named in (("--topic", ODOMETRY), ("--body-frame", "body_cube")):
+        assert cli("rank", golden, "--body", body, *named, "--json").json["warnings"] == []
+
+
+@pytest.mark.parametrize("verb", ["rank", "score", "evaluate"])
+def test_a_recording_in_the_place_of_a_checkpoint_is_one_line_that_says_what_is_accepted(
+    cli: Cli, golden: Path, tmp_path: Path, verb: str
+) -> None:
+    words = {
+        "rank": (golden, "--params", golden),
+        "score": (golden, "--params", golden, "--out", tmp_path / "s.npz"),
+        "evaluate": (golden, golden),
+    }
+    done = cli(verb, *words[verb])
+    assert (done.status, done.out, len(done.err_lines)) == (1, "", 1)
+    assert done.err.startswith(f"contact-curation: error: {golden}: is not JSON (it is no text), expected a JSON object with")
+    assert done.err.endswith("or a checkpoint, a .safetensors file\n")
 
 
 def test_everything_gated_is_an_error_that_says_by_what_and_the_manifest_lists_it(

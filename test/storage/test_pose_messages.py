@@ -115,7 +115,7 @@ def test_the_topic_that_fits_is_found(topics: list[tuple[str, str]], chosen: str
             {},
             "found /image (sensor_msgs/msg/Image); expected one topic",
         ),
-        ([("/a", POSE), ("/b", POSE)], {}, "name it if there are several"),
+        ([("/a", POSE), ("/b", POSE)], {}, "name it (`topic`) if there are several"),
         ([("/a", POSE)], {"topic": "/b"}, "found /a (geometry_msgs/msg/PoseStamped); expected topic /b with poses"),
         ([("/a", "std_msgs/msg/String")], {"topic": "/a"}, "expected topic /a with poses"),
     ],
