@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from io import TextIOWrapper
 from pathlib import Path
 
 from contact_curation import __version__
@@ -53,7 +54,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command line; returns its exit status."""
     # Thousands of small matrices: the BLAS's own threads only wait for each other, five times longer on a busy machine.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    _open_closed_streams()
+    _prepare_streams()
     try:
         with sigterm_as_interrupt():
             return _run(sys.argv[1:] if argv is None else list(argv))
@@ -91,10 +92,12 @@ def _forget_output() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _open_closed_streams() -> None:
-    """Python has no `sys.stdout` or `sys.stderr` where the shell closed it (`>&-`): what goes there is lost, not an error."""
+def _prepare_streams() -> None:
+    """What goes to a stream that the shell closed (`>&-`) is lost, and what a terminal cannot show is shown in escapes."""
     sys.stdout = sys.stdout or Path(os.devnull).open("w")  # noqa: SIM115 - open until the process ends
     sys.stderr = sys.stderr or Path(os.devnull).open("w")  # noqa: SIM115
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 if __name__ == "__main__":

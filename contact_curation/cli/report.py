@@ -29,8 +29,8 @@ def print_json(content: Mapping[str, Any]) -> None:
 
 
 def json_line(content: Mapping[str, Any]) -> str:
-    """The same as text, without its line break."""
-    return json.dumps(_plain(content), ensure_ascii=False, allow_nan=False)
+    """The same as text without its line break, in ASCII, whatever files are called and a terminal can show."""
+    return json.dumps(_plain(content), allow_nan=False)
 
 
 def counted(count: int, thing: str) -> str:

@@ -11,6 +11,9 @@ from contact_curation.storage.manifest_csv import from_csv, to_csv
 from contact_curation.storage.manifest_json import from_json, to_json
 from contact_curation.storage.manifest_parquet import from_parquet, to_parquet
 
+AROUND = 20
+"""Characters beside one that cannot be written, for the message."""
+
 
 class _Format(NamedTuple):
     write: Callable[[Manifest], bytes]
@@ -34,7 +37,8 @@ def write_manifest(manifest: Manifest, path: Path) -> None:
     try:
         data = write(manifest)
     except UnicodeEncodeError as error:
-        raise InvalidValueError("manifest", f"{error.object!r}", "names and paths that are Unicode") from error
+        near = error.object[max(0, error.start - AROUND) : error.end + AROUND]
+        raise InvalidValueError("manifest", f"{near!r} in it", "names and paths that are Unicode") from error
     write_atomically(path, data)
 
 

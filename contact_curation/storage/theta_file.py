@@ -35,6 +35,8 @@ def read_theta(path: Path, body: Body) -> "Parameters | Model":
         try:
             return read_parameters(path, body)
         except UnreadableInputError as error:
+            if not path.is_file():
+                raise
             why = str(error).removeprefix(f"{path}: ")
             raise UnreadableInputError(path, f"{why}; or a checkpoint, a {CHECKPOINT} file") from error
     from contact_curation.storage.checkpoint_file import read_model

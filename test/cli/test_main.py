@@ -1,6 +1,8 @@
 """The door: exit statuses, one line per error, and a start that does not wait for libraries nobody needs yet."""
 
 import errno
+import json
+import os
 import signal
 import subprocess
 import sys
@@ -140,6 +142,21 @@ def test_an_output_that_takes_nothing_is_at_most_one_line(where: str, status: in
     assert done.returncode == status
     assert len(done.stderr.splitlines()) == len([says] if says else [])
     assert says in done.stderr
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
+def test_a_name_that_no_terminal_can_show_is_shown_in_escapes(encoding: str, golden: Path, tmp_path: Path) -> None:
+    bag = os.fsencode(tmp_path) + b"/t\xc3\xb6ss\xff.mcap"
+    Path(os.fsdecode(bag)).write_bytes(golden.read_bytes()[:-1000])
+    environment = {**os.environ, "PYTHONIOENCODING": f"{encoding}:strict"}
+    command: list[str | bytes | Path] = [sys.executable, "-m", "contact_curation.cli.main", "rank", bag]
+    as_json = subprocess.run([*command, "--json"], env=environment, capture_output=True, check=False)
+    assert as_json.returncode == 0
+    assert os.fsencode(json.loads(as_json.stdout)["inputs"][0]["path"]) == bag
+    manifest = subprocess.run([*command, "--out", tmp_path / "m.csv"], env=environment, capture_output=True, check=False)
+    assert manifest.returncode == 1
+    assert b"expected names and paths that are Unicode" in manifest.stderr
+    assert len(manifest.stderr) < 1000
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
