@@ -17,12 +17,15 @@ from contact_curation.cli.online_parameters import DASHBOARD, SessionFolder, ses
 from contact_curation.cli.online_record import finish_record
 from contact_curation.cli.online_session import Session
 from contact_curation.cli.online_summary import Summary, print_summary, summary_of
+from contact_curation.cli.reading import InputReader, ReadingConfig
 from contact_curation.cli.report import print_json
 from contact_curation.cli.stop_signals import StopSignals
-from contact_curation.cli.supervisor import Incident
-from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.cli.supervisor import Incident, ProgramFailedError
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
+from contact_curation.errors import ContactCurationError
 from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.body_file import read_body
+from contact_curation.storage.inputs import InputsConfig
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -44,14 +47,36 @@ def run(arguments: argparse.Namespace) -> int:
     """
     load_kernel()  # without it no node can work: better said here, once, than by all of them
     config = online_config(arguments)
+    check_recordings(config)
     with TemporaryDirectory(prefix="contact-curation-online-") as temporary:
         folder = SessionFolder(config.record or Path(temporary))
         voice = _Json() if arguments.json else _Lines()
-        with StopSignals() as stop:
-            summary = run_session(config, folder, arguments.command, stop, voice)
+        try:
+            with StopSignals() as stop:
+                summary = run_session(config, folder, arguments.command, stop, voice)
+        except ProgramFailedError as error:
+            if config.record:
+                raise
+            raise ProgramFailedError(f"{error.why}; --record DIR keeps its log") from error
     if config.throws and not summary.complete:
         raise KeyboardInterrupt
     return 0
+
+
+def check_recordings(config: OnlineConfig) -> None:
+    """Looks into the recordings that the model is judged by: a trainer without them goes on, and nobody would see why.
+
+    Raises:
+        ContactCurationError: one of them cannot be read.
+    """
+    for path in config.held_out:
+        reader = InputReader(path, ReadingConfig(_body(config), InputsConfig()))
+        if next(reader.tosses(), None) is None and not reader.reading().complete:
+            raise ContactCurationError(reader.reading().problems[0])
+
+
+def _body(config: OnlineConfig) -> Body:
+    return read_body(config.body_file) if config.body_file else CONTACTNETS_CUBE
 
 
 class Voice(Protocol):
@@ -76,7 +101,7 @@ def run_session(
         stop: ends it early.
         voice: says how it goes.
     """
-    body = read_body(config.body_file) if config.body_file else CONTACTNETS_CUBE
+    body = _body(config)
     parameters = session_parameters(config, body, folder)
     folder.make()
     write_node_parameters(folder.parameters, parameters)

@@ -51,7 +51,7 @@ def add_online_options(parser: argparse.ArgumentParser) -> None:
         "--camera", choices=CAMERAS, default=CAMERAS[0], help="tracked poses, or images with tags (default poses)"
     )
     parser.add_argument("--dashboard", action="store_true", help="serve the dashboard to a browser; its address is printed")
-    parser.add_argument("--stay", action="store_true", help="serve it until Ctrl-C, when the throws are over")
+    parser.add_argument("--stay", action="store_true", help="serve it until Ctrl-C, also when the throws are over")
     parser.add_argument("--record", type=Path, metavar="DIR", help="keep the session in this folder: bag, model, report, logs")
     parser.add_argument(
         "--body-file",

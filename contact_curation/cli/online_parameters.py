@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from contact_curation.cli.free_port import free_port
 from contact_curation.cli.node_parameters import EVERY_NODE, Parameters, read_node_parameters
@@ -19,6 +18,12 @@ STAGES = ("pose_ingest", "fisher_scorer", "curator", "trainer", "throw_designer"
 DASHBOARD, RECORDER = "dashboard", "session_recorder"
 OTHERS = ("player",)
 """Nodes that a file may have parameters of, and a session does not start."""
+
+DEFAULTS = Path(__file__).resolve().parents[1] / "config" / "nodes.yaml"
+"""Every parameter of every node."""
+
+OF_ROS = ("use_sim_time", "qos_overrides.", "start_type_description_service")
+"""Beginnings of parameters that every node has."""
 
 OF_BODIES = ("pose_ingest", "fisher_scorer", "trainer", "throw_designer", "sim_arm", "sim_camera", DASHBOARD)
 SEEDED = ("curator", "trainer", "sim_arm", "sim_camera")
@@ -65,7 +70,7 @@ class SessionFolder:
         Raises:
             InvalidValueError: there is a session already, or they cannot be made.
         """
-        if self.events.exists():
+        if self.events.exists() or self.bag.exists():
             raise InvalidValueError("--record", self.root, "a folder without a session in it")
         try:
             for folder in (self.logs, self.stores, self.figures):
@@ -107,11 +112,18 @@ def write_tag_map(config: OnlineConfig, body: Body, folder: SessionFolder) -> No
         write_atomically(folder.tag_map, tag_rig_yaml(rig).encode())
 
 
-def _check_names(given: Mapping[str, Any], path: Path | None) -> None:
+def _check_names(given: Mapping[str, Parameters], path: Path | None) -> None:
+    """ROS takes no notice of a parameter that a node does not have, so that a slip of the pen would change nothing."""
     known = (EVERY_NODE, *STAGES, DASHBOARD, RECORDER, *OTHERS)
     unknown = sorted(set(given) - set(known))
     if unknown:
         raise InvalidValueError(f"nodes in {path}", ", ".join(unknown), f"some of {', '.join(known)}")
+    declared = read_node_parameters(DEFAULTS) if given else {}
+    declared[EVERY_NODE] = {name: value for values in declared.values() for name, value in values.items()}
+    for node, values in given.items():
+        unknown = [name for name in values if name not in declared[node] and not name.startswith(OF_ROS)]
+        if unknown:
+            raise InvalidValueError(f"parameters of {node} in {path}", ", ".join(unknown), "those of config/nodes.yaml")
 
 
 def _of_options(config: OnlineConfig, body: Body) -> dict[str, Parameters]:

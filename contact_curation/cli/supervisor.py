@@ -32,7 +32,15 @@ LARGEST_TAIL = 1 << 14
 
 
 class ProgramFailedError(ContactCurationError):
-    """A program died again and again, right after its start."""
+    """A program died again and again, right after its start.
+
+    Attributes:
+        why: without the place of its log.
+    """
+
+    def __init__(self, why: str, log: Path | None = None) -> None:
+        super().__init__(f"{why} ({log})" if log else why)
+        self.why = why
 
 
 @dataclass(frozen=True)
@@ -179,7 +187,7 @@ class Supervisor:
         name, times = run.program.name, self._patience.most_failures
         self._tell(Incident("given up", name, how, pid))
         if run.program.needed:
-            raise ProgramFailedError(f"{name} died {times} times right after its start, the last time with {how} ({run.log})")
+            raise ProgramFailedError(f"{name} died {times} times right after its start, the last time with {how}", run.log)
 
     def _stop(self, runs: Sequence["_Run"]) -> None:
         for run in runs:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from contact_curation.cli import online
 from contact_curation.cli.free_domain import graph_domain
 from contact_curation.cli.free_port import free_port
 from contact_curation.cli.main import main
@@ -19,6 +20,7 @@ from contact_curation.cli.online_session import gains, outcome_of
 from contact_curation.cli.online_settling import awaits_gain, awaits_motion, is_scored, training_is_due
 from contact_curation.cli.online_stores import KeptBack, SessionStores, Standing, ThrowMade, Training
 from contact_curation.cli.rank_of_session import rank_command
+from contact_curation.cli.supervisor import ProgramFailedError
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.solver import compiled
@@ -55,10 +57,10 @@ def test_options_go_before_the_file_and_the_session_before_both(tmp_path: Path) 
 
 
 def test_designer_and_arm_are_told_of_the_same_arm(tmp_path: Path) -> None:
-    text = "sim_arm: {ros__parameters: {arm: {base: [0.0, -0.6]}, gate.speed: 1.0}}"
+    text = "sim_arm: {ros__parameters: {arm: {base: [0.0, -0.6]}, gate.largest_speed: 1.0}}"
     designer = parameters_of(tmp_path, text)["throw_designer"]
     assert designer["arm.base"] == [0.0, -0.6]
-    assert "gate.speed" not in designer
+    assert "gate.largest_speed" not in designer
 
 
 def test_listeners_run_only_where_they_are_wanted(tmp_path: Path) -> None:
@@ -97,6 +99,12 @@ def test_the_tracked_poses_are_named_so_that_the_ground_truth_is_never_taken_for
     ("text", "message"),
     [
         ("/**/curador: {ros__parameters: {top: 5}}", "found curador, expected some of"),
+        (
+            "/**/curator: {ros__parameters: {topp: 5}}",
+            "parameters of curator in .*: found topp, expected those of config/nodes",
+        ),
+        ("/**: {ros__parameters: {settling: 5}}", "found settling, expected"),
+        ("/**/trainer: {ros__parameters: {top: 5}}", "parameters of trainer in .*: found top, expected"),
         ("curator: {top: 5}", "expected ros__parameters under the name of each node"),
         ("- a", "expected ros__parameters"),
         ("a: [", "no YAML"),
@@ -107,9 +115,15 @@ def test_a_file_that_holds_something_else_is_refused(tmp_path: Path, text: str, 
         parameters_of(tmp_path, text)
 
 
-def test_a_folder_with_a_session_is_not_used_again(tmp_path: Path) -> None:
+def test_parameters_that_every_node_of_ros_has_are_taken(tmp_path: Path) -> None:
+    found = parameters_of(tmp_path, "/**: {ros__parameters: {use_sim_time: false}}")
+    assert found["curator"]["use_sim_time"] is False
+
+
+@pytest.mark.parametrize("name", ["events.jsonl", "session.mcap"])
+def test_a_folder_with_a_session_is_not_used_again(tmp_path: Path, name: str) -> None:
     SessionFolder(tmp_path).make()
-    (tmp_path / "events.jsonl").touch()
+    (tmp_path / name).touch()
     with pytest.raises(InvalidValueError, match="expected a folder without a session in it"):
         SessionFolder(tmp_path).make()
 
@@ -239,6 +253,34 @@ def test_a_file_that_is_not_there_is_one_line_and_starts_nothing(tmp_path: Path,
     assert main(["online", "--record", str(record), "--body-file", str(tmp_path / "none.yaml")]) == 1
     assert capsys.readouterr().err.count("\n") == 2
     assert not record.exists()
+
+
+@pytest.mark.parametrize(("name", "says"), [("none.mcap", "No such file"), ("folder", "is a folder without storage files")])
+def test_a_recording_to_judge_by_that_cannot_be_read_is_one_line_and_starts_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, says: str
+) -> None:
+    (tmp_path / "folder").mkdir()
+    record = tmp_path / "session"
+    assert main(["online", "--record", str(record), "--held-out", str(tmp_path / name)]) == 1
+    err = capsys.readouterr().err
+    assert err.startswith(f"contact-curation: error: {tmp_path / name}: ")
+    assert says in err
+    assert err.count("\n") == 1
+    assert not record.exists()
+
+
+@pytest.mark.parametrize(
+    ("kept", "says"), [(True, "status 1: no (a.log)"), (False, "status 1: no; --record DIR keeps its log")]
+)
+def test_the_log_of_a_node_that_died_is_named_only_where_it_stays(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, kept: bool, says: str
+) -> None:
+    def died(*_: object) -> None:
+        raise ProgramFailedError("a died with status 1: no", Path("a.log"))
+
+    monkeypatch.setattr(online, "run_session", died)
+    assert main(["online", *(["--record", str(tmp_path / "session")] if kept else [])]) == 1
+    assert capsys.readouterr().err == f"contact-curation: error: a died with {says}\n"
 
 
 def test_without_the_compiled_kernel_a_session_ends_before_it_begins(
