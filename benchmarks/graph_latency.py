@@ -21,6 +21,7 @@ import numpy as np
 from contact_curation_msgs.msg import TossInformation
 from nav_msgs.msg import Odometry
 
+from contact_curation.cli.free_domain import free_domain
 from contact_curation.nodes.messages.headers import nanoseconds_of
 from contact_curation.nodes.qos import kept
 from contact_curation.storage.bag_writer import BagWriter
@@ -80,7 +81,7 @@ def measured(count: int, rate: float) -> Latency:
         with BagWriter(bag) as writer:
             record(writer, "cube", simulated_tosses(count, SEED, RIG_NOISE), TagslamRig(pause=PAUSE))
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-        with Graph(Path(folder), domain=1 + os.getpid() % 100) as graph:
+        with free_domain() as domain, Graph(Path(folder), domain) as graph:
             moments = Moments(graph)
             tosses = graph.tosses()
             for stage in ("pose_ingest", "fisher_scorer", "curator"):

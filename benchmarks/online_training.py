@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks._data import contactnets_folder, training_and_held_out
+from contact_curation.cli.free_domain import free_domain
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.parameter_form import Form
@@ -86,7 +87,7 @@ def random_model(seed: int) -> PolytopeModel:
 
 def played(bag: Path, held_out: Path, criterion: str, seed: int, top: int, rate: float) -> Run:
     """Plays the bag once."""
-    with TemporaryDirectory() as folder, Graph(Path(folder), domain=1 + os.getpid() % 100) as graph:
+    with TemporaryDirectory() as folder, free_domain() as domain, Graph(Path(folder), domain) as graph:
         statuses, buffers, parameters, tosses = graph.statuses(), graph.buffers(), graph.parameters(), graph.tosses()
         theta = Path(folder) / "theta.safetensors"
         save_model(theta, random_model(seed))

@@ -6,13 +6,12 @@ python -m test.docs.reference          writes it
 import sys
 from typing import Any
 
+from contact_curation.cli.free_domain import free_domain
 from test.conftest import REPOSITORY
 from test.graph.declared_parameters import CLASSES, declared, in_empty_folder
 
 PAGE = REPOSITORY / "docs" / "reference.md"
 MSG_DEFS = REPOSITORY / "msg_defs"
-DOMAIN = 78
-"""Of ROS; no other test has it."""
 
 HEAD = """# Parameters and messages
 
@@ -24,14 +23,14 @@ is told in [nodes.md](nodes.md).
 
 def page() -> str:
     """The whole of it."""
-    with in_empty_folder():
-        nodes = [_node_section(name) for name in CLASSES]
+    with in_empty_folder(), free_domain() as domain:
+        nodes = [_node_section(name, domain) for name in CLASSES]
     return HEAD + "\n".join([*nodes, *_interfaces()])
 
 
-def _node_section(name: str) -> str:
+def _node_section(name: str, domain: int) -> str:
     lines = [f"## {name}", "", "| parameter | default | |", "|---|---|---|"]
-    for one in sorted(declared(name, DOMAIN)):
+    for one in sorted(declared(name, domain)):
         told = "; ".join(
             part
             for part in (one.description.rstrip("."), one.constraint, "" if one.fixed else "can be changed at any time")

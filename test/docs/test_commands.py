@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from contact_curation.cli.free_domain import free_domain
 from contact_curation.storage.state_store import StateStore
 from test.conftest import REPOSITORY
 
@@ -62,12 +63,13 @@ def test_every_command_of_the_readme_is_run_by_some_test(text: str) -> None:
 
 @pytest.mark.slow
 def test_the_tutorials_commands_run_as_they_are_written(tmp_path: Path) -> None:
-    environment = {**os.environ, "HOME": str(tmp_path), "ROS_DOMAIN_ID": "77", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    environment = {**os.environ, "HOME": str(tmp_path), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     environment["PATH"] = f"{Path(sys.executable).parent}:{environment['PATH']}"
-    done = subprocess.run(
-        ["bash", "-c", script("docs/tutorial.md")],
-        cwd=REPOSITORY, env=environment, capture_output=True, text=True, timeout=600, check=False,
-    )  # fmt: skip
+    with free_domain() as domain:
+        done = subprocess.run(
+            ["bash", "-c", script("docs/tutorial.md")], cwd=REPOSITORY, env={**environment, "ROS_DOMAIN_ID": str(domain)},
+            capture_output=True, text=True, timeout=600, check=False,
+        )  # fmt: skip
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     made = tmp_path / "brick"
     for name in ("manifest.csv", "manifest_2.csv", "motion.png", "brick.safetensors", "next.json"):

@@ -19,6 +19,7 @@ import yaml
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
+from contact_curation.cli.free_domain import free_domain
 from contact_curation.errors import ContactCurationError
 
 CLASSES = {
@@ -137,8 +138,8 @@ def main() -> None:
     """Writes the file; the middleware has the standard output for itself."""
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     path = Path(sys.argv[1]).absolute()
-    with in_empty_folder():
-        path.write_text(nodes_yaml(1 + os.getpid() % 100))
+    with in_empty_folder(), free_domain() as domain:
+        path.write_text(nodes_yaml(domain))
 
 
 if __name__ == "__main__":

@@ -21,11 +21,11 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from tf2_msgs.msg import TFMessage
 
+from contact_curation.cli.free_domain import free_domain
 from test.packaging.type_hash import compiled_hash
 
 MSG_DEFS = Path(__file__).resolve().parents[2] / "msg_defs"
 FOLDERS = [MSG_DEFS, MSG_DEFS / "vendored" / "tf2_msgs", MSG_DEFS / "vendored" / "apriltag_msgs"]
-DOMAIN = 61
 
 PUBLIC_HASHES = {
     # As `ros2 topic info --verbose` prints them on an apt-installed Jazzy.
@@ -105,11 +105,12 @@ def node(monkeypatch: pytest.MonkeyPatch) -> Iterator[Node]:
     """A node in a ROS domain of its own, on this machine only."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     context = rclpy.Context()
-    rclpy.init(context=context, domain_id=DOMAIN)
-    made = rclpy.create_node("packaging", context=context)
-    yield made
-    made.destroy_node()
-    rclpy.try_shutdown(context=context)
+    with free_domain() as domain:
+        rclpy.init(context=context, domain_id=domain)
+        made = rclpy.create_node("packaging", context=context)
+        yield made
+        made.destroy_node()
+        rclpy.try_shutdown(context=context)
 
 
 def spin_until(node: Node, done: Any) -> None:
