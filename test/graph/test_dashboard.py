@@ -22,7 +22,7 @@ from test.graph.graph import Graph
 from test.graph.offline import tosses_of
 from test.graph.storyteller import Storyteller, stamped
 
-LONG = 60.0
+LONG = 90.0
 NODES = ("pose_ingest", "fisher_scorer", "curator", "dashboard")
 TOP = 6
 FLOOD = 400

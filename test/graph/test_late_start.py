@@ -24,7 +24,7 @@ from test.graph.offline import assert_same_buffer, curated, scored, tosses_of
 
 NODES_YAML = Path(__file__).resolve().parents[2] / "contact_curation" / "config" / "nodes.yaml"
 TOP = 5
-LONG = 40.0
+LONG = 90.0
 
 
 def set_criterion(graph: Graph, criterion: str) -> Any:

@@ -29,7 +29,7 @@ STAMP_NS = 77 * 10**9
 COUNT = 100
 PERIOD_NS = 20 * MILLISECOND
 POINT = "std_msgs/Header header\ngeometry_msgs/Point point\n"
-LONG = 20.0
+LONG = 90.0
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from test.graph.offline import assert_same_buffer, curated, tosses_of
 
 TOP = 6
 RATE = 20.0
-LONG = 60.0
+LONG = 90.0
 
 
 def test_the_same_bag_gives_the_same_ranking_through_the_nodes_and_through_the_library(graph: Graph, golden_bag: Path) -> None:

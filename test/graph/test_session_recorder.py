@@ -14,7 +14,7 @@ from contact_curation.nodes.qos import kept, profile
 from contact_curation.storage.bag_reader import BagReader
 from test.graph.graph import Graph, until
 
-LONG = 40.0
+LONG = 90.0
 TYPES = [
     "nav_msgs/msg/Odometry",
     "sensor_msgs/msg/CameraInfo",

@@ -27,7 +27,7 @@ from test.simulated import RIG_NOISE
 from test.storage.test_tag_map_file import SHIPPED
 from test.tagged_tosses import tagged_tosses
 
-LONG = 40.0
+LONG = 90.0
 TRUTH = profile(2000, reliable=True, latched=False)
 
 
@@ -159,7 +159,7 @@ def test_tags_are_rendered_and_detected_and_give_the_true_pose_with_the_frames_s
         assert isinstance(event, BodyPose)
         np.testing.assert_allclose(event.pose.position, true.position, atol=1e-3)
         assert np.degrees(quaternions.angle_between(np.array(event.pose.orientation_wxyz), true.orientation_wxyz)) < 0.5
-    graph.until(lambda: len(images) == 3, 5.0, "the images")
+    graph.until(lambda: len(images) == 3, LONG, "the images")
     assert (images[0].width, images[0].height, images[0].encoding) == (800, 600, "mono8")
     assert images[0].header.stamp == heard[0].header.stamp
 

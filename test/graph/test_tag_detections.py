@@ -23,7 +23,7 @@ from test.storage.test_tag_map_file import SHIPPED
 from test.tag_scene import CAMERA
 from test.tagged_tosses import TaggedImage, tagged_tosses, without_tags
 
-LONG = 40.0
+LONG = 90.0
 WITH_MAP = InputsConfig(poses=PoseTopicConfig(tag_map=str(SHIPPED)))
 
 
@@ -55,7 +55,7 @@ def test_detections_that_are_published_and_those_in_a_bag_give_the_same_tosses(g
     assert [toss.toss_id for toss in tosses] == [toss.toss_id for toss in expected]
     assert [toss_of(toss).digest() for toss in tosses] == [toss.digest() for toss in expected]
     assert [one.toss_id for one in rejected] == gone
-    graph.until(lambda: "bad lost" in str(diagnostics), 5.0, "the count of lost tags")
+    graph.until(lambda: "bad lost" in str(diagnostics), LONG, "the count of lost tags")
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ from test.cli.commands import write_parameters
 from test.graph.graph import Graph
 from test.graph.instant_thrower import Thrower, settled
 
-LONG = 60.0
+LONG = 90.0
 SMALL: dict[str, Any] = {
     "design.pool": 24,
     "design.reference": 8,

@@ -19,7 +19,7 @@ from contact_curation.nodes.messages.throw import throw_message
 from contact_curation.nodes.qos import profile
 from test.graph.graph import Graph
 
-LONG = 60.0
+LONG = 90.0
 STILL = 0.02
 """An arm whose joints are slower than this stands [rad/s]."""
 
