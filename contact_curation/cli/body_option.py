@@ -5,12 +5,12 @@ from pathlib import Path
 
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 
+HELP = "the object, a YAML file like contact_curation/config/cube.yaml (default: ContactNets' cube)"
 
-def add_body_option(parser: argparse.ArgumentParser) -> None:
-    """Adds the option."""
-    parser.add_argument(
-        "--body", type=Path, metavar="FILE", help="the object, a YAML file like config/cube.yaml (default: ContactNets' cube)"
-    )
+
+def add_body_option(parser: argparse.ArgumentParser, *others: str) -> None:
+    """Adds the option; `others` are names that it has, too."""
+    parser.add_argument("--body", *others, dest="body", type=Path, metavar="FILE", help=HELP)
 
 
 def chosen_body(arguments: argparse.Namespace) -> Body:

@@ -54,12 +54,13 @@ def run(arguments: argparse.Namespace) -> int:
     particles = particles or [Particle(ContactGeometry.of_body(body), body, config.loss)]
     known, seen = tosses_in(arguments.known, arguments.manifest, config.reading)
     examples, warnings = tosses_in(arguments.prior, None, config.reading)
-    warn([*seen, *warnings])
+    warnings = (*seen, *warnings)
+    warn(warnings)
     situation = _Situation(particles, tuple(known), _states(examples), config.design, _arm(body) if arguments.arm else None)
     names = [f"{arguments.name}-{arguments.seed}-{number}" for number in range(arguments.throws)]
     plan = situation.plan(names, arguments.seed, "warm-up" if arguments.warm_up else arguments.baseline)
     write_throws(arguments.out, plan.throws)
-    _report(arguments, plan, situation)
+    _report(arguments, plan, situation, warnings)
     return 0
 
 
@@ -118,11 +119,12 @@ def _states(tosses: Sequence[Toss]) -> Array:
     return np.array([states_of(toss, 1.0)[0] for toss in tosses]) if tosses else np.zeros((0, 13))
 
 
-def _report(arguments: argparse.Namespace, plan: Plan, situation: _Situation) -> None:
+def _report(arguments: argparse.Namespace, plan: Plan, situation: _Situation, warnings: Sequence[str]) -> None:
     if arguments.json:
         throws = [throw.to_mapping() for throw in plan.throws]
         content = {"out": str(arguments.out), "throws": throws, "expected_information": plan.expected, "pool": plan.pool}
-        print_json({**content, "refused": dict(plan.refused), "known": len(situation.known), "seed": arguments.seed})
+        content |= {"refused": dict(plan.refused), "known": len(situation.known), "seed": arguments.seed}
+        print_json({**content, "warnings": warnings})
         return
     print(f"{'throw':<20} {'gain':>8} {'height':>8} {'speed':>8} {'spin':>8}")
     print(f"{'':<20} {'log-det':>8} {'m':>8} {'m/s':>8} {'rad/s':>8}")

@@ -7,18 +7,16 @@ from pathlib import Path
 from contact_curation.cli.body_option import add_body_option, chosen_body
 from contact_curation.cli.option_types import PathEndingIn, natural_number, positive_integer
 from contact_curation.cli.reading import ReadingConfig
+from contact_curation.cli.reading_options import add_pose_options, stages_of
 from contact_curation.cli.report import add_json_option
-from contact_curation.cli.settings import add_settings, with_settings
+from contact_curation.cli.settings import add_settings
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.design.outlook import OutlookConfig
 from contact_curation.design.planner import DesignConfig
-from contact_curation.motion.gates import GateConfig
-from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.storage.inputs import InputsConfig
-from contact_curation.storage.pose_source import PoseTopicConfig
 
 BASELINES = ("paper", "prior")
-STAGES = ("design", "forecast", "safety", "noise", "placement", "refinement", "loss", "segmenter", "gates")
+STAGES = ("design", "forecast", "safety", "noise", "placement", "refinement", "loss", "poses", "segmenter", "gates")
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +51,7 @@ def add_design_options(parser: argparse.ArgumentParser) -> None:
         metavar="INPUT",
         help="recordings of throws like those to be made (default: the published statistics of ContactNets' releases)",
     )
+    add_pose_options(parser)
     group = parser.add_argument_group("throws")
     group.add_argument("--throws", type=positive_integer, default=8, metavar="N", help="how many (default 8)")
     group.add_argument("--seed", type=natural_number, default=0, metavar="N", help="the same gives the same throws (default 0)")
@@ -80,7 +79,7 @@ def _add_theta_options(group: argparse._ArgumentGroup) -> None:
         metavar="C",
         help="theta as `train` wrote it; given several times, gains are averaged over them (default: the object as described)",
     )
-    group.add_argument("--params", type=Path, action="append", default=[], metavar="FILE", help="the same as a JSON file")
+    group.add_argument("--params", type=Path, action="append", default=[], metavar="FILE", help="the same, or a JSON file")
 
 
 def design_config(arguments: argparse.Namespace) -> DesignOptions:
@@ -99,13 +98,11 @@ def design_config(arguments: argparse.Namespace) -> DesignOptions:
         "placement": outlook.placement,
         "refinement": design.refinement,
         "loss": DEFAULT_LOSS,
-        "segmenter": SegmenterConfig(),
-        "gates": GateConfig(),
     }
-    stages = with_settings(plain, arguments.settings)
+    stages = stages_of(arguments, plain)
     judged = replace(outlook, **{name: stages[name] for name in ("forecast", "safety", "noise", "placement")})
     return DesignOptions(
         design=replace(stages["design"], outlook=judged, refinement=stages["refinement"]),
         loss=stages["loss"],
-        reading=ReadingConfig(chosen_body(arguments), InputsConfig(PoseTopicConfig(), stages["segmenter"], stages["gates"])),
+        reading=ReadingConfig(chosen_body(arguments), InputsConfig(stages["poses"], stages["segmenter"], stages["gates"])),
     )

@@ -13,6 +13,7 @@ from contact_curation.errors import InvalidValueError
 
 def add_options(verb: argparse.ArgumentParser) -> None:
     """Adds the verb's options to its parser."""
+    verb.description = "Writes public data as the bag that a rig would have recorded of it, for `rank` and the nodes to read."
     sources = verb.add_subparsers(title="data", metavar="DATA", required=True)
     parser = sources.add_parser(
         "contactnets",

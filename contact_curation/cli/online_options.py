@@ -4,6 +4,7 @@ import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
+from contact_curation.cli.body_option import add_body_option
 from contact_curation.cli.option_types import natural_number, number_from_zero, positive_integer
 from contact_curation.cli.report import add_json_option
 from contact_curation.information.ranker import CRITERIA, DEFAULT_CRITERION
@@ -53,16 +54,9 @@ def add_online_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--dashboard", action="store_true", help="serve the dashboard to a browser; its address is printed")
     parser.add_argument("--stay", action="store_true", help="serve it until Ctrl-C, also when the throws are over")
     parser.add_argument("--record", type=Path, metavar="DIR", help="keep the session in this folder: bag, model, report, logs")
-    parser.add_argument(
-        "--body-file",
-        "--body",
-        dest="body_file",
-        type=Path,
-        metavar="FILE",
-        help="the object, a YAML file like config/cube.yaml (default: ContactNets' cube)",
-    )
+    add_body_option(parser, "--body-file")  # the nodes' name for it
     parser.add_argument("--top", type=positive_integer, metavar="K", help="how many tosses are kept (default 32)")
-    parser.add_argument("--criterion", choices=CRITERIA, help=f"by what they are chosen (default {DEFAULT_CRITERION})")
+    parser.add_argument("--criterion", choices=CRITERIA, help=f"by what --top chooses (default {DEFAULT_CRITERION})")
     parser.add_argument("--seed", type=natural_number, metavar="N", help="of all that is random (default 0)")
     parser.add_argument(
         "--rate", type=number_from_zero, metavar="R", help="simulated seconds a second; 0: as fast as possible (default 1)"
@@ -77,7 +71,10 @@ def add_online_options(parser: argparse.ArgumentParser) -> None:
         help="recordings that are never trained on, to judge the model by (default none)",
     )
     parser.add_argument(
-        "--params-file", type=Path, metavar="YAML", help="parameters of the nodes, a file like config/nodes.yaml"
+        "--params-file",
+        type=Path,
+        metavar="YAML",
+        help="parameters of the nodes, a file like contact_curation/config/nodes.yaml",
     )
     add_json_option(parser)
 
@@ -90,7 +87,7 @@ def online_config(arguments: argparse.Namespace) -> OnlineConfig:
         dashboard=arguments.dashboard or arguments.stay,
         stay=arguments.stay,
         record=arguments.record,
-        body_file=arguments.body_file,
+        body_file=arguments.body,
         top=arguments.top,
         criterion=arguments.criterion,
         seed=arguments.seed,

@@ -85,7 +85,9 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
 
 def _add_ranking_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("how they are ranked")
-    group.add_argument("--criterion", choices=CRITERIA, default=DEFAULT_CRITERION, help=f"(default {DEFAULT_CRITERION})")
+    group.add_argument(
+        "--criterion", choices=CRITERIA, default=DEFAULT_CRITERION, help=f"by what --top chooses (default {DEFAULT_CRITERION})"
+    )
     group.add_argument("--variant", choices=VARIANTS, default="pivoted", help="of criterion orthogonal (default pivoted)")
     group.add_argument("--top", type=positive_integer, default=32, metavar="K", help="how many are kept (default 32)")
     group.add_argument("--seed", type=natural_number, default=0, metavar="N", help="of criterion random (default 0)")

@@ -4,10 +4,13 @@ import argparse
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from contact_curation.cli.body_option import add_body_option
 from contact_curation.cli.settings import add_settings, with_settings
+
+if TYPE_CHECKING:
+    from contact_curation.storage.pose_source import PoseTopicConfig
 
 
 def add_reading_options(parser: argparse.ArgumentParser, stages: tuple[str, ...], *, needed: bool = True) -> None:
@@ -20,12 +23,17 @@ def add_reading_options(parser: argparse.ArgumentParser, stages: tuple[str, ...]
         help="MCAP file, rosbag2 folder or its storage file, ROS 1 bag, folder of ContactNets .pt files or one of them",
     )
     add_body_option(parser)
+    add_pose_options(parser)
+    add_settings(parser, stages)
+
+
+def add_pose_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the options that say where the poses are."""
     group = parser.add_argument_group("where the poses are (found by themselves in TagSLAM bags)")
     group.add_argument("--topic", default="", help="topic with the object's poses")
     group.add_argument("--body-frame", default="", metavar="FRAME", help="the object's frame (default body_NAME)")
     group.add_argument("--tag-map", default="", metavar="FILE", help="tags of object and board, to read detections with (YAML)")
     group.add_argument("--board-frame", metavar="FRAME", help="the board's frame, z up (default body_surface)")
-    add_settings(parser, stages)
 
 
 def stages_of(arguments: argparse.Namespace, others: Mapping[str, Any]) -> dict[str, Any]:
@@ -36,14 +44,18 @@ def stages_of(arguments: argparse.Namespace, others: Mapping[str, Any]) -> dict[
     """
     from contact_curation.motion.gates import GateConfig
     from contact_curation.motion.segmenter_config import SegmenterConfig
-    from contact_curation.storage.pose_source import PoseTopicConfig
-    from contact_curation.storage.tag_map_file import read_tag_maps
 
-    poses = PoseTopicConfig(topic=arguments.topic, body_frame=arguments.body_frame, tag_map=arguments.tag_map)
-    if arguments.board_frame is not None:
-        poses = replace(poses, board_frame=arguments.board_frame)
-    stages = {"poses": poses, "segmenter": SegmenterConfig(), "gates": GateConfig(), **others}
+    stages = {"poses": _poses_of(arguments), "segmenter": SegmenterConfig(), "gates": GateConfig(), **others}
     chosen = with_settings(stages, arguments.settings)
     if tag_map := chosen["poses"].tag_map:
+        from contact_curation.storage.tag_map_file import read_tag_maps
+
         read_tag_maps(Path(tag_map))  # so that a file that is none is said once, and not of every input
     return chosen
+
+
+def _poses_of(arguments: argparse.Namespace) -> "PoseTopicConfig":
+    from contact_curation.storage.pose_source import PoseTopicConfig
+
+    poses = PoseTopicConfig(topic=arguments.topic, body_frame=arguments.body_frame, tag_map=arguments.tag_map)
+    return poses if arguments.board_frame is None else replace(poses, board_frame=arguments.board_frame)

@@ -38,7 +38,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--params", type=Path, required=True, metavar="FILE", help="theta, a JSON file or a polytope's checkpoint"
     )
-    parser.add_argument("--cone", choices=[cone.value for cone in Cone], default=Cone.CIRCULAR.value, help="friction cone")
+    parser.add_argument(
+        "--cone", choices=[cone.value for cone in Cone], default=Cone.CIRCULAR.value, help="friction cone (default circular)"
+    )
     parser.add_argument("--out", type=PathEndingIn(".npz"), required=True, metavar="FILE.npz", help="the arrays")
     add_json_option(parser)
     parser.set_defaults(run=run)

@@ -31,7 +31,10 @@ def add_train_options(parser: argparse.ArgumentParser) -> None:
 def _add_model_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("what is trained, and how")
     group.add_argument(
-        "--model", choices=[kind.value for kind in ModelKind], default=ModelKind.POLYTOPE.value, help="(default polytope)"
+        "--model",
+        choices=[kind.value for kind in ModelKind],
+        default=ModelKind.POLYTOPE.value,
+        help="the model (default polytope)",
     )
     group.add_argument(
         "--params",
@@ -46,7 +49,12 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
         help="budgeted: so many steps in batches; published: ContactNets', until the held-out loss stops falling; "
         "exact: a polytope's optimum at once (default budgeted)",
     )
-    group.add_argument("--steps", type=positive_integer, metavar="N", help="gradient steps at most")
+    group.add_argument(
+        "--steps",
+        type=positive_integer,
+        metavar="N",
+        help="gradient steps at most, which exact takes none of (default: of the protocol)",
+    )
     group.add_argument("--seed", type=natural_number, default=0, metavar="N", help="of everything random (default 0)")
 
 
@@ -55,10 +63,12 @@ def _add_toss_options(parser: argparse.ArgumentParser) -> None:
     chosen = group.add_mutually_exclusive_group()
     chosen.add_argument("--manifest", type=Path, metavar="FILE", help="those that `rank` kept")
     chosen.add_argument("--top", type=positive_integer, metavar="K", help="the best K, as the model sees them")
-    group.add_argument("--criterion", choices=CRITERIA, help=f"of --top (default {DEFAULT_CRITERION})")
+    group.add_argument("--criterion", choices=CRITERIA, help=f"by what --top chooses (default {DEFAULT_CRITERION})")
     group.add_argument("--variant", choices=VARIANTS, help="of criterion orthogonal (default pivoted)")
     group.add_argument(
-        "--estimator", choices=[estimator.value for estimator in Estimator], help="of --top (default gauss-newton)"
+        "--estimator",
+        choices=[estimator.value for estimator in Estimator],
+        help="of the Fisher matrix for --top (default gauss-newton)",
     )
     again = group.add_mutually_exclusive_group()
     again.add_argument("--rerank-every", type=positive_integer, metavar="N", help="select the best K again every N epochs")

@@ -12,6 +12,8 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.information.scoring import parameters_version
 from contact_curation.sim.arm_feasibility import feasible
+from contact_curation.storage.bag_reader import BagReader
+from contact_curation.storage.bag_writer import BagWriter
 from contact_curation.storage.checkpoint_file import save_model
 from contact_curation.storage.throws_file import read_throws
 from test.cli.commands import Cli, Outcome, write_parameters
@@ -58,6 +60,26 @@ def test_known_tosses_leave_less_to_gain_and_give_the_prior(cli: Cli, tmp_path: 
     informed = design(cli, tmp_path / "informed.json", "--known", golden, "--prior", golden, "--json").json
     assert informed["known"] == 21
     assert informed["expected_information"] < 0.5 * bare["expected_information"]
+
+
+def test_known_tosses_are_read_where_the_user_says_that_the_poses_are(cli: Cli, tmp_path: Path, golden: Path) -> None:
+    bag = tmp_path / "two.mcap"
+    with BagReader(golden) as reader, BagWriter(bag) as writer:
+        for message in reader.messages():
+            for topic in ("/mine", "/theirs") if message.topic.startswith("/tagslam") else (message.topic,):
+                writer.write(topic, message.message, message.log_time_ns, latched=message.topic == "/tf_static")
+    lost = design(cli, tmp_path / "throws.json", "--known", bag)
+    assert (lost.status, len(lost.err_lines)) == (1, 1)
+    assert "name it (`topic`) if there are several" in lost.err
+    assert design(cli, tmp_path / "throws.json", "--known", bag, "--topic", "/mine", "--json").json["known"] == 21
+
+
+def test_json_alone_is_on_standard_output_also_where_there_are_warnings(cli: Cli, tmp_path: Path, golden: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(golden.read_bytes()[: golden.stat().st_size // 2])
+    said = design(cli, tmp_path / "throws.json", "--known", cut, "--json")
+    assert said.err_lines == [f"contact-curation: warning: {line}" for line in said.json["warnings"]]
+    assert said.json["warnings"][0].startswith(f"{cut}: cut short at byte ")
 
 
 def test_of_known_tosses_a_manifest_chooses(cli: Cli, tmp_path: Path, golden: Path) -> None:
