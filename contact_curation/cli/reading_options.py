@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from contact_curation.storage.pose_source import PoseTopicConfig
 
 
+SHARED_STAGES = ("poses", "segmenter", "gates")
+"""Of every verb that reads recordings."""
+
+
 def add_reading_options(parser: argparse.ArgumentParser, stages: tuple[str, ...], *, needed: bool = True) -> None:
     """Adds the options; `stages` are those whose fields `--set` may change, and `needed` whether there must be an INPUT."""
     parser.add_argument(
@@ -34,6 +38,20 @@ def add_pose_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--body-frame", default="", metavar="FRAME", help="the object's frame (default body_NAME)")
     group.add_argument("--tag-map", default="", metavar="FILE", help="tags of object and board, to read detections with (YAML)")
     group.add_argument("--board-frame", metavar="FRAME", help="the board's frame, z up (default body_surface)")
+
+
+def reading_words(arguments: argparse.Namespace) -> list[str]:
+    """The options that were given, for another verb that reads the same recordings."""
+    options = {
+        "body": arguments.body,
+        "topic": arguments.topic,
+        "body-frame": arguments.body_frame,
+        "tag-map": arguments.tag_map,
+    }
+    words = [word for name, value in options.items() if value for word in (f"--{name}", str(value))]
+    words += [] if arguments.board_frame is None else ["--board-frame", arguments.board_frame]
+    shared = [setting for setting in arguments.settings if setting.partition(".")[0] in SHARED_STAGES]
+    return [*words, *(word for setting in shared for word in ("--set", setting))]
 
 
 def stages_of(arguments: argparse.Namespace, others: Mapping[str, Any]) -> dict[str, Any]:

@@ -15,6 +15,7 @@ import torch
 from contact_curation import __version__
 from contact_curation.cli.output_paths import check_outputs
 from contact_curation.cli.progress import Progress as Bar
+from contact_curation.cli.reading_options import reading_words
 from contact_curation.cli.report import print_json, warn
 from contact_curation.cli.stop_signals import StopSignals
 from contact_curation.cli.train_config import TrainConfig, train_config
@@ -179,7 +180,8 @@ def _say_how_to_resume(arguments: argparse.Namespace, progress: Progress) -> Non
 
 
 def _next_command(arguments: argparse.Namespace) -> str:
-    return shlex.join(["contact-curation", "evaluate", str(arguments.out), *map(str, arguments.inputs)])
+    words = ["contact-curation", "evaluate", str(arguments.out), *map(str, arguments.inputs), *reading_words(arguments)]
+    return shlex.join([*words, *(["--no-gate"] if arguments.no_gate else [])])
 
 
 def _say(line: str) -> None:

@@ -1,5 +1,6 @@
 """The door: exit statuses, one line per error, and a start that does not wait for libraries nobody needs yet."""
 
+import argparse
 import errno
 import json
 import os
@@ -85,6 +86,29 @@ def test_an_option_that_no_verb_has_names_the_verb_and_the_option_that_was_meant
 
 def test_an_option_cut_short_is_not_guessed(cli: Cli) -> None:
     assert cli("rank", "a.mcap", "--crit", "trace").status == 2
+
+
+SAME_EVERYWHERE = (
+    "--body",
+    "--topic",
+    "--board-frame",
+    "--criterion",
+    "--variant",
+    "--estimator",
+    "--model",
+    "--seed",
+    "--rate",
+)
+
+
+@pytest.mark.parametrize("option", SAME_EVERYWHERE)
+def test_an_option_has_the_same_default_in_every_verb(option: str) -> None:
+    verbs = next(each for each in door.build_parser(list(door.VERBS))._actions if each.choices and each.dest != "version")
+    parsers: dict[str, argparse.ArgumentParser] = verbs.choices  # type: ignore[assignment]
+    actions = [action for parser in parsers.values() for action in parser._actions if option in action.option_strings]
+    told = {str(action.help).rpartition("(default")[2] for action in actions if "(default" in str(action.help)}
+    assert len(actions) > 1
+    assert len(told) <= 1
 
 
 def raising(error: BaseException) -> object:

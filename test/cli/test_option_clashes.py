@@ -1,10 +1,12 @@
 """Options that say nothing together are refused in one line, not passed over."""
 
+import shlex
 from pathlib import Path
 
 import pytest
 
 from test.cli.commands import Cli
+from test.cli.test_bad_input import BRICK
 
 
 @pytest.fixture
@@ -38,6 +40,27 @@ def test_all_tosses_judge_where_the_user_holds_out_none_whatever_the_checkpoint_
     done = cli("evaluate", model, golden, "--held-out", "none", "--json")
     assert (done.status, done.json["chosen"], done.json["tosses"]) == (0, "all there are", 21)
     assert f"{model}: it learned from 18 of the 21 tosses it is judged by" in done.err
+
+
+def test_the_command_that_train_proposes_reads_the_recordings_as_it_did(cli: Cli, golden: Path, tmp_path: Path) -> None:
+    body = tmp_path / "brick.yaml"
+    body.write_text(BRICK)
+    options = [
+        "--body",
+        body,
+        "--topic",
+        "/tagslam/odom/body_cube",
+        "--board-frame",
+        "body_surface",
+        "--set",
+        "gates.depth=0.01",
+    ]
+    words = ["--steps", 1, "--held-out", "0-2", "--set", "training.batch=8", "--out", tmp_path / "model.safetensors"]
+    trained = cli("train", golden, *options, *words)
+    name, *proposed = shlex.split(trained.out.splitlines()[-1].removeprefix("next: "))
+    assert name == "contact-curation"
+    assert proposed[3:] == list(map(str, options))
+    assert cli(*proposed).status == 0
 
 
 def test_a_pool_that_is_smaller_than_what_is_to_be_kept_is_told(cli: Cli, golden: Path) -> None:
