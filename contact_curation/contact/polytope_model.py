@@ -95,7 +95,7 @@ class PolytopeModel(ContactModel):
     def rubbing_where_it_touches(self) -> "PolytopeModel":
         """The same with friction at the vertices of the gaps, as of a rigid body; those of its own are forgotten.
 
-        Where the two were learned apart, it predicts motion better (docs/rule.md).
+        Where the two were learned apart, it predicts motion better (docs/results.md).
         """
         geometry = self.geometry()
         return PolytopeModel(replace(geometry, vertices_tangent=geometry.vertices_normal), self.body, self.form)
