@@ -76,8 +76,8 @@ def run_training(arguments: argparse.Namespace) -> int:
     curated, before = _begun_or_resumed(arguments, plan)
     place = Place(arguments.out, arguments.checkpoint_every, _notes(plan, before))
     metrics_path = arguments.metrics or arguments.out.with_suffix(".jsonl")
+    place.store(plan, curated)  # so that a place that cannot be written is known before hours of work
     with TrainingMetrics(metrics_path, curated, _start_line(arguments, config, tosses, before)) as metrics:
-        place.store(plan, curated)  # so that a place that cannot be written is known before hours of work
         stopped = _train(plan, curated, place, metrics)
     progress = curated.training.progress
     if stopped:

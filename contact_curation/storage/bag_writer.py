@@ -160,22 +160,27 @@ class BagWriter:
 
     def discard(self) -> None:
         """Removes what was written so far, unless it has its name already."""
-        self._file.close()
+        with suppress(OSError):  # of a full disk, which could not take the rest
+            self._file.close()
         if self._appeared:
             return
         if self._as_folder:
-            shutil.rmtree(self._partial)
+            shutil.rmtree(self._partial, ignore_errors=True)
         else:
-            self._partial.unlink()
+            self._partial.unlink(missing_ok=True)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        if kind is None:
-            self.close()
-        else:
+        if kind is not None:
             self.discard()
+            return
+        try:
+            self.close()
+        except BaseException:
+            self.discard()
+            raise
 
     def _check_target(self) -> None:
         """A bag that someone reads must stay what it is: readers hold a shared lock (`BagFile`)."""

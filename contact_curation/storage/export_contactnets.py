@@ -6,6 +6,7 @@ byte for byte. Any other is written in the frame that it was tracked on: no rand
 
 import shutil
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -61,4 +62,6 @@ def contactnets_rows(toss: Toss, body: Body) -> Array:
 def _write_rows(rows: Array, file: Path) -> None:
     import torch  # here, for it takes over a second and other exports do not need it
 
-    torch.save(torch.from_numpy(rows[np.newaxis].copy()), file)
+    content = BytesIO()  # torch does not say what the system says of a full disk
+    torch.save(torch.from_numpy(rows[np.newaxis].copy()), content)
+    file.write_bytes(content.getvalue())

@@ -1,8 +1,11 @@
 """An output that cannot be written is one line before any work, and nothing half written is left."""
 
-from collections.abc import Callable
+import resource
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from contact_curation.cli import evaluation_run, rank, training_run
@@ -83,6 +86,36 @@ def test_a_bag_that_cannot_be_written_is_refused_in_one_line(tmp_path: Path, pla
     with pytest.raises(InvalidValueError, match=r"output: found .*, expected "):
         BagWriter(place(tmp_path, ending))
     assert not list(tmp_path.glob("**/.*"))
+
+
+@contextmanager
+def full_disk() -> Iterator[None]:
+    """No file grows beyond 4 kB: the system refuses the rest, as a full disk does."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("name", ["out.mcap", "out"])
+def test_a_full_disk_leaves_no_part_of_a_bag(tmp_path: Path, name: str) -> None:
+    noise = np.random.default_rng(0).bytes(100_000)
+    with full_disk(), pytest.raises(OSError, match="File too large"), BagWriter(tmp_path / name) as bag:
+        bag.write_raw("/noise", "std_msgs/msg/String", "string data", noise, 0)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("form", ["mcap", "contactnets", "lerobot"])
+def test_a_full_disk_is_one_line_and_leaves_no_part_of_an_export(cli: Cli, golden: Path, tmp_path: Path, form: str) -> None:
+    manifest = tmp_path / "manifest.csv"
+    assert cli("rank", golden, "--top", "4", "--out", manifest, "--no-figure").status == 0
+    with full_disk():
+        done = cli("export", golden, "--manifest", manifest, "--format", form, "--out", tmp_path / "kept")
+    assert (done.status, done.out, len(done.err_lines)) == (1, "", 1)
+    assert f"error: output: found {tmp_path / 'kept'}, expected a path that can be written (" in done.err
+    assert list(tmp_path.iterdir()) == [manifest]
 
 
 def test_an_interrupt_while_a_file_is_written_leaves_the_old_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
