@@ -24,6 +24,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of
+from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.throws_file import write_throws
 
 PUBLISHED_DRAWS = 570
@@ -46,6 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         ContactCurationError: a file cannot be used, nothing safe can be thrown, or `--out` cannot be written.
     """
+    load_kernel()  # forecasts are rollouts
     check_outputs(out=arguments.out)
     config = design_config(arguments)
     body = chosen_body(arguments)

@@ -25,12 +25,14 @@ from contact_curation.learning.bootstrap import BootstrapConfig
 from contact_curation.learning.evaluation import EvaluationConfig, evaluate_model
 from contact_curation.learning.known import Known, KnownConfig, known
 from contact_curation.motion.transitions import transitions_of
+from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.inputs import InputsConfig
 
 
 def run_evaluation(arguments: argparse.Namespace) -> int:
     """What `evaluate` does; see there."""
     torch.set_num_threads(1)  # threads that share busy cores wait for each other, and sums would depend on them
+    load_kernel()  # nothing else rolls out: better said before tosses are read
     check_outputs(figure=arguments.figure)
     body = chosen_body(arguments)
     defaults = {"loss": DEFAULT_LOSS, "sweeps": DEFAULT_LIMITS, "bootstrap": BootstrapConfig(), "known": KnownConfig()}

@@ -22,6 +22,7 @@ from contact_curation.cli.train_config import TrainConfig, train_config
 from contact_curation.cli.train_report import TrainReport, json_report, print_report
 from contact_curation.cli.training_metrics import TrainingMetrics
 from contact_curation.cli.training_tosses import LearningTosses, learning_tosses
+from contact_curation.contact.model_kind import ModelKind
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
 from contact_curation.learning.curated_training import CuratedTraining
 from contact_curation.learning.mean_loss import mean_loss
@@ -29,6 +30,7 @@ from contact_curation.learning.progress import Progress, TrainingState
 from contact_curation.learning.stored_model import notes_of_bytes
 from contact_curation.learning.training_data import rows_of
 from contact_curation.learning.training_plan import TrainingPlan, begin, resume, stored
+from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.atomic_file import write_atomically
 
 BEFORE = "held-out loss before"
@@ -68,6 +70,8 @@ def run_training(arguments: argparse.Namespace) -> int:
     torch.set_num_threads(1)  # threads that share busy cores wait for each other, and the sums' order would depend on them
     began = time.monotonic()
     _check_out(arguments)
+    if arguments.model == ModelKind.POLYTOPE:
+        load_kernel()  # networks are trained without it, too; a polytope is not, and better said before tosses are read
     config = train_config(arguments)
     with Bar("reading", "tosses") as bar:
         tosses = learning_tosses(arguments.inputs, config.tosses, bar.advance)

@@ -55,7 +55,16 @@ def read_manifest(path: Path) -> Manifest:
     except OSError as error:
         raise UnreadableInputError(path, f"cannot be read: {error.strerror or error}") from error
     except (ValueError, LookupError, TypeError, ContactCurationError) as error:
-        raise UnreadableInputError(path, f"is no manifest of this package: {error!r}") from error
+        raise UnreadableInputError(path, f"is no manifest of `contact-curation rank`: {_why(error)}") from error
+
+
+def _why(error: Exception) -> str:
+    """What one of our readers, or one of Python's, found."""
+    if isinstance(error, KeyError):
+        return f"found no key {error.args[0]!r}"
+    if isinstance(error, IndexError):
+        return "found a row that is cut off"
+    return "found a value of another type" if isinstance(error, TypeError) else str(error)
 
 
 def _format(path: Path) -> _Format:
