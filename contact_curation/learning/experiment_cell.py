@@ -59,8 +59,8 @@ class Cell:
             raise InvalidValueError("size and seed", f"{self.size} and {self.seed}", "numbers of at least 0")
         if self.protocol == Protocol.EXACT and self.model != ModelKind.POLYTOPE:
             raise InvalidValueError("protocol of a network", self.protocol, "budgeted or published")
-        if RULES[self.rule].redrawn and self.protocol != Protocol.BUDGETED:
-            raise InvalidValueError(f"protocol of {self.rule}", self.protocol, "budgeted")
+        if RULES[self.rule].redrawn and self.protocol == Protocol.EXACT:
+            raise InvalidValueError(f"protocol of {self.rule}", self.protocol, "budgeted or published")
         if (self.steps > 0) != (self.protocol == Protocol.BUDGETED):
             raise InvalidValueError("steps", self.steps, "some for the budgeted protocol, 0 for the others")
 

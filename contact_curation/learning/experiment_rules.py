@@ -17,8 +17,8 @@ class Rule:
         reranked: whether the set is selected again at what was learned from it.
         by_polytope: whether a polytope, fitted to the optimum, selects for whatever learns: a network then learns from what is
             known before it is made, and no pool has to be scored by it.
-        redrawn: whether it keeps other tosses at every look at the canaries. A re-ranked rule has a model see more tosses than
-            it keeps; this is what that alone is worth.
+        redrawn: whether it keeps other tosses whenever a re-ranked rule might. Such a rule has a model see more tosses than it
+            keeps; this is what that alone is worth.
     """
 
     criterion: str

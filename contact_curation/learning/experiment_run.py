@@ -54,7 +54,10 @@ DRAWN = 0.8
 """Share of the training tosses in a seed's pool."""
 
 CANARIES = CanaryConfig()
-"""When a set is selected again along gradient steps."""
+"""When a set is selected again in the budgeted protocol: when these have moved."""
+
+EPOCHS = 5
+"""In the published one: after so many passes over it (METHOD 1.7)."""
 
 WATCHED = 32
 """Tosses of the pool whose loss ends a published training; no rule may keep them."""
@@ -198,7 +201,7 @@ def _kept_exactly(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> tuple[s
 
 
 def _learn(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> Learned:
-    """Along gradient steps, the set selected again when the canaries have moved, as `train --top K --canary` does."""
+    """Along gradient steps, the set selected again on the way, as `train --top K` does with `--canary` or `--rerank-every`."""
     kind, config = ModelKind(cell.model), _protocol(cell)
     watched, tosses = _watched(tosses) if config.patience else ((), tosses)
     noise, shuffles = np.random.SeedSequence(cell.seed).generate_state(2)
@@ -209,10 +212,12 @@ def _learn(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> Learned:
     training = Training(model, _data(bench, tosses, kept), held, config, int(shuffles))
     curated = CuratedTraining(training, tosses, reranking)
     progress = training.progress
-    redrawn = RULES[cell.rule].redrawn
+    occasions = 0
     while progress.state is TrainingState.RUNNING:
-        progress = curated.advance(CANARIES.steps if redrawn else 100)
-        if redrawn and progress.state is TrainingState.RUNNING:
+        progress = curated.advance(CANARIES.steps)
+        due = progress.epochs // EPOCHS if config.patience else progress.gradient_steps // CANARIES.steps
+        if RULES[cell.rule].redrawn and due > occasions and progress.state is TrainingState.RUNNING:
+            occasions = due
             kept = select(RULES[cell.rule], model, tosses, len(kept), _draw(cell.seed, progress.gradient_steps))
             training.replace_data(_data(bench, tosses, kept))
     if progress.state is TrainingState.FAILED:
@@ -233,7 +238,8 @@ def _first_selection(
     if rule.by_polytope:
         return None, _kept_exactly(cell, bench, tosses)
     size = len(tosses) if cell.size == ALL else cell.size
-    ranking = RerankingConfig(rule.ranking(size, cell.seed), canary=CANARIES if rule.reranked else None)
+    again = {"epochs": EPOCHS} if cell.protocol == Protocol.PUBLISHED else {"canary": CANARIES}
+    ranking = RerankingConfig(rule.ranking(size, cell.seed), **(again if rule.reranked else {}))
     reranking = Reranking(tosses, toss_scorer(replace(rule.scoring(), loss=ONE_THREAD), rule.criterion), ranking)
     return reranking, reranking.select(model).kept
 

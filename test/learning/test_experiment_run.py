@@ -39,7 +39,7 @@ def test_redrawn_tosses_are_others_at_every_look_of_the_same_size_and_follow_fro
 
 
 def test_redrawn_tosses_need_gradient_steps() -> None:
-    with pytest.raises(InvalidValueError, match=r"random-redrawn.*expected budgeted"):
+    with pytest.raises(InvalidValueError, match=r"random-redrawn.*expected budgeted or published"):
         Cell("random-redrawn", 3, 0)
 
 
