@@ -1,4 +1,4 @@
-"""Without the compiled kernel `rank`, `score` and a network's `train` go on in torch; the others end in one line before any work."""
+"""Without the compiled kernel `rank`, `score` and `train` of networks go on in torch; the others end in one line."""
 
 from collections.abc import Iterator
 from pathlib import Path
