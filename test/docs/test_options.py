@@ -1,0 +1,48 @@
+"""Every option beside a `contact-curation VERB` in the documentation is one that the verb has, by its whole name."""
+
+import argparse
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from contact_curation.cli.main import VERBS, build_parser
+from test.conftest import REPOSITORY
+
+PAGES = sorted([REPOSITORY / "README.md", REPOSITORY / "CONTRIBUTING.md", *(REPOSITORY / "docs").glob("*.md")])
+COMMAND = re.compile(r"contact-curation ([a-z]+)\b([^\n`]*(?:\\\n[^\n`]*)*)")
+OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
+
+
+@cache
+def options_of(verb: str) -> frozenset[str]:
+    """What a verb takes, and what is below it."""
+    words = [verb, "contactnets"]
+    return frozenset(name for parser in below(build_parser(words)) if verb in parser.prog for name in named(parser))
+
+
+def below(parser: argparse.ArgumentParser) -> list[argparse.ArgumentParser]:
+    inner = [each for action in parser._actions if isinstance(action.choices, dict) for each in action.choices.values()]
+    return [parser, *(one for each in inner for one in below(each))]
+
+
+def named(parser: argparse.ArgumentParser) -> list[str]:
+    return [name for action in parser._actions for name in action.option_strings]
+
+
+def told(page: Path) -> list[tuple[str, str]]:
+    """Verbs and options beside them."""
+    commands = [(verb, words) for verb, words in COMMAND.findall(page.read_text()) if verb in VERBS]
+    return [(verb, option) for verb, words in commands for option in OPTION.findall(words)]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
+def test_a_page_names_only_options_that_there_are(page: Path) -> None:
+    assert [f"{verb} {option}" for verb, option in told(page) if option not in options_of(verb)] == []
+
+
+def test_the_pages_do_name_options() -> None:
+    assert {"rank", "train", "evaluate", "design", "simulate", "online"} <= {verb for page in PAGES for verb, _ in told(page)}
+    assert "--tosses" in options_of("import")
+    assert "--crit" not in options_of("rank")
