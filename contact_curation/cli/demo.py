@@ -20,9 +20,11 @@ from tempfile import TemporaryDirectory
 from typing import Any, NoReturn
 
 from contact_curation.cli.demo_nodes import DemoFailedError, NodesRanking, Recording, rank_by_nodes
+from contact_curation.cli.main import NAME
 from contact_curation.cli.main import main as command_line
 from contact_curation.cli.online_parameters import SessionFolder
 from contact_curation.errors import ContactCurationError
+from contact_curation.storage.inputs import is_contactnets
 
 GOLDEN_BAG = Path(__file__).resolve().parents[2] / "bags" / "golden.mcap"
 BUDGETS = Path(__file__).resolve().parents[1] / "config" / "demo.yaml"
@@ -111,7 +113,7 @@ def show(recording: Recording, out: Path, folder: Path) -> None:
 
 def _recording(arguments: argparse.Namespace, folder: Path) -> Recording:
     """The input itself, or the bag that is made of a folder of ContactNets' files."""
-    if not (arguments.data.is_dir() and not (arguments.data / "metadata.yaml").exists()):
+    if not is_contactnets(arguments.data):
         return Recording(arguments.data, rate=5.0, top=KEPT)
     bag = folder / "contactnets.mcap"
     print(f"0. The tosses in {arguments.data} become a bag.")
@@ -137,7 +139,7 @@ def _command(*words: str) -> str:
         [sys.executable, "-m", "contact_curation.cli.main", *words], capture_output=True, text=True, check=False
     )
     if done.returncode != 0:
-        raise DemoFailedError(done.stderr.strip().rpartition("\n")[2])
+        raise DemoFailedError(done.stderr.strip().rpartition("\n")[2].removeprefix(f"{NAME}: error: "))
     return done.stdout
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from contact_curation.cli import demo
 from contact_curation.cli.demo import GOLDEN_BAG, THROWS, main
 from contact_curation.cli.demo_nodes import Recording, rank_by_nodes
 from contact_curation.cli.supervisor import ProgramFailedError
@@ -78,7 +79,21 @@ def test_data_that_is_not_there_is_one_line(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
-    assert done.stderr.startswith("demo: error: ")
+    assert done.stderr.startswith(f"demo: error: {tmp_path / 'none'}: cannot be opened")
+
+
+@pytest.mark.parametrize("named", ["the file", "its folder"])
+def test_a_bag_is_replayed_as_it_is_named_by_its_file_or_its_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, named: str
+) -> None:
+    bag = tmp_path / "recording" / "run.mcap"
+    bag.parent.mkdir()
+    bag.write_bytes(GOLDEN_BAG.read_bytes())
+    path = bag if named == "the file" else bag.parent
+    shown: list[Recording] = []
+    monkeypatch.setattr(demo, "show", lambda recording, *_: shown.append(recording))
+    assert main(["--data", str(path), "--out", str(tmp_path / "out")]) == 0
+    assert [recording.bag for recording in shown] == [path]
 
 
 def test_a_node_that_cannot_be_kept_running_ends_it_with_its_last_words(tmp_path: Path) -> None:
