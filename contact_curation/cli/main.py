@@ -13,7 +13,7 @@ from pathlib import Path
 
 from contact_curation import __version__
 from contact_curation.cli.one_line_parser import OneLineParser
-from contact_curation.cli.stop_signals import sigterm_as_interrupt
+from contact_curation.cli.stop_signals import endings_as_interrupt
 from contact_curation.errors import ContactCurationError
 
 NAME = "contact-curation"
@@ -56,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _prepare_streams()
     try:
-        with sigterm_as_interrupt():
+        with endings_as_interrupt():
             return _run(sys.argv[1:] if argv is None else list(argv))
     except ContactCurationError as error:
         return _failed(str(error))

@@ -7,6 +7,7 @@ from types import FrameType, TracebackType
 from typing import Any, Never, Self
 
 STOPPING = (signal.SIGINT, signal.SIGTERM)
+ENDINGS = (signal.SIGTERM, signal.SIGHUP)
 
 
 class StopSignals:
@@ -35,13 +36,18 @@ class StopSignals:
 
 
 @contextmanager
-def sigterm_as_interrupt() -> Iterator[None]:
-    """SIGTERM raises KeyboardInterrupt, as Ctrl-C does: partial outputs and temporary files go. For the main thread."""
-    before = signal.signal(signal.SIGTERM, _interrupt)
+def endings_as_interrupt() -> Iterator[None]:
+    """SIGTERM, and SIGHUP of a terminal that is closed, raise KeyboardInterrupt as Ctrl-C does: nothing half written stays.
+
+    What is ignored stays so (`nohup`). For the main thread.
+    """
+    taken = [each for each in ENDINGS if signal.getsignal(each) is not signal.SIG_IGN]
+    before = {each: signal.signal(each, _interrupt) for each in taken}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for each, handler in before.items():
+            signal.signal(each, handler)
 
 
 def _interrupt(number: int, frame: FrameType | None) -> Never:

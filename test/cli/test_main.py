@@ -144,6 +144,20 @@ def test_too_little_memory_is_one_line_and_exit_status_1(cli: Cli, monkeypatch: 
     assert "9 TiB" in done.err
 
 
+def test_a_signal_that_nohup_ignores_stays_ignored(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
+    def run(*_: object) -> int:
+        signal.raise_signal(signal.SIGHUP)
+        return 0
+
+    monkeypatch.setattr(rank, "run", run)
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        assert cli("rank", "a.mcap").status == 0
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert cli("rank", "a.mcap").status == 130
+
+
 def test_a_programming_error_keeps_its_traceback(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rank, "run", raising(ZeroDivisionError()))
     with pytest.raises(ZeroDivisionError):
@@ -183,7 +197,7 @@ def test_a_name_that_no_terminal_can_show_is_shown_in_escapes(encoding: str, gol
     assert len(manifest.stderr) < 1000
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_it_with_status_130_and_leaves_nothing_half_written(
     number: signal.Signals, golden: object, true_parameters: Path, tmp_path: Path
 ) -> None:
