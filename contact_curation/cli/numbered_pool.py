@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from contact_curation.cli.reading import Reading
+from contact_curation.cli.report import counted_tosses
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.held_out import HeldOutRule, NumberedToss, toss_number
 from contact_curation.motion.toss import Toss
@@ -54,7 +55,7 @@ class NumberedPool:
 def check_something_is_held_out(rule: HeldOutRule, held_out: int, of: int) -> None:
     """InvalidValueError when a rule that a user gave holds nothing out of so many tosses."""
     if not held_out and rule != HeldOutRule():
-        raise InvalidValueError("--held-out", f"none of {of} tosses", "at least one")
+        raise InvalidValueError("--held-out", f"none of {counted_tosses(of)}", "at least one")
 
 
 def unknown_ids(rule: HeldOutRule, tosses: Sequence[NumberedToss]) -> list[str]:

@@ -12,7 +12,7 @@ from contact_curation.cli.option_types import PathEndingIn
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.reading import InputReader, ReadingConfig
 from contact_curation.cli.reading_options import add_reading_options, stages_of
-from contact_curation.cli.report import add_json_option, nothing_found, print_json, warn
+from contact_curation.cli.report import add_json_option, counted_tosses, nothing_found, print_json, warn
 from contact_curation.cli.theta_options import polytope_of
 from contact_curation.contact.evaluation import Cone, Evaluation, SolveStatus, evaluate
 from contact_curation.contact.loss_config import LossConfig
@@ -141,7 +141,7 @@ def _report(arguments: argparse.Namespace, tally: Tally) -> None:
     if arguments.json:
         print_json(content)
         return
-    print(f"{arguments.out}: {total} transitions of {tally.tosses} tosses, mean loss {content['mean_loss']:.6g}")
+    print(f"{arguments.out}: {total} transitions of {counted_tosses(tally.tosses)}, mean loss {content['mean_loss']:.6g}")
     print(f"not solved: {total - solved} transitions; they are written with their status")
     if tally.rejected or tally.repeated or tally.failed:
         print(f"left out: {tally.rejected} motions that are no tosses, {tally.repeated} repeated tosses, {tally.failed} inputs")
