@@ -47,10 +47,11 @@ def _terms_and_scores(theta: Theta, frames: Frames, impulses: Tensor, config: Lo
     terms, scores = [], []
     for first in range(0, len(impulses), CHUNK):
         piece = slice(first, first + CHUNK)
-        each = theta.vector().repeat(len(impulses[piece]), 1).requires_grad_()  # (b, 6V + 10)
         rows = frames.rows(piece)
-        found = loss_terms(contacts_of(theta.with_vector(each), rows), rows, impulses[piece], config.weights)
-        (slopes,) = torch.autograd.grad(found.sum(), each)
+        with torch.enable_grad():  # whoever asks may not want gradients of his own
+            each = theta.vector().repeat(len(impulses[piece]), 1).requires_grad_()  # (b, 6V + 10)
+            found = loss_terms(contacts_of(theta.with_vector(each), rows), rows, impulses[piece], config.weights)
+            (slopes,) = torch.autograd.grad(found.sum(), each)
         terms.append(found.detach())
         scores.append(-0.5 * slopes)
     return torch.cat(terms).cpu().numpy(), torch.cat(scores).cpu().numpy()
