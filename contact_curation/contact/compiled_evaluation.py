@@ -5,7 +5,7 @@ ctypes holds bare addresses. Whoever calls keeps the arrays alive and sees to it
 
 import ctypes
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from contact_curation.contact.loss_config import LossConfig
 from contact_curation.geometry.quaternions import Array
 from contact_curation.solver.compiled import load_kernel, processor_count
 from contact_curation.solver.cone_problem import Cone
+
+ROW = ("before", "after", "dt")
+"""What the kernel reads of a transition."""
 
 
 class _Model(ctypes.Structure):
@@ -121,6 +124,62 @@ def run(
         **{name: value.ctypes.data for name, value in outputs.items()},
     )
     _compiled_evaluation()(ctypes.byref(model), ctypes.byref(job))
+
+
+class RowByRow:
+    """Single transitions at a polytope whose numbers are changed in place between them.
+
+    All that does not change is prepared once: a call takes the kernel's time and little more.
+
+    Args:
+        geometry: what stays of theta: pivot and height, and the shapes.
+        theta: vertices_normal (V, 3), normal (3,), vertices_tangent (V, 3) and tangents (2, 3), read anew at each call.
+        body: mass, inertia and gravity.
+        config: weights and solver.
+        before, after, periods: (N, 13), (N, 13) and (N,), checked.
+
+    Attributes:
+        score: (6V + 10,) of the last row, as in `evaluation.Evaluation`.
+    """
+
+    def __init__(
+        self,
+        geometry: ContactGeometry,
+        theta: Mapping[str, Array],
+        body: Body,
+        config: LossConfig,
+        before: Array,
+        after: Array,
+        periods: Array,
+    ) -> None:
+        self.score = np.empty(6 * geometry.vertex_count + 10)
+        self._terms, self._status, self._edges = np.empty(5), np.empty(1, np.int32), np.array([0, 1], np.int64)
+        rows = [np.ascontiguousarray(values, dtype=float) for values in (before, after, periods)]
+        self._columns = [(name, values.ctypes.data, values.strides[0]) for name, values in zip(ROW, rows, strict=True)]
+        self._owners = theta, rows  # ctypes holds bare addresses: keep the arrays alive
+        self._model = _Model(geometry, body, config)
+        for name, values in theta.items():
+            setattr(self._model, name, values.ctypes.data)
+        self._job = _Job(
+            starts=self._edges.ctypes.data,
+            tosses=1,
+            threads=1,
+            max_iterations=config.max_iterations,
+            residual_tolerance=config.tolerance,
+            influence_bound=np.inf,
+            terms=self._terms.ctypes.data,
+            score=self.score.ctypes.data,
+            status=self._status.ctypes.data,
+        )
+        self._call = _compiled_evaluation(), ctypes.byref(self._model), ctypes.byref(self._job)
+
+    def loss(self, row: int) -> float | None:
+        """Of one transition; None where its impulses carry no certificate."""
+        for name, address, stride in self._columns:
+            setattr(self._job, name, address + row * stride)
+        function, model, job = self._call
+        function(model, job)
+        return None if self._status[0] else float(self._terms.sum())
 
 
 @functools.cache

@@ -110,7 +110,7 @@ def evaluate(
         InvalidValueError: wrong shapes, quaternions not of unit norm, or more than 32 vertices.
     """
     first, second, periods = checked_transitions(geometry, before, after, dt)
-    if not _kernel_is_there():
+    if not kernel_is_there():
         from contact_curation.contact.torch_evaluation import evaluate_in_torch  # torch takes seconds to import
 
         return evaluate_in_torch(geometry, body, first, second, periods, config)
@@ -160,7 +160,7 @@ def fisher_sums(
         raise InvalidValueError("starts", f"{edges.size} edges", f"rising edges from 0 to {len(first)}")
     if not influence_bound > 0.0:
         raise InvalidValueError("influence_bound", influence_bound, "a positive number, or inf for none")
-    if not _kernel_is_there():
+    if not kernel_is_there():
         from contact_curation.contact.torch_fisher import fisher_sums_in_torch  # torch takes seconds to import
 
         return fisher_sums_in_torch(geometry, body, first, second, periods, edges, estimator, influence_bound, config)
@@ -193,7 +193,8 @@ def checked_transitions(
     return first, second, checked_time_steps(dt, len(first))
 
 
-def _kernel_is_there() -> bool:
+def kernel_is_there() -> bool:
+    """Whether there is a compiled kernel for this machine."""
     try:
         load_kernel()
     except MissingDependencyError:

@@ -14,6 +14,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from contact_curation.geometry.quaternions import Array
+
 SMALLEST = 1e-12
 """A slope shorter than this has no direction."""
 
@@ -31,21 +33,26 @@ def scale_excess(normals: Tensor, tangents: Tensor) -> Tensor:
     return value
 
 
+def excess_and_slopes(normal: Array, side: Array) -> tuple[Array, Array, Array]:
+    """R_i (...) of `scale_excess`, and its slopes by the normals (..., 3) and the tangents (..., 2, 3)."""
+    size = np.sqrt((normal * normal).sum(axis=-1))  # (...)
+    width = np.sqrt((side * side).sum(axis=-1, keepdims=True)).clip(SMALLEST)  # (..., 2, 1)
+    unit, across = normal / size[..., None].clip(SMALLEST), side / width
+    overlap = (unit[..., None, :] * across).sum(axis=-1, keepdims=True)  # (..., 2, 1)
+    apart = unit[..., None, :] * overlap
+    by_normal = (overlap * (across - apart)).sum(axis=-2) / size[..., None].clip(SMALLEST) + (size - 1.0)[..., None] * unit
+    by_tangents = overlap * (unit[..., None, :] - overlap * across) / width
+    excess = np.square(size - 1.0) + (overlap * overlap).sum(axis=(-2, -1))
+    return excess, 2.0 * by_normal, 2.0 * by_tangents
+
+
 class _ScaleExcess(torch.autograd.Function):
     """With its slopes written out, in NumPy: few and cheap operations, since they are all that a small batch costs."""
 
     @staticmethod
     def forward(ctx: Any, normals: Tensor, tangents: Tensor) -> Tensor:
-        normal, side = (value.detach().cpu().numpy() for value in (normals, tangents))
-        size = np.sqrt((normal * normal).sum(axis=-1))  # (...)
-        width = np.sqrt((side * side).sum(axis=-1, keepdims=True)).clip(SMALLEST)  # (..., 2, 1)
-        unit, across = normal / size[..., None].clip(SMALLEST), side / width
-        overlap = (unit[..., None, :] * across).sum(axis=-1, keepdims=True)  # (..., 2, 1)
-        apart = unit[..., None, :] * overlap
-        by_normal = (overlap * (across - apart)).sum(axis=-2) / size[..., None].clip(SMALLEST) + (size - 1.0)[..., None] * unit
-        by_tangents = overlap * (unit[..., None, :] - overlap * across) / width
-        ctx.slopes = tuple(torch.from_numpy(2.0 * value).to(normals.device) for value in (by_normal, by_tangents))
-        excess = np.square(size - 1.0) + (overlap * overlap).sum(axis=(-2, -1))
+        excess, *slopes = excess_and_slopes(*(value.detach().cpu().numpy() for value in (normals, tangents)))
+        ctx.slopes = tuple(torch.from_numpy(value).to(normals.device) for value in slopes)
         return torch.as_tensor(excess).to(normals.device)
 
     @staticmethod

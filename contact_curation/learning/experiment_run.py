@@ -56,7 +56,7 @@ DRAWN = 0.8
 CANARIES = CanaryConfig()
 """When a set is selected again in the budgeted protocol: when these have moved."""
 
-EPOCHS = 5
+EPOCHS = 20
 """In the published one: after so many passes over it (METHOD 1.7)."""
 
 WATCHED = 32

@@ -46,6 +46,15 @@ class Optimizer:
         for block in self._blocks:
             block.clear()
         objective.backward()  # type: ignore[no-untyped-call]
+        return self.descend(step)
+
+    @property
+    def gradients(self) -> dict[str, Tensor]:
+        """Those that `descend` goes down, by parameter, to be written into."""
+        return {name: piece for block in self._blocks for name, piece in block.gradients().items()}
+
+    def descend(self, step: int) -> bool:
+        """Takes step number `step` of the budget down the gradients as they are, if they are finite; says whether they are."""
         if not all(np.isfinite(block.gradient.numpy().sum()) for block in self._blocks):
             return False
         share = self._config.rate(step)
@@ -90,6 +99,10 @@ class _Block:
         self.gradient.zero_()
         for parameter, slope in self._slopes:
             parameter.grad = slope
+
+    def gradients(self) -> dict[str, Tensor]:
+        """Views by parameter."""
+        return self._pieces(self.gradient)
 
     def descend(self, share: float) -> None:
         """One step at this share of the pace."""

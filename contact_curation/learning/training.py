@@ -34,6 +34,7 @@ from contact_curation.learning.mean_loss import mean_loss
 from contact_curation.learning.optimizer import Optimizer
 from contact_curation.learning.progress import Evaluated, Progress, TrainingState
 from contact_curation.learning.protocols import TrainingConfig
+from contact_curation.learning.single_steps import SingleSteps
 from contact_curation.learning.training_data import checked, digest_of, rows_of, transition_name
 from contact_curation.learning.training_memory import Counters, TrainingMemory
 from contact_curation.motion.transitions import Transitions
@@ -159,8 +160,8 @@ class Training:
             fresh_budget: whether steps, epochs, patience and the schedule begin anew, and the optimizer forgets; a
                 training that had ended goes on. Without it only the data change.
         """
-        self._take(data)
         if not fresh_budget:
+            self._take(data)
             return
         now = self.counters
         self.counters = replace(
@@ -168,6 +169,7 @@ class Training:
         )
         self.early_stop = replace(self.early_stop, waited=0)
         self.optimizer = Optimizer(self.model, self.config)
+        self._take(data)
 
     def trained(self) -> Model:
         """A copy of what counts as the result: the best by held-out loss where training stops early, else the last."""
@@ -178,10 +180,16 @@ class Training:
     def _take(self, data: Transitions) -> None:
         self._data = checked(data)
         self._batches = Batches(len(data.dt), self.config.batch, self._generator)
+        self._single = SingleSteps.of(self.model, self._data, self.config, self.optimizer)
 
     def _step(self) -> None:
         """One gradient step, and what is due after it."""
         chosen = self._batches.take()
+        step = self.counters.gradient_steps - self.counters.first_step
+        alone = None if self._single is None else self._single.take(int(chosen[0]), step)
+        if alone is not None:
+            self._count(alone, 1, 0)
+            return
         rows = rows_of(self._data).take(chosen)
         batch = self.model.batch_loss(rows, self.config.loss)
         values, solved = batch.losses.detach().numpy(), batch.solved.numpy()  # for one row ten times as fast as torch
@@ -194,14 +202,18 @@ class Training:
             culprit = not_finite_gradient(self.model, rows, self.config.loss)
             self._end(TrainingState.FAILED, f"{self._name(int(chosen[culprit]))}: its gradient is not finite")
             return
+        self._count(float(values.sum(where=solved)), count, len(solved) - count)
+
+    def _count(self, loss_sum: float, solved: int, not_solved: int) -> None:
+        """A step was taken."""
         now = self.counters
         self.counters = replace(
             now,
             gradient_steps=now.gradient_steps + 1,
             epochs=now.epochs + self._batches.at_epoch_end,
-            not_solved=now.not_solved + len(solved) - count,
-            loss_sum=now.loss_sum + float(values.sum(where=solved)),
-            loss_count=now.loss_count + count,
+            not_solved=now.not_solved + not_solved,
+            loss_sum=now.loss_sum + loss_sum,
+            loss_count=now.loss_count + solved,
         )
         self._after_step()
 
