@@ -145,7 +145,7 @@ def test_other_protocols_learn_along_gradient_steps(cli: Cli, folder: Path, tmp_
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (("--rules", "best"), "rule: found best, expected one of random, longest"),
+        (("--rules", "best"), "rule: found best, expected one of random, random-redrawn, longest"),
         (("--model", "deep", "--protocol", "exact"), "protocol of a network: found exact"),
         (("--steps", "5"), "--steps: found protocol exact"),
         (("--model", "shallow"), "model: found shallow"),
