@@ -1,7 +1,7 @@
 """Gradient steps of one transition each, a polytope's in the published form, straight from the kernel.
 
 At a batch of one nearly all of a step's time is autograd's and Python's. Here the kernel's score is the gradient, to which the
-regulariser's slope is added: the same numbers as along the long way, several times as fast (benchmarks/training.py).
+regulariser's slope is added: the same numbers as along the long way, several times as fast (benchmarks/training_step.py).
 """
 
 import numpy as np
