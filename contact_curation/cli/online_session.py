@@ -184,8 +184,8 @@ def gains(throw: ThrowMade) -> str:
     """What a throw was planned to teach, and what its toss did."""
     if throw.planned is None:
         return "warm-up"
-    realised = "not known" if throw.realised is None else f"{throw.realised:.3g}"
-    return f"gain {throw.planned:.3g} planned, {realised} realised"
+    realised = "none known" if throw.realised is None else f"{throw.realised:.3g} realised"
+    return f"gain {throw.planned:.3g} planned, {realised}"
 
 
 def outcome_of(standing: Standing, place: int) -> str:
