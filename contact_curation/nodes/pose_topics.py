@@ -5,7 +5,7 @@ it came. So the publishers are looked at again and again, and a topic whose publ
 publisher then sends a second time is known by its time of publication.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -23,6 +23,9 @@ from contact_curation.storage.tag_detections import CAMERA_INFO, DETECTIONS
 READ_TYPES = (*POSE_TYPES, DETECTIONS, CAMERA_INFO)
 
 RIG = (TypedTopic("/tf", TF), TypedTopic("/tf_static", TF))
+
+LOOKS_FOR_THE_RIG = 10
+"""So many looks at the graph a body's poses wait for what the rig's publishers keep: a fast bag would be far ahead of it."""
 
 
 class Offer(NamedTuple):
@@ -88,6 +91,8 @@ class PoseTopics:
         self._newest_pose_ns = 0
         self._arrived = arrived
         self._subscriptions: dict[str, tuple[Offer, Subscription]] = {}
+        self._heard: set[str] = set()
+        self._looks = 0
         self.source: PoseSource | None = None
         self.waiting_for = ""
 
@@ -108,11 +113,22 @@ class PoseTopics:
             self._newest_pose_ns = self._newest.get(source.body.name, 0)
             self._config = replace(self._config, topic=source.body.name)
         self.source = source
-        for topic in self.source.topics:
+        rig = [one.name for one in RIG if one.name in self.source.topics and one.name != self.source.body.name]
+        self._follow_topics(rig)
+        self._looks += 1
+        if self._looks > LOOKS_FOR_THE_RIG or all(topic in self._heard for topic in rig if self._keeps(topic)):
+            self._follow_topics([topic for topic in self.source.topics if topic not in rig])
+
+    def _follow_topics(self, topics: Sequence[str]) -> None:
+        for topic in topics:
             offer = self._offer(topic)
             known = self._subscriptions.get(topic)
             if offer is not None and (known is None or known[0] != offer):
                 self._subscribe(topic, offer)
+
+    def _keeps(self, topic: str) -> bool:
+        """Whether the topic's publishers keep messages for late subscribers."""
+        return topic in self._subscriptions and self._subscriptions[topic][0].latched
 
     def read(self, received: Received) -> tuple[str, int, tuple[Measured, ...]]:
         """What a message says, with the topic and the time of publication that it is known by from now on.
@@ -160,6 +176,7 @@ class PoseTopics:
 
         def on_message(message: Any, info: Mapping[str, int]) -> None:
             published_ns = info["source_timestamp"]
+            self._heard.add(topic)
             if not 0 < published_ns <= after_ns:
                 self._newest[topic] = published_ns
                 self._arrived(Received(topic, published_ns, message))

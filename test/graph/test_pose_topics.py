@@ -72,6 +72,14 @@ def test_every_type_of_pose_topic_gives_the_same_tosses(
         assert ids(tosses) == expected
 
 
+def test_a_rig_that_keeps_silent_holds_up_the_poses_for_a_while_only(graph: Graph) -> None:
+    node = graph.listener.node
+    node.create_publisher(TFMessage, "/tf_static", kept(1))
+    poses = node.create_publisher(Odometry, "/odometry", kept(10))
+    graph.start("pose_ingest", topic="/odometry")
+    graph.until(poses.get_subscription_count, LONG, "a subscriber of the poses")
+
+
 def test_bad_poses_are_counted_and_said_once_and_cost_no_toss(
     graph: Graph, rig: tuple[FramePose, ...], poses: tuple[FramePose, ...]
 ) -> None:
