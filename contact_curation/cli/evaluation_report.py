@@ -8,7 +8,7 @@ from typing import Any
 
 from contact_curation.cli.evaluation_models import JudgedModel
 from contact_curation.cli.evaluation_tosses import JudgingTosses
-from contact_curation.cli.report import counted
+from contact_curation.cli.report import counted, counted_tosses
 from contact_curation.learning.bootstrap import BootstrapConfig, Interval, Spread
 from contact_curation.learning.evaluation import MEASURES, ModelEvaluation, Summary, comparison, summary
 from contact_curation.learning.known import Known, KnownParameter
@@ -76,8 +76,7 @@ def json_report(report: EvaluationReport) -> dict[str, Any]:
 
 def print_report(report: EvaluationReport) -> None:
     """For people."""
-    count = len(report.tosses.judged_by)
-    print(f"judged by {count} toss{'' if count == 1 else 'es'}: {report.tosses.chosen}")
+    print(f"judged by {counted_tosses(len(report.tosses.judged_by))}: {report.tosses.chosen}")
     share = f"{100.0 * report.bootstrap.confidence:g} %"
     for name, each in report.summaries().items():
         print(f"\n{name}")

@@ -215,7 +215,7 @@ def _learn(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> Learned:
     occasions = 0
     while progress.state is TrainingState.RUNNING:
         progress = curated.advance(CANARIES.steps)
-        due = progress.epochs // EPOCHS if config.patience else progress.gradient_steps // CANARIES.steps
+        due = progress.epochs // EPOCHS if cell.protocol == Protocol.PUBLISHED else progress.gradient_steps // CANARIES.steps
         if RULES[cell.rule].redrawn and due > occasions and progress.state is TrainingState.RUNNING:
             occasions = due
             kept = select(RULES[cell.rule], model, tosses, len(kept), _draw(cell.seed, progress.gradient_steps))

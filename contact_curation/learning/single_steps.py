@@ -52,11 +52,10 @@ class SingleSteps:
     @staticmethod
     def of(model: Model, data: Transitions, config: TrainingConfig, optimizer: Optimizer) -> "SingleSteps | None":
         """Such steps, where they are what a training does."""
-        published = isinstance(model, PolytopeModel) and model.form is Form.CONTACTNETS
-        if not published or config.batch > 1 or config.exact or not kernel_is_there():
+        if not isinstance(model, PolytopeModel) or model.form is not Form.CONTACTNETS:
             return None
-        assert isinstance(model, PolytopeModel)
-        return SingleSteps(model, data, config, optimizer)
+        alone = config.batch == 1 and not config.exact and kernel_is_there()
+        return SingleSteps(model, data, config, optimizer) if alone else None
 
     def take(self, row: int, step: int) -> float | None:
         """Takes step number `step` of the budget down the loss of a row, and gives that loss.

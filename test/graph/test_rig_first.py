@@ -1,0 +1,74 @@
+"""A body's poses are listened to once what the rig's publishers keep has come, so that a fast bag is not ahead of its board."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from geometry_msgs.msg import PoseStamped
+from rclpy.qos import QoSProfile
+from tf2_msgs.msg import TFMessage
+
+from contact_curation.nodes.pose_topics import LOOKS_FOR_THE_RIG, PoseTopics
+from contact_curation.nodes.qos import kept, profile
+from contact_curation.storage.pose_source import PoseTopicConfig
+
+POSES, RIG = "/poses", "/tf_static"
+KINDS = {POSES: "geometry_msgs/msg/PoseStamped", RIG: "tf2_msgs/msg/TFMessage"}
+LIVE = profile(10, reliable=True, latched=False)
+
+
+class Publisher(NamedTuple):
+    topic_type: str
+    qos_profile: QoSProfile
+
+
+class GraphOf:
+    """What `PoseTopics` asks of its node, of a graph with these publishers."""
+
+    def __init__(self, offers: Mapping[str, QoSProfile]) -> None:
+        self._offers = offers
+        self.callbacks: dict[str, Callable[[Any, Mapping[str, int]], None]] = {}
+
+    def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
+        return [(name, [KINDS[name]]) for name in self._offers]
+
+    def count_publishers(self, name: str) -> int:
+        return int(name in self._offers)
+
+    def get_publishers_info_by_topic(self, name: str) -> list[Publisher]:
+        return [Publisher(KINDS[name], self._offers[name])] if name in self._offers else []
+
+    def create_subscription(self, kind: type, topic: str, callback: Any, qos: QoSProfile) -> str:
+        assert kind is {POSES: PoseStamped, RIG: TFMessage}[topic]
+        self.callbacks[topic] = callback
+        return topic
+
+
+def followed(graph: Any) -> PoseTopics:
+    return PoseTopics(graph, "cube", PoseTopicConfig(topic=POSES), "", 10, lambda _: {}, lambda _: None)
+
+
+def test_poses_wait_for_the_rig_that_its_publishers_keep() -> None:
+    graph = GraphOf({POSES: LIVE, RIG: kept(1)})
+    topics = followed(graph)
+    topics.follow()
+    assert set(graph.callbacks) == {RIG}
+    graph.callbacks[RIG](TFMessage(), {"source_timestamp": 1})
+    topics.follow()
+    assert set(graph.callbacks) == {RIG, POSES}
+
+
+def test_a_rig_that_keeps_silent_is_waited_for_so_many_looks_and_no_more() -> None:
+    graph = GraphOf({POSES: LIVE, RIG: kept(1)})
+    topics = followed(graph)
+    for _ in range(LOOKS_FOR_THE_RIG):
+        topics.follow()
+        assert set(graph.callbacks) == {RIG}
+    topics.follow()
+    assert set(graph.callbacks) == {RIG, POSES}
+
+
+def test_nothing_is_waited_for_where_no_publisher_keeps_a_rig() -> None:
+    for offers in ({POSES: LIVE}, {POSES: LIVE, RIG: LIVE}):
+        graph = GraphOf(offers)
+        followed(graph).follow()
+        assert set(graph.callbacks) == set(offers)
