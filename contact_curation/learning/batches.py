@@ -27,11 +27,26 @@ class Batches:
     def take(self) -> NDArray[np.int64]:
         """The next batch's rows."""
         if self.at_epoch_end:
-            self._order = self._generator.permutation(len(self._order))
-            self._taken = 0
+            self._shuffle()
         first, last = self._edges[self._taken : self._taken + 2]
         self._taken += 1
         return self._order[first:last]
+
+    def ahead(self, count: int) -> NDArray[np.int64]:
+        """Rows of the next batches, up to `count` of them, as far as their epoch goes; they are not taken yet."""
+        if self.at_epoch_end:
+            self._shuffle()
+        first, last = self._taken, min(self._taken + count, len(self._edges) - 1)
+        return self._order[self._edges[first] : self._edges[last]]
+
+    def skip(self, count: int) -> None:
+        """Takes so many of the batches ahead."""
+        self._taken += count
+
+    @property
+    def left(self) -> int:
+        """Batches to the end of the epoch that the next one is of."""
+        return len(self._edges) - 1 - (0 if self.at_epoch_end else self._taken)
 
     @property
     def at_epoch_end(self) -> bool:
@@ -46,6 +61,10 @@ class Batches:
     def state(self) -> dict[str, Any]:
         """What `restore` needs beside the order, as JSON takes it."""
         return {"taken": self._taken, "generator": self._generator.bit_generator.state}
+
+    def _shuffle(self) -> None:
+        self._order = self._generator.permutation(len(self._order))
+        self._taken = 0
 
     def restore(self, order: NDArray[np.int64], state: dict[str, Any]) -> None:
         """Goes on where another one of the same data and size was.

@@ -43,8 +43,11 @@ class CuratedTraining:
         """
         if self._reranking is None:
             return self.training.advance(steps)
-        for _ in range(steps):
-            progress = self.training.advance(1)
+        progress = self.training.progress
+        last = progress.gradient_steps + steps
+        while progress.gradient_steps < last:
+            quiet = self._reranking.quiet_steps(progress.gradient_steps, self.training.steps_of_epoch)
+            progress = self.training.advance(min(quiet, last - progress.gradient_steps))
             if progress.state is not TrainingState.RUNNING:
                 break
             self._reselect(self._reranking, progress)

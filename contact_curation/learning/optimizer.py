@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 from torch.optim.adamw import adamw
 
+from contact_curation.contact.compiled_evaluation import Moments
 from contact_curation.contact.model import Model
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.protocols import Pace, TrainingConfig
@@ -46,15 +47,24 @@ class Optimizer:
         for block in self._blocks:
             block.clear()
         objective.backward()  # type: ignore[no-untyped-call]
-        return self.descend(step)
+        return self._descend(step)
+
+    def arrays(self) -> dict[str, Moments]:
+        """Parameters and moments by name, for whoever takes the steps in its place and says so by `stepped`."""
+        return {name: found for block in self._blocks for name, found in block.arrays().items()}
 
     @property
-    def gradients(self) -> dict[str, Tensor]:
-        """Those that `descend` goes down, by parameter, to be written into."""
-        return {name: piece for block in self._blocks for name, piece in block.gradients().items()}
+    def steps(self) -> int:
+        """That were taken."""
+        return max(int(block.step) for block in self._blocks)
 
-    def descend(self, step: int) -> bool:
-        """Takes step number `step` of the budget down the gradients as they are, if they are finite; says whether they are."""
+    def stepped(self, steps: int) -> None:
+        """So many steps were taken in its place."""
+        for block in self._blocks:
+            block.step += steps
+
+    def _descend(self, step: int) -> bool:
+        """Down the gradients as they are, if they are finite."""
         if not all(np.isfinite(block.gradient.numpy().sum()) for block in self._blocks):
             return False
         share = self._config.rate(step)
@@ -88,7 +98,7 @@ class _Block:
         self._pace = pace
         self._flat = torch.cat([value.detach().flatten() for value in parameters.values()])
         self.gradient = torch.zeros_like(self._flat)
-        self._step = torch.zeros(())
+        self.step = torch.zeros(())
         self._first, self._second = torch.zeros_like(self._flat), torch.zeros_like(self._flat)
         for name, view in self._pieces(self._flat).items():
             self.parameters[name].data = view
@@ -100,14 +110,16 @@ class _Block:
         for parameter, slope in self._slopes:
             parameter.grad = slope
 
-    def gradients(self) -> dict[str, Tensor]:
+    def arrays(self) -> dict[str, Moments]:
         """Views by parameter."""
-        return self._pieces(self.gradient)
+        pieces = (self._pieces(flat) for flat in (self._flat, self._first, self._second))
+        theta, first, second = ({name: piece.numpy() for name, piece in each.items()} for each in pieces)
+        return {name: Moments(theta[name], first[name], second[name]) for name in self.parameters}
 
     def descend(self, share: float) -> None:
         """One step at this share of the pace."""
         adamw(
-            [self._flat], [self.gradient], [self._first], [self._second], [], [self._step],
+            [self._flat], [self.gradient], [self._first], [self._second], [], [self.step],
             foreach=False, fused=True, amsgrad=False, maximize=False,
             beta1=BETAS[0], beta2=BETAS[1], eps=EPSILON, lr=share * self._pace.learning_rate,
             weight_decay=self._pace.weight_decay,
@@ -115,13 +127,13 @@ class _Block:
 
     def moments(self) -> dict[str, Tensor]:
         """What is remembered, by ``parameter/moment``; nothing before the first step."""
-        if not self._step:
+        if not self.step:
             return {}
         first, second = self._pieces(self._first), self._pieces(self._second)
         return {
             key: value
             for name in self.parameters
-            for key, value in zip(_keys(name), (self._step, first[name], second[name]), strict=True)
+            for key, value in zip(_keys(name), (self.step, first[name], second[name]), strict=True)
         }
 
     def restore(self, moments: Mapping[str, Tensor]) -> None:
@@ -136,7 +148,7 @@ class _Block:
         steps = sorted({float(found[0]) if found else 0.0 for found in own.values()})
         if len(steps) > 1:
             raise InvalidValueError("optimizer", f"moments after {steps} steps", "after as many steps for each parameter")
-        self._step.fill_(steps[0])
+        self.step.fill_(steps[0])
         for place, pieces in ((1, self._pieces(self._first)), (2, self._pieces(self._second))):
             for name, piece in pieces.items():
                 piece.copy_(own[name][place]) if own[name] else piece.zero_()

@@ -153,10 +153,15 @@ class Reranking:
         )
         return self.selected
 
+    def quiet_steps(self, gradient_steps: int, steps_of_epoch: int) -> int:
+        """How many steps from the `gradient_steps` taken to the next occasion, if any; `steps_of_epoch` end the epoch."""
+        canary = self._config.canary
+        return steps_of_epoch if canary is None else min(steps_of_epoch, canary.steps - gradient_steps % canary.steps)
+
     def consider(self, model: Model, gradient_steps: int, epochs: int) -> Selected | None:
         """Selects again if there is an occasion; None if the last selection stays.
 
-        Call it after every gradient step: it looks at the canaries when that is due, and else costs nothing.
+        Call it whenever `quiet_steps` have been taken: it looks at the canaries when that is due, and else costs nothing.
 
         Raises:
             InvalidValueError: as in `select`; or nothing was selected yet.

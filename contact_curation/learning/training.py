@@ -142,15 +142,19 @@ class Training:
         """Takes up to `steps` gradient steps, with the evaluations that fall due; fewer when the training ends before."""
         if steps < 1:
             raise InvalidValueError("steps", steps, "at least 1")
-        for _ in range(steps):
-            if self.counters.state is not TrainingState.RUNNING:
-                break
-            with np.errstate(all="ignore"):  # what is not finite is named, not warned of
-                if self._origin is None:
-                    self._step()
-                else:
+        last = self.counters.gradient_steps + steps
+        with np.errstate(all="ignore"):  # what is not finite is named, not warned of
+            while self.counters.state is TrainingState.RUNNING and self.counters.gradient_steps < last:
+                if self._origin is not None:
                     self._fit(self._origin)
+                elif self._single is None or not self._take_single(self._single, last - self.counters.gradient_steps):
+                    self._step()
         return self.progress
+
+    @property
+    def steps_of_epoch(self) -> int:
+        """Gradient steps to the end of the epoch that the next one is of."""
+        return self._batches.left
 
     def replace_data(self, data: Transitions, fresh_budget: bool = False) -> None:
         """Learns from other transitions from here on, in a new epoch.
@@ -185,11 +189,6 @@ class Training:
     def _step(self) -> None:
         """One gradient step, and what is due after it."""
         chosen = self._batches.take()
-        step = self.counters.gradient_steps - self.counters.first_step
-        alone = None if self._single is None else self._single.take(int(chosen[0]), step)
-        if alone is not None:
-            self._count(alone, 1, 0)
-            return
         rows = rows_of(self._data).take(chosen)
         batch = self.model.batch_loss(rows, self.config.loss)
         values, solved = batch.losses.detach().numpy(), batch.solved.numpy()  # for one row ten times as fast as torch
@@ -202,17 +201,31 @@ class Training:
             culprit = not_finite_gradient(self.model, rows, self.config.loss)
             self._end(TrainingState.FAILED, f"{self._name(int(chosen[culprit]))}: its gradient is not finite")
             return
-        self._count(float(values.sum(where=solved)), count, len(solved) - count)
+        self._count(1, self.counters.loss_sum + float(values.sum(where=solved)), count, len(solved) - count)
 
-    def _count(self, loss_sum: float, solved: int, not_solved: int) -> None:
-        """A step was taken."""
+    def _take_single(self, single: SingleSteps, limit: int) -> int:
+        """Steps of a transition each, to the next evaluation at most, and what is due after them; how many."""
+        now, config = self.counters, self.config
+        step = now.gradient_steps - now.first_step
+        if config.steps is not None:
+            limit = min(limit, config.steps - step)
+        if config.evaluation_steps is not None:
+            limit = min(limit, config.evaluation_steps - step % config.evaluation_steps)
+        taken, loss_sum = single.take(self._batches.ahead(limit), step, now.loss_sum)
+        if taken:
+            self._batches.skip(taken)
+            self._count(taken, loss_sum, taken, 0)
+        return taken
+
+    def _count(self, steps: int, loss_sum: float, solved: int, not_solved: int) -> None:
+        """Steps were taken, of one epoch."""
         now = self.counters
         self.counters = replace(
             now,
-            gradient_steps=now.gradient_steps + 1,
+            gradient_steps=now.gradient_steps + steps,
             epochs=now.epochs + self._batches.at_epoch_end,
             not_solved=now.not_solved + not_solved,
-            loss_sum=now.loss_sum + loss_sum,
+            loss_sum=loss_sum,
             loss_count=now.loss_count + solved,
         )
         self._after_step()

@@ -32,6 +32,19 @@ def test_epochs_differ_and_a_seed_decides_them() -> None:
     assert not np.array_equal(other.take(), epochs[0])
 
 
+@pytest.mark.parametrize("counts", [[1, 2, 1, 3], [5, 9], [2, 2, 2]])
+def test_batches_ahead_are_those_that_are_taken_up_to_the_end_of_the_epoch(counts: list[int]) -> None:
+    one, other = batches(9, 2), batches(9, 2)
+    for count in counts:
+        left = one.left
+        ahead = one.ahead(count)
+        taken = [other.take() for _ in range(min(count, left))]
+        np.testing.assert_array_equal(ahead, np.concatenate(taken))
+        one.skip(len(taken))
+        assert one.at_epoch_end == other.at_epoch_end
+    np.testing.assert_array_equal(one.take(), other.take())
+
+
 @pytest.mark.parametrize("taken", [0, 1, 3, 4])
 def test_a_restored_order_goes_on_where_it_was(taken: int) -> None:
     one, other = batches(), batches(seed=9)

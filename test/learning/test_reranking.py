@@ -193,6 +193,14 @@ def test_tosses_that_cannot_be_scored_are_named_and_not_kept(model: Model, tosse
         Reranking(tosses, scorer, RerankingConfig(TRACE)).select(model)
 
 
+@pytest.mark.parametrize(("canary", "taken", "left", "quiet"), [(None, 7, 12, 12), (CANARY, 7, 12, 3), (CANARY, 5, 2, 2)])
+def test_no_occasion_comes_before_the_end_of_the_epoch_and_the_canaries(
+    tosses: tuple[Toss, ...], canary: CanaryConfig | None, taken: int, left: int, quiet: int
+) -> None:
+    reranking = Reranking(tosses, MadeUpScorer(), RerankingConfig(TRACE, canary=canary))
+    assert reranking.quiet_steps(taken, left) == quiet
+
+
 def test_nothing_is_considered_before_a_first_selection(model: Model, tosses: tuple[Toss, ...]) -> None:
     with pytest.raises(InvalidValueError, match="expected a first one"):
         Reranking(tosses, MadeUpScorer(), RerankingConfig(TRACE)).consider(model, 1, 1)

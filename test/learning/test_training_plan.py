@@ -16,7 +16,7 @@ from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.learning.checkpoint import checkpoint_bytes
 from contact_curation.learning.progress import TrainingState
-from contact_curation.learning.protocols import budgeted
+from contact_curation.learning.protocols import budgeted, published
 from contact_curation.learning.reranking import CanaryConfig, RerankingConfig, Trigger
 from contact_curation.learning.safetensors_bytes import unpack
 from contact_curation.learning.selection_document import document_of_selections, selections_of
@@ -62,6 +62,20 @@ def test_a_training_that_is_killed_anywhere_ends_in_the_same_numbers(plan: Train
     one, other = (unpack(stored(plan, curated), "memory") for curated in (disturbed, undisturbed))
     assert one.documents == other.documents
     assert {name: value.tobytes() for name, value in one.arrays.items()} == {n: v.tobytes() for n, v in other.arrays.items()}
+
+
+def test_a_published_training_selects_at_the_same_steps_however_it_is_cut(plan: TrainingPlan) -> None:
+    protocol = replace(published(ModelKind.POLYTOPE), epochs=6)
+    selection = RerankingConfig(RankingConfig("trace", top=2), epochs=2)
+    whole, cut = (begin(replace(plan, protocol=protocol, selection=selection)) for _ in range(2))
+    progress = whole.advance(10**6)
+    while cut.training.progress.state is TrainingState.RUNNING:
+        cut.advance(37)
+    assert progress.state is TrainingState.SPENT
+    assert [one.epochs for one in whole.selections] == [0, 2, 4]
+    assert str(cut.selections) == str(whole.selections)
+    found, expected = (tensors_of(one.training.model) for one in (cut, whole))
+    assert {name: value.tobytes() for name, value in found.items()} == {n: v.tobytes() for n, v in expected.items()}
 
 
 def test_without_a_selection_all_tosses_are_trained_on(plan: TrainingPlan) -> None:

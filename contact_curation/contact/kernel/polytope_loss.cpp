@@ -6,72 +6,28 @@
 #include <thread>
 #include <vector>
 
-#include "interior_point.hpp"
-#include "polytope_transition.hpp"
+#include "polytope_rows.hpp"
 #include "profile_fisher.hpp"
 
 namespace contact_curation {
 namespace {
 
 enum Estimator { kNone = 0, kEmpirical = 1, kGaussNewton = 2 };
-enum Status { kSolved = 0, kNotSolved = 1, kNotFinite = 2 };
 
-}  // namespace
-
-// Mirrored by ctypes. Any output may be null. N transitions, T tosses, K contacts, P = 6K + 10 parameters.
-struct Evaluation {
-  const double *before;   // (N, 13)
-  const double *after;    // (N, 13)
-  const double *dt;       // (N,)
-  const int64_t *starts;  // (T + 1,)
-  int64_t tosses;
-  int32_t threads;
-  int32_t estimator;
-  int32_t max_iterations;
-  double residual_tolerance;
-  double influence_bound;  // losses above it are scaled down to it; inf when unbounded
-  double *terms;           // (N, 5)
-  double *impulse;         // (N, K, 3)
-  double *score;           // (N, P), -dL/dtheta / 2: the score for sigma = 1
-  double *residual;        // (N,)
-  int32_t *status;         // (N,)
-  int32_t *iterations;     // (N,)
-  double *fisher;          // (T, P, P)
-  double *score_sum;       // (T, P)
-};
-
-namespace {
-
-struct Scratch {
-  ConeProblem problem;
-  ConeSolution solution;
-  Transition transition;
-  Outcome outcome;
-  Lane gradient[kMaxParameters];
-};
-
-void evaluate_toss(const PolytopeModel &model, const Evaluation &job, int64_t toss, Scratch &at, ProfileFisher &profile,
+void evaluate_toss(const PolytopeModel &model, const Evaluation &job, int64_t toss, SolvedRows &at, ProfileFisher &profile,
                    std::vector<double> &fisher, std::vector<double> &row) {
   const int parameters = parameter_count(model.contacts), stride = profile.stride();
   const bool scores = job.score || job.score_sum || (job.fisher && job.estimator == kEmpirical);
-  SolverOptions options;
-  options.max_iterations = job.max_iterations;
-  options.residual_tolerance = job.residual_tolerance;
   std::fill(fisher.begin(), fisher.end(), 0.0);
   const int64_t begin = job.starts[toss], end = job.starts[toss + 1];
   for (int64_t first = begin; first < end; first += kLanes) {
-    at.transition.load(model, job.before, job.after, job.dt, first, end);
-    at.transition.pose(model, at.problem);
-    solve(at.problem, options, at.solution);
-    at.outcome.judge(model, at.transition, at.problem, at.solution);
-    if (scores) at.outcome.gradient(model, at.transition, at.problem, at.solution, at.gradient);
+    at.find(model, job, first, end, scores);
     const int lanes = static_cast<int>(std::min<int64_t>(kLanes, end - first));
     for (int lane = 0; lane < lanes; ++lane) {
       const int64_t n = first + lane;
       const double loss = at.outcome.loss[lane];
-      const bool finite = std::isfinite(loss);
-      const bool solved = finite && at.solution.solved[lane];
-      if (job.status) job.status[n] = solved ? kSolved : finite ? kNotSolved : kNotFinite;
+      const Status status = at.status(lane);
+      if (job.status) job.status[n] = status;
       if (job.residual) job.residual[n] = at.solution.residual[lane];
       if (job.iterations) job.iterations[n] = at.solution.iterations;
       if (job.terms)
@@ -83,7 +39,7 @@ void evaluate_toss(const PolytopeModel &model, const Evaluation &job, int64_t to
       if (scores)
         for (int k = 0; k < parameters; ++k) row[k] = -0.5 * influence * at.gradient[k][lane];
       if (job.score) std::copy(row.begin(), row.begin() + parameters, job.score + n * parameters);
-      if (!solved) continue;  // counted by its status, never a zero score in disguise
+      if (status != kSolved) continue;  // counted by its status, never a zero score in disguise
       if (job.score_sum)
         for (int k = 0; k < parameters; ++k) job.score_sum[toss * parameters + k] += row[k];
       if (job.fisher && job.estimator == kEmpirical) ProfileFisher::add_outer(row.data(), 1.0, fisher.data(), stride);
@@ -105,11 +61,11 @@ extern "C" int contact_curation_evaluate(const contact_curation::PolytopeModel *
   if (model->contacts < 1 || model->contacts > kMaxContacts) return 1;
   std::atomic<int64_t> next{0};
   const auto work = [&] {
-    auto scratch = std::make_unique<Scratch>();
+    auto rows = std::make_unique<SolvedRows>();
     ProfileFisher profile(*model);
     std::vector<double> fisher(static_cast<size_t>(profile.stride()) * profile.stride()), row(profile.stride(), 0.0);
     for (int64_t toss = next++; toss < job->tosses; toss = next++)
-      evaluate_toss(*model, *job, toss, *scratch, profile, fisher, row);
+      evaluate_toss(*model, *job, toss, *rows, profile, fisher, row);
   };
   const int threads = std::max(1, std::min<int>(job->threads, static_cast<int>(job->tosses)));
   std::vector<std::thread> pool;
