@@ -6,6 +6,7 @@ that contact (and nothing else) has given in between:
 
     impulse   dv_z >= -tol,  |dv_xy| <= mu_max max(dv_z, 0) + tol     a contact pushes up, within a generous friction cone
     airborne  |dv| <= a_max dt,  |w' - w| <= w_max                    no contact, no push and no twist
+    twist     |w' - w| <= r |dv| + w_tol                              no push, no twist: r a corner's lever over inertia
     energy    |v'|^2/2 + g z' <= |v|^2/2 + g z + e_tol                no contact, no work
     jump      |(p' - p)/dt - v'| <= v_max, and turns likewise         velocities belong to their poses
     depth     lowest corner >= -depth                                 the board is hard
@@ -34,7 +35,7 @@ class GateConfig:
     """Bounds, for a body of about 10 cm at 100 to 200 frames a second.
 
     METHOD 2.1 gives them in half widths of 0.0524 m: tol 3 and depth 0.15. The others lie above what all 570 public tosses show
-    (0.51 g, 0.7 rad/s, 0.04 m^2/s^2, 0.20 m/s, 16 rad/s, 1.1 degrees, 2.6 mm).
+    (0.51 g, 0.7 rad/s, 0.8 rad/s, 0.04 m^2/s^2, 0.20 m/s, 16 rad/s, 1.1 degrees, 2.6 mm).
 
     Attributes:
         enabled: False lets everything pass.
@@ -44,6 +45,8 @@ class GateConfig:
         airborne_clearance: a body whose corners are higher than this is in the air [m].
         airborne_acceleration: a_max [m/s^2].
         airborne_spin_change: w_max, from frame to frame [rad/s].
+        twist_leverage: r over that of a uniform box with the body's corners; more for a body with its mass inside.
+        twist_tolerance: w_tol [rad/s].
         energy_tolerance: e_tol, per mass [m^2/s^2].
         jump_velocity: v_max, about 3 mm at 148 Hz [m/s].
         jump_spin: the same of turns [rad/s].
@@ -61,6 +64,8 @@ class GateConfig:
     airborne_clearance: float = 0.010
     airborne_acceleration: float = 0.6 * 9.81
     airborne_spin_change: float = 2.0
+    twist_leverage: float = 1.0
+    twist_tolerance: float = 2.0
     energy_tolerance: float = 0.1
     jump_velocity: float = 0.4
     jump_spin: float = 25.0
@@ -92,6 +97,7 @@ class Steps:
         contact_velocities: (T - 1, 3) dv [m/s].
         airborne: (T - 1,) whether the body is in the air in all frames that the velocities at both ends come from.
         footing: (3, 3) where the three lowest corners are at the end [m]; None for a body that still moves.
+        spin_by_push: how fast a push of 1 m/s at a corner turns a uniform box with the body's corners, at most [rad/s].
     """
 
     toss: Toss
@@ -100,6 +106,7 @@ class Steps:
     contact_velocities: Array
     airborne: NDArray[np.bool_]
     footing: Array | None
+    spin_by_push: float
 
 
 def steps_of(toss: Toss, polytope: Polytope, config: GateConfig) -> Steps:
@@ -108,7 +115,7 @@ def steps_of(toss: Toss, polytope: Polytope, config: GateConfig) -> Steps:
     dt = np.diff(toss.stamps_ns) / NANOSECONDS
     gained = np.diff(toss.linear_velocities, axis=0) + np.outer(dt, [0.0, 0.0, config.gravity])
     airborne = all_around(lowest > config.airborne_clearance, 2, 2)[:-1]  # the poses that v and v' come from
-    return Steps(toss, lowest, dt, gained, airborne, footing(toss, polytope))
+    return Steps(toss, lowest, dt, gained, airborne, footing(toss, polytope), spin_by_push(polytope))
 
 
 def footing(toss: Toss, polytope: Polytope) -> Array | None:
@@ -120,6 +127,13 @@ def footing(toss: Toss, polytope: Polytope) -> Array | None:
     turned = quaternions.to_matrix(toss.orientations_wxyz[last]) @ polytope.vertices.T
     corners = np.median(turned.swapaxes(1, 2) + toss.positions[last, np.newaxis], axis=0)
     return np.asarray(corners[np.argsort(corners[:, 2])[:3]])
+
+
+def spin_by_push(polytope: Polytope) -> float:
+    """R / k^2 [1/m]: R to the outermost corner, k^2 = (b^2 + c^2) / 3 of a uniform box, b and c its lesser half widths."""
+    squares = np.square(polytope.vertices)
+    arms = squares.sum(axis=1, keepdims=True) - squares  # (V, 3) squared distances from the axes
+    return float(3.0 * np.sqrt(squares.sum(axis=1).max()) / arms.mean(axis=0).min())
 
 
 def rest_normal(corners: Array) -> Array:
@@ -193,6 +207,15 @@ def spin_gate(steps: Steps, config: GateConfig) -> str:
     return _worst("change of spin in the air", np.where(steps.airborne, change, 0.0), config.airborne_spin_change, "rad/s")
 
 
+def twist_gate(steps: Steps, config: GateConfig) -> str:
+    """Nothing twists a body but a push; a median may have moved either by a frame."""
+    change = np.linalg.norm(np.diff(steps.toss.angular_velocities, axis=0), axis=1)
+    pushes = np.pad(np.linalg.norm(steps.contact_velocities, axis=1), 1)
+    nearby = np.maximum(np.maximum(pushes[:-2], pushes[1:-1]), pushes[2:])
+    beyond = change - config.twist_leverage * steps.spin_by_push * nearby
+    return _worst("change of spin beyond what its push gives", beyond, config.twist_tolerance, "rad/s")
+
+
 def energy_gate(steps: Steps, config: GateConfig) -> str:
     """Nothing lifts or speeds up a body in the air; of its centre of mass, per mass."""
     energy = 0.5 * (steps.toss.linear_velocities**2).sum(axis=1) + config.gravity * steps.toss.positions[:, 2]
@@ -225,6 +248,7 @@ GATES: tuple[Callable[[Steps, GateConfig], str], ...] = (
     cone_gate,
     airborne_gate,
     spin_gate,
+    twist_gate,
     energy_gate,
     jump_gate,
     turn_gate,

@@ -9,7 +9,8 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
-from contact_curation.motion.gates import GateConfig, cone_gate, impulse_gate, inspect, steps_of
+from contact_curation.motion.gates import GateConfig, cone_gate, impulse_gate, inspect, steps_of, twist_gate
+from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import Toss
 from test.motion.faults import contaminated, spiked
 from test.motion.streams import CUBE, PERIOD_NS, stream
@@ -122,6 +123,48 @@ def test_each_kind_of_fault_has_its_own_reason(toss: Toss, reason: str) -> None:
 )
 def test_what_is_just_inside_the_bounds_passes(toss: Toss) -> None:
     assert inspect(toss, CUBE, CONFIG) == ()
+
+
+def twisted(spin: float, push: float = 0.0, late: int = 0) -> Toss:
+    """On the board, it comes to turn by `spin` [rad/s] from frame 2 on, with a push up [m/s] so many frames later."""
+    toss = falling(
+        positions=np.tile([0.0, 0.0, 0.0524], (4, 1)), linear_velocities=np.outer(-9.81 * PERIOD * np.arange(4), [0, 0, 1])
+    )
+    velocities, spins = toss.linear_velocities.copy(), toss.angular_velocities.copy()
+    velocities[2 + late :, 2] += push
+    spins[2:, 0] += spin
+    return replace(toss, linear_velocities=velocities, angular_velocities=spins)
+
+
+@pytest.mark.parametrize(
+    ("toss", "passes"),
+    [
+        (twisted(1.9), True),
+        (twisted(2.1), False),
+        (twisted(51.0, push=1.0), True),  # 2 + 2.598 / 0.0524
+        (twisted(52.0, push=1.0), False),
+        (twisted(51.0, push=1.0, late=-1), True),
+        (twisted(51.0, push=1.0, late=1), True),
+        (twisted(232.0), False),
+    ],
+)
+def test_a_body_is_twisted_by_a_push_or_not_at_all(toss: Toss, passes: bool) -> None:
+    assert (not twist_gate(steps_of(toss, CUBE, CONFIG), CONFIG)) is passes
+
+
+def test_a_body_with_its_mass_inside_may_be_given_more_leverage() -> None:
+    loose = replace(CONFIG, twist_leverage=1.2)
+    steps = steps_of(twisted(60.0, push=1.0), CUBE, CONFIG)
+    assert twist_gate(steps, CONFIG).startswith("change of spin beyond what its push gives: found 10.42 rad/s at frame 2")
+    assert not twist_gate(steps, loose)
+
+
+def test_tags_that_are_swapped_in_the_last_frame_alone_are_seen(good: Toss) -> None:
+    orientations = good.orientations_wxyz.copy()
+    orientations[-1] = quaternions.multiply(orientations[-1], quaternions.exp(np.array([0.0, 0.0, 0.5 * np.pi])))
+    seen = kinematics(good.stamps_ns, good.positions, orientations)
+    bad = replace(good, orientations_wxyz=orientations, angular_velocities=seen.angular_velocities)
+    assert any(line.startswith("change of spin beyond") for line in inspect(bad, CUBE, CONFIG))
 
 
 def lying(toss: Toss, degrees: float, metres: float) -> Toss:
