@@ -57,8 +57,8 @@ def run_experiment(arguments: argparse.Namespace) -> int:
     began = time.monotonic()
     experiment, config = Experiment(arguments.experiment), experiment_config(arguments)
     cells = cells_of(experiment, config)
-    bench = _bench(arguments)
     _make_folder(arguments.out)
+    bench = _bench(arguments)
     ledger = Ledger(arguments.out / "cells.jsonl", _identity(experiment, bench))
     left = [cell for cell in cells if cell.key not in ledger]
     failed = _run(left, bench, ledger, arguments.jobs, len(cells))

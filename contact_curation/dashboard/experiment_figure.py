@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from contact_curation.dashboard.colours import BLACK, BLUE, GREEN, GREY, LEVEL, ORANGE, PURPLE, SKY_BLUE, VERMILION
+from contact_curation.dashboard.figure_file import save_figure
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 
@@ -77,7 +78,7 @@ def save_experiment_figure(panels: Sequence[Panel], title: str, places: str, pat
 
     columns = min(COLUMNS, len(panels))
     rows = -(-len(panels) // columns)
-    figure = Figure(figsize=(WIDTH * columns, HEIGHT * rows), layout="constrained")
+    figure = Figure(figsize=(WIDTH * columns, HEIGHT * rows), dpi=DOTS, layout="constrained")
     figure.suptitle(title)
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for own, panel in zip(axes, panels):
@@ -86,10 +87,7 @@ def save_experiment_figure(panels: Sequence[Panel], title: str, places: str, pat
         unused.axis("off")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 5), frameon=False)
-    try:
-        figure.savefig(path, dpi=DOTS)
-    except (OSError, ValueError) as error:
-        raise InvalidValueError("file of the figure", path, f"a place where a PNG can be written ({error})") from error
+    save_figure(figure, path)
 
 
 def _draw(axes: "Axes", panel: Panel, places: str) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from contact_curation.dashboard.colours import BLACK, BLUE, GREEN, LEVEL, ORANGE, PURPLE, SKY_BLUE, VERMILION
+from contact_curation.dashboard.figure_file import save_figure
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 
@@ -49,7 +50,7 @@ def save_learning_curves(
     from matplotlib.figure import Figure
 
     names = list(next(iter(runs.values()))[0].errors)
-    figure = Figure(figsize=(WIDTH, HEIGHT), layout="constrained")
+    figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DOTS, layout="constrained")
     figure.suptitle(title)
     panels = figure.subplots(1, len(names), squeeze=False)[0]
     for panel, name in zip(panels, names):
@@ -63,10 +64,7 @@ def save_learning_curves(
         panel.set(yscale="log", xlabel="tosses recorded", ylabel=name)
         panel.grid(alpha=0.3, which="both")
     panels[0].legend(frameon=False)
-    try:
-        figure.savefig(path, dpi=DOTS)
-    except (OSError, ValueError) as error:
-        raise InvalidValueError("file of the figure", path, f"a place where a PNG can be written ({error})") from error
+    save_figure(figure, path)
 
 
 def _median(curves: Sequence[Curve], name: str) -> tuple[Array, Array]:

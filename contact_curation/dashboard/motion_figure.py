@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contact_curation.dashboard.colours import BLUE, INK, PALE, VERMILION
+from contact_curation.dashboard.figure_file import save_figure
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
@@ -108,10 +109,7 @@ def save_motion_figure(picture: MotionPicture, path: Path) -> None:
             _draw_side(axes[2], picture.models, toss)
         lines = rows[0].axes[0].get_lines()
         figure.legend(handles=lines, frameon=False, loc="upper right", ncols=len(lines))
-        try:
-            figure.savefig(path, format="png")
-        except OSError as error:
-            raise InvalidValueError("figure", path, f"a path that can be written ({error.strerror})") from error
+        save_figure(figure, path)
 
 
 def _lines(models: Sequence[str], toss: PicturedToss) -> list[tuple[Track, str, str, str]]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contact_curation.dashboard.colours import BLUE, INK, PALE, VERMILION
-from contact_curation.errors import InvalidValueError
+from contact_curation.dashboard.figure_file import save_figure
 from contact_curation.geometry.quaternions import Array
 
 if TYPE_CHECKING:
@@ -92,10 +92,7 @@ def save_ranking_figure(picture: RankingPicture, path: Path) -> None:
         _draw_spectrum(spectrum, picture)
         _draw_shares(shares, picture)
         _draw_outcomes(outcomes, picture)
-        try:
-            figure.savefig(path, format="png")
-        except OSError as error:
-            raise InvalidValueError("figure", path, f"a path that can be written ({error.strerror})") from error
+        save_figure(figure, path)
 
 
 def _row(figure: Any, widths: list[float]) -> "list[Axes]":

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from contact_curation.dashboard.colours import BLUE, GREEN, INK, PALE, VERMILION
-from contact_curation.errors import InvalidValueError
+from contact_curation.dashboard.figure_file import save_figure
 from contact_curation.geometry.quaternions import Array
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def save_figures(story: SessionStory, folder: Path) -> dict[str, Path]:
         drawn["What the kept set knows"] = "spectrum", spectrum_figure
     if story.events:
         drawn["Nodes"] = "nodes", nodes_figure
-    return {title: _saved(draw(story), folder / f"{name}.png") for title, (name, draw) in drawn.items()}
+    return {title: save_figure(draw(story), folder / f"{name}.png") for title, (name, draw) in drawn.items()}
 
 
 def learning_figure(story: SessionStory) -> "Figure":
@@ -208,12 +208,4 @@ def _runs(events: Sequence[ToldEvent], end: float) -> list[tuple[float, float]]:
 def _figure(height: float) -> "Figure":
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(WIDTH, height), layout="constrained")
-
-
-def _saved(figure: "Figure", path: Path) -> Path:
-    try:
-        figure.savefig(path, dpi=DOTS)
-    except OSError as error:
-        raise InvalidValueError("file of the figure", path, f"a place where a PNG can be written ({error})") from error
-    return path
+    return Figure(figsize=(WIDTH, height), dpi=DOTS, layout="constrained")
