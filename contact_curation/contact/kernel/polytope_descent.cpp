@@ -20,7 +20,7 @@ struct Descent {
   double decay, first_beta, second_beta, epsilon;
   double *theta[kPieces];    // what the model points to
   double *first[kPieces], *second[kPieces];
-  double seen;               // steps that the moments have seen
+  double seen;               // steps that the moments have seen; counted on
   double loss_sum;           // added to
 };
 
@@ -48,8 +48,8 @@ void add_scale_slopes(const double *normal, const double *tangents, double weigh
   for (int a = 0; a < 3; ++a) by_normal[a] += weight * 2.0 * pull[a];
 }
 
-void adamw(const Descent &job, double rate, double count, const int *sizes, const double *slopes) {
-  const double first_share = 1.0 - std::pow(job.first_beta, count), second_share = 1.0 - std::pow(job.second_beta, count);
+void adamw(const Descent &job, double rate, const int *sizes, const double *slopes) {
+  const double first_share = 1.0 - std::pow(job.first_beta, job.seen), second_share = 1.0 - std::pow(job.second_beta, job.seen);
   const double stride = rate / first_share, scale = std::sqrt(second_share);
   for (int piece = 0; piece < kPieces; slopes += sizes[piece++]) {
     double *theta = job.theta[piece], *first = job.first[piece], *second = job.second[piece];
@@ -82,7 +82,8 @@ extern "C" int64_t contact_curation_descend(const contact_curation::PolytopeMode
     double *by_normal = slopes + sizes[0], *by_tangents = slopes + count - sizes[3];
     add_scale_slopes(model->normal, model->tangents, job->regularizer * model->contacts, by_normal, by_tangents);
     if (!std::all_of(slopes, slopes + count, [](double slope) { return std::isfinite(slope); })) return step;
-    adamw(*job, job->rates[step], job->seen += 1.0, sizes, slopes);
+    job->seen += 1.0;
+    adamw(*job, job->rates[step], sizes, slopes);
     job->loss_sum += at->outcome.loss[0];
   }
   return job->steps;
