@@ -1,6 +1,7 @@
 """The gates let good tosses pass and keep glitches back (METHOD 2.1, check 11)."""
 
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,8 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
-from contact_curation.motion.gates import GateConfig, cone_gate, impulse_gate, inspect, steps_of, twist_gate
+from contact_curation.geometry.polytopes import Polytope
+from contact_curation.motion.gates import GateConfig, cone_gate, impulse_gate, inspect, spin_by_push, steps_of, twist_gate
 from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import Toss
 from test.motion.faults import contaminated, spiked
@@ -150,6 +152,13 @@ def twisted(spin: float, push: float = 0.0, late: int = 0) -> Toss:
 )
 def test_a_body_is_twisted_by_a_push_or_not_at_all(toss: Toss, passes: bool) -> None:
     assert (not twist_gate(steps_of(toss, CUBE, CONFIG), CONFIG)) is passes
+
+
+def test_a_long_box_turns_most_about_its_long_axis() -> None:
+    half = np.array([0.2, 0.03, 0.02])
+    box = Polytope(half * np.array(list(product((-1.0, 1.0), repeat=3))))
+    outermost, gyration = np.sqrt(np.sum(half**2)), (0.03**2 + 0.02**2) / 3.0
+    assert spin_by_push(box) == pytest.approx(outermost / gyration)
 
 
 def test_a_body_with_its_mass_inside_may_be_given_more_leverage() -> None:
