@@ -11,7 +11,7 @@ import numpy as np
 from contact_curation.dashboard.experiment_figure import Panel, Series, save_experiment_figure
 from contact_curation.learning.bootstrap import BootstrapConfig
 from contact_curation.learning.experiment import Experiment
-from contact_curation.learning.experiment_rules import BASELINES
+from contact_curation.learning.experiment_rules import BASELINES, OURS
 from contact_curation.learning.experiment_run import Row
 from contact_curation.learning.experiment_summary import Summary, summarised
 from contact_curation.learning.experiment_throws import RANDOM, RAW
@@ -166,10 +166,11 @@ def _series(
 
 
 def _one_series(name: str, own: Sequence[Summary], place: str | Callable[[Summary], str]) -> Series:
-    values = (np.array([getattr(summary.median, end) for summary in own]) for end in ("value", "low", "high"))
+    middle, low, high = (np.array([getattr(summary.median, end) for summary in own]) for end in ("value", "low", "high"))
+    ours = name.startswith(OURS)
     if callable(place):
-        return Series(name, [place(summary) for summary in own], *values)
-    return Series(name, [float(dict(summary.group)[place]) for summary in own], *values)
+        return Series(name, [place(summary) for summary in own], middle, low, high, ours)
+    return Series(name, [float(dict(summary.group)[place]) for summary in own], middle, low, high, ours)
 
 
 LAYOUTS: dict[Experiment, Layout] = {

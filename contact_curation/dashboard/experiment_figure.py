@@ -1,12 +1,13 @@
 """Results of experiments: a panel per measure, a line or a row of points per rule, with intervals.
 
-Markers differ, too, not only colours. matplotlib is imported when a picture is drawn.
+Markers differ, too, not only colours; where there are more rules than colours, those that come again are dashed. matplotlib is
+imported when a picture is drawn.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLOURS = (BLACK, GREY, ORANGE, VERMILION, PURPLE, SKY_BLUE, GREEN, BLUE)
-MARKERS = "os^vDP*X"
+MARKERS = "os^vDP*Xhp<>"
+LINES = ("-", "--", ":")
 WIDTH, HEIGHT, DOTS = 5.0, 4.2, 110
 COLUMNS = 3
 SPREAD = 0.5
@@ -34,6 +36,7 @@ class Series:
         name: in the legend.
         places: numbers, or names of categories.
         values, low, high: (N,) medians and the ends of their intervals, NaN for none.
+        stands_out: whether its line is a thick one.
     """
 
     name: str
@@ -41,6 +44,20 @@ class Series:
     values: Array
     low: Array
     high: Array
+    stands_out: bool = False
+
+
+class Style(NamedTuple):
+    """How the series of a number, from 0 on, is drawn; no two of the first dozen are alike."""
+
+    colour: str
+    marker: str
+    line: str
+
+    @staticmethod
+    def of(number: int) -> "Style":
+        line = LINES[number // len(COLOURS) % len(LINES)]
+        return Style(COLOURS[number % len(COLOURS)].web, MARKERS[number % len(MARKERS)], line)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,17 +129,26 @@ def _draw(axes: "Axes", panel: Panel, places: str) -> None:
 def _lines(axes: "Axes", panel: Panel) -> None:
     ticks = sorted({float(place) for series in panel.series for place in series.places})
     for number, series in enumerate(panel.series):
-        colour = COLOURS[number % len(COLOURS)].web
+        style, width = Style.of(number), 3.2 if series.stands_out else 1.6
         where = np.array(series.places, dtype=float)
-        marker = MARKERS[number % len(MARKERS)]
-        axes.plot(where, series.values, marker=marker, markersize=4, linewidth=1.8, color=colour, label=series.name)
-        axes.fill_between(where, series.low, series.high, alpha=0.12, linewidth=0, color=colour)
+        axes.plot(
+            where,
+            series.values,
+            marker=style.marker,
+            markersize=3.0 * width,
+            linestyle=style.line,
+            linewidth=width,
+            color=style.colour,
+            label=series.name,
+        )
+        axes.fill_between(where, series.low, series.high, alpha=0.12, linewidth=0, color=style.colour)
     axes.set_xscale("log", base=2)
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
 
 
 def _points(axes: "Axes", panel: Panel, categories: list[str]) -> None:
     for number, series in enumerate(panel.series):
+        style = Style.of(number)
         aside = SPREAD * ((number + 0.5) / len(panel.series) - 0.5)
         where = np.array([categories.index(str(name)) for name in series.places]) + aside
         bars = np.stack([series.values - series.low, series.high - series.values])
@@ -130,10 +156,10 @@ def _points(axes: "Axes", panel: Panel, categories: list[str]) -> None:
             where,
             series.values,
             yerr=np.maximum(np.nan_to_num(bars), 0.0),
-            fmt=MARKERS[number % len(MARKERS)],
+            fmt=style.marker,
             markersize=5,
             linewidth=1.2,
-            color=COLOURS[number % len(COLOURS)].web,
+            color=style.colour,
             label=series.name,
         )
     axes.set_xticks(range(len(categories)), categories, rotation=30, ha="right")

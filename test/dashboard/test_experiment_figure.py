@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact_curation.dashboard.experiment_figure import Panel, Series, save_experiment_figure
+from contact_curation.dashboard.experiment_figure import Panel, Series, Style, save_experiment_figure
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 
@@ -26,6 +26,12 @@ OVER_FAULTS = Panel("error", (series("a", ["clean", "spike"], np.array([1.0, np.
 def test_it_is_a_picture(panels: list[Panel], tmp_path: Path) -> None:
     save_experiment_figure(panels, "title", "places", tmp_path / "figure.png")
     assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_dozen_rules_are_told_apart_without_colours_and_without_markers() -> None:
+    styles = [Style.of(number) for number in range(12)]
+    assert len({style.marker for style in styles}) == 12
+    assert len({(style.colour, style.line) for style in styles}) == 12
 
 
 def test_nothing_and_no_place_are_refused(tmp_path: Path) -> None:
