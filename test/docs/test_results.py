@@ -1,0 +1,156 @@
+"""The tables of docs/results.md are the medians of the rows in docs/results/."""
+
+import csv
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGE, ROWS = DOCS / "results.md", DOCS / "results"
+COLUMNS = {
+    "rotation °": "rotation",
+    "position %": "position",
+    "penetration %": "penetration",
+    "vertices from the described, mm": "vertices",
+    "vertices from all's, mm": "vertices_from_all",
+    "from all's, mm": "vertices_from_all",
+    "friction": "friction",
+    "off all's": "friction_from_all",
+    "friction off all's": "friction_from_all",
+    "friction, off all's": "friction_from_all",
+}
+RIGID = "with friction at the gaps"
+"""Of the column before."""
+
+type Rows = list[dict[str, str]]
+
+
+class Said(NamedTuple):
+    """A number of a table, as text, where it stands and what it is of."""
+
+    size: int
+    rule: str
+    measure: str
+    number: str
+
+
+def rows(name: str) -> Rows:
+    with (ROWS / f"{name}.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def section(heading: str) -> str:
+    found = re.search(rf"^## {re.escape(heading)}\n(.*?)(?=^## |\Z)", PAGE.read_text(), re.DOTALL | re.MULTILINE)
+    assert found, heading
+    return found[1]
+
+
+def tables(text: str, first: tuple[str, str]) -> Iterator[Said]:
+    """The numbers of all tables whose first two columns are those."""
+    measures: list[str | None] = []
+    size = 0
+    for line in text.splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")] if line.startswith("|") else []
+        if tuple(cells[:2]) == first:
+            measures = [_measure(cells, place) for place in range(2, len(cells))]
+        elif not cells:
+            measures = []
+        elif measures and not cells[0].startswith("-"):
+            size = int(cells[0]) if cells[0] else size
+            for measure, cell in zip(measures, cells[2:], strict=True):
+                if measure:
+                    yield Said(size, cells[1].strip("*"), measure, cell.split(" ")[0])
+
+
+def _measure(heads: list[str], place: int) -> str | None:
+    head = heads[place]
+    return f"rigid_{COLUMNS[heads[place - 1]]}" if head == RIGID else COLUMNS.get(head)
+
+
+def decimals(number: str) -> int:
+    return len(number.partition(".")[2])
+
+
+def of_seeds(found: Rows, said: Said, rule: str, seeds: int) -> dict[int, float]:
+    """What the seeds gave."""
+    size = 0 if rule == "all" else said.size
+    return {
+        int(row["seed"]): float(row[said.measure])
+        for row in found
+        if row["rule"] == rule and int(row["size"]) == size and int(row["seed"]) < seeds and row[said.measure]
+    }
+
+
+@pytest.mark.parametrize(
+    ("heading", "name"),
+    [
+        ("Dataset quality", "dataset_quality"),
+        ("The same along gradient steps", "budgeted"),
+        ("The published protocol", "published"),
+        ("Friction where the body touches", "dataset_quality"),
+    ],
+)
+def test_medians_are_those_of_ten_seeds(heading: str, name: str) -> None:
+    found, counted = rows(name), 0
+    for said in tables(section(heading), ("kept", "rule")):
+        values = of_seeds(found, said, said.rule, 10)
+        assert len(values) == 10, said
+        median = float(np.median(list(values.values())))
+        assert median == pytest.approx(float(said.number), abs=0.51 * 10.0 ** -decimals(said.number)), said
+        counted += 1
+    assert counted > 50
+
+
+def test_differences_are_those_of_twenty_seeds() -> None:
+    found, counted = rows("dataset_quality"), 0
+    for said in tables(section("Dataset quality"), ("kept", "less")):
+        ours, theirs = (of_seeds(found, said, rule, 20) for rule in ("representative", said.rule))
+        assert len(ours) == len(theirs) == 20, said
+        median = float(np.median([ours[seed] - theirs[seed] for seed in ours]))
+        assert median == pytest.approx(float(said.number), abs=0.51 * 10.0 ** -decimals(said.number)), said
+        counted += 1
+    assert counted == 36
+
+
+def test_networks_are_those_of_five_seeds() -> None:
+    found, counted = rows("networks"), 0
+    text = section("Networks")
+    for model in ("deep", "deepvertex", "end_to_end"):
+        own = [row for row in found if row["model"] == model]
+        part = re.search(rf"^`{model}`:\n(.*?)(?=^`|^Differences)", text, re.DOTALL | re.MULTILINE)
+        assert part, model
+        for said in tables(part[1], ("kept", "rule")):
+            values = of_seeds(own, said, said.rule, 5)
+            assert len(values) == 5, said
+            median = float(np.median(list(values.values())))
+            assert median == pytest.approx(float(said.number), abs=0.51 * 10.0 ** -decimals(said.number)), said
+            counted += 1
+    assert counted == 3 * 6 * 3 * 3
+
+
+def test_bad_tosses_cost_what_the_page_says() -> None:
+    found = [row for row in rows("robustness") if row["rule"] == "representative"]
+
+    def values(fault: str, share: float, gated: bool, measure: str) -> dict[int, float]:
+        chosen = (row for row in found if (row["fault"], float(row["share"]), row["gated"]) == (fault, share, str(gated)))
+        return {int(row["seed"]): float(row[measure]) for row in chosen}
+
+    text = section("Bad tosses in the pool")
+    table = re.search(r"\| bad \| gates \|.*?\n\|[-|]+\n(.*?)\n\n", text, re.DOTALL)
+    assert table
+    for line in table[1].splitlines():
+        percent, gates, *numbers = [cell.strip() for cell in line.strip("|").split("|")]
+        share, gated = float(percent.split(" ")[0]) / 100.0, gates == "with"
+        for measure, number in zip(("rotation", "vertices", "position", "penetration"), numbers, strict=True):
+            clean = values("", 0.0, True, measure)
+            faults = {row["fault"] for row in found if row["fault"]}
+            assert (len(clean), len(faults)) == (10, 6)
+            worst = max(
+                float(np.median([bad / clean[seed] for seed, bad in values(fault, share, gated, measure).items()]))
+                for fault in faults
+            )
+            assert worst == pytest.approx(float(number), abs=0.0051), (line, measure)
