@@ -21,6 +21,7 @@ INTERRUPTED = 130
 VERBS = {
     "import": ("import_data", "public data as the bag that a rig would have recorded of it"),
     "rank": ("rank", "a ranked manifest of the tosses in recordings; nothing is deleted"),
+    "rig": ("rig", "what tosses say of the rig that tracked them: how its board lies, how long its metre is"),
     "score": ("score", "loss terms, impulses and scores of every transition, as an .npz file"),
     "train": ("train", "a model that learns from tosses, as a checkpoint"),
     "evaluate": ("evaluate", "how far a model's motions are from measured ones, and how surely its parameters are known"),

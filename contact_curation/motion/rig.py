@@ -6,13 +6,14 @@ slow, which free fall alone cannot tell apart). Both are the rig's, the same for
 frame is turned until the mean rest is level, and lengths are multiplied.
 
 A board that leans in the tracker's frame looks to a learner like ground that leans and gravity that does not; a short metre
-looks like a small body. Of ContactNets' public tosses both are true (docs/rule.md).
+looks like a small body. Of ContactNets' public tosses both are true (docs/data.md).
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
@@ -55,7 +56,56 @@ class Rig:
         return float(np.arccos(min(self.normal[2], 1.0)))
 
 
-def rig_of(tosses: Sequence[Toss], polytope: Polytope, gravity: float = 9.81) -> Rig:
+@dataclass(frozen=True, eq=False)
+class RigEvidence:
+    """What K tosses say of their rig.
+
+    Attributes:
+        normals: (K, 3) up, of the faces that they came to lie on; NaN where they did not.
+        heights: (K,) of these faces, in the mean of three corners [m]; NaN likewise.
+        accelerations: (K, 3) in the air [m/s^2]; NaN where they were too short there.
+        weights: (K,) of these, zero where there is none.
+        ends: (K, 3) last positions [m].
+    """
+
+    normals: Array
+    heights: Array
+    accelerations: Array
+    weights: Array
+    ends: Array
+
+    def rig(self, gravity: float = 9.81) -> Rig:
+        """The rig that they were tracked with; the rest as of `rig_of`."""
+        rests, falls = np.isfinite(self.heights), self.weights > 0.0
+        for what, found in (("come to rest", rests), (f"are {FEWEST_FRAMES} frames in the air", falls)):
+            if (count := int(found.sum())) < FEWEST_TOSSES:
+                raise InvalidValueError(f"tosses that {what}", count, f"at least {FEWEST_TOSSES}, to tell the rig by them")
+        normal = np.median(self.normals[rests], axis=0)
+        seen = np.linalg.norm(self.weights[falls] @ self.accelerations[falls]) / self.weights[falls].sum()
+        centre = np.array([*self.ends[:, :2].mean(axis=0), 0.0])
+        return Rig(normal / np.linalg.norm(normal), centre, gravity / float(seen), int(rests.sum()), int(falls.sum()))
+
+    def drawn(self, places: NDArray[np.int64]) -> "RigEvidence":
+        """That of some of the tosses, as often as they are named."""
+        return RigEvidence(*(getattr(self, field.name)[places] for field in fields(self)))
+
+
+def evidence_of(tosses: Iterable[Toss], polytope: Polytope) -> RigEvidence:
+    """What tosses say, one after the other; none of them is kept."""
+    normals, heights, accelerations, weights, ends = [], [], [], [], []
+    for toss in tosses:
+        corners, fall = footing(toss, polytope), _fall(toss, polytope)
+        normals.append(np.full(3, np.nan) if corners is None else rest_normal(corners))
+        heights.append(np.nan if corners is None else float(corners[:, 2].mean()))
+        accelerations.append(np.full(3, np.nan) if fall is None else fall[0])
+        weights.append(0.0 if fall is None else fall[1])
+        ends.append(toss.positions[-1])
+    columns = (np.array(each, dtype=float) for each in (normals, heights, accelerations, weights, ends))
+    shapes = ((-1, 3), (-1,), (-1, 3), (-1,), (-1, 3))
+    return RigEvidence(*(column.reshape(shape) for column, shape in zip(columns, shapes, strict=True)))
+
+
+def rig_of(tosses: Iterable[Toss], polytope: Polytope, gravity: float = 9.81) -> Rig:
     """The rig that tosses were tracked with.
 
     Args:
@@ -66,17 +116,7 @@ def rig_of(tosses: Sequence[Toss], polytope: Polytope, gravity: float = 9.81) ->
     Raises:
         InvalidValueError: fewer than `FEWEST_TOSSES` of them come to rest, or are long enough in the air.
     """
-    rests = [rest_normal(corners) for toss in tosses if (corners := footing(toss, polytope)) is not None]
-    falls = [fall for toss in tosses if (fall := _fall(toss, polytope)) is not None]
-    for what, found in (("come to rest", rests), (f"are {FEWEST_FRAMES} frames in the air", falls)):
-        if len(found) < FEWEST_TOSSES:
-            raise InvalidValueError(f"tosses that {what}", len(found), f"at least {FEWEST_TOSSES}, to tell the rig by them")
-    normal = np.median(rests, axis=0)
-    accelerations, weights = (np.array(each) for each in zip(*falls))
-    seen = np.linalg.norm(weights @ accelerations) / weights.sum()
-    last = np.array([toss.positions[-1] for toss in tosses])
-    centre = np.array([*last[:, :2].mean(axis=0), 0.0])
-    return Rig(normal / np.linalg.norm(normal), centre, gravity / float(seen), len(rests), len(falls))
+    return evidence_of(tosses, polytope).rig(gravity)
 
 
 def put_right(toss: Toss, rig: Rig) -> Toss:

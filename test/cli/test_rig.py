@@ -1,0 +1,66 @@
+"""`rig`: the lean of a board and the length of a metre, out of recordings."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.geometry import quaternions
+from contact_curation.motion.rig import put_right, rig_of
+from test.cli.commands import Cli
+from test.simulated import simulated_tosses
+from test.storage.test_tagslam_bag import save_contactnets
+
+LEAN, METRE = np.radians([1.0, 0.0, 0.0]), 0.97
+
+
+@pytest.fixture(scope="module")
+def crooked(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Twelve tosses as seen by a rig whose frame leans by a degree and whose metre is 3 % short."""
+    tosses = simulated_tosses(12, 3)
+    true = rig_of(tosses, CONTACTNETS_CUBE.polytope)
+    undo = quaternions.rotate(quaternions.exp(-LEAN), np.array([0.0, 0.0, 1.0]))
+    folder, wrong = tmp_path_factory.mktemp("crooked"), replace(true, normal=undo, centre=np.zeros(3), scale=METRE)
+    for number, toss in enumerate(tosses):
+        save_contactnets(folder, number, put_right(toss, wrong))
+    return folder
+
+
+def test_a_lean_and_a_short_metre_are_told_with_their_intervals(cli: Cli, crooked: Path) -> None:
+    done = cli("rig", crooked, "--json")
+    told = done.json
+    assert (told["tosses"], told["at_rest"]) == (12, 12)
+    assert told["lean_degrees"]["value"] == pytest.approx(1.0, abs=0.1)
+    assert told["scale"]["value"] == pytest.approx(1.0 / METRE, rel=0.01)
+    for name in ("lean_degrees", "scale", "rest_height_mm"):
+        assert told[name]["low"] <= told[name]["value"] <= told[name]["high"]
+    assert np.linalg.norm(told["normal"][:2]) == pytest.approx(np.sin(LEAN[0]), abs=2e-3)  # along which heading a file forgets
+
+
+def test_people_are_told_the_same(cli: Cli, crooked: Path) -> None:
+    lines = cli("rig", crooked).out.splitlines()
+    assert lines[0].startswith("12 tosses: 12 come to rest")
+    assert lines[1].startswith(("board   leans by 1.0", "board   leans by 0.9"))
+    assert "% short: multiply lengths with 1.0" in lines[2]
+    assert "mm under the board" in lines[3] or "mm over the board" in lines[3]
+
+
+def test_a_rig_that_the_gates_would_keep_back_is_told_all_the_same(cli: Cli, golden: Path) -> None:
+    done = cli("rig", golden, "--json")
+    assert done.status == 0
+    assert done.json["lean_degrees"]["value"] < 0.05
+    assert done.json["scale"]["value"] == pytest.approx(1.0, abs=0.005)
+
+
+def test_too_few_tosses_are_one_line(cli: Cli, folder: Path) -> None:
+    done = cli("rig", folder)
+    assert done.status == 1
+    assert "tosses that come to rest: found 7, expected at least 8" in done.err
+
+
+def test_a_toss_that_comes_twice_counts_once(cli: Cli, crooked: Path) -> None:
+    done = cli("rig", crooked, crooked, "--json")
+    assert done.json["tosses"] == 12
+    assert len(done.json["warnings"]) == 12
