@@ -84,7 +84,7 @@ class Session:
         Raises:
             ProgramFailedError: a node cannot be kept running, or no throws come.
         """
-        standstill = Standstill(time.monotonic())
+        standstill = Standstill(time.monotonic(), self._toss_timeout)
         while not (stop.wanted or self._is_over()):
             time.sleep(POLL)
             supervisor.look()

@@ -3,7 +3,7 @@
 from contact_curation.cli.supervisor import ProgramFailedError
 
 LONGEST_PAUSE = 180.0
-"""[s] between two throws; one that is rendered takes two minutes on busy cores."""
+"""[s] between two throws, beyond the time that the designer gives a throw's toss: images may take minutes to be rendered."""
 
 MOST_STARTS = 3
 """Of the arm, without a throw in between."""
@@ -14,9 +14,11 @@ class Standstill:
 
     Args:
         now: a steady clock [s].
+        toss_timeout: so long the designer waits for a throw's toss before it commands the next [s].
     """
 
-    def __init__(self, now: float) -> None:
+    def __init__(self, now: float, toss_timeout: float) -> None:
+        self._pause = LONGEST_PAUSE + toss_timeout
         self._throws = 0
         self._since = now
         self._starts = 0
@@ -34,12 +36,12 @@ class Standstill:
         """
         if throws != self._throws:
             self._throws, self._since, self._starts = throws, now, 0
-        if now - self._since < LONGEST_PAUSE:
+        if now - self._since < self._pause:
             return False
         if complaint:
-            raise ProgramFailedError(f"found no throw for {LONGEST_PAUSE:.0f} s after {throws} throws: {complaint}")
+            raise ProgramFailedError(f"found no throw for {self._pause:.0f} s after {throws} throws: {complaint}")
         if self._starts == MOST_STARTS:
-            waited = LONGEST_PAUSE * (MOST_STARTS + 1)
+            waited = self._pause * (MOST_STARTS + 1)
             raise ProgramFailedError(
                 f"found no throw for {waited:.0f} s after {throws} throws, though sim_arm was started again {MOST_STARTS} "
                 "times; see the logs of sim_arm and throw_designer"
