@@ -132,6 +132,18 @@ def test_networks_are_those_of_five_seeds() -> None:
     assert counted == 3 * 6 * 3 * 3
 
 
+def test_the_network_of_the_published_protocol_is_that_of_five_seeds() -> None:
+    found, counted = rows("networks_published"), 0
+    text = section("Networks").partition("**In the published protocol**")[2]
+    for said in tables(text, ("kept", "rule")):
+        values = of_seeds(found, said, said.rule, 5)
+        assert len(values) == 5, said
+        median = float(np.median(list(values.values())))
+        assert median == pytest.approx(float(said.number), abs=0.51 * 10.0 ** -decimals(said.number)), said
+        counted += 1
+    assert counted == 6 * 3
+
+
 def test_bad_tosses_cost_what_the_page_says() -> None:
     found = [row for row in rows("robustness") if row["rule"] == "representative"]
 
