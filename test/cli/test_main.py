@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -144,6 +144,19 @@ def test_too_little_memory_is_one_line_and_exit_status_1(cli: Cli, monkeypatch: 
     assert "9 TiB" in done.err
 
 
+@pytest.fixture
+def nothing_ignored() -> Iterator[None]:
+    """As in a shell, though the tests themselves may run under `nohup` or in the background; processes inherit it."""
+    usual = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}
+    ignored = [each for each in usual if signal.getsignal(each) is signal.SIG_IGN]
+    for each in ignored:
+        signal.signal(each, usual[each])
+    yield
+    for each in ignored:
+        signal.signal(each, signal.SIG_IGN)
+
+
+@pytest.mark.usefixtures("nothing_ignored")
 def test_a_signal_that_nohup_ignores_stays_ignored(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
     def run(*_: object) -> int:
         signal.raise_signal(signal.SIGHUP)
@@ -197,6 +210,7 @@ def test_a_name_that_no_terminal_can_show_is_shown_in_escapes(encoding: str, gol
     assert len(manifest.stderr) < 1000
 
 
+@pytest.mark.usefixtures("nothing_ignored")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_it_with_status_130_and_leaves_nothing_half_written(
     number: signal.Signals, golden: object, true_parameters: Path, tmp_path: Path
