@@ -147,10 +147,10 @@ def test_too_little_memory_is_one_line_and_exit_status_1(cli: Cli, monkeypatch: 
 @pytest.fixture
 def nothing_ignored() -> Iterator[None]:
     """As in a shell, though the tests themselves may run under `nohup` or in the background; processes inherit it."""
-    usual = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}
-    ignored = [each for each in usual if signal.getsignal(each) is signal.SIG_IGN]
+    every = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    ignored = [each for each in every if signal.getsignal(each) is signal.SIG_IGN]
     for each in ignored:
-        signal.signal(each, usual[each])
+        signal.signal(each, signal.default_int_handler if each is signal.SIGINT else signal.SIG_DFL)
     yield
     for each in ignored:
         signal.signal(each, signal.SIG_IGN)
