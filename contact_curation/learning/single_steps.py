@@ -1,7 +1,7 @@
 """Gradient steps of one transition each, a polytope's in the published form, in the kernel.
 
 At a batch of one nearly all of a step's time is autograd's and Python's. The kernel does whole rows of steps instead: the same
-numbers as along the long way but for rounding, twenty times as fast (benchmarks/training_step.py).
+numbers as along the long way but for rounding, fifteen times as fast (benchmarks/training_step.py).
 """
 
 import numpy as np
