@@ -14,8 +14,7 @@ import sys
 import numpy as np
 import torch
 
-from benchmarks._data import contactnets_folder, training_and_held_out
-from contact_curation.contact.body import CONTACTNETS_CUBE
+from benchmarks.rules import recorded_bench
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.given_contacts import step_at_contacts
 from contact_curation.contact.parameter_form import Form
@@ -24,7 +23,6 @@ from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.experiment_run import Bench
 from contact_curation.learning.motion_errors import MotionErrors, motion_errors
-from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.rig import rig_of
 from contact_curation.motion.transitions import states_of
 
@@ -38,10 +36,9 @@ def main() -> int:
     parser.add_argument("--slowest", type=float, default=0.0, help="contacts that close slower than this do not bounce [m/s]")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
-    folder = contactnets_folder()
-    if folder is None:
+    recorded = recorded_bench()
+    if recorded is None:
         return 0
-    recorded = Bench(CONTACTNETS_CUBE, training_and_held_out(folder).training, (), GateConfig())
     bench = recorded.on(rig_of(recorded.training, recorded.body.polytope))
     described = PolytopeModel(ContactGeometry.of_body(bench.body), bench.body, Form.PHYSICAL)
     fitted = PolytopeModel(bench.reference, bench.body, Form.PHYSICAL)

@@ -81,10 +81,9 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=1)
     arguments = parser.parse_args()
     torch.set_num_threads(1)
-    folder = contactnets_folder()
-    if folder is None:
+    recorded = recorded_bench()
+    if recorded is None:
         return 0
-    recorded = Bench(CONTACTNETS_CUBE, training_and_held_out(folder).training, (), GateConfig())
     rig = rig_of(recorded.training, recorded.body.polytope)
     bench = recorded.on(rig)
     if arguments.what == "rig":
@@ -96,6 +95,12 @@ def main() -> int:
     else:
         print_search(search(arguments, bench.training))
     return 0
+
+
+def recorded_bench() -> Bench | None:
+    """The tosses to learn from, as recorded, and none that judge; None, and a line on stderr, where there are none."""
+    folder = contactnets_folder()
+    return None if folder is None else Bench(CONTACTNETS_CUBE, training_and_held_out(folder).training, (), GateConfig())
 
 
 def print_rig(bench: Bench, rig: Rig) -> None:

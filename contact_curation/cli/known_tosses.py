@@ -5,19 +5,23 @@ from pathlib import Path
 
 from contact_curation.cli.reading import InputReader, ReadingConfig
 from contact_curation.cli.report import nothing_found
+from contact_curation.cli.workers import Advance, counted_on
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.toss import Toss
 from contact_curation.storage.known_tosses import KnownTosses
 from contact_curation.storage.manifest_file import read_manifest
 
 
-def tosses_in(paths: Sequence[Path], manifest: Path | None, reading: ReadingConfig) -> tuple[tuple[Toss, ...], tuple[str, ...]]:
+def tosses_in(
+    paths: Sequence[Path], manifest: Path | None, reading: ReadingConfig, advance: Advance = lambda count: None
+) -> tuple[tuple[Toss, ...], tuple[str, ...]]:
     """The tosses that pass the gates, in the order of their ids, each once; and what is wrong with the recordings.
 
     Args:
         paths: recordings, perhaps none.
         manifest: whose kept tosses are wanted; all tosses where there is none.
         reading: how recordings become tosses.
+        advance: told how many tosses more were read.
 
     Raises:
         ContactCurationError: recordings without a toss, or a manifest whose kept tosses are not in them.
@@ -30,7 +34,7 @@ def tosses_in(paths: Sequence[Path], manifest: Path | None, reading: ReadingConf
     found: dict[str, Toss] = {}
     for path in paths:
         reader = InputReader(path, reading)
-        passed = {toss.toss_id: toss for toss in reader.tosses()}
+        passed = {toss.toss_id: toss for toss in counted_on(reader.tosses(), advance)}
         result = reader.reading()
         warnings += result.warnings
         for seen in result.seen:

@@ -3,33 +3,24 @@
 import argparse
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from contact_curation.cli.body_option import chosen_body
+from contact_curation.cli.known_tosses import tosses_in
 from contact_curation.cli.progress import Progress
-from contact_curation.cli.reading import InputReader, ReadingConfig
+from contact_curation.cli.reading import ReadingConfig
 from contact_curation.cli.reading_options import add_reading_options, stages_of
-from contact_curation.cli.report import add_json_option, counted_tosses, nothing_found, print_json, warn
+from contact_curation.cli.report import add_json_option, counted_tosses, print_json, warn
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.learning.bootstrap import BootstrapConfig, Interval
 from contact_curation.motion.rig import Rig, RigEvidence, evidence_of
-from contact_curation.motion.toss import Toss
 from contact_curation.storage.inputs import InputsConfig
-from contact_curation.storage.known_tosses import KnownTosses
 
-RESAMPLES, CONFIDENCE = 500, 0.95
-"""Of the bootstrap over tosses."""
-
-
-class Told(NamedTuple):
-    """A number and its interval."""
-
-    value: float
-    low: float
-    high: float
+BOOTSTRAP = BootstrapConfig(resamples=500)
+"""Over tosses."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -53,13 +44,10 @@ def run(arguments: argparse.Namespace) -> int:
     body = chosen_body(arguments)
     stages = stages_of(arguments, {})
     inputs = InputsConfig(stages["poses"], stages["segmenter"], replace(stages["gates"], enabled=False))
-    warnings: list[str] = []
     with Progress("reading", "tosses") as progress:
-        tosses = _tosses(arguments.inputs, ReadingConfig(body, inputs), warnings, progress)
-        evidence = evidence_of(tosses, body.polytope)
-    if not len(evidence.ends):
-        raise nothing_found(arguments.inputs, warnings, "no toss", "some that come to rest")
+        tosses, warnings = tosses_in(arguments.inputs, None, ReadingConfig(body, inputs), progress.advance)
     warn(warnings)
+    evidence = evidence_of(tosses, body.polytope)
     rig = evidence.rig(body.gravity)
     told = _told(evidence, body.gravity)
     if arguments.json:
@@ -69,44 +57,27 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _tosses(paths: Sequence[Path], config: ReadingConfig, warnings: list[str], progress: Progress) -> Iterator[Toss]:
-    """The tosses of all inputs, each once; what was left out is a line of warning."""
-    known = KnownTosses()
-    for path in paths:
-        reader = InputReader(path, config)
-        for toss in reader.tosses():
-            if left_out := known.see(toss.toss_id, toss.digest(), str(path), whole=True).left_out:
-                warnings.append(f"{left_out.where}: {left_out.why}")
-            else:
-                progress.advance()
-                yield toss
-        warnings += reader.reading().warnings
-
-
-def _told(evidence: RigEvidence, gravity: float) -> dict[str, Told]:
+def _told(evidence: RigEvidence, gravity: float) -> dict[str, Interval]:
     """By name: lean [deg], scale, and height of the faces at rest [mm]."""
-    random, count = np.random.default_rng(0), len(evidence.ends)
-    drawn = (evidence.drawn(random.integers(count, size=count)) for _ in range(RESAMPLES))
-    resampled = np.array([found for one in drawn if (found := _statistics(one, gravity)) is not None])
-    own = _statistics(evidence, gravity)
-    assert own is not None
-    ends = np.quantile(resampled, [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE], axis=0).T
-    names = ("lean", "scale", "rest_height")
-    return {
-        name: Told(float(value), float(low), float(high)) for name, value, (low, high) in zip(names, own, ends, strict=True)
-    }
+    own, count = _statistics(evidence, gravity), len(evidence.ends)
+    draws = np.random.default_rng(BOOTSTRAP.seed).integers(count, size=(BOOTSTRAP.resamples, count))
+    resampled = [_statistics(evidence.drawn(places), gravity) for places in draws]
+    outside = 0.5 * (1.0 - BOOTSTRAP.confidence)
+    low, high = np.nanquantile(resampled, [outside, 1.0 - outside], axis=0)
+    told = (Interval(*map(float, each)) for each in zip(own, low, high, strict=True))
+    return dict(zip(("lean", "scale", "rest_height"), told, strict=True))
 
 
-def _statistics(evidence: RigEvidence, gravity: float) -> Array | None:
-    """(3,) of what `_told` gives; None where the draw has too few tosses of a kind."""
+def _statistics(evidence: RigEvidence, gravity: float) -> Array:
+    """(3,) of what `_told` gives; NaN where the tosses are too few of a kind."""
     try:
         rig = evidence.rig(gravity)
     except InvalidValueError:
-        return None
+        return np.full(3, np.nan)
     return np.array([np.degrees(rig.lean), rig.scale, 1e3 * np.nanmedian(evidence.heights)])
 
 
-def _document(evidence: RigEvidence, rig: Rig, told: dict[str, Told], warnings: Sequence[str]) -> dict[str, Any]:
+def _document(evidence: RigEvidence, rig: Rig, told: dict[str, Interval], warnings: Sequence[str]) -> dict[str, Any]:
     units = {"lean": "lean_degrees", "scale": "scale", "rest_height": "rest_height_mm"}
     return {
         "tosses": len(evidence.ends),
@@ -118,7 +89,7 @@ def _document(evidence: RigEvidence, rig: Rig, told: dict[str, Told], warnings: 
     }
 
 
-def _lines(evidence: RigEvidence, rig: Rig, told: dict[str, Told]) -> Iterator[str]:
+def _lines(evidence: RigEvidence, rig: Rig, told: dict[str, Interval]) -> Iterator[str]:
     lean, scale, height = told["lean"], told["scale"], told["rest_height"]
     yield f"{counted_tosses(len(evidence.ends))}: {rig.rests} come to rest, {rig.falls} are long enough in the air"
     normal = ", ".join(f"{value:.4f}" for value in rig.normal)

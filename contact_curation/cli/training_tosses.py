@@ -1,14 +1,14 @@
 """From recordings to what is learned from and what is held out; whatever is left out is a line."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from contact_curation.cli.numbered_pool import NumberedPool, check_something_is_held_out, listed, unknown_ids
 from contact_curation.cli.reading import InputReader, ReadingConfig
 from contact_curation.cli.report import nothing_found
-from contact_curation.cli.workers import Advance
+from contact_curation.cli.workers import Advance, counted_on
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.held_out import HeldOutRule, NumberedToss, Twin, split
 from contact_curation.motion.toss import Toss
@@ -68,7 +68,7 @@ def learning_tosses(paths: Sequence[Path], config: TossesConfig, advance: Advanc
     pool = NumberedPool()
     for path in paths:
         reader = InputReader(path, config.reading)
-        found = {toss.toss_id: toss for toss in _counted(reader.tosses(), advance)}
+        found = {toss.toss_id: toss for toss in counted_on(reader.tosses(), advance)}
         pool.add(found, reader.reading())
     if not pool.tosses:
         raise nothing_found(paths, pool.warnings, f"no toss to learn from{_because(pool.reasons)}", "at least one")
@@ -108,12 +108,6 @@ def _missing(tosses: Sequence[NumberedToss], held_out: frozenset[str], config: T
     if withheld:
         lines.append(f"{config.manifest}: {len(withheld)} of {len(kept)} kept tosses are held out: {listed(withheld)}")
     return lines
-
-
-def _counted(tosses: Iterable[Toss], advance: Advance) -> Iterable[Toss]:
-    for toss in tosses:
-        advance(1)
-        yield toss
 
 
 def _because(kept_back: Counter[str]) -> str:

@@ -33,7 +33,7 @@ def scale_excess(normals: Tensor, tangents: Tensor) -> Tensor:
     return value
 
 
-def excess_and_slopes(normal: Array, side: Array) -> tuple[Array, Array, Array]:
+def _excess_and_slopes(normal: Array, side: Array) -> tuple[Array, Array, Array]:
     """R_i (...) of `scale_excess`, and its slopes by the normals (..., 3) and the tangents (..., 2, 3)."""
     size = np.sqrt((normal * normal).sum(axis=-1))  # (...)
     width = np.sqrt((side * side).sum(axis=-1, keepdims=True)).clip(SMALLEST)  # (..., 2, 1)
@@ -51,7 +51,7 @@ class _ScaleExcess(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, normals: Tensor, tangents: Tensor) -> Tensor:
-        excess, *slopes = excess_and_slopes(*(value.detach().cpu().numpy() for value in (normals, tangents)))
+        excess, *slopes = _excess_and_slopes(*(value.detach().cpu().numpy() for value in (normals, tangents)))
         ctx.slopes = tuple(torch.from_numpy(value).to(normals.device) for value in slopes)
         return torch.as_tensor(excess).to(normals.device)
 

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 from torch.optim.adamw import adamw
 
-from contact_curation.contact.compiled_evaluation import Moments
+from contact_curation.contact.compiled_descent import Moments
 from contact_curation.contact.model import Model
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.protocols import Pace, TrainingConfig
@@ -47,7 +47,12 @@ class Optimizer:
         for block in self._blocks:
             block.clear()
         objective.backward()  # type: ignore[no-untyped-call]
-        return self._descend(step)
+        if not all(np.isfinite(block.gradient.numpy().sum()) for block in self._blocks):
+            return False
+        share = self._config.rate(step)
+        for block in self._blocks:
+            block.descend(share)
+        return True
 
     def arrays(self) -> dict[str, Moments]:
         """Parameters and moments by name, for whoever takes the steps in its place and says so by `stepped`."""
@@ -62,15 +67,6 @@ class Optimizer:
         """So many steps were taken in its place."""
         for block in self._blocks:
             block.step += steps
-
-    def _descend(self, step: int) -> bool:
-        """Down the gradients as they are, if they are finite."""
-        if not all(np.isfinite(block.gradient.numpy().sum()) for block in self._blocks):
-            return False
-        share = self._config.rate(step)
-        for block in self._blocks:
-            block.descend(share)
-        return True
 
     def moments(self) -> dict[str, Tensor]:
         """Copies of what it remembers, by ``parameter/moment``; nothing before the first step."""

@@ -7,7 +7,7 @@ numbers as along the long way but for rounding, fifteen times as fast (benchmark
 import numpy as np
 from numpy.typing import NDArray
 
-from contact_curation.contact.compiled_evaluation import RowByRow
+from contact_curation.contact.compiled_descent import CompiledDescent
 from contact_curation.contact.evaluation import checked_transitions, kernel_is_there
 from contact_curation.contact.model import Model
 from contact_curation.contact.parameter_form import Form
@@ -32,7 +32,7 @@ class SingleSteps:
 
     def __init__(self, model: PolytopeModel, data: Transitions, config: TrainingConfig, optimizer: Optimizer) -> None:
         geometry = model.geometry()
-        self._rows = RowByRow(
+        self._descent = CompiledDescent(
             geometry,
             optimizer.arrays(),
             model.body,
@@ -61,6 +61,6 @@ class SingleSteps:
             losses, added to `loss_sum` in turn.
         """
         rates = self._config.polytope.learning_rate * np.array([self._config.rate(step + k) for k in range(len(rows))])
-        taken, loss_sum = self._rows.descend(rows, rates, self._optimizer.steps, loss_sum)
+        taken, loss_sum = self._descent.descend(rows, rates, self._optimizer.steps, loss_sum)
         self._optimizer.stepped(taken)
         return taken, loss_sum

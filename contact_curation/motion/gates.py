@@ -95,6 +95,7 @@ class Steps:
         lowest: (T,) height of the lowest corner [m].
         dt: (T - 1,) [s].
         contact_velocities: (T - 1, 3) dv [m/s].
+        spin_changes: (T - 1,) |w' - w| [rad/s].
         airborne: (T - 1,) whether the body is in the air in all frames that the velocities at both ends come from.
         footing: (3, 3) where the three lowest corners are at the end [m]; None for a body that still moves.
         spin_by_push: how fast a push of 1 m/s at a corner turns a uniform box with the body's corners, at most [rad/s].
@@ -104,6 +105,7 @@ class Steps:
     lowest: Array
     dt: Array
     contact_velocities: Array
+    spin_changes: Array
     airborne: NDArray[np.bool_]
     footing: Array | None
     spin_by_push: float
@@ -114,8 +116,9 @@ def steps_of(toss: Toss, polytope: Polytope, config: GateConfig) -> Steps:
     lowest = polytope.corner_heights(toss.positions, toss.orientations_wxyz).min(axis=1)
     dt = np.diff(toss.stamps_ns) / NANOSECONDS
     gained = np.diff(toss.linear_velocities, axis=0) + np.outer(dt, [0.0, 0.0, config.gravity])
+    spun = np.linalg.norm(np.diff(toss.angular_velocities, axis=0), axis=1)
     airborne = all_around(lowest > config.airborne_clearance, 2, 2)[:-1]  # the poses that v and v' come from
-    return Steps(toss, lowest, dt, gained, airborne, footing(toss, polytope), spin_by_push(polytope))
+    return Steps(toss, lowest, dt, gained, spun, airborne, footing(toss, polytope), spin_by_push(polytope))
 
 
 def footing(toss: Toss, polytope: Polytope) -> Array | None:
@@ -203,16 +206,16 @@ def airborne_gate(steps: Steps, config: GateConfig) -> str:
 
 def spin_gate(steps: Steps, config: GateConfig) -> str:
     """Nothing twists a body in the air."""
-    change = np.linalg.norm(np.diff(steps.toss.angular_velocities, axis=0), axis=1)
-    return _worst("change of spin in the air", np.where(steps.airborne, change, 0.0), config.airborne_spin_change, "rad/s")
+    return _worst(
+        "change of spin in the air", np.where(steps.airborne, steps.spin_changes, 0.0), config.airborne_spin_change, "rad/s"
+    )
 
 
 def twist_gate(steps: Steps, config: GateConfig) -> str:
     """Nothing twists a body but a push; a median may have moved either by a frame."""
-    change = np.linalg.norm(np.diff(steps.toss.angular_velocities, axis=0), axis=1)
     pushes = np.pad(np.linalg.norm(steps.contact_velocities, axis=1), 1)
     nearby = np.maximum(np.maximum(pushes[:-2], pushes[1:-1]), pushes[2:])
-    beyond = change - config.twist_leverage * steps.spin_by_push * nearby
+    beyond = steps.spin_changes - config.twist_leverage * steps.spin_by_push * nearby
     return _worst("change of spin beyond what its push gives", beyond, config.twist_tolerance, "rad/s")
 
 

@@ -2,7 +2,7 @@
 
 import csv
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -71,8 +71,11 @@ def _measure(heads: list[str], place: int) -> str | None:
     return f"rigid_{COLUMNS[heads[place - 1]]}" if head == RIGID else COLUMNS.get(head)
 
 
-def decimals(number: str) -> int:
-    return len(number.partition(".")[2])
+def check(said: Said, values: Collection[float], seeds: int) -> None:
+    """The number is the median, to its own digits."""
+    assert len(values) == seeds, said
+    digits = len(said.number.partition(".")[2])
+    assert float(np.median(list(values))) == pytest.approx(float(said.number), abs=0.51 * 10.0**-digits), said
 
 
 def of_seeds(found: Rows, said: Said, rule: str, seeds: int) -> dict[int, float]:
@@ -97,10 +100,7 @@ def of_seeds(found: Rows, said: Said, rule: str, seeds: int) -> dict[int, float]
 def test_medians_are_those_of_ten_seeds(heading: str, name: str) -> None:
     found, counted = rows(name), 0
     for said in tables(section(heading), ("kept", "rule")):
-        values = of_seeds(found, said, said.rule, 10)
-        assert len(values) == 10, said
-        median = float(np.median(list(values.values())))
-        assert median == pytest.approx(float(said.number), abs=0.51 * 10.0 ** -decimals(said.number)), said
+        check(said, of_seeds(found, said, said.rule, 10).values(), 10)
         counted += 1
     assert counted > 50
 
@@ -109,9 +109,7 @@ def test_differences_are_those_of_twenty_seeds() -> None:
     found, counted = rows("dataset_quality"), 0
     for said in tables(section("Dataset quality"), ("kept", "less")):
         ours, theirs = (of_seeds(found, said, rule, 20) for rule in ("representative", said.rule))
-        assert len(ours) == len(theirs) == 20, said
-        median = float(np.median([ours[seed] - theirs[seed] for seed in ours]))
-        assert median == pytest.approx(float(said.number), abs=0.51 * 10.0 ** -decimals(said.number)), said
+        check(said, [ours[seed] - theirs[seed] for seed in ours], 20)
         counted += 1
     assert counted == 36
 
@@ -124,10 +122,7 @@ def test_networks_are_those_of_five_seeds() -> None:
         part = re.search(rf"^`{model}`:\n(.*?)(?=^`|^Differences)", text, re.DOTALL | re.MULTILINE)
         assert part, model
         for said in tables(part[1], ("kept", "rule")):
-            values = of_seeds(own, said, said.rule, 5)
-            assert len(values) == 5, said
-            median = float(np.median(list(values.values())))
-            assert median == pytest.approx(float(said.number), abs=0.51 * 10.0 ** -decimals(said.number)), said
+            check(said, of_seeds(own, said, said.rule, 5).values(), 5)
             counted += 1
     assert counted == 3 * 6 * 3 * 3
 
@@ -136,10 +131,7 @@ def test_the_network_of_the_published_protocol_is_that_of_five_seeds() -> None:
     found, counted = rows("networks_published"), 0
     text = section("Networks").partition("**In the published protocol**")[2]
     for said in tables(text, ("kept", "rule")):
-        values = of_seeds(found, said, said.rule, 5)
-        assert len(values) == 5, said
-        median = float(np.median(list(values.values())))
-        assert median == pytest.approx(float(said.number), abs=0.51 * 10.0 ** -decimals(said.number)), said
+        check(said, of_seeds(found, said, said.rule, 5).values(), 5)
         counted += 1
     assert counted == 6 * 3
 
