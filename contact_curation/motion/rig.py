@@ -130,8 +130,7 @@ def put_right(toss: Toss, rig: Rig) -> Toss:
         positions=centre + rig.scale * quaternions.rotate(turn, toss.positions - rig.centre),
         orientations_wxyz=quaternions.multiply(turn, toss.orientations_wxyz),
         linear_velocities=rig.scale * quaternions.rotate(turn, toss.linear_velocities),
-        angular_velocities=quaternions.rotate(turn, toss.angular_velocities),
-    )
+    )  # spins are in the body's frame, which no rig turns
 
 
 def _fall(toss: Toss, polytope: Polytope) -> tuple[Array, float] | None:
