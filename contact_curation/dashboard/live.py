@@ -87,7 +87,8 @@ class LiveSession:
     def add_information(self, information: TossInformation) -> None:
         """What a toss teaches, at any theta."""
         version = information.parameters_version
-        self._informations.setdefault(version, {})[information.toss_id] = information
+        self._informations[version] = self._informations.pop(version, {})  # the newest last
+        self._informations[version][information.toss_id] = information
         needed = self._kept.version if self._kept else version
         for old in [one for one in self._informations if one != needed][:-VERSIONS_KEPT]:
             del self._informations[old]
@@ -100,7 +101,8 @@ class LiveSession:
     def set_theta(self, theta: ShownTheta) -> None:
         """The newest theta: what `show_motion` and all tosses to come are predicted with."""
         self._theta = theta
-        self._thetas[theta.version] = theta
+        self._thetas.pop(theta.version, None)
+        self._thetas[theta.version] = theta  # the newest last
         needed = self._kept.version if self._kept else theta.version
         for old in [one for one in self._thetas if one != needed][:-VERSIONS_KEPT]:
             del self._thetas[old]

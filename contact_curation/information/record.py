@@ -83,7 +83,7 @@ class TossInformation:
             raise InvalidValueError(f"factor of toss {self.toss_id}", f"shape {self.factor.shape}", f"(R, {size})")
         if self.tilt_axes.shape not in ((0, 3), (2, 3)):
             raise InvalidValueError(f"tilt_axes of toss {self.toss_id}", f"shape {self.tilt_axes.shape}", "(2, 3) or (0, 3)")
-        for name in (*shapes, "factor", "tilt_axes"):
+        for name in (*shapes, "factor", "tilt_axes", "duration"):
             if not np.isfinite(getattr(self, name)).all():
                 raise InvalidValueError(f"{name} of toss {self.toss_id}", "a value that is not finite", "finite numbers")
 

@@ -4,8 +4,9 @@
     ros2 launch contact_curation online.launch.py throws:=12 rate:=0.0 dashboard:=true record:=true
     ros2 launch contact_curation online.launch.py camera:=rendered topic:='' tag_map:=cube_tags.yaml
 
-With an arm or a tracker of your own, leave out what stands for it: arm:=false, or camera:=none. Nodes that die are started
-again. `contact-curation online` does the same without ROS's launch, and ends with a summary and a report.
+With an arm or a tracker of your own, leave out what stands for it: arm:=false thrower:='', or camera:=none. With auto:=false
+throws are designed on request alone. Nodes that die are started again. `contact-curation online` does the same without ROS's
+launch, and ends with a summary and a report.
 """
 
 from launch import LaunchDescription
@@ -36,6 +37,8 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument("throws", default_value="0", description="no more throws than these; 0: no end"),
         DeclareLaunchArgument("rate", default_value="1.0", description="simulated seconds a second; 0: as fast as possible"),
         DeclareLaunchArgument("arm", default_value="true", description="the simulated arm throws"),
+        DeclareLaunchArgument("thrower", default_value="arm", description="who makes the throws: arm; empty: one of your own"),
+        DeclareLaunchArgument("auto", default_value="true", description="throw after throw, without being asked"),
         DeclareLaunchArgument("camera", default_value="poses", description="the simulated camera: poses, rendered, or none"),
         DeclareLaunchArgument(
             "topic", default_value="/tagslam/odom/body_cube", description="the body's poses; empty with a rendering camera"
@@ -51,9 +54,9 @@ def generate_launch_description() -> LaunchDescription:
             "tag_map": ParameterValue(LaunchConfiguration("tag_map"), value_type=str),
         },
         "throw_designer": {
-            "auto": True,
+            "auto": ParameterValue(LaunchConfiguration("auto"), value_type=bool),
             "max_throws": ParameterValue(LaunchConfiguration("throws"), value_type=int),
-            "thrower": "arm",
+            "thrower": ParameterValue(LaunchConfiguration("thrower"), value_type=str),
         },
     }
     stages = [_node(name, {"store": _in_folder(store), **own.get(name, {})}) for name, store in STORES.items()]

@@ -1,7 +1,8 @@
 """Curating that may be killed at any time: what came is kept on disk, and the buffer always follows from that.
 
 Information of different thetas is never mixed. A new theta takes over once enough of the known tosses are scored at it, so
-that the buffer does not shrink to a handful of tosses while the others are being scored again.
+that the buffer does not shrink to a handful of tosses while the others are being scored again. New is the theta whose
+information came last: a training may come back to where it was.
 """
 
 import json
@@ -19,7 +20,7 @@ from contact_curation.nodes.selection import SELECTIONS, Selection, kept_to, sel
 from contact_curation.storage.information_store import InformationStore
 from contact_curation.storage.state_store import StateStore
 
-CURSOR, BUFFER, STAMP = "cursor", "buffer", "stamp"
+CURSOR, BUFFER, STAMP, ORDER = "cursor", "buffer", "stamp", "order"
 
 VERSIONS_KEPT = 2
 """The theta that the buffer is ranked at, and one that may take over."""
@@ -106,6 +107,8 @@ class CurationStage:
         self.check(ranking)
         self._newest_stamp_ns, self._frame_id = json.loads(states.load(STAMP) or b'[0, ""]')
         self._selections: dict[str, Selection] = {}
+        kept_order = json.loads(states.load(ORDER) or b"null")
+        self._order: list[str] = list(informations.versions) if kept_order is None else kept_order
         self.rank_by(ranking)
 
     @property
@@ -115,10 +118,7 @@ class CurationStage:
 
     def rank_by(self, ranking: RankingConfig) -> None:
         """Goes on with another criterion or number of tosses."""
-        selections = {version: self._fresh(ranking) for version in self._informations.versions[-VERSIONS_KEPT:]}
-        for version, selection in selections.items():
-            for stored in self._informations.all_of(version):
-                selection.add(stored.information)
+        selections = {version: self._of_stored(ranking, version) for version in self._order}
         self._ranking, self._selections = ranking, selections
 
     def check(self, ranking: RankingConfig) -> None:
@@ -134,23 +134,30 @@ class CurationStage:
         """Keeps what a toss teaches.
 
         Raises:
-            InvalidValueError: the toss is known at the same theta, scored in another way.
+            InvalidValueError: tosses are known at the same theta, scored in another way.
         """
         self._informations.add(information)
         version = information.parameters_version
         if version not in self._selections:
-            self._selections[version] = self._fresh(self._ranking)
-            for dropped in self._informations.keep_newest_versions(VERSIONS_KEPT):
-                self._selections.pop(dropped, None)
+            self._selections[version] = self._of_stored(self._ranking, version)
+        if [version] != self._order[-1:]:
+            self._order = [one for one in self._order if one != version] + [version]
         self._selections[version].add(information)
         if stamp_ns > self._newest_stamp_ns:
             self._newest_stamp_ns, self._frame_id = stamp_ns, frame_id
         self._states.save({_stamp_key(information.toss_id): str(stamp_ns).encode()})
 
     def advance(self, cursor: Cursor) -> None:
-        """Remembers that everything up to the cursor is kept."""
+        """Remembers that everything up to the cursor is kept, and forgets older thetas.
+
+        Which theta came last is remembered here and no sooner: after a death everything behind the cursor comes once more.
+        """
+        forgotten, self._order = self._order[:-VERSIONS_KEPT], self._order[-VERSIONS_KEPT:]
         stamp = json.dumps([self._newest_stamp_ns, self._frame_id]).encode()
-        self._states.save({CURSOR: json.dumps(cursor).encode(), STAMP: stamp})
+        self._states.save({CURSOR: json.dumps(cursor).encode(), STAMP: stamp, ORDER: json.dumps(self._order).encode()})
+        for version in forgotten:
+            del self._selections[version]
+            self._informations.drop_version(version)
 
     def buffer(self) -> Buffer | None:
         """The kept set by everything that came so far; None while nothing did.
@@ -181,10 +188,17 @@ class CurationStage:
     def _fresh(self, ranking: RankingConfig) -> Selection:
         return selection_of(self._config.selection, ranking, self._config.warm_up)
 
+    def _of_stored(self, ranking: RankingConfig, version: str) -> Selection:
+        """A selection of what is kept at a theta."""
+        selection = self._fresh(ranking)
+        for stored in self._informations.all_of(version):
+            selection.add(stored.information)
+        return selection
+
     def _current(self) -> Selection | None:
         """The selection at the newest theta that covers enough of what is known, newest first."""
         known = max((selection.seen for selection in self._selections.values()), default=0)
-        newest_first = [self._selections[version] for version in reversed(self._informations.versions)]
+        newest_first = [self._selections[version] for version in reversed(self._order)]
         return next((one for one in newest_first if one.seen >= self._config.coverage * known), None)
 
     def _revision(self, curation: Curation, version: str) -> int:

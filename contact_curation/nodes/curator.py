@@ -46,8 +46,9 @@ class Curator(StageNode):
         self._informations = InformationStore(store)
         self._states = StateStore(store.with_name(f"{store.name}.state"))
         self._stage = CurationStage(ranking, config, self._informations, self._states)
-        if self._stage.ranking != ranking:
-            self.get_logger().info(f"{ranking.criterion} needs all tosses: keeps to {self._stage.ranking.criterion}")
+        self._wanted = self._stage.ranking
+        if self._wanted != ranking:
+            self.get_logger().info(f"{ranking.criterion} needs all tosses: keeps to {self._wanted.criterion}")
         self._complaints = Complaints(self)
         self._buffer: Buffer | None = None
         self._publisher = self.create_publisher(CuratedBuffer, "curated_buffer", kept(1))
@@ -87,15 +88,16 @@ class Curator(StageNode):
             self._publisher.publish(buffer_message(self._buffer))
 
     def _parameters_set(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Ranks by the new criterion from now on, if it is one."""
+        """Ranks by the new criterion from now on, if it is one; the next ones may come before that is done."""
         names = {field.name for field in fields(RankingConfig)}
         changed = {one.name: one.value for one in parameters if one.name in names}
         try:
-            ranking = with_values(self._stage.ranking, changed)
+            ranking = with_values(self._wanted, changed)
             self._stage.check(ranking)
         except InvalidValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        if ranking != self._stage.ranking:
+        if ranking != self._wanted:
+            self._wanted = ranking
             self._worker.do(partial(self._rank_by, ranking))
         return SetParametersResult(successful=True)
 

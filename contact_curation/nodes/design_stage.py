@@ -115,7 +115,8 @@ class DesignStage:
             info: what it teaches.
             stamp_ns: of its last frame.
         """
-        self._infos.setdefault(info.parameters_version, {})[info.toss_id] = info
+        self._infos[info.parameters_version] = self._infos.pop(info.parameters_version, {})  # the newest last
+        self._infos[info.parameters_version][info.toss_id] = info
         while len(self._infos) > VERSIONS_KEPT:
             oldest = next(version for version in self._infos if version != self.version)
             del self._infos[oldest]

@@ -22,6 +22,12 @@ class Pace:
         self._paused = paused
         self._recorded_ns = 0
         self._steady_ns = 0
+        self._begun = False
+
+    @property
+    def begun(self) -> bool:
+        """Whether there is a recorded time yet."""
+        return self._begun
 
     @property
     def paused(self) -> bool:
@@ -31,7 +37,7 @@ class Pace:
     def begin(self, recorded_ns: int, steady_ns: int) -> None:
         """Jumps to a recorded time."""
         with self._lock:
-            self._recorded_ns, self._steady_ns = recorded_ns, steady_ns
+            self._recorded_ns, self._steady_ns, self._begun = recorded_ns, steady_ns, True
 
     def pause(self, paused: bool, steady_ns: int) -> None:
         """Stands still, or goes on from where it stood."""

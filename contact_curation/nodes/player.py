@@ -111,17 +111,30 @@ class Player(StageNode):
         self._await_subscriber()
         offset: float | None = self._offset
         while offset is not None and not self._stopped:
-            self._pass(offset)
-            offset, self._jump = self._jump, None
-            if offset is None and self._loop:
+            length = self._pass(offset)
+            offset = self._jumped_to()
+            if offset is None and self._offset > length:
+                raise InvalidValueError("start_offset", self._offset, f"at most the recording's {length:.1f} s")
+            if offset is None and self._loop and not self._stopped:
                 offset = self._offset
-        self._end()
+            if offset is None:
+                self._end()
+                offset = self._jumped_to(wait=self._stay)
 
-    def _pass(self, offset: float) -> None:
-        """Plays from `offset` [s] to the end, to a jump, or until stopped."""
+    def _jumped_to(self, wait: bool = False) -> float | None:
+        """Where it was told to jump to [s], if it was; it may wait for that."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._stopped or not wait or self._jump is not None)
+            offset, self._jump = self._jump, None
+        return offset
+
+    def _pass(self, offset: float) -> float:
+        """Plays from `offset` [s] to the end, to a jump, or until stopped; how long the recording is [s], if it came so far."""
         first_ns: int | None = None
+        last_ns = 0
         published = 0
         for message in self._messages():
+            last_ns = message.log_time_ns
             if first_ns is None:
                 first_ns = message.log_time_ns
                 start_ns = first_ns + int(offset * NANOSECONDS)
@@ -130,11 +143,12 @@ class Player(StageNode):
             if publisher is None or (message.log_time_ns < start_ns and not self._latched(message.topic)):
                 continue
             if not self._due(message.log_time_ns):
-                return
+                return FOREVER
             publisher.publish(message.data)
             published += 1
             if self._fast and published % BURST == 0:
                 self._acknowledged(publisher)
+        return FOREVER if first_ns is None else (last_ns - first_ns) / NANOSECONDS
 
     def _messages(self) -> Iterator[RawMessage]:
         return self._reader.raw_messages(list(self._outlets))
@@ -214,7 +228,8 @@ class Player(StageNode):
         return SetParametersResult(successful=True)
 
     def _tell_time(self) -> None:
-        self._clock_topic.publish(ClockMessage(clock=time_message(self._pace.now(self._now()))))
+        if self._pace.begun:
+            self._clock_topic.publish(ClockMessage(clock=time_message(self._pace.now(self._now()))))
 
     def _now(self) -> int:
         return int(self._steady.now().nanoseconds)

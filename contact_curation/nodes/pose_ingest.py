@@ -130,7 +130,7 @@ class PoseIngest(StageNode):
         counts = {} if self._ingest is None else self._ingest.counts
         rate = self._received.per_second()
         values = {
-            "messages": self._received.count, "rate_hz": f"{rate:.1f}", "queue": len(self._inbox),
+            "messages": self._received.count, "known": self._topics.known, "rate_hz": f"{rate:.1f}", "queue": len(self._inbox),
             "tosses_stored": self._store.last_sequence, "rejected_stored": self._store.last_rejected_sequence,
             **counts, **self._complaints.counts, **offers,
         }  # fmt: skip

@@ -9,11 +9,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from contact_curation.errors import MissingTopicError
+from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.message_types import message_class
 from contact_curation.nodes.qos import profile
 from contact_curation.storage.pose_messages import POSE_TYPES, TF, Measured
@@ -23,6 +25,9 @@ from contact_curation.storage.tag_detections import CAMERA_INFO, DETECTIONS
 READ_TYPES = (*POSE_TYPES, DETECTIONS, CAMERA_INFO)
 
 RIG = (TypedTopic("/tf", TF), TypedTopic("/tf_static", TF))
+
+MOST_AHEAD_NS = 1_000_000_000
+"""Of the present; what is known to a later time was published by a clock that has been set back since."""
 
 LOOKS_FOR_THE_RIG = 10
 """So many looks at the graph a body's poses wait for what the rig's publishers keep: a fast bag would be far ahead of it."""
@@ -62,12 +67,17 @@ class PoseTopics:
     Args:
         node: that subscribes.
         body: name of the body.
-        config: which topics.
+        config: which topics; the names of the node's remaps and namespace hold for them.
         type_name: of the body's topic, where the graph has several under its name; empty for any.
         depth: samples kept per topic until they are taken.
         found: called once, with the body's topic when it is found; gives per topic the time of publication up to which
             everything is known already [ns].
         arrived: called with each message that is not known yet.
+
+    Attributes:
+        source: the topics that fit; None until they are there.
+        waiting_for: what is missing until then.
+        known: messages that came once more and were left out.
     """
 
     def __init__(
@@ -82,7 +92,9 @@ class PoseTopics:
     ) -> None:
         self._node = node
         self._body = body
-        self._config = config
+        names = {"topic": config.topic, "camera_info": config.camera_info}
+        resolved = {key: node.resolve_topic_name(name) for key, name in names.items() if name}
+        self._config = replace(config, **resolved)
         self._type_name = type_name
         self._depth = depth
         self._detections = config.detections(body)
@@ -95,6 +107,7 @@ class PoseTopics:
         self._looks = 0
         self.source: PoseSource | None = None
         self.waiting_for = ""
+        self.known = 0
 
     @property
     def offers(self) -> dict[str, Offer]:
@@ -109,7 +122,7 @@ class PoseTopics:
             self.waiting_for = str(error)
             return
         if self.source is None:
-            self._newest = dict(self._found(source.body.name))
+            self._newest = self._past(self._found(source.body.name))
             self._newest_pose_ns = self._newest.get(source.body.name, 0)
             self._config = replace(self._config, topic=source.body.name)
         self.source = source
@@ -118,6 +131,16 @@ class PoseTopics:
         self._looks += 1
         if self._looks > LOOKS_FOR_THE_RIG or all(topic in self._heard for topic in rig if self._keeps(topic)):
             self._follow_topics([topic for topic in self.source.topics if topic not in rig])
+
+    def _past(self, newest: Mapping[str, int]) -> dict[str, int]:
+        """Times of publication that lie behind the present one; the others say nothing any more."""
+        now_ns = Clock(clock_type=ClockType.SYSTEM_TIME).now().nanoseconds
+        ahead_ns = max(newest.values(), default=0) - now_ns
+        if ahead_ns > MOST_AHEAD_NS:
+            self._node.get_logger().warning(
+                f"the clock was set back: found poses published {ahead_ns / NANOSECONDS:.0f} s ahead; all that comes is new"
+            )
+        return {topic: published_ns for topic, published_ns in newest.items() if published_ns <= now_ns + MOST_AHEAD_NS}
 
     def _follow_topics(self, topics: Sequence[str]) -> None:
         for topic in topics:
@@ -177,9 +200,11 @@ class PoseTopics:
         def on_message(message: Any, info: Mapping[str, int]) -> None:
             published_ns = info["source_timestamp"]
             self._heard.add(topic)
-            if not 0 < published_ns <= after_ns:
-                self._newest[topic] = published_ns
-                self._arrived(Received(topic, published_ns, message))
+            if 0 < published_ns <= after_ns:
+                self.known += 1
+                return
+            self._newest[topic] = published_ns
+            self._arrived(Received(topic, published_ns, message))
 
         if topic in self._subscriptions:
             self._node.destroy_subscription(self._subscriptions[topic][1])

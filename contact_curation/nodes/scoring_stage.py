@@ -79,6 +79,8 @@ class ScoringStage:
     def renew(self, theta: ScoredTheta) -> bool:
         """Goes on with another theta; False when it is the same.
 
+        What is kept of it from an earlier time is scored again: under new numbers it is news to whoever listens.
+
         Raises:
             InvalidValueError: no theta of such a model, one that the form cannot have, or the store holds results of it that
                 were made in another way.
@@ -86,6 +88,7 @@ class ScoringStage:
         scorer = self._checked(scorer_of(theta, self._body, self._config))
         if scorer.version == self.version:
             return False
+        self._informations.drop_version(scorer.version)
         self._states.save({PARAMETERS: theta.data, MODEL: theta.model.encode()})
         self._scorer = scorer
         self._informations.keep_newest_versions(VERSIONS_KEPT)

@@ -91,10 +91,11 @@ class ThrowDesigner(StageNode):
     def _look(self) -> None:
         """Begins the next throw when it is due, and commands it once it is planned."""
         self._goals.look()
+        auto = self.get_parameter("auto").value
         if self._to_send is not None:
             message, self._to_send = self._to_send, None
-            self._goals.send(message)
-        if not self.get_parameter("auto").value or self._at_work or self._goals.busy or not self._goals.ready:
+            self._goals.send(message) if auto else self._told(Outcome(None, "auto was turned off"))
+        if not auto or self._at_work or self._goals.busy or not self._goals.ready:
             return
         waits = self._stage.awaits_toss and self._now() < self._toss_until
         done = self._max_throws and len(self._stage.throws) >= self._max_throws

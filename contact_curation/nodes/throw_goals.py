@@ -80,8 +80,12 @@ class ThrowGoals:
             self._end(number, Outcome(None, "the thrower did not take the goal"))
             return
         with self._lock:
-            if number == self._number:
+            given_up = self._begun_ns is None or number != self._number
+            if not given_up:
                 self._handle = handle
+        if given_up:
+            handle.cancel_goal_async()
+            return
         handle.get_result_async().add_done_callback(lambda done: self._resulted(number, done))
 
     def _resulted(self, number: int, future: Future) -> None:

@@ -22,7 +22,7 @@ SCHEMA = StoreSchema(
     statements=(SequencedTable.statement("information"), "CREATE INDEX by_version ON information (version, sequence)"),
 )
 METHOD = ("model", "estimator", "influence_bound", "blocks")
-"""What must agree for two records of one toss at the same parameters to mean the same."""
+"""What must agree for two records at the same parameters to be comparable."""
 PAGE = 256
 """Records read at a time."""
 
@@ -54,17 +54,18 @@ class InformationStore:
         The numbers of a second scoring may differ in their last digits; the first ones count, because they were announced.
 
         Raises:
-            InvalidValueError: the toss was scored at these parameters in another way (model, estimator, bound, blocks).
+            InvalidValueError: what is stored was scored at these parameters in another way (model, estimator, bound, blocks).
         """
         toss_id, version = information.toss_id, information.parameters_version
         head, arrays = _split(information)
         text = json.dumps(head, default=_number)
         with self._store.transaction():
             known = self._table.find(toss_id, version)
-            if known is None:
-                return Added(self._table.insert(toss_id, version, text, arrays_to_blob(arrays), ""), True)
-        self._check_method(toss_id, json.loads(text), json.loads(known.head))
-        return Added(known.sequence, False)
+            for like in [known] if known else self._table.after(0, 1, version):
+                self._check_method(toss_id, json.loads(text), json.loads(like.head))
+            if known:
+                return Added(known.sequence, False)
+            return Added(self._table.insert(toss_id, version, text, arrays_to_blob(arrays), ""), True)
 
     def get(self, toss_id: str, parameters_version: str) -> StoredInformation | None:
         row = self._table.find(toss_id, parameters_version)
@@ -95,6 +96,10 @@ class InformationStore:
         """The parameters versions, in the order they came."""
         return tuple(self._table.versions())
 
+    def drop_version(self, parameters_version: str) -> None:
+        """Drops the records of a version, which can be scored again."""
+        self._table.drop_version(parameters_version)
+
     def keep_newest_versions(self, count: int = 2) -> tuple[str, ...]:
         """Drops the records of all but the newest versions, which can be scored again; returns the versions dropped."""
         if count < 1:
@@ -118,9 +123,8 @@ class InformationStore:
     def _check_method(toss_id: str, new: dict[str, Any], known: dict[str, Any]) -> None:
         for name in METHOD:
             if new[name] != known[name]:
-                raise InvalidValueError(
-                    f"{name} of toss {toss_id}", new[name], f"{known[name]}, as stored for these parameters"
-                )
+                expected = f"{known[name]}, as stored for these parameters, or another store"
+                raise InvalidValueError(f"{name} of toss {toss_id}", new[name], expected)
 
 
 def _split(information: TossInformation) -> tuple[dict[str, Any], dict[str, Any]]:

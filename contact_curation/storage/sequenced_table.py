@@ -9,6 +9,9 @@ COLUMNS = "sequence, id, version, head, arrays, extra"
 MOST_VALUES = 500
 """Values in one query; SQLite's own bound was 999 for long."""
 
+LARGEST_SEQUENCE = (1 << 63) - 1
+"""That SQLite can count to; a message can ask for what follows a larger one."""
+
 
 class Added(NamedTuple):
     """What `add` did: the record's sequence number, from 1, and whether it is new."""
@@ -77,6 +80,7 @@ class SequencedTable:
 
     def after(self, sequence: int, limit: int, version: str | None = None) -> list[Row]:
         """The next `limit` records behind `sequence`, of `version` or of all."""
+        sequence = min(sequence, LARGEST_SEQUENCE)
         if version is None:
             return self._select("WHERE sequence > ? ORDER BY sequence LIMIT ?", (sequence, limit))
         return self._select("WHERE sequence > ? AND version = ? ORDER BY sequence LIMIT ?", (sequence, version, limit))

@@ -15,8 +15,8 @@ from contact_curation.storage.bag_reader import BagReader
 from contact_curation.storage.bag_records import OfferedQos, RawMessage
 from contact_curation.storage.bag_writer import BagWriter
 
-REMEMBERED = 1 << 14
-"""Times of publication that are remembered per latched topic: more than publishers keep."""
+REMEMBERED = 1 << 20
+"""Times of publication that are remembered per latched topic: no publisher keeps more."""
 
 
 class SessionBag:

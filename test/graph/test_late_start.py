@@ -27,9 +27,10 @@ TOP = 5
 LONG = 90.0
 
 
-def set_criterion(graph: Graph, criterion: str) -> Any:
-    value = ParameterValue(type=4, string_value=criterion)
-    request = SetParameters.Request(parameters=[Parameter(name="criterion", value=value)])
+def set_criterion(graph: Graph, criterion: str, top: int = TOP) -> Any:
+    """Both at once, as `ros2 param load` does; what became of the first."""
+    values = {"criterion": ParameterValue(type=4, string_value=criterion), "top": ParameterValue(type=2, integer_value=top)}
+    request = SetParameters.Request(parameters=[Parameter(name=name, value=value) for name, value in values.items()])
     return graph.listener.call(SetParameters, "/curator/set_parameters", request).results[0]
 
 
@@ -63,11 +64,13 @@ def test_scorer_and_curator_that_come_late_and_a_new_theta_and_criterion(graph: 
     graph.until(lambda: buffers[-1].parameters_version == version and buffers[-1].tosses_seen == len(expected), LONG, "theta")
     assert_same_buffer(buffers[-1], new)
 
-    assert set_criterion(graph, "trace").successful
-    graph.until(lambda: buffers[-1].criterion == "trace", LONG, "another criterion")
+    assert set_criterion(graph, "trace", TOP - 1).successful
+    graph.until(lambda: (buffers[-1].criterion, buffers[-1].capacity) == ("trace", TOP - 1), LONG, "another criterion")
     page = graph.listener.call(GetInformation, "/get_information", GetInformation.Request(after_sequence=len(expected)))
     informations = [information_of(message) for message in page.information]
-    assert_same_buffer(buffers[-1], curate(informations, RankingConfig(criterion="trace", top=TOP)))
+    assert_same_buffer(buffers[-1], curate(informations, RankingConfig(criterion="trace", top=TOP - 1)))
+    for service, name in ((GetTosses, "/get_tosses"), (GetInformation, "/get_information")):
+        assert graph.listener.call(service, name, service.Request(after_sequence=(1 << 64) - 1)).last_sequence > 0
     refused = set_criterion(graph, "beauty")
     assert not refused.successful
     assert "log-det" in refused.reason

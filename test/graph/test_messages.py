@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from contact_curation_msgs.msg import ModelParameters
@@ -11,6 +13,7 @@ from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.stored_model import model_bytes
 from contact_curation.nodes.messages.headers import Stamped, stamped_of
 from contact_curation.nodes.messages.model_parameters import bytes_of_geometry, geometry_of_bytes
+from contact_curation.nodes.messages.shown import theta_of
 from contact_curation.nodes.messages.toss import toss_message, toss_of
 from contact_curation.nodes.messages.toss_information import information_message, information_of
 from contact_curation.nodes.scored_theta import ScoredTheta, scorer_of
@@ -30,6 +33,14 @@ def test_a_toss_comes_back_from_the_wire_bit_for_bit() -> None:
     w, x, y, z = toss.orientations_wxyz[5]
     turn = heard.poses[5].orientation
     assert (turn.w, turn.x, turn.y, turn.z) == (w, x, y, z)
+
+
+def test_a_theta_of_another_number_of_vertices_is_not_drawn() -> None:
+    cube = ContactGeometry.of_body(CONTACTNETS_CUBE)
+    four = replace(cube, vertices_normal=cube.vertices_normal[:4], vertices_tangent=cube.vertices_tangent[:4])
+    message = ModelParameters(body="cube", model="polytope", safetensors=bytes_of_geometry(four))
+    with pytest.raises(InvalidValueError, match="vertices of the parameters: found 4, expected 8, as the body has"):
+        theta_of(message, CONTACTNETS_CUBE)
 
 
 def test_a_toss_message_with_a_pose_missing_is_refused() -> None:

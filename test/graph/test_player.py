@@ -83,9 +83,9 @@ def test_it_waits_goes_on_stands_still_and_jumps_when_asked(graph: Graph, record
     moments = [nanoseconds_of(one.clock) for one in times]
     time.sleep(0.3)
     assert len(points) == so_far
-    recorded = [moment for moment in moments if moment >= RECORDED_NS]
-    assert recorded == sorted(recorded)
-    shown = (recorded[-1] - RECORDED_NS) // PERIOD_NS
+    assert moments == sorted(moments)
+    assert moments[0] >= RECORDED_NS
+    shown = (moments[-1] - RECORDED_NS) // PERIOD_NS
     assert math.isclose(shown, numbers(points)[-1], abs_tol=2)
 
     ask("resume")
@@ -100,3 +100,21 @@ def test_it_waits_goes_on_stands_still_and_jumps_when_asked(graph: Graph, record
         return any(other == 90 for _, other in jumps)
 
     graph.until(lambda: jumped() and jumps[-1] == (99, 0), LONG, "the jump, then the end and the beginning again")
+
+
+def test_at_the_end_it_can_be_told_to_jump_back(graph: Graph, recording: Path) -> None:
+    points = graph.listener.listen(PointStamped, "/points")
+    player = graph.start("player", bag=recording, wait_for=10.0, as_fast_as_possible=True, stay=True, topics=["/points"])
+    graph.until(lambda: "played" in player.log(), LONG, "the end")
+    value = ParameterValue(type=3, double_value=1.9)
+    request = SetParameters.Request(parameters=[Parameter(name="seek", value=value)])
+    assert graph.listener.call(SetParameters, "/player/set_parameters", request).results[0].successful
+    graph.until(lambda: len(points) == COUNT + 5, LONG, "the last points again")
+    assert numbers(points)[-5:] == list(range(95, COUNT))
+
+
+def test_an_offset_behind_the_end_is_one_line(graph: Graph, recording: Path) -> None:
+    player = graph.start("player", bag=recording, start_offset=3.0, loop=True)
+    assert player.wait(LONG) == 1
+    assert "start_offset: found 3.0, expected at most the recording's 2.0 s" in player.log()
+    assert "Traceback" not in player.log()

@@ -1,5 +1,6 @@
 """pose_ingest takes poses as they come: types, qualities of service, bad ones, clocks that jump."""
 
+import json
 import math
 from dataclasses import replace
 from functools import partial
@@ -13,6 +14,7 @@ from tf2_msgs.msg import TFMessage
 
 from contact_curation.motion.pose_stream import FramePose
 from contact_curation.nodes.qos import kept, profile
+from contact_curation.storage.toss_store import TossStore
 from test.graph.graph import Graph
 from test.graph.measured import measured_of, tosses_in
 from test.graph.tracker import Tracker, publish
@@ -62,7 +64,8 @@ def test_every_type_of_pose_topic_gives_the_same_tosses(
     for topic in kinds:
         label = topic.strip("/")
         heard[topic] = graph.tosses(f"/{label}/toss")
-        graph.start("pose_ingest", {"__ns": f"/{label}"}, label, topic=topic, array_index=1, source="tracker")
+        asked, names = (topic, {}) if topic != "/pose" else ("asked", {f"/{label}/asked": topic})  # by a remap, too
+        graph.start("pose_ingest", {"__ns": f"/{label}", **names}, label, topic=asked, array_index=1, source="tracker")
     listening = {"/tf": len(kinds)}  # every node listens to the transforms, whatever its own topic is
     publish([tracker.topic(kind, topic, qos, listening.get(topic, 1)) for topic, (kind, qos) in kinds.items()], poses)
     expected = [toss.toss_id for toss in tosses_in((*rig, *poses), "tracker")]
@@ -104,6 +107,28 @@ def test_bad_poses_are_counted_and_said_once_and_cost_no_toss(
     assert log.count("expected finite numbers") + log.count("quaternion norm") == 1
     assert "bad frame: body_cube" in log
     assert "elsewhere" in log
+
+
+def test_poses_are_taken_after_the_clock_was_set_back(
+    graph: Graph, rig: tuple[FramePose, ...], poses: tuple[FramePose, ...]
+) -> None:
+    first = graph.start("pose_ingest", topic="/odometry")
+    heard = graph.diagnostics()
+    publisher = Tracker(graph.listener, rig).topic(Odometry, "/odometry", BEST_EFFORT)
+    publish([publisher], poses[:50])
+    graph.until(lambda: values_of(heard, "/pose_ingest").get("messages", "0") != "0", LONG, "poses")
+    first.stop()
+    graph.until(lambda: not publisher.get_subscription_count(), LONG, "its end")
+    with TossStore(graph.folder / "tosses.sqlite") as store:
+        state = json.loads(store.load_state("newest") or b"{}")
+        hour_on = {topic: stamp_ns + 3600 * 10**9 for topic, stamp_ns in state["newest"].items()}
+        store.save_state("newest", json.dumps({**state, "newest": hour_on}).encode())
+    tosses = graph.tosses()
+    second = graph.start("pose_ingest", label="again", topic="/odometry", store=graph.folder / "tosses.sqlite")
+    graph.until(publisher.get_subscription_count, LONG, "a subscriber")
+    publish([publisher], poses)
+    graph.until(lambda: len(tosses) >= 2, LONG, "the tosses")
+    assert second.log().count("the clock was set back: found poses published 35") == 1
 
 
 @pytest.mark.slow

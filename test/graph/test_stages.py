@@ -35,6 +35,7 @@ LARGER = replace(CUBE, vertices_normal=CUBE.vertices_normal * 1.01)
 
 @contextmanager
 def stores(folder: Path) -> Iterator[tuple[InformationStore, StateStore]]:
+    folder.mkdir(exist_ok=True)
     with ExitStack() as stack:
         yield (
             stack.enter_context(InformationStore(folder / "information")),
@@ -171,6 +172,56 @@ def test_thetas_are_never_mixed_and_a_new_one_takes_over_when_it_knows_enough(tm
     assert {one.parameters_version for one in before.candidates} == {old[0].parameters_version}
     assert {one.parameters_version for one in after.candidates} == {new[0].parameters_version}
     assert after.curation.ranking == curate(new, RankingConfig(top=3)).ranking
+
+
+def test_a_theta_that_comes_back_is_scored_and_ranked_as_a_new_one(tmp_path: Path) -> None:
+    thetas = [theta_of_geometry(geometry) for geometry in (CUBE, LARGER, CUBE)]
+    versions, buffers, announced = [], [], []
+    with scoring(tmp_path / "scorer") as scorer, curating(tmp_path / "curator") as curator:
+        for number, theta in enumerate(thetas):
+            scorer.renew(theta)
+            versions.append(scorer.version)
+            batch = scorer.score(TOSSES[: 6 + number], FRAMES)
+            announced.append([one.sequence for one in batch.new])
+            for one in batch.new:
+                curator.add(one.information, *one.stamped)
+            curator.advance(Cursor(batch.new[-1].sequence, batch.new[-1].information.toss_id))
+            buffers.append(curator.buffer())
+    assert announced == [list(range(1, 7)), list(range(7, 14)), list(range(14, 22))]
+    assert versions[0] == versions[2] != versions[1]
+    assert [one.candidates[0].parameters_version for one in buffers if one] == versions
+    assert [one.seen for one in buffers if one] == [6, 7, 8]
+    with curating(tmp_path / "curator") as curator:
+        again = curator.buffer()
+    assert again is not None
+    assert again.candidates[0].parameters_version == versions[2]
+
+
+def test_what_comes_once_more_after_a_death_does_not_bring_an_older_theta_back(tmp_path: Path) -> None:
+    old, new = scored(TOSSES), scored(TOSSES, LARGER)
+    with curating(tmp_path) as stage:
+        added(stage, old[:6])
+        stage.advance(Cursor(6, old[5].toss_id))
+        added(stage, [*old[6:], *new])  # and dies before the cursor moves
+    with curating(tmp_path) as stage:
+        added(stage, [*old[6:], *new])
+        stage.advance(Cursor(16, new[-1].toss_id))
+        buffer = stage.buffer()
+    assert buffer is not None
+    assert buffer.candidates[0].parameters_version == new[0].parameters_version
+    assert buffer.seen == 8
+
+
+def test_information_made_in_another_way_is_refused_and_the_rest_stays_ranked(tmp_path: Path) -> None:
+    informations = scored(TOSSES)
+    with curating(tmp_path) as stage:
+        added(stage, informations[:5])
+        with pytest.raises(InvalidValueError, match="found empirical, expected gauss-newton, as stored for these parameters"):
+            stage.add(replace(informations[5], estimator="empirical"), 0, "board")
+        added(stage, informations[6:])
+        buffer = stage.buffer()
+    assert buffer is not None
+    assert buffer.seen == 7
 
 
 def test_another_criterion_ranks_what_is_there_already(tmp_path: Path) -> None:

@@ -3,15 +3,20 @@
 import json
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
-from contact_curation_msgs.msg import ModelParameters, ThrowReport, TossRejected
+from contact_curation_msgs.msg import ModelParameters, Throw, ThrowReport, TossRejected
 from contact_curation_msgs.srv import ProposeThrow
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.task import Future
 from std_msgs.msg import Header
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.design.particle import Particle
+from contact_curation.nodes import throw_goals
 from contact_curation.nodes.messages.headers import time_message
 from contact_curation.nodes.messages.throw import throw_of
 from contact_curation.nodes.qos import RESULTS_KEPT, kept
@@ -126,6 +131,36 @@ def test_a_throw_whose_motion_is_rejected_is_followed_by_the_next_at_once(graph:
     graph.until(lambda: len(made(graph.folder)) == 2, LONG, "a second throw")
     told = [one.detail for one in reports if one.throw_command.throw_id == "cube-throw-0" and one.state == "executed"]
     assert told[-1] == "rejected: gap: found 0.2 s; depth: found 9 mm"
+
+
+def test_no_throw_is_made_once_auto_is_off(graph: Graph) -> None:
+    thrower = Thrower(graph.listener)
+    reports = reported(graph)
+    started(graph, auto=True, **{**trusted(graph), "design.pool": 192, "toss_timeout": LONG})
+    graph.until(lambda: reports and reports[-1].state == "scored", LONG, "a throw whose toss was scored")
+    settled(0.3)  # the next one is being designed
+    value = ParameterValue(type=1, bool_value=False)
+    request = SetParameters.Request(parameters=[Parameter(name="auto", value=value)])
+    assert graph.listener.call(SetParameters, "/throw_designer/set_parameters", request).results[0].successful
+    sent = len(thrower.commands)
+    graph.until(lambda: reports[-1].detail == "auto was turned off", LONG, "the throw that was being designed")
+    settled(1.0)
+    assert len(thrower.commands) == sent
+
+
+def test_a_goal_that_is_taken_when_it_was_given_up_is_cancelled(graph: Graph, monkeypatch: pytest.MonkeyPatch) -> None:
+    outcomes: list[throw_goals.Outcome] = []
+    answer, handle = Future(), Mock(accepted=True)
+    client = Mock(send_goal_async=Mock(return_value=answer))
+    monkeypatch.setattr(throw_goals, "ActionClient", Mock(return_value=client))
+    goals = throw_goals.ThrowGoals(graph.listener.node, outcomes.append, patience=0.01)
+    goals.send(Throw())
+    settled(0.02)
+    goals.look()
+    answer.set_result(handle)
+    assert [one.message for one in outcomes] == ["no result within 0.01 s"]
+    handle.cancel_goal_async.assert_called_once_with()
+    assert not goals.busy
 
 
 @pytest.mark.slow

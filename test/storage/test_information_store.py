@@ -69,6 +69,7 @@ def test_a_version_streams_in_order_page_by_page(path: Path, monkeypatch: pytest
         found = list(store.all_of("v2"))
         assert [stored.information.toss_id for stored in found] == [information(number).toss_id for number in range(8)]
         assert [stored.sequence for stored in store.after(3, 2)] == [4, 5]
+        assert store.after((1 << 64) - 1, 2) == ()
 
 
 def test_only_the_newest_versions_are_kept_and_sequence_numbers_are_never_given_again(path: Path) -> None:

@@ -44,7 +44,11 @@ def theta_of(message: Any, body: Body) -> ShownTheta:
 
 def _shown(version: str, model: str, data: bytes, body: Body) -> ShownTheta:
     if model == ModelKind.POLYTOPE:
-        return ShownTheta(version, geometry=geometry_of_bytes(data))
+        geometry = geometry_of_bytes(data)
+        wanted = len(body.vertices)  # it is drawn along the body's edges
+        if geometry.vertex_count != wanted:
+            raise InvalidValueError("vertices of the parameters", geometry.vertex_count, f"{wanted}, as the body has")
+        return ShownTheta(version, geometry=geometry)
     from contact_curation.learning.stored_model import model_of_bytes  # torch takes over a second to import
 
     return ShownTheta(version, model=model_of_bytes(data, "model_parameters", body))
