@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.geometry.polytopes import Polytope, box
+from contact_curation.geometry.polytopes import Polytope, box, checked_corners
 from contact_curation.geometry.quaternions import Array
 
 STANDARD_GRAVITY = 9.81
@@ -88,7 +88,8 @@ class Body:
         if missing or ("vertices" in data) == ("half_extents" in data):
             wanted = "name, mass, inertia, friction, length_scale, and either vertices or half_extents"
             raise InvalidValueError("body", f"keys {sorted(data)}", wanted)
-        shape = _numbers(data, "vertices") if "vertices" in data else box(_numbers(data, "half_extents")).vertices
+        boxed = "half_extents" in data
+        shape = box(_numbers(data, "half_extents")).vertices if boxed else checked_corners(_numbers(data, "vertices"))
         return Body(
             name=str(data["name"]),
             vertices=shape,

@@ -10,6 +10,9 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 
+SMALLEST_CORNER = 1e-6
+"""Share of the volume that a corner adds."""
+
 
 @dataclass(frozen=True, eq=False)
 class Polytope:
@@ -35,6 +38,25 @@ class Polytope:
         """Heights (..., V) of the vertices over the plane z = 0, at positions (..., 3) and orientations (..., 4)."""
         third_row = quaternions.to_matrix(orientations_wxyz)[..., 2, :]
         return np.asarray(third_row @ self.vertices.T + np.asarray(positions, dtype=float)[..., 2:3])
+
+
+def checked_corners(vertices: Array) -> Array:
+    """Vertices (V, 3), if each of them is a corner of their hull: what lies on an edge, or twice in a place, is no footing.
+
+    Raises:
+        InvalidValueError: one of them lies in the hull of the others; or as `Polytope`.
+    """
+    from scipy.spatial import ConvexHull  # takes a quarter of a second to import
+
+    vertices = Polytope(vertices).vertices
+    whole = ConvexHull(vertices).volume
+    for place, vertex in enumerate(vertices):
+        others = np.delete(vertices, place, axis=0)
+        flat = len(others) < 4 or np.linalg.matrix_rank(others - others.mean(axis=0), tol=1e-9 * np.ptp(vertices)) < 3
+        if not flat and ConvexHull(others).volume > (1.0 - SMALLEST_CORNER) * whole:
+            found = f"vertex {place} at {vertex.tolist()} within the hull of the others"
+            raise InvalidValueError("vertices", found, "corners of a convex body, each once")
+    return vertices
 
 
 def box(half_extents: ArrayLike) -> Polytope:

@@ -38,6 +38,13 @@ def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
     )
 
 
+def unit(q: Quaternion) -> Quaternion:
+    """A quaternion scaled to length 1."""
+    w, x, y, z = q
+    length = sqrt(w * w + x * x + y * y + z * z)
+    return w / length, x / length, y / length, z / length
+
+
 def conjugate(q: Quaternion) -> Quaternion:
     """Inverse rotation of a unit quaternion."""
     return q[0], -q[1], -q[2], -q[3]

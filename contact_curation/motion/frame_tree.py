@@ -8,7 +8,7 @@ from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from contact_curation.geometry.scalars import IDENTITY, ScalarPose, between, compose
+from contact_curation.geometry.scalars import IDENTITY, ScalarPose, between, compose, unit
 from contact_curation.motion.pose_stream import FramePose
 
 HISTORY = 2048
@@ -57,10 +57,14 @@ class FrameTree:
         self.links: dict[str, Link] = {}
 
     def take(self, frame_pose: FramePose) -> bool:
-        """Learns a pose; False when it comes with an older stamp than the link's newest and is left out."""
+        """Learns a pose; False when it comes with an older stamp than the link's newest and is left out.
+
+        Quaternions may be rounded, as launch files have them; links are products of many and hold unit ones.
+        """
         link = self.links.get(frame_pose.child)
+        pose = ScalarPose(frame_pose.pose.position, unit(frame_pose.pose.orientation_wxyz))
         if frame_pose.static:
-            self.links[frame_pose.child] = Link(frame_pose.parent, True, poses=[frame_pose.pose])
+            self.links[frame_pose.child] = Link(frame_pose.parent, True, poses=[pose])
             return True
         if link is None or link.static or link.parent != frame_pose.parent:
             link = self.links[frame_pose.child] = Link(frame_pose.parent, False)
@@ -69,7 +73,7 @@ class FrameTree:
         if len(link.stamps_ns) >= HISTORY:
             del link.stamps_ns[: HISTORY // 2], link.poses[: HISTORY // 2]
         link.stamps_ns.append(frame_pose.stamp_ns)
-        link.poses.append(frame_pose.pose)
+        link.poses.append(pose)
         return True
 
     def forget_after(self, stamp_ns: int) -> None:

@@ -12,12 +12,14 @@ that contact (and nothing else) has given in between:
     depth     lowest corner >= -depth                                 the board is hard
     rest      tilt <= angle, |height| <= bound of the face it lies on a body at rest lies flat on the board
 
-Stamps and quaternion norms complete the list. The jump gate sees what a filter hid: a median of three takes a spike of a frame
-out of the velocities, but not out of the positions. A flagged toss is kept aside and shown, never deleted.
+Faster than 150 frames a second the bounds on velocities grow with the rate and those on accelerations with its square, as a
+tracker's noise does (`smoothing.noise_growth`). Stamps and quaternion norms complete the list. The jump gate sees what a
+filter hid: a median of three takes a spike of a frame out of the velocities, but not out of the positions. A flagged toss is
+kept aside and shown, never deleted.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,13 +28,13 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.smoothing import all_around
+from contact_curation.motion.smoothing import all_around, noise_growth
 from contact_curation.motion.toss import NANOSECONDS, Toss
 
 
 @dataclass(frozen=True)
 class GateConfig:
-    """Bounds, for a body of about 10 cm at 100 to 200 frames a second.
+    """Bounds, for a body of about 10 cm at 60 to 150 frames a second; faster, some of them grow.
 
     METHOD 2.1 gives them in half widths of 0.0524 m: tol 3 and depth 0.15. The others lie above what all 570 public tosses show
     (0.51 g, 0.7 rad/s, 0.8 rad/s, 0.04 m^2/s^2, 0.20 m/s, 16 rad/s, 1.1 degrees, 2.6 mm).
@@ -40,7 +42,7 @@ class GateConfig:
     Attributes:
         enabled: False lets everything pass.
         gravity: [m/s^2].
-        largest_friction: mu_max of the cone.
+        largest_friction: mu_max of the cone; for a body with more friction than a cube's see `of_body`.
         impulse_tolerance: tol [m/s].
         airborne_clearance: a body whose corners are higher than this is in the air [m].
         airborne_acceleration: a_max [m/s^2].
@@ -81,6 +83,13 @@ class GateConfig:
             if field.name != "enabled" and not value > 0.0:
                 raise InvalidValueError(field.name, value, "a positive number")
 
+    def of_body(self, gravity: float, friction: float) -> "GateConfig":
+        """The same under a body's gravity, the cone at least `FRICTION_MARGIN` times as wide as its own."""
+        return replace(self, gravity=gravity, largest_friction=max(self.largest_friction, FRICTION_MARGIN * friction))
+
+
+FRICTION_MARGIN = 1.5
+"""A body's friction is what somebody took it for."""
 
 REST_FRAMES, REST_SPEED, REST_SPIN = 5, 0.05, 0.5
 """A body is at rest at the end if it is as slow as that over the last frames [m/s, rad/s]."""
@@ -99,6 +108,7 @@ class Steps:
         airborne: (T - 1,) whether the body is in the air in all frames that the velocities at both ends come from.
         footing: (3, 3) where the three lowest corners are at the end [m]; None for a body that still moves.
         spin_by_push: how fast a push of 1 m/s at a corner turns a uniform box with the body's corners, at most [rad/s].
+        noise: what bounds on velocities are multiplied with.
     """
 
     toss: Toss
@@ -109,6 +119,7 @@ class Steps:
     airborne: NDArray[np.bool_]
     footing: Array | None
     spin_by_push: float
+    noise: float
 
 
 def steps_of(toss: Toss, polytope: Polytope, config: GateConfig) -> Steps:
@@ -118,7 +129,8 @@ def steps_of(toss: Toss, polytope: Polytope, config: GateConfig) -> Steps:
     gained = np.diff(toss.linear_velocities, axis=0) + np.outer(dt, [0.0, 0.0, config.gravity])
     spun = np.linalg.norm(np.diff(toss.angular_velocities, axis=0), axis=1)
     airborne = all_around(lowest > config.airborne_clearance, 2, 2)[:-1]  # the poses that v and v' come from
-    return Steps(toss, lowest, dt, gained, spun, airborne, footing(toss, polytope), spin_by_push(polytope))
+    noise = noise_growth(toss.frame_period)
+    return Steps(toss, lowest, dt, gained, spun, airborne, footing(toss, polytope), spin_by_push(polytope), noise)
 
 
 def footing(toss: Toss, polytope: Polytope) -> Array | None:
@@ -188,27 +200,28 @@ def rest_height_gate(steps: Steps, config: GateConfig) -> str:
 
 def impulse_gate(steps: Steps, config: GateConfig) -> str:
     """What contact gives points up, ..."""
-    return _worst("impulse that pulls down", -steps.contact_velocities[:, 2], config.impulse_tolerance, "m/s")
+    bound = config.impulse_tolerance * steps.noise
+    return _worst("impulse that pulls down", -steps.contact_velocities[:, 2], bound, "m/s")
 
 
 def cone_gate(steps: Steps, config: GateConfig) -> str:
     """... and stays within the friction cone."""
     sideways = np.linalg.norm(steps.contact_velocities[:, :2], axis=1)
     outside = sideways - config.largest_friction * np.maximum(steps.contact_velocities[:, 2], 0.0)
-    return _worst("impulse outside the friction cone", outside, config.impulse_tolerance, "m/s")
+    return _worst("impulse outside the friction cone", outside, config.impulse_tolerance * steps.noise, "m/s")
 
 
 def airborne_gate(steps: Steps, config: GateConfig) -> str:
     """Nothing but gravity moves a body in the air."""
     pushed = np.where(steps.airborne, np.linalg.norm(steps.contact_velocities, axis=1) / steps.dt, 0.0)
-    return _worst("acceleration in the air beyond gravity", pushed, config.airborne_acceleration, "m/s^2")
+    bound = config.airborne_acceleration * steps.noise**2
+    return _worst("acceleration in the air beyond gravity", pushed, bound, "m/s^2")
 
 
 def spin_gate(steps: Steps, config: GateConfig) -> str:
     """Nothing twists a body in the air."""
-    return _worst(
-        "change of spin in the air", np.where(steps.airborne, steps.spin_changes, 0.0), config.airborne_spin_change, "rad/s"
-    )
+    changes = np.where(steps.airborne, steps.spin_changes, 0.0)
+    return _worst("change of spin in the air", changes, config.airborne_spin_change * steps.noise, "rad/s")
 
 
 def twist_gate(steps: Steps, config: GateConfig) -> str:
@@ -216,21 +229,21 @@ def twist_gate(steps: Steps, config: GateConfig) -> str:
     pushes = np.pad(np.linalg.norm(steps.contact_velocities, axis=1), 1)
     nearby = np.maximum(np.maximum(pushes[:-2], pushes[1:-1]), pushes[2:])
     beyond = steps.spin_changes - config.twist_leverage * steps.spin_by_push * nearby
-    return _worst("change of spin beyond what its push gives", beyond, config.twist_tolerance, "rad/s")
+    return _worst("change of spin beyond what its push gives", beyond, config.twist_tolerance * steps.noise, "rad/s")
 
 
 def energy_gate(steps: Steps, config: GateConfig) -> str:
     """Nothing lifts or speeds up a body in the air; of its centre of mass, per mass."""
     energy = 0.5 * (steps.toss.linear_velocities**2).sum(axis=1) + config.gravity * steps.toss.positions[:, 2]
     gained = np.where(steps.airborne, np.diff(energy), 0.0)
-    return _worst("energy gained in the air", gained, config.energy_tolerance, "m^2/s^2")
+    return _worst("energy gained in the air", gained, config.energy_tolerance * steps.noise, "m^2/s^2")
 
 
 def jump_gate(steps: Steps, config: GateConfig) -> str:
     """The body moves by its velocity."""
     rates = np.diff(steps.toss.positions, axis=0) / steps.dt[:, np.newaxis]
     off = np.linalg.norm(rates - steps.toss.linear_velocities[1:], axis=1)
-    return _worst("displacement beside the velocity", off, config.jump_velocity, "m/s")
+    return _worst("displacement beside the velocity", off, config.jump_velocity * steps.noise, "m/s")
 
 
 def turn_gate(steps: Steps, config: GateConfig) -> str:
@@ -238,7 +251,7 @@ def turn_gate(steps: Steps, config: GateConfig) -> str:
     orientations = steps.toss.orientations_wxyz
     turns = quaternions.log(quaternions.multiply(quaternions.conjugate(orientations[:-1]), orientations[1:]))
     off = np.linalg.norm(turns / steps.dt[:, np.newaxis] - steps.toss.angular_velocities[1:], axis=1)
-    return _worst("turn beside the angular velocity", off, config.jump_spin, "rad/s")
+    return _worst("turn beside the angular velocity", off, config.jump_spin * steps.noise, "rad/s")
 
 
 GATES: tuple[Callable[[Steps, GateConfig], str], ...] = (

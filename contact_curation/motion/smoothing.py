@@ -14,6 +14,17 @@ from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.toss import NANOSECONDS
 
+QUIET_PERIOD = 1.0 / 150.0
+"""[s] Bounds on velocities and accelerations are given for frames that are no closer than this."""
+
+
+def noise_growth(frame_period: float) -> float:
+    """How much noisier velocities are than at `QUIET_PERIOD`, by the same noise of poses; accelerations by its square.
+
+    With bounds that grow so, a tracker's jump of the same length is seen at any rate.
+    """
+    return max(1.0, QUIET_PERIOD / frame_period)
+
 
 @dataclass(frozen=True, eq=False)
 class Kinematics:

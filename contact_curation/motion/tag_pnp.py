@@ -102,8 +102,14 @@ def undistorted(pixels: Array, camera: Pinhole) -> Array:
     if not camera.distorted:
         return pixels
     cv2, flat = _opencv(), np.ascontiguousarray(pixels.reshape(-1, 1, 2))
-    module = cv2.fisheye if camera.distortion_model == "equidistant" else cv2
-    found = module.undistortPoints(flat, camera.matrix, np.array(camera.distortion), P=camera.matrix)
+    matrix, distortion = camera.matrix, np.array(camera.distortion)
+    until_exact = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-12)  # OpenCV's own five steps miss by a pixel
+    if camera.distortion_model == "equidistant":
+        found = cv2.fisheye.undistortPoints(flat, matrix, distortion, P=matrix)
+    elif hasattr(cv2, "undistortPointsIter"):  # OpenCV 4
+        found = cv2.undistortPointsIter(flat, matrix, distortion, None, matrix, until_exact)
+    else:
+        found = cv2.undistortPoints(flat, matrix, distortion, P=matrix, criteria=until_exact)
     return np.asarray(found, dtype=float).reshape(pixels.shape)
 
 

@@ -10,7 +10,7 @@ from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.scalars import Quaternion, Vector
 from contact_curation.motion.segmenter_config import SegmenterConfig
-from contact_curation.motion.smoothing import all_around, kinematics, median_orientations
+from contact_curation.motion.smoothing import all_around, kinematics, median_orientations, noise_growth
 from contact_curation.motion.toss import NANOSECONDS, Toss, toss_identity
 
 
@@ -80,9 +80,10 @@ def reasons_against(motion: Motion, polytope: Polytope, config: SegmenterConfig)
         reasons.append(f"lowest corner of the toss: found {1e3 * lowest.min():.1f} mm, expected {expected}")
     excess = np.linalg.norm(motion.accelerations + np.array([0.0, 0.0, config.gravity]), axis=1)  # (T,)
     excess = np.where(all_around(lowest > config.airborne_clearance, 3, 1), excess, 0.0)
-    if excess.max() > config.airborne_acceleration:
+    bound = config.airborne_acceleration * noise_growth(toss.frame_period) ** 2
+    if excess.max() > bound:
         reasons.append(
             f"acceleration in the air beyond gravity: found {excess.max():.1f} m/s^2 at frame {excess.argmax()}, "
-            f"expected at most {config.airborne_acceleration:.3g} m/s^2"
+            f"expected at most {bound:.3g} m/s^2"
         )
     return tuple(reasons)

@@ -147,7 +147,7 @@ def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> Inge
         with BagReader(Path(recording)) as reader:
             segmenter = with_recorded_rules(segmenter, reader.note(NOTE))
     gates = declare_config(node, replace(GateConfig(), gravity=body.gravity), "gates.")
-    return IngestConfig(poses.tracker(body.name, poses.board_frame), segmenter, gates)
+    return IngestConfig(poses.tracker(body.name, poses.board_frame), segmenter, gates.of_body(gates.gravity, body.friction))
 
 
 def main() -> int:

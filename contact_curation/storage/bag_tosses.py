@@ -21,6 +21,12 @@ from contact_curation.storage.recorded_rules import NOTE, with_recorded_rules
 MOTION = ", expected motions that fall freely (in metres, z up on the board) and come to rest"
 UNNUMBERED = RecordedNumbers()
 
+LOWEST_RATE = 55.0
+"""[Hz] Slower poses miss free falls: two successive accelerations have to fit into one."""
+
+LONGEST_STEP = 0.5
+"""[s] Poses further apart are not successive ones."""
+
 
 def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReading:
     """The tosses of one bag, as they complete; then what was left out.
@@ -79,7 +85,7 @@ class BagTosses:
         stages = IngestConfig(
             config.poses.tracker(body.name, source.board_frame),
             replace(config.segmenter, gravity=body.gravity),
-            replace(config.gates, gravity=body.gravity),
+            config.gates.of_body(body.gravity, body.friction),
         )
         self.origin = origin
         self.source = source
@@ -91,6 +97,7 @@ class BagTosses:
         self._ingest = TossIngest(stages, body.polytope, body=body.name, source=source.body.name)
         self._first_ns: int | None = None
         self._last_ns: int | None = None
+        self._steps, self._stepped = 0, 0.0
         self._bad: dict[str, BadPose] = {}
         self._bad_counts: dict[str, int] = {}
 
@@ -99,6 +106,9 @@ class BagTosses:
         for measured in self._measured(message):
             if isinstance(measured, FramePose) and message.topic == self.source.body.name:
                 self._first_ns = measured.stamp_ns if self._first_ns is None else self._first_ns
+                step = 0.0 if self._last_ns is None else (measured.stamp_ns - self._last_ns) / NANOSECONDS
+                if 0.0 < step < LONGEST_STEP:
+                    self._steps, self._stepped = self._steps + 1, self._stepped + step
                 self._last_ns = measured.stamp_ns
             yield from self._found(self._ingest.push(measured))
 
@@ -107,9 +117,12 @@ class BagTosses:
         yield from self._found(self._ingest.flush())
 
     def left_out(self) -> Iterator[str]:
-        """Lines about another body's poses, each kind of pose that could not be used, and no toss, as far as it is so."""
+        """Lines about another body's poses, too few a second, each kind that could not be used, and no toss; as far as so."""
         if self._of_another:
             yield f"found no topic named after {self._body}, expected one, or a name for it: took {self.source.body.name}"
+        if self._steps and self._steps < LOWEST_RATE * self._stepped:
+            rate = self._steps / self._stepped
+            yield f"found poses of {self.source.body.name} at {rate:.3g} Hz, expected 60 Hz or more: tosses may go unseen"
         for kind, first in self._bad.items():
             which = f"the first one, of '{first.child}' at {first.stamp_ns / NANOSECONDS:.6f} s"
             yield f"{self._bad_counts[kind]} poses were left out, {which}, for this: {first.why}"

@@ -24,7 +24,7 @@ def read_contactnets_tosses(path: Path, body: Body, config: InputsConfig) -> Inp
         UnreadableInputError: there are no files, or no file is a toss.
     """
     files = contactnets_files(path)
-    config = replace(config, gates=replace(config.gates, gravity=body.gravity))
+    config = replace(config, gates=config.gates.of_body(body.gravity, body.friction))
     digests = [file_sha256(file) for file in files]
     counts: Counter[str] = Counter()
     unreadable: list[UnreadableInputError] = []  # said once there is a toss; else the whole folder is something else

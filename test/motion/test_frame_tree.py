@@ -38,6 +38,15 @@ def test_a_path_composes_from_the_lowest_frame_to_the_topmost() -> None:
     assert known.path("map", "tag") is None
 
 
+def test_a_link_whose_quaternion_was_rounded_is_a_rotation() -> None:
+    rounded = ScalarPose((0.1, 0.0, 0.0), (0.707, 0.0, 0.0, 0.707))
+    known = tree(FramePose(0, "map", "board", rounded, static=True), moving(5, rounded, parent="board"))
+    found = composed(known.path("camera", "map") or [], 5, SECOND)
+    assert found is not None
+    assert found.orientation_wxyz == pytest.approx((0.0, 0.0, 0.0, 1.0), abs=1e-12)
+    assert found.position == pytest.approx((0.1, 0.1, 0.0), abs=1e-12)
+
+
 def test_a_moving_link_is_exact_at_its_times_and_straight_between_them() -> None:
     link = tree(moving(0, at(0.0)), moving(100, at(1.0)), moving(200, at(3.0))).links["camera"]
     assert [found and found.position[0] for found in (link.at(stamp, 150) for stamp in (0, 50, 100, 150, 200))] == [

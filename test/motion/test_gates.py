@@ -11,6 +11,7 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope
+from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.gates import GateConfig, cone_gate, impulse_gate, inspect, spin_by_push, steps_of, twist_gate
 from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import Toss
@@ -208,6 +209,34 @@ def test_a_body_at_rest_lies_flat_on_the_board(good: Toss, degrees: float, metre
 def test_of_a_body_that_still_moves_nothing_is_said_of_its_rest(good: Toss) -> None:
     moving = replace(lying(good, 2.0, 0.0), angular_velocities=good.angular_velocities + np.array([0.0, 0.0, 1.0]))
     assert not any("at rest" in line for line in inspect(moving, CUBE, CONFIG))
+
+
+def test_the_cone_is_wide_enough_for_a_body_with_much_friction() -> None:
+    assert GateConfig().of_body(9.8, 0.18) == GateConfig(gravity=9.8)
+    rubber = GateConfig().of_body(9.81, 1.0)
+    assert rubber.largest_friction == 1.5
+    toss = pulled([1.2, 0.0, 1.0])
+    assert "outside the friction cone" in cone_gate(steps_of(toss, CUBE, CONFIG), CONFIG)
+    assert not cone_gate(steps_of(toss, CUBE, rubber), rubber)
+
+
+@pytest.mark.parametrize(("rate", "growth"), [(60, 1.0), (148, 1.0), (300, 2.0)])
+def test_bounds_grow_with_the_noise_of_a_faster_tracker(rate: float, growth: float) -> None:
+    for share in (0.99, 1.01):
+        pull = replace(pulled([0.0, 0.0, -share * growth * CONFIG.impulse_tolerance]), frame_period=1.0 / rate)
+        assert (impulse_gate(steps_of(pull, CUBE, CONFIG), CONFIG) == "") == (share < 1.0)
+
+
+def test_a_toss_tracked_240_times_a_second_with_the_rigs_noise_passes() -> None:
+    rng = np.random.default_rng(3)
+    noisy = []
+    for one in stream(period_ns=10**9 // 240):
+        shifted = np.array(one.pose.position) + 2.2e-5 * rng.standard_normal(3)
+        turned = quaternions.multiply(one.pose.orientation_wxyz, quaternions.exp(4e-4 * rng.standard_normal(3)))
+        noisy.append(replace(one, pose=ScalarPose(tuple(shifted.tolist()), tuple(turned.tolist()))))
+    (toss,) = cut(noisy)
+    assert isinstance(toss, Toss)
+    assert inspect(toss, CUBE, CONFIG) == ()
 
 
 def test_a_disabled_gate_lets_everything_pass() -> None:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -11,7 +12,7 @@ from contact_curation.geometry.pinhole import Pinhole
 from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.tags import CornerOrder, Tag, TagMap
-from contact_curation.motion.tag_pnp import CornerNoise
+from contact_curation.motion.tag_pnp import CornerNoise, undistorted
 from contact_curation.motion.tag_pose import DetectedTag, NoTagPose, TagPose, TagPoseConfig, on_board, tag_pose
 from test.tag_scene import BOARD, CAMERA, RIG, scene, seen, shaken
 
@@ -236,3 +237,20 @@ def test_the_covariance_on_the_board_follows_finite_differences() -> None:
     slopes = np.array(columns).T  # (6, 12)
     expected = slopes[:, :6] @ spreads[0] @ slopes[:, :6].T + slopes[:, 6:] @ spreads[1] @ slopes[:, 6:].T
     np.testing.assert_allclose(on_board(*made).covariance, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("model", "distortion"),
+    [
+        ("plumb_bob", (-0.35, 0.12, 0.0005, 0.0003, -0.018)),
+        ("rational_polynomial", (0.45, -0.1, 1e-4, 1e-4, -0.005, 0.8, -0.02, -0.02)),
+        ("equidistant", (0.05, 0.01, -0.01, 0.002)),
+    ],
+)
+def test_the_distortion_of_a_wide_lens_is_undone_to_the_edge_of_the_image(model: str, distortion: tuple[float, ...]) -> None:
+    camera = Pinhole(640, 480, (380.0, 380.0), (319.5, 239.5), model, distortion)
+    across, down = np.meshgrid(np.linspace(-0.75, 0.75, 9), np.linspace(-0.55, 0.55, 7))
+    rays = np.stack([across.ravel(), down.ravel(), np.ones(across.size)], axis=1)
+    module = cv2.fisheye if model == "equidistant" else cv2
+    seen, _ = module.projectPoints(rays[:, np.newaxis], np.zeros(3), np.zeros(3), camera.matrix, np.array(distortion))
+    np.testing.assert_allclose(undistorted(seen[:, 0], camera), camera.project(rays), atol=1e-3)

@@ -27,6 +27,15 @@ def test_vertices_may_be_listed(tmp_path: Path) -> None:
     assert read_body(file).vertices.shape == (4, 3)
 
 
+@pytest.mark.parametrize("more", ["[0.5, 0, 0]", "[0, 0, 1]", "[0.2, 0.2, 0.2]"], ids=["on an edge", "twice", "inside"])
+def test_a_vertex_that_is_no_corner_is_refused(tmp_path: Path, more: str) -> None:
+    corners = f"[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], {more}]"
+    file = tmp_path / "wedge.yaml"
+    file.write_text(f"name: wedge\nvertices: {corners}\nmass: 1\ninertia: [1, 1, 1]\nfriction: 0\nlength_scale: 1\n")
+    with pytest.raises(UnreadableInputError, match=r"vertices: found vertex \d at .* within the hull of the others"):
+        read_body(file)
+
+
 @pytest.mark.parametrize(
     ("change", "why"),
     [

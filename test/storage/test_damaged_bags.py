@@ -4,6 +4,7 @@ import os
 import shutil
 import sqlite3
 import struct
+from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
@@ -352,3 +353,34 @@ def test_an_encrypted_ros1_bag_is_refused(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes().replace(b"conn_count=\x02\0\0\0", b"encryptor=aes=="))
     with pytest.raises(UnreadableInputError, match="is encrypted"):
         BagReader(path)
+
+
+def test_a_row_that_claims_more_than_memory_is_damage_like_any_other(tmp_path: Path) -> None:
+    (whole,) = write_rosbag2(tmp_path / "whole", recording(20), SQLITE).glob("*.db3")
+    content = whole.read_bytes()
+    claimed = [damaged for place in range(0, len(content) - 8, 3) if _is_too_large(damaged := _overwritten(content, place))]
+    assert claimed
+    for damaged in claimed:
+        file = tmp_path / "damaged.db3"
+        file.write_bytes(damaged)
+        with suppress(UnreadableInputError), BagReader(file) as reader:
+            list(reader.messages())
+            assert reader.losses
+
+
+def _overwritten(content: bytes, place: int) -> bytes:
+    return content[:place] + 7 * b"\xff" + b"\x7f" + content[place + 8 :]
+
+
+def _is_too_large(content: bytes) -> bool:
+    """Whether SQLite asks for more memory than there is, for a length that it reads."""
+    with closing(sqlite3.connect(":memory:")) as database:
+        try:
+            database.deserialize(content)
+            for query in ("SELECT name FROM topics", "SELECT data FROM messages ORDER BY timestamp, id"):
+                list(database.execute(query))
+        except MemoryError:
+            return True
+        except (sqlite3.Error, UnicodeDecodeError):
+            pass
+    return False

@@ -177,6 +177,12 @@ def test_a_bag_without_a_toss_says_so(tmp_path: Path) -> None:
     assert lines(opened(bag)[0]) == [f"{bag}: found no toss in 15 poses of /pose, expected {expected}"]
 
 
+def test_poses_that_come_too_seldom_are_told_of(tmp_path: Path) -> None:
+    for every, told in ((2, 0), (5, 1)):
+        bag = write_ours(tmp_path / f"{every}.mcap", recorded("/pose", POSE, ON_BOARD[::every]))
+        assert sum("Hz, expected 60 Hz or more: tosses may go unseen" in line for line in lines(opened(bag)[0])) == told
+
+
 def test_poses_that_nothing_connects_to_the_board_are_counted(tmp_path: Path) -> None:
     elsewhere = Sent(
         "/tf_static", LOG_OFFSET_NS, transforms([FramePose(0, "world", "body_surface", IN_MAP[0].pose, static=True)])
