@@ -22,13 +22,15 @@ class JudgedModel:
     Attributes:
         path: its file.
         model: itself.
-        learned_from: ids of the tosses that it learned from, as far as its file says.
+        learned_from: ids of all tosses that it ever learned from, as far as its file says.
+        fitted_to: ids of those that it learned from last.
         held_out: ids of those that its training held out, likewise.
     """
 
     path: Path
     model: Model
     learned_from: frozenset[str] = frozenset()
+    fitted_to: frozenset[str] = frozenset()
     held_out: frozenset[str] = frozenset()
 
 
@@ -47,14 +49,21 @@ def judged_model(path: Path, body: Body) -> JudgedModel:
         form = Form.PHYSICAL if is_physical(theta.geometry) else Form.CONTACTNETS
         return JudgedModel(path, PolytopeModel(theta.geometry, theta.body, form))
     notes = read_notes(path)
-    learned, held_out = (frozenset(notes.get(name, "").split("\n")) - {""} for name in ("training ids", "held-out ids"))
-    return JudgedModel(path, theta, _selected(notes, path) or learned, held_out)
+    learned, last, held_out = (_ids(notes.get(name, "")) for name in ("training ids", "fitted ids", "held-out ids"))
+    selections = _selected(notes, path)
+    if selections:
+        learned, last = frozenset[str]().union(*selections), selections[-1]
+    return JudgedModel(path, theta, learned, last or learned, held_out)
 
 
-def _selected(notes: dict[str, str], path: Path) -> frozenset[str]:
-    """What was selected last; empty where the training took all that it could have."""
+def _ids(note: str) -> frozenset[str]:
+    return frozenset(note.split("\n")) - {""}
+
+
+def _selected(notes: dict[str, str], path: Path) -> tuple[frozenset[str], ...]:
+    """What was selected, one after the other; nothing where the training took all that it could have."""
     try:
         selections = selections_of(notes["selections"]) if "selections" in notes else ()
     except MALFORMED as error:
         raise UnreadableInputError(path, f"says not what was selected ({type(error).__name__}: {error})") from error
-    return frozenset(selections[-1].kept) if selections else frozenset()
+    return tuple(frozenset(one.kept) for one in selections)

@@ -57,9 +57,10 @@ def judging_tosses(
         judged_by, others, chosen = _as_trained(models[0], read.training)
     elif not judged_by:  # `none`: nobody tells some apart
         judged_by, others, chosen = read.training, (), EVERYTHING
-    learned = models[0].learned_from
-    fitted = tuple(toss for toss in others if not learned or toss.toss_id in learned)
-    parts = split([NumberedToss(toss, 0) for toss in (*judged_by, *fitted)], HeldOutRule(ids=_ids(judged_by)))
+    learned, last = models[0].learned_from, models[0].fitted_to
+    seen = [toss for toss in others if not learned or toss.toss_id in learned]
+    fitted = tuple(toss for toss in seen if not last or toss.toss_id in last)
+    parts = split([NumberedToss(toss, 0) for toss in (*judged_by, *seen)], HeldOutRule(ids=_ids(judged_by)))
     twins = frozenset(twin.held_out for twin in parts.twins)
     return JudgingTosses(judged_by, fitted, chosen, twins, (*read.warnings, *_seen_before(judged_by, models)))
 

@@ -46,8 +46,8 @@ class TossScorer(Protocol):
     def version(self) -> str:
         """Of theta."""
 
-    def losses(self, tosses: Sequence[Toss]) -> Array:
-        """Losses (N,) of all scored transitions."""
+    def losses(self, tosses: Sequence[Toss]) -> tuple[Array, ...]:
+        """Losses (N,) of all scored transitions of each toss."""
 
     def score(self, tosses: Sequence[Toss]) -> Scores:
         """What each toss teaches."""
@@ -147,7 +147,7 @@ def score_pool(paths: Sequence[Path], config: PoolConfig, jobs: int, advance: Ad
     with TemporaryDirectory(prefix="contact-curation-") as folder:
         places = [(path, Path(folder) / f"{place}.sqlite") for place, path in enumerate(paths)]
         waiting = tuple(each(partial(_store_input, config, jobs), places, jobs, advance))
-        bounds = tuple(_bound([one.losses[k] for one in waiting]) for k in range(len(config.thetas)))
+        bounds = _bounds(waiting, len(config.thetas))
         scored = each(partial(_score_waiting, config, jobs, bounds), waiting, jobs, advance)
         return ScoredPool(tuple(_spooled(one, spool) for one in scored), bounds)
 
@@ -167,12 +167,12 @@ class _Waiting:
     Attributes:
         reading: what was found in it.
         store: where its tosses are.
-        losses: of their transitions, one array per theta.
+        losses: of their transitions, by toss one array per theta.
     """
 
     reading: Reading
     store: Path
-    losses: tuple[Array, ...]
+    losses: dict[str, tuple[Array, ...]]
 
 
 def _score_input(config: PoolConfig, jobs: int, path: Path, advance: Advance) -> ScoredInput:
@@ -189,16 +189,16 @@ def _store_input(config: PoolConfig, jobs: int, place: tuple[Path, Path], advanc
     path, store_path = place
     scorers = config.scorers(config.fixed_bounds, jobs)
     reader = InputReader(path, config.reading)
-    losses: list[list[Array]] = [[] for _ in scorers]
+    losses: dict[str, tuple[Array, ...]] = {}
     with TossStore(store_path) as store:
         for tosses in batched(reader.tosses(), BATCH):
             with store.transaction():
                 for toss in tosses:
                     store.add(toss)
-            for own, scorer in zip(losses, scorers):
-                own.append(scorer.losses(tosses))
+            by_toss = zip(*(scorer.losses(tosses) for scorer in scorers), strict=True)
+            losses |= dict(zip((toss.toss_id for toss in tosses), by_toss, strict=True))
             advance(len(tosses))
-    return _Waiting(reader.reading(), store_path, tuple(np.concatenate([np.zeros(0), *own]) for own in losses))
+    return _Waiting(reader.reading(), store_path, losses)
 
 
 def _score_waiting(
@@ -220,7 +220,15 @@ def _scored(scorers: Sequence[TossScorer], tosses: Sequence[Toss]) -> dict[str, 
     return {toss.toss_id: scores for toss, scores in zip(tosses, zip(*by_theta, strict=True), strict=True)}
 
 
-def _bound(losses: Sequence[Array]) -> float:
-    """The bound on losses that a pool's own losses suggest; inf where there are none."""
-    together = np.concatenate(losses)
-    return float(np.quantile(together, BOUND_QUANTILE)) if together.size else np.inf
+def _bounds(waiting: Sequence[_Waiting], thetas: int) -> tuple[float, ...]:
+    """The bounds on losses, one per theta, that a pool's own losses suggest; inf where there are none.
+
+    A toss that several recordings have counts once: the first, or a whole one in place of one that was cut short.
+    """
+    known: dict[str, tuple[Array, ...]] = {}
+    for one in waiting:
+        for toss_id, losses in one.losses.items():
+            if toss_id not in known or len(losses[0]) > len(known[toss_id][0]):
+                known[toss_id] = losses
+    together = [np.concatenate([np.zeros(0), *(losses[k] for losses in known.values())]) for k in range(thetas)]
+    return tuple(float(np.quantile(losses, BOUND_QUANTILE)) if losses.size else np.inf for losses in together)

@@ -87,8 +87,7 @@ def train_config(arguments: argparse.Namespace) -> TrainConfig:
         ContactCurationError: a file that an option names cannot be used, or a value is not accepted.
     """
     kind, body = ModelKind(arguments.model), chosen_body(arguments)
-    if arguments.steps is not None and arguments.protocol == "exact":
-        raise InvalidValueError("--steps", "--protocol exact, which takes none", "--protocol budgeted or published")
+    _check_exact(arguments)
     protocol = exact() if arguments.protocol == "exact" else PROTOCOLS[arguments.protocol](kind)
     ranking = RankingConfig(arguments.criterion or DEFAULT_CRITERION, arguments.top or 1, arguments.seed, certificate_steps=0)
     ranking = replace(ranking, variant=arguments.variant or ranking.variant)
@@ -115,6 +114,20 @@ def train_config(arguments: argparse.Namespace) -> TrainConfig:
         start=_start(arguments.params, kind, body),
         seed=arguments.seed,
     )
+
+
+def _check_exact(arguments: argparse.Namespace) -> None:
+    """Raises InvalidValueError where an option is of no use to an exact training."""
+    if arguments.protocol != "exact":
+        return
+    useless = {
+        "--steps": (arguments.steps is not None, "which takes none"),
+        "--rerank-every": (arguments.rerank_every is not None, "which selects again at each optimum"),
+        "--canary": (arguments.canary, "which selects again at each optimum"),
+    }
+    for name, (given, why) in useless.items():
+        if given:
+            raise InvalidValueError(name, f"--protocol exact, {why}", "--protocol budgeted or published")
 
 
 def _selection(arguments: argparse.Namespace, ranking: RankingConfig, canary: CanaryConfig) -> RerankingConfig | None:

@@ -116,6 +116,6 @@ def _selection_line(one: Selected) -> str:
     kept = f"{counted_tosses(len(one.kept))} selected"
     if one.trigger is Trigger.FIRST:
         return f"{kept} before the first step"
-    why = "after so many epochs" if one.trigger is Trigger.EPOCHS else "since canaries moved"
+    why = {Trigger.EPOCHS: "after so many epochs", Trigger.OPTIMUM: "at the optimum"}.get(one.trigger, "since canaries moved")
     moved = f"Spearman {one.spearman:.2f}, overlap {100.0 * one.overlap:.0f} %"
     return f"{kept} again after step {one.gradient_steps}, {why} ({moved}); {100.0 * one.retained:.0f} % were kept before"

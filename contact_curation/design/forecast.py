@@ -4,8 +4,8 @@
 
 A toss ends once the body has rested for a few frames, as the segmenter ends one. Frames in the air teach nothing (METHOD 6.7)
 and are left out; where the body lies on three corners or more and goes on lying on them, frames differ little from one to the
-next, and one of every few stands for all. Each motion's tilt is taken about its own centroid, so that neither place nor
-heading of a throw counts.
+next, and one of every few stands for all. Each motion's tilt is taken about its own centroid, so that the place of
+a throw does not count; its heading does a little, since the tilt's axes are the board's.
 """
 
 import os

@@ -86,10 +86,10 @@ class NetworkScorer:
             return own
         return (*own, *_network_blocks(self._sketch, self._layers, own[-1].stop if own else 0))
 
-    def losses(self, tosses: Sequence[Toss]) -> Array:
-        """Losses (N,) of all scored transitions of `tosses`, for choosing an influence bound."""
+    def losses(self, tosses: Sequence[Toss]) -> tuple[Array, ...]:
+        """Losses (N,) of all scored transitions of each of `tosses`, for choosing an influence bound."""
         passes = [self._forward(toss) for toss in tosses]
-        return np.concatenate([np.zeros(0), *(found.losses[found.solved] for found in passes)])
+        return tuple(found.losses[found.solved] for found in passes)
 
     def score(self, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:
         """What each toss teaches, in the order given.

@@ -100,10 +100,12 @@ class Scorer:
         edges = np.cumsum([0, *(block.size for block in self.form.blocks)]).tolist()
         self.blocks = tuple(ParameterBlock(block.name, *span) for block, span in zip(self.form.blocks, pairwise(edges)))
 
-    def losses(self, tosses: Sequence[Toss]) -> Array:
-        """Losses (N,) of all scored transitions of `tosses`, for choosing an influence bound."""
-        rows = self._sums(transitions_of(self._checked(tosses), self.body.length_scale), None)
-        return np.asarray(rows.losses[rows.status == SolveStatus.SOLVED])
+    def losses(self, tosses: Sequence[Toss]) -> tuple[Array, ...]:
+        """Losses (N,) of all scored transitions of each of `tosses`, for choosing an influence bound."""
+        rows = transitions_of(self._checked(tosses), self.body.length_scale)
+        sums = self._sums(rows, None)
+        solved = sums.status == SolveStatus.SOLVED
+        return tuple(sums.losses[part][solved[part]] for part in (slice(*ends) for ends in pairwise(rows.starts)))
 
     def score(self, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:
         """What each toss teaches, in the order given.

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from contact_curation.learning.progress import Progress, TrainingState
-from contact_curation.learning.reranking import Reranking, Selected
+from contact_curation.learning.reranking import EXACT_SELECTIONS, Reranking, Selected
 from contact_curation.learning.training import Training
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
@@ -48,21 +48,30 @@ class CuratedTraining:
         while progress.gradient_steps < last:
             quiet = self._reranking.quiet_steps(progress.gradient_steps, self.training.steps_of_epoch)
             progress = self.training.advance(min(quiet, last - progress.gradient_steps))
-            if progress.state is not TrainingState.RUNNING:
+            running = progress.state is TrainingState.RUNNING
+            if not running and not self._at_optimum(progress):
                 break
-            self._reselect(self._reranking, progress)
+            self._reselect(self._reranking, progress, running)
+            progress = self.training.progress
         return progress
 
-    def _reselect(self, reranking: Reranking, progress: Progress) -> None:
+    def _at_optimum(self, progress: Progress) -> bool:
+        """Whether an exact training has ended and may select again there."""
+        arrived = self.training.config.exact and progress.state is TrainingState.CONVERGED
+        return arrived and len(self.selections) < EXACT_SELECTIONS
+
+    def _reselect(self, reranking: Reranking, progress: Progress, running: bool) -> None:
         """What an occasion changes: a selection more, and other data where other tosses are kept."""
         before = reranking.selected
-        selected = reranking.consider(self.training.model, progress.gradient_steps, progress.epochs)
+        select = reranking.consider if running else reranking.at_optimum
+        selected = select(self.training.model, progress.gradient_steps, progress.epochs)
         if selected is None:
             return
         self.selections += (selected,)
         if before is None or set(selected.kept) != set(before.kept):
             length_scale = self.training.model.body.length_scale
-            self.training.replace_data(kept_transitions(self._pool, selected.kept, length_scale))
+            data = kept_transitions(self._pool, selected.kept, length_scale)
+            self.training.replace_data(data, fresh_budget=not running)
 
 
 def kept_transitions(pool: Sequence[Toss], kept: Sequence[str], length_scale: float) -> Transitions:

@@ -35,7 +35,7 @@ from contact_curation.learning.model_scoring import toss_scorer
 from contact_curation.learning.motion_errors import MotionErrors
 from contact_curation.learning.progress import TrainingState
 from contact_curation.learning.protocols import TrainingConfig, budgeted, published
-from contact_curation.learning.reranking import CanaryConfig, Reranking, RerankingConfig
+from contact_curation.learning.reranking import EXACT_SELECTIONS, CanaryConfig, Reranking, RerankingConfig
 from contact_curation.learning.training import Training
 from contact_curation.learning.training_data import rows_of
 from contact_curation.motion.gates import GateConfig, inspect
@@ -47,8 +47,6 @@ ONE_THREAD = replace(DEFAULT_LOSS, threads=1)
 """Cells run side by side."""
 
 FIT = HeldFitConfig(loss=ONE_THREAD)
-ROUNDS = 3
-"""Selections of a re-ranked rule in the exact protocol: at the initial parameters, then at those learned from the last set."""
 
 DRAWN = 0.8
 """Share of the training tosses in a seed's pool."""
@@ -192,7 +190,7 @@ def _kept_exactly(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> tuple[s
     model, rule = start, RULES[cell.rule]
     size = len(tosses) if cell.size == ALL else cell.size
     kept = select(rule, model, tosses, size, cell.seed)
-    for _ in range(ROUNDS - 1 if rule.reranked else 0):
+    for _ in range(EXACT_SELECTIONS - 1 if rule.reranked else 0):
         model = fit_held(model, _data(bench, tosses, kept), FIT, None if model is start else start).model
         before, kept = kept, select(rule, model, tosses, size, cell.seed)
         if set(kept) == set(before):

@@ -1,8 +1,8 @@
 """The selection is made again while theta is learned: what teaches most at one theta need not at another (METHOD 2.4).
 
-Again after every n epochs, as the paper does, or when canaries say so: a few tosses, always the same ones, are scored and
-ranked at the current theta, and compared with their ranking at the theta of the last selection. Only when their places have
-moved is the whole pool scored.
+Again after every n epochs, as the paper does, at each optimum of an exact training, or when canaries say so: a few tosses,
+always the same ones, are scored and ranked at the current theta, and compared with their ranking at the theta of the last
+selection. Only when their places have moved is the whole pool scored.
 
 Each selection is made from nothing. A greedy pick takes a small part of the time that scoring does, so to start from
 the tosses kept before would save little; and as it is, a selection depends on theta alone, not on how theta was reached.
@@ -31,13 +31,17 @@ type TossScorer = Callable[[Model, Sequence[Toss]], Sequence[TossInformation | N
 THETA_FREE = ("longest", "random")
 """Criteria that no theta moves."""
 
+EXACT_SELECTIONS = 3
+"""Of a training to the optimum: at the initial parameters, then at those that the last set taught."""
+
 
 class Trigger(StrEnum):
-    """Why a selection was made: the first one; so many epochs have passed; the canaries have moved."""
+    """Why a selection was made: the first one; so many epochs have passed; the canaries have moved; an optimum was reached."""
 
     FIRST = "first"
     EPOCHS = "epochs"
     CANARY = "canary"
+    OPTIMUM = "optimum"
 
 
 @dataclass(frozen=True)
@@ -168,6 +172,15 @@ class Reranking:
         """
         trigger = self._occasion(model, gradient_steps, epochs)
         return self.select(model, gradient_steps, epochs, trigger) if trigger else None
+
+    def at_optimum(self, model: Model, gradient_steps: int, epochs: int) -> Selected | None:
+        """Selects again at the optimum of the last selection; None if no theta moves the criterion.
+
+        Raises:
+            InvalidValueError: as in `select`.
+        """
+        moves = self._config.ranking.criterion not in THETA_FREE
+        return self.select(model, gradient_steps, epochs, Trigger.OPTIMUM) if moves else None
 
     def _occasion(self, model: Model, gradient_steps: int, epochs: int) -> Trigger | None:
         last, canary = self.selected, self._config.canary

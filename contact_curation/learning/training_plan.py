@@ -22,6 +22,7 @@ from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.checkpoint import checkpoint_bytes, training_of_bytes
 from contact_curation.learning.config_document import document_of
 from contact_curation.learning.curated_training import CuratedTraining, kept_transitions
+from contact_curation.learning.exact_fit import theta_0
 from contact_curation.learning.model_scoring import toss_scorer
 from contact_curation.learning.protocols import TrainingConfig
 from contact_curation.learning.reranking import Reranking, RerankingConfig, Selected
@@ -90,7 +91,7 @@ class TrainingPlan:
 
 
 def begin(plan: TrainingPlan) -> CuratedTraining:
-    """The training of a plan before its first step; its first selection is made at the model it begins with.
+    """The training of a plan before its first step; its first selection is made at the theta that it begins at.
 
     Raises:
         InvalidValueError: nothing to learn from, or nothing held out where the protocol needs it.
@@ -101,7 +102,7 @@ def begin(plan: TrainingPlan) -> CuratedTraining:
         plan.kind, plan.body, plan.protocol.form, rows_of(everything), np.random.default_rng(noise)
     )  # fmt: skip
     reranking = _reranking(plan)
-    first = reranking.select(model) if reranking else None
+    first = reranking.select(theta_0(model) if plan.protocol.exact else model) if reranking else None
     data = kept_transitions(plan.tosses, first.kept, plan.length_scale) if first else everything
     training = Training(model, data, plan.held_out_transitions, plan.protocol, int(shuffles))
     return CuratedTraining(training, plan.tosses, reranking, (first,) if first else ())

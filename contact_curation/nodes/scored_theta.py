@@ -11,7 +11,6 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.errors import InvalidValueError
-from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig
 from contact_curation.motion.toss import Toss
@@ -42,9 +41,6 @@ class TossScorer(Protocol):
     @property
     def blocks(self) -> tuple[ParameterBlock, ...]:
         """Of theta's parameters."""
-
-    def losses(self, tosses: Sequence[Toss]) -> Array:
-        """Losses (N,) of all scored transitions."""
 
     def score(self, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:
         """What each toss teaches."""

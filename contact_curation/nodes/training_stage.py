@@ -73,6 +73,7 @@ class Round:
         tosses_seen: by the curator, then.
         settling: how many rounds since a toss was new, this one included; 0 when one was.
         toss_ids: it trains on.
+        earlier_ids: that rounds before it trained on, and it does not.
     """
 
     number: int = 0
@@ -80,6 +81,7 @@ class Round:
     tosses_seen: int = 0
     settling: int = 0
     toss_ids: tuple[str, ...] = ()
+    earlier_ids: tuple[str, ...] = ()
 
 
 class Moment(NamedTuple):
@@ -216,7 +218,9 @@ class TrainingStage:
         else:
             self._training.replace_data(data, fresh_budget=True)
         seen = max(wanted.tosses_seen, self._round.tosses_seen)
-        self._round = Round(self._round.number + 1, wanted.revision, seen, settling, wanted.toss_ids)
+        before = {*self._round.toss_ids, *self._round.earlier_ids} - set(wanted.toss_ids)
+        earlier = () if self._config.exact else tuple(sorted(before))  # an exact round forgets what was before
+        self._round = Round(self._round.number + 1, wanted.revision, seen, settling, wanted.toss_ids, earlier)
         self._save()
 
     def _data(self, toss_ids: tuple[str, ...]) -> Transitions:
@@ -225,8 +229,9 @@ class TrainingStage:
         return transitions_of([one.toss for one in stored], self._length_scale)
 
     def _save(self) -> None:
-        note = json.dumps(asdict(self._round))
-        save_checkpoint(self._checkpoint, self._trained_so_far, {ROUND: note})
+        last, earlier = self._round.toss_ids, self._round.earlier_ids
+        ids = {"training ids": "\n".join((*last, *earlier)), "fitted ids": "\n".join(last)}  # as `evaluate` reads them
+        save_checkpoint(self._checkpoint, self._trained_so_far, {ROUND: json.dumps(asdict(self._round)), **ids})
 
     def _resume(self) -> None:
         """Goes on in the middle of the round; where its tosses or the protocol are others, from its parameters on.
@@ -249,4 +254,4 @@ def _round_of(notes: Mapping[str, str], path: Path) -> Round:
     if ROUND not in notes:
         raise InvalidValueError(f"checkpoint {path}", "none of a trainer node", "one; `params` takes others")
     told = json.loads(notes[ROUND])
-    return Round(**{**told, "toss_ids": tuple(told["toss_ids"])})
+    return Round(**{**told, **{name: tuple(told[name]) for name in ("toss_ids", "earlier_ids") if name in told}})

@@ -123,7 +123,7 @@ class DesignedThrows:
         self._planner: Planner | None = None
         self._infos: list[TossInformation] = []
         self._losses: dict[str, float] = {}
-        self._scores: list[Array] = []
+        self._scores: dict[str, Array] = {}
         self._design: AdaptiveDesign | None = None
         self._planned: Throw | None = None
 
@@ -167,9 +167,11 @@ class DesignedThrows:
         return self._designer.distrust(losses, self._reference_scores)
 
     def _reference_scores(self) -> Sequence[Array]:
-        """At this theta and at the last one that was asked about."""
-        self._scores = [*self._scores[-1:], self._planner_here().reference_scores()]
-        return self._scores
+        """At this theta and at the last other one that was asked about."""
+        version = self._particle.version
+        if version not in self._scores:
+            self._scores = {**dict(list(self._scores.items())[-1:]), version: self._planner_here().reference_scores()}
+        return list(self._scores.values())
 
     def _planner_here(self) -> Planner:
         if self._planner is None:

@@ -104,6 +104,20 @@ def test_tosses_that_it_learned_from_are_no_judges_without_a_word(cli: Cli, fold
     assert done.err_lines == [f"contact-curation: warning: {checkpoint}: it learned from 1 of the 2 tosses it is judged by"]
 
 
+def test_every_set_that_was_learned_from_in_turn_is_no_judge_and_the_last_one_says_what_is_known(
+    cli: Cli, folder: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "reranked.safetensors"
+    options = ("--steps", 40, "--held-out", "5,6", "--top", 2, "--criterion", "trace", "--rerank-every", 1, "--json")
+    selections = cli("train", folder, "--out", out, *options).json["selections"]
+    ever, last = {toss for one in selections for toss in one["kept"]}, set(selections[-1]["kept"])
+    assert len(ever) > len(last) == 2
+    judged = cli("evaluate", out, folder, *QUICK, "--held-out", ",".join(sorted(ever)))
+    line = f"{out}: it learned from {len(ever)} of the {len(ever)} tosses it is judged by"
+    assert judged.err_lines == [f"contact-curation: warning: {line}"]
+    assert cli("evaluate", out, folder, *QUICK, "--json").json["known"]["tosses"] == 2
+
+
 def test_the_report_for_people_has_tables_of_errors_and_of_what_is_known(cli: Cli, folder: Path, checkpoint: Path) -> None:
     lines = cli("evaluate", checkpoint, folder, *QUICK).out.splitlines()
     assert lines[0] == f"judged by 2 tosses: held out by {checkpoint}"

@@ -71,3 +71,18 @@ def test_what_was_selected_is_told(cli: Cli, folder: Path, tmp_path: Path) -> No
     assert [one["trigger"] for one in told] == ["first"] + ["epochs"] * (len(told) - 1)
     assert len(told) > 2
     assert all(len(one["kept"]) == 2 and set(one["kept"]) <= set("01234") for one in told)
+
+
+def test_an_exact_training_selects_again_at_its_optimum_and_learns_from_the_last_set_alone(
+    cli: Cli, folder: Path, tmp_path: Path
+) -> None:
+    exact = ("--protocol", "exact", "--held-out", "5,6", "--json")
+    done = cli("train", folder, "--out", tmp_path / "a.safetensors", *exact, "--top", 2).json
+    triggers = [one["trigger"] for one in done["selections"]]
+    assert triggers[:2] == ["first", "optimum"]
+    assert 2 <= len(triggers) <= 3
+    assert done["training_tosses"] == sorted(done["selections"][-1]["kept"])
+    for option in (("--canary",), ("--rerank-every", 2)):
+        refused = cli("train", folder, "--out", tmp_path / "c.safetensors", *exact, "--top", 2, *option)
+        assert refused.status == 1
+        assert f"{option[0]}: found --protocol exact, which selects again at each optimum" in refused.err

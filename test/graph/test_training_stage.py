@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from contact_curation.cli.evaluation_models import judged_model
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.model import Model, Rows
 from contact_curation.contact.model_kind import ModelKind
@@ -94,6 +95,20 @@ def test_a_round_ends_with_other_parameters_and_a_checkpoint_and_the_next_waits_
     assert not training.due
     training.follow(kept(3, 4, 0, 1))
     assert until_idle(training)[-1].progress.gradient_steps == 40
+
+
+@pytest.mark.parametrize("config", [CONFIG, exact()], ids=["budgeted", "exact"])
+def test_a_checkpoint_says_what_its_theta_follows_from(tmp_path: Path, store: TossStore, config: TrainingConfig) -> None:
+    for toss in tosses():
+        store.add(toss)
+    training = stage(tmp_path, store, config)
+    for revision, numbers in enumerate(((0, 1, 2), (2, 3, 4)), start=1):
+        training.follow(kept(revision, 3 + revision, *numbers))
+        until_idle(training)
+    told = judged_model(tmp_path / "model.safetensors", CONTACTNETS_CUBE)
+    last = frozenset(tosses()[number].toss_id for number in (2, 3, 4))
+    earlier = frozenset() if config.exact else frozenset(tosses()[number].toss_id for number in (0, 1))
+    assert (told.fitted_to, told.learned_from) == (last, last | earlier)
 
 
 def test_the_loop_comes_to_rest_when_no_new_toss_comes(tmp_path: Path, store: TossStore) -> None:

@@ -100,7 +100,7 @@ def test_a_record_says_what_it_was_made_with() -> None:
 
 def test_a_bound_on_influence_scales_scores_of_larger_losses() -> None:
     model, rows = network(ModelKind.DEEPVERTEX), rows_of(SHORT[:1])
-    losses = NetworkScorer(model, EMPIRICAL).losses(SHORT[:1])
+    (losses,) = NetworkScorer(model, EMPIRICAL).losses(SHORT[:1])
     assert losses.shape == (SHORT[0].frames - 1,)
     bound = float(np.quantile(losses, 0.9))
     scores = long_scores(model, rows)["network"] * np.minimum(1.0, bound / losses)[:, None]

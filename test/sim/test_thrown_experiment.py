@@ -69,6 +69,21 @@ def test_the_canary_hears_the_loss_that_a_toss_had_before_anybody_learned_from_i
     assert chooser.choose(2).reason == f"loss: found a median of {scored.mean_loss:.3g}, expected at most 1e-09"
 
 
+def test_a_theta_is_compared_with_another_one_however_often_it_is_asked_about() -> None:
+    canary = CanaryConfig(least_tosses=1, largest_loss=1e9, least_agreement=1.0)
+    designer = Designer(CONTACTNETS_CUBE, DesignerConfig(SMALL, canary, LOSS))
+    tosses = simulated_tosses(5, seed=2)
+    chooser = DesignedThrows(designer, TRUE, seed=0)
+    for toss in tosses:
+        chooser.came(toss)
+    reasons = []
+    for geometry, asked in ((TRUE, 1), (other_theta(1.5, 0.4).geometry, 2)):
+        chooser.learned(geometry, tosses)
+        reasons += [chooser.choose(number).reason for number in range(asked)]
+    assert reasons[1] == reasons[2]
+    assert "rank correlation" in str(reasons[1])
+
+
 def test_without_enough_releases_there_is_no_prior(bench: Bench) -> None:
     with pytest.raises(InvalidValueError, match="releases to fit a prior to"):
         throws_rows(ThrowsCell("designed", (1,), 0), replace(bench, training=bench.training[:3]))
