@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import sys
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -22,7 +23,7 @@ from contact_curation.cli.report import print_json
 from contact_curation.cli.stop_signals import StopSignals
 from contact_curation.cli.supervisor import Incident, ProgramFailedError
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
-from contact_curation.errors import ContactCurationError
+from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.body_file import read_body
 from contact_curation.storage.inputs import InputsConfig
@@ -67,12 +68,18 @@ def check_recordings(config: OnlineConfig) -> None:
     """Looks into the recordings that the model is judged by: a trainer without them goes on, and nobody would see why.
 
     Raises:
-        ContactCurationError: one of them cannot be read.
+        ContactCurationError: one of them cannot be read, or there is no toss in any.
     """
+    tosses, problems = 0, list[str]()
     for path in config.held_out:
         reader = InputReader(path, ReadingConfig(_body(config), InputsConfig()))
-        if next(reader.tosses(), None) is None and not reader.reading().complete:
+        found = next(reader.tosses(), None) is not None
+        if not (found or reader.reading().complete):
             raise ContactCurationError(reader.reading().problems[0])
+        tosses, problems = tosses + found, [*problems, *reader.reading().warnings]
+    if config.held_out and not tosses:
+        found_instead = problems[0] if problems else f"no toss in {', '.join(map(str, config.held_out))}"
+        raise InvalidValueError("--held-out", found_instead, "recordings of tosses")
 
 
 def _body(config: OnlineConfig) -> Body:
@@ -150,7 +157,7 @@ class _Json:
     """For programs: one object and nothing else."""
 
     def say(self, line: str) -> None:
-        """Only JSON is wanted."""
+        print(line.strip(), file=sys.stderr, flush=True)
 
     def conclude(self, summary: Summary) -> None:
         print_json(summary.document)

@@ -34,6 +34,9 @@ PORTS = {"web_port": 9090, "grpc_port": 9876}
 TIMEOUTS = {"toss_timeout": (3.0, 12.0), "goal_timeout": (15.0, 45.0)}
 """How long the designer waits, for a throw's toss and for a throw to be made: so many seconds, and so many simulated ones."""
 
+KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "a word", list: "a list"}
+"""What parameters are, in words."""
+
 RENDERING = 600.0
 """[s] that a throw's images may take to be rendered, on a machine without a GPU."""
 
@@ -124,6 +127,17 @@ def _check_names(given: Mapping[str, Parameters], path: Path | None) -> None:
         unknown = [name for name in values if name not in declared[node] and not name.startswith(OF_ROS)]
         if unknown:
             raise InvalidValueError(f"parameters of {node} in {path}", ", ".join(unknown), "those of config/nodes.yaml")
+        for name, value in values.items():
+            default = declared[node].get(name)
+            if default is not None and not _is_like(value, default):
+                raise InvalidValueError(f"{name} of {node} in {path}", value, f"{KINDS[type(default)]}, such as {default}")
+
+
+def _is_like(value: object, default: object) -> bool:
+    """Whether a parameter can have this value, as far as its default tells."""
+    if isinstance(default, float):
+        return isinstance(value, int | float) and not isinstance(value, bool) and value == value  # a number, and not .nan
+    return type(value) is type(default)
 
 
 def _of_options(config: OnlineConfig, body: Body) -> dict[str, Parameters]:

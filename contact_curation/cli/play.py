@@ -3,11 +3,15 @@
 import argparse
 import json
 import os
+import re
 import sys
 from pathlib import Path
 from typing import Any, Never
 
 from contact_curation.cli.option_types import number_from_zero, positive_number
+from contact_curation.errors import InvalidValueError
+
+ROS_NAME = re.compile(r"~?/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +34,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> Never:
-    """Becomes the player node; its exit status is the command's."""
+    """Becomes the player node; its exit status is the command's.
+
+    Raises:
+        InvalidValueError: a path that cannot be told to a node.
+    """
+    try:
+        str(arguments.bag).encode()
+    except UnicodeEncodeError as error:
+        raise InvalidValueError("path of the bag", ascii(str(arguments.bag)), "one in UTF-8, as ROS wants it") from error
     command = player_command(arguments)
     sys.stdout.flush()
     sys.stderr.flush()
@@ -59,7 +71,7 @@ def player_command(arguments: argparse.Namespace) -> list[str]:
 
 
 def _remapping(text: str) -> str:
-    old, arrow, new = text.partition(":=")
-    if not (old and arrow and new):
-        raise argparse.ArgumentTypeError(f"found {text}, expected OLD:=NEW")
+    old, _, new = text.partition(":=")
+    if not (ROS_NAME.fullmatch(old) and ROS_NAME.fullmatch(new)):
+        raise argparse.ArgumentTypeError(f"found {text}, expected OLD:=NEW, both names of ROS")
     return text

@@ -11,7 +11,7 @@ from contact_curation.cli.held_out_tosses import held_out_tosses
 from contact_curation.cli.output_paths import check_outputs
 from contact_curation.cli.pool_scoring import ScoredPool, score_pool
 from contact_curation.cli.progress import Progress
-from contact_curation.cli.rank_dashboard import add_dashboard_options, dashboard_of
+from contact_curation.cli.rank_dashboard import RankDashboard, add_dashboard_options, dashboard_of
 from contact_curation.cli.rank_options import RankConfig, add_rank_options, rank_config
 from contact_curation.cli.rank_report import RankReport, diagnostics_of, json_report, picture_of, print_report
 from contact_curation.cli.rank_rows import PoolToss, TossPool, manifest_rows, pool_of_inputs
@@ -45,9 +45,20 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         InvalidValueError: nothing could be ranked, or an output cannot be written.
     """
-    check_outputs(out=arguments.out, figure=_figure(arguments))
+    check_outputs(out=arguments.out, figure=_figure(arguments), recording=arguments.recording)
     config = rank_config(arguments)
     dashboard = dashboard_of(arguments, config)
+    try:
+        _rank(arguments, config, dashboard)
+        if dashboard:
+            dashboard.end()
+    finally:
+        if dashboard:
+            dashboard.drop()
+    return 0
+
+
+def _rank(arguments: argparse.Namespace, config: RankConfig, dashboard: RankDashboard | None) -> None:
     jobs = min(arguments.jobs or os.cpu_count() or 1, len(arguments.inputs))
     with Progress("reading", "tosses") as progress:
         held_out = held_out_tosses(arguments.inputs, config.pool.reading, config.held_out, jobs, progress.advance)
@@ -61,9 +72,6 @@ def run(arguments: argparse.Namespace) -> int:
         if dashboard and curation:
             dashboard.show(pool, curation)
     _report(arguments, config, scored, pool, curation, held_out.warnings)
-    if dashboard:
-        dashboard.end()
-    return 0
 
 
 def _report(
@@ -77,7 +85,7 @@ def _report(
     """Writes what is wanted, and says what came out; InvalidValueError where nothing did."""
     warnings = (*(line for one in scored.inputs for line in one.reading.warnings), *pool.left_out, *missing)
     report = RankReport(manifest_of(arguments, config, scored, pool, curation), warnings, arguments.out, _figure(arguments))
-    if report.out:
+    if report.out and report.manifest.rows:
         write_manifest(report.manifest, report.out)
     if curation is None:
         reasons = "; ".join(f"{count} {name}" for name, count in report.outcomes.items() if count)

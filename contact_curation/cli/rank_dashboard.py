@@ -4,6 +4,7 @@ rerun takes most of a second to import: the library's part is imported when one 
 """
 
 import argparse
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -40,7 +41,7 @@ def add_dashboard_options(parser: argparse.ArgumentParser) -> None:
 
 
 class RankDashboard:
-    """A ranking on a screen.
+    """A ranking on a screen. To be ended, or to be dropped.
 
     Args:
         arguments: of the command.
@@ -57,7 +58,9 @@ class RankDashboard:
         self._config = config
         self._inputs: Sequence[Path] = arguments.inputs
         port = arguments.web_port if arguments.dashboard else 0
-        self._serving: ServingConfig = ServingConfig(port, arguments.grpc_port, recording=arguments.recording)
+        self._recording: Path | None = arguments.recording
+        self._partial = self._recording and self._recording.with_name(f".{os.getpid()}-{self._recording.name}")
+        self._serving: ServingConfig = ServingConfig(port, arguments.grpc_port, recording=self._partial)
         self._screen: Screen = open_screen(self._serving, ranking_layout(config.pool.reading.body))
 
     def show(self, pool: TossPool, curation: Curation) -> None:
@@ -82,10 +85,18 @@ class RankDashboard:
 
         if self._serving.web_port:
             with StopSignals() as signals:
+                sys.stdout.flush()
                 print(f"dashboard at {self._serving.address} (Ctrl-C ends it)", file=sys.stderr, flush=True)
                 while not signals.wanted:
                     time.sleep(POLL)
         close_screen(self._screen)
+        if self._partial and self._recording:
+            self._partial.replace(self._recording)
+
+    def drop(self) -> None:
+        """Leaves no part of a recording behind that did not come to its end; the one before stays."""
+        if self._partial:
+            self._partial.unlink(missing_ok=True)
 
     def _tosses(self, wanted: set[str]) -> dict[str, Toss]:
         """The wanted tosses, read once more: of the others nothing but their information was kept."""

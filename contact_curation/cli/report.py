@@ -25,7 +25,7 @@ def add_json_option(parser: argparse.ArgumentParser) -> None:
 
 def print_json(content: Mapping[str, Any]) -> None:
     """One JSON object on one line; numbers that JSON does not have become null."""
-    print(json_line(content))
+    print(json_line(content), flush=True)
 
 
 def json_line(content: Mapping[str, Any]) -> str:

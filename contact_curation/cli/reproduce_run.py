@@ -101,7 +101,7 @@ def experiment_config(arguments: argparse.Namespace) -> ExperimentConfig:
         steps=(arguments.steps or BUDGET) if protocol is Protocol.BUDGETED else 0,
         seeds=arguments.seeds or default.seeds,
         resamples=arguments.resamples or default.resamples,
-        **{name: tuple(values) for name, values in given.items()},
+        **{name: tuple(dict.fromkeys(values)) for name, values in given.items()},
     )
     return quick(config) if arguments.quick else config
 

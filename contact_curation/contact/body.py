@@ -1,5 +1,6 @@
 """The tossed object, as its user describes it in SI units."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,13 +14,15 @@ from contact_curation.geometry.quaternions import Array
 STANDARD_GRAVITY = 9.81
 """[m/s^2], the value ContactNets used (METHOD 1.0)."""
 
+NAME = re.compile(r"[A-Za-z0-9]+(_[A-Za-z0-9]+)*")
+
 
 @dataclass(frozen=True, eq=False)
 class Body:
     """A convex rigid body with isotropic friction against the board.
 
     Attributes:
-        name: used in toss ids.
+        name: used in toss ids, topics, frames and the names of files: letters, digits and single underscores.
         vertices: (V, 3) [m] in the body's frame, whose origin is the centre of mass.
         mass: [kg].
         inertia: (3, 3) about the centre of mass [kg m^2].
@@ -37,12 +40,17 @@ class Body:
     gravity: float = STANDARD_GRAVITY
 
     def __post_init__(self) -> None:
+        if not NAME.fullmatch(self.name):
+            raise InvalidValueError("name of the body", repr(self.name), "letters, digits and single underscores, as in topics")
         object.__setattr__(self, "vertices", Polytope(self.vertices).vertices)
         inertia = np.asarray(self.inertia, dtype=float)
         if inertia.shape == (3,):
             inertia = np.diag(inertia)
         if inertia.shape != (3, 3) or not np.isfinite(inertia).all() or np.linalg.eigvalsh(inertia).min() <= 0.0:
             raise InvalidValueError("inertia", np.array2string(inertia), "3 or 3x3 positive numbers [kg m^2]")
+        moments = np.linalg.eigvalsh(inertia)
+        if moments[0] + moments[1] < moments[2]:
+            raise InvalidValueError("inertia", f"moments {moments}", "none larger than the sum of the other two [kg m^2]")
         object.__setattr__(self, "inertia", inertia)
         for name in ("mass", "length_scale", "gravity"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):

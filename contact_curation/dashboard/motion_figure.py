@@ -95,14 +95,14 @@ def save_motion_figure(picture: MotionPicture, path: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    with rc_context({"font.size": 12, "axes.spines.top": False, "axes.spines.right": False}):
+    with rc_context({"font.size": 12, "text.parse_math": False, "axes.spines.top": False, "axes.spines.right": False}):
         height = TITLE_HEIGHT + ROW_HEIGHT * len(picture.tosses)
         figure = Figure(figsize=(WIDTH, height), dpi=DOTS, layout="constrained")
         FigureCanvasAgg(figure)
-        figure.suptitle(picture.title, fontsize=15, x=0.02, ha="left")
+        figure.suptitle(_shown(picture.title), fontsize=15, x=0.02, ha="left")
         rows: Any = np.atleast_1d(figure.subfigures(len(picture.tosses), 1))
         for row, toss in zip(rows, picture.tosses, strict=True):
-            row.suptitle(toss.title, fontsize=13, fontweight="bold", x=0.02, ha="left")
+            row.suptitle(_shown(toss.title), fontsize=13, fontweight="bold", x=0.02, ha="left")
             axes = row.subplots(1, 3, width_ratios=COLUMNS)
             _draw_heights(axes[0], picture.models, toss)
             _draw_paths(axes[1], picture.models, toss)
@@ -112,10 +112,15 @@ def save_motion_figure(picture: MotionPicture, path: Path) -> None:
         save_figure(figure, path)
 
 
+def _shown(text: str) -> str:
+    """What of a file's name a font can show: on disk it may be no text."""
+    return text.encode("utf-8", "replace").decode()
+
+
 def _lines(models: Sequence[str], toss: PicturedToss) -> list[tuple[Track, str, str, str]]:
     """Every track with its name, colour and line."""
     predicted = zip(toss.predicted, models, STYLES, strict=False)
-    return [(toss.measured, "measured", MEASURED, "-"), *((track, name, *style) for track, name, style in predicted)]
+    return [(toss.measured, "measured", MEASURED, "-"), *((track, _shown(name), *style) for track, name, style in predicted)]
 
 
 def _draw_heights(axes: "Axes", models: Sequence[str], toss: PicturedToss) -> None:

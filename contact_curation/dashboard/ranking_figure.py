@@ -79,7 +79,10 @@ def save_ranking_figure(picture: RankingPicture, path: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    with rc_context({"font.size": 12, "axes.spines.top": False, "axes.spines.right": False, "axes.titleweight": "bold"}):
+    with rc_context({
+        "font.size": 12, "text.parse_math": False,
+        "axes.spines.top": False, "axes.spines.right": False, "axes.titleweight": "bold",
+    }):  # fmt: skip
         figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DOTS, layout="constrained")
         FigureCanvasAgg(figure)
         figure.get_layout_engine().set(w_pad=0.12, h_pad=0.14, wspace=0.03, hspace=0.04)  # type: ignore[union-attr, call-arg]

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.calibration import Calibration, calibration
 from contact_curation.learning.experiment_fit import fit_held
@@ -47,6 +48,8 @@ class CalibrationCell:
 
 def calibration_rows(cell: CalibrationCell, bench: Bench) -> tuple[Row, ...]:
     """A row per kind of parameter: the deviation found, and over it each of those said; 1 is perfect."""
+    if cell.size > len(bench.training):
+        raise InvalidValueError("tosses to resample", len(bench.training), f"at least {cell.size}")
     chosen = np.random.default_rng(cell.seed).choice(len(bench.training), cell.size, replace=False)
     scale = bench.body.length_scale
     data = transitions_of([bench.training[place] for place in np.sort(chosen)], scale)

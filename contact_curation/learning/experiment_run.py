@@ -141,6 +141,8 @@ def run_cell(cell: Cell, bench: Bench) -> Row:
         ContactCurationError: the pool is too small, or the training failed.
     """
     pool = pool_of_cell(cell, bench)
+    if cell.size > len(pool.tosses):
+        raise NoResultError(cell, f"found {len(pool.tosses)} tosses in the pool, expected at least {cell.size}")
     learned = _learn_exactly(cell, bench, pool.tosses) if cell.protocol == Protocol.EXACT else _learn(cell, bench, pool.tosses)
     kept = [toss for toss in pool.tosses if toss.toss_id in set(learned.kept)]
     return {

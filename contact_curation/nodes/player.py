@@ -13,6 +13,7 @@ from typing import Any
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock as ClockMessage
@@ -96,8 +97,8 @@ class Player(StageNode):
             try:
                 name = renamed.get(info.name, info.name)
                 publishers[info.name] = self.create_publisher(message_class(info.type), name, self._qos(info.name))
-            except MissingDependencyError as error:
-                self.get_logger().warning(f"{info.name} is left out: {error}")
+            except (MissingDependencyError, InvalidTopicNameException) as error:
+                self.get_logger().warning(f"{info.name} is left out: {str(error).splitlines()[0]}")
         return publishers
 
     def _qos(self, topic: str) -> Any:

@@ -55,13 +55,7 @@ def world_of(body: Body, step: float, contact_time: float = DEFAULT_WORLD.contac
         body: shape, inertia and friction; its name is the name of its body, its joint and its geom.
         step: time step [s].
         contact_time: see `WorldConfig`.
-
-    Raises:
-        InvalidValueError: an inertia that no distribution of mass has; the engine refuses it.
     """
-    moments = np.linalg.eigvalsh(body.inertia)
-    if moments[0] + moments[1] < moments[2]:
-        raise InvalidValueError("inertia", f"moments {moments}", "none larger than the sum of the other two [kg m^2]")
     spec = mujoco.MjSpec()
     spec.option.timestep = step
     spec.option.gravity = [0.0, 0.0, -body.gravity]

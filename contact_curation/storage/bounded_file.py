@@ -34,7 +34,7 @@ def read_yaml(path: Path, largest: int, expected: str) -> Any:
     """What a YAML file holds; arguments and errors as `read_bounded`, and UnreadableInputError for what is no YAML."""
     try:
         return yaml.safe_load(read_bounded(path, largest, expected).decode("utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # a date that there is not is a ValueError
         raise UnreadableInputError(path, f"found no YAML ({_why(error)}), expected {expected}") from error
 
 

@@ -23,10 +23,15 @@ from contact_curation.cli.rank_of_session import rank_command
 from contact_curation.cli.supervisor import ProgramFailedError
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.motion.pose_stream import FramePose
 from contact_curation.solver import compiled
 from contact_curation.storage.information_store import InformationStore
+from contact_curation.storage.pose_messages import POSE
 from contact_curation.storage.state_store import StateStore
 from contact_curation.storage.toss_store import TossStore
+from test.motion.streams import stream
+from test.storage.bags import write_ours
+from test.storage.pose_recordings import recorded
 from test.storage.stored_records import information, rejected, toss
 
 THROW = ThrowMade("throw-0", None, 100, "toss-0", 2.0, 1.5)
@@ -105,6 +110,10 @@ def test_the_tracked_poses_are_named_so_that_the_ground_truth_is_never_taken_for
         ),
         ("/**: {ros__parameters: {settling: 5}}", "found settling, expected"),
         ("/**/trainer: {ros__parameters: {top: 5}}", "parameters of trainer in .*: found top, expected"),
+        ("/**/sim_arm: {ros__parameters: {rate: fast}}", "rate of sim_arm in .*: found fast, expected a number, such as 1.0"),
+        ("/**/sim_arm: {ros__parameters: {rate: .nan}}", "found nan, expected a number"),
+        ("/**/trainer: {ros__parameters: {least_tosses: 2.5}}", "found 2.5, expected a whole number"),
+        ("/**/curator: {ros__parameters: {criterion: 2024-02-30}}", "no YAML"),
         ("curator: {top: 5}", "expected ros__parameters under the name of each node"),
         ("- a", "expected ros__parameters"),
         ("a: [", "no YAML"),
@@ -266,6 +275,15 @@ def test_a_recording_to_judge_by_that_cannot_be_read_is_one_line_and_starts_noth
     assert err.startswith(f"contact-curation: error: {tmp_path / name}: ")
     assert says in err
     assert err.count("\n") == 1
+    assert not record.exists()
+
+
+def test_recordings_without_a_toss_judge_nobody_and_start_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    poses = [FramePose(one.stamp_ns, "table", "body_cube", one.pose) for one in stream()[:15]]
+    bag = write_ours(tmp_path / "short.mcap", recorded("/pose", POSE, poses))
+    record = tmp_path / "session"
+    assert main(["online", "--record", str(record), "--held-out", str(bag)]) == 1
+    assert f"error: --held-out: found {bag}: found no toss in 15 poses of /pose" in capsys.readouterr().err
     assert not record.exists()
 
 

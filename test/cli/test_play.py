@@ -51,3 +51,16 @@ def test_the_process_becomes_the_node(cli: Cli, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(os, "execv", execv)
     cli("play", "a.mcap")
     assert became[0][:4] == [sys.executable, sys.executable, "-m", "contact_curation.nodes.player"]
+
+
+@pytest.mark.parametrize("renamed", ["/a:=/x-y", "/a", "/a:=", "/a b:=/c", "/1:=/c"])
+def test_a_name_that_ros_does_not_take_is_bad_usage(cli: Cli, renamed: str) -> None:
+    done = cli("play", "a.mcap", "--remap", renamed)
+    assert (done.status, done.out) == (2, "")
+    assert f"found {renamed}, expected OLD:=NEW" in done.err
+
+
+def test_a_path_that_is_no_text_is_one_line(cli: Cli) -> None:
+    done = cli("play", "a\udcff.mcap")
+    assert (done.status, len(done.err_lines)) == (1, 1)
+    assert "expected one in UTF-8" in done.err

@@ -31,6 +31,15 @@ def test_a_recording_shows_what_is_known_down_the_ranking(cli: Cli, golden: Path
     assert written.blueprints == 1
 
 
+def test_a_ranking_that_fails_leaves_what_an_earlier_one_wrote(cli: Cli, golden: Path, tmp_path: Path) -> None:
+    written = {"--recording": tmp_path / "ranking.rrd", "--out": tmp_path / "manifest.csv"}
+    options = [word for pair in written.items() for word in pair]
+    assert cli("rank", golden, "--top", TOP, "--no-figure", *options).status == 0
+    before = {path: path.read_bytes() for path in written.values()}
+    assert cli("rank", tmp_path / "typo.mcap", "--no-figure", *options).status == 1
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
 def test_a_taken_port_is_one_line_before_anything_is_read(cli: Cli, golden: Path) -> None:
     with socket.socket() as holder:
         holder.bind(("127.0.0.1", 0))

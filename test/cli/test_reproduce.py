@@ -158,6 +158,16 @@ def test_what_is_not_accepted_is_one_line(cli: Cli, folder: Path, tmp_path: Path
     assert len(done.err_lines) == 1
 
 
+def test_what_the_pool_is_too_small_for_is_said_and_the_rest_is_done(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    words = ("--rules", "random", "random", "longest", "--sizes", "2", "100", "--seeds", "1")
+    done = cli("reproduce", "dataset-quality", folder, "--out", tmp_path, "--held-out", "7,8", *words)
+    assert "random 100, seed 0: found 6 tosses in the pool, expected at least 100" in done.err
+    assert [(row["rule"], row["size"]) for row in table(tmp_path / "rows.csv")] == [("random", "2"), ("longest", "2")]
+    few = cli("reproduce", "calibration", folder, "--out", tmp_path / "calibration", "--held-out", "7,8")
+    assert few.status == 1
+    assert "expected at least 64" in few.err
+
+
 def test_a_folder_of_other_tosses_is_refused(cli: Cli, folder: Path, tmp_path: Path) -> None:
     words = ("reproduce", "theorem", folder, "--out", tmp_path, "--quick", "--rules", "longest", "--held-out")
     assert cli(*words, "8,9").status == 0

@@ -41,6 +41,8 @@ def size_of_png(path: Path) -> tuple[int, int]:
         MotionPicture("two", ("polytope", "deep"), (toss(track(1), track(2)), toss(track(3), track(4)))),
         MotionPicture("broken", ("polytope",), (toss(track(1, broken_from=12)),)),
         MotionPicture("gone", ("polytope",), (toss(track(1, broken_from=0)),)),
+        MotionPicture("$^$ is no formula", ("a$^$",), (toss(track(1)),)),
+        MotionPicture("no text", ("a\udcff",), (toss(track(1)),)),
     ],
     ids=lambda picture: picture.title,
 )

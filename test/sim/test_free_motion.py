@@ -140,11 +140,6 @@ def test_wrong_releases_are_refused(change: dict[object, float], frames: int, pe
         free_motion(CONTACTNETS_CUBE, release, frames, period)
 
 
-def test_an_inertia_that_no_distribution_of_mass_has_is_refused() -> None:
-    with pytest.raises(InvalidValueError, match="sum of the other two"):
-        world_of(replace(CONTACTNETS_CUBE, inertia=np.array([1e-3, 1e-3, 2.1e-3])), 0.001)
-
-
 def test_a_world_needs_steps_of_some_length() -> None:
     with pytest.raises(InvalidValueError, match="longest_step"):
         replace(DEFAULT_WORLD, longest_step=0.0)
