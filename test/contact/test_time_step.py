@@ -25,7 +25,8 @@ def lopsided_body(seed: int) -> Body:
     """Full inertia matrix, odd mass."""
     rng = np.random.default_rng(seed)
     root = rng.standard_normal((3, 3))
-    inertia = 1e-3 * (root @ root.T / 3.0 + np.eye(3))
+    spread = root @ root.T / 3.0 + np.eye(3)  # of the mass, second moments
+    inertia = 4e-4 * (np.trace(spread) * np.eye(3) - spread)
     return Body("lopsided", CONTACTNETS_CUBE.vertices, 0.25, inertia, 0.3, 0.0524)
 
 

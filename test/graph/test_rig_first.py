@@ -37,6 +37,9 @@ class GraphOf:
     def get_publishers_info_by_topic(self, name: str) -> list[Publisher]:
         return [Publisher(KINDS[name], self._offers[name])] if name in self._offers else []
 
+    def resolve_topic_name(self, topic: str) -> str:
+        return topic
+
     def create_subscription(self, kind: type, topic: str, callback: Any, qos: QoSProfile) -> str:
         assert kind is {POSES: PoseStamped, RIG: TFMessage}[topic]
         self.callbacks[topic] = callback
