@@ -96,6 +96,7 @@ def test_a_bag_is_replayed_as_it_is_named_by_its_file_or_its_folder(
     assert [recording.bag for recording in shown] == [path]
 
 
+@pytest.mark.slow
 def test_a_node_that_cannot_be_kept_running_ends_it_with_its_last_words(tmp_path: Path) -> None:
     recording = Recording(tmp_path / "none.mcap", rate=5.0, top=8)
     with pytest.raises(ProgramFailedError, match=r"died 4 times right after its start, .*none\.mcap"):

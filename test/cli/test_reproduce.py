@@ -87,6 +87,7 @@ def test_experiments_without_rules_that_learn(cli: Cli, folder: Path, tmp_path: 
         assert all(float(row["found"]) > 0.0 for row in rows)
 
 
+@pytest.mark.slow
 def test_ways_of_choosing_throws_are_compared_throw_by_throw(cli: Cli, folder: Path, tmp_path: Path) -> None:
     words = ("reproduce", "designed-throws", folder, *SMALL, "--seeds", 1, "--rules", "random", "raw", "--out")
     done = cli(*words, tmp_path / "whole")

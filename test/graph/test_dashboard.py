@@ -180,6 +180,7 @@ def played(graph: Graph, bag: Path, dashboard: NodeProcess | None, **how: Any) -
     return moments.median_ms()
 
 
+@pytest.mark.slow
 def test_a_dashboard_that_stands_still_holds_up_nobody(graph: Graph, golden_bag: Path, stopped: NodeProcess) -> None:
     assert np.isfinite(played(graph, golden_bag, stopped, as_fast_as_possible=True))
 

@@ -75,6 +75,7 @@ def test_every_type_of_pose_topic_gives_the_same_tosses(
         assert ids(tosses) == expected
 
 
+@pytest.mark.slow
 def test_a_rig_that_keeps_silent_holds_up_the_poses_for_a_while_only(graph: Graph) -> None:
     node = graph.listener.node
     node.create_publisher(TFMessage, "/tf_static", kept(1))
@@ -126,8 +127,8 @@ def test_poses_are_taken_after_the_clock_was_set_back(
     tosses = graph.tosses()
     second = graph.start("pose_ingest", label="again", topic="/odometry", store=graph.folder / "tosses.sqlite")
     graph.until(publisher.get_subscription_count, LONG, "a subscriber")
-    publish([publisher], poses)
-    graph.until(lambda: len(tosses) >= 2, LONG, "the tosses")
+    publish([publisher], poses[: MESSAGES // 2])
+    graph.until(lambda: tosses, LONG, "a toss")
     assert second.log().count("the clock was set back: found poses published 35") == 1
 
 
