@@ -94,6 +94,7 @@ def test_a_dashboard_that_starts_late_fills_every_view_whatever_it_has_to_drop_a
     assert "everything that was heard is shown" in written.texts("/health")[-1]
 
 
+@pytest.mark.slow
 def test_a_flood_is_dropped_counted_and_shown_and_the_node_goes_on(graph: Graph) -> None:
     diagnostics, path = graph.diagnostics(), graph.folder / "flood.rrd"
     node = graph.start("dashboard", recording=path, web_port=0, queue=1)

@@ -33,6 +33,7 @@ def publish(detections: Publisher, images: list[TaggedImage]) -> None:
         detections.publish(detections_message(Stamped(image.stamp_ns, "camera"), found))
 
 
+@pytest.mark.slow
 def test_detections_that_are_published_and_those_in_a_bag_give_the_same_tosses(graph: Graph, tmp_path: Path) -> None:
     images = without_tags(tagged_tosses(3), 30, 34)
     bag = write_detections(tmp_path / "a.mcap", images)

@@ -78,6 +78,7 @@ def test_a_throw_is_proposed_without_being_made_and_the_same_seed_proposes_it_ag
     assert not thrower.commands
 
 
+@pytest.mark.slow
 def test_without_a_theta_that_it_can_use_throws_warm_up(graph: Graph) -> None:
     publisher = graph.listener.node.create_publisher(ModelParameters, "/model_parameters", kept(1))
     publisher.publish(ModelParameters(body="cube", model="deep", safetensors=b"nothing"))
@@ -180,6 +181,7 @@ def test_a_designer_that_is_killed_goes_on_with_the_throws_it_had(graph: Graph) 
     assert (reports[0].throw_command.throw_id, reports[0].state) == ("cube-throw-0", "executed")  # told by who came back
 
 
+@pytest.mark.slow
 def test_a_thrower_that_refuses_is_asked_again_after_a_pause_and_the_loop_goes_on_when_it_takes_throws(graph: Graph) -> None:
     thrower = Thrower(graph.listener)
     thrower.refuse = True

@@ -58,6 +58,7 @@ def test_ghost_norms_and_sums_are_those_of_single_gradients(kind: ModelKind, cou
     np.testing.assert_allclose(summed, scores.sum(axis=0), atol=1e-9 * np.abs(scores).max())
 
 
+@pytest.mark.slow
 def test_ghost_norms_of_256_transitions_are_exact_to_1e_5() -> None:
     """METHOD 6, check 15; to rounding, in fact."""
     model, rows = network(ModelKind.DEEP), rows_of(tosses()).take(slice(0, 256))

@@ -191,6 +191,7 @@ def test_all_570_real_tosses_come_back_frame_by_frame_with_the_files_own_velocit
     assert relative_differences(again, back, "angular_velocities").max() < 5e-7
 
 
+@pytest.mark.slow
 def test_the_real_periods_jitter_by_3_percent_and_all_tosses_left_one_side_of_the_board(imported: Imported) -> None:
     again = tosses_of(imported.bag)
     steps = np.concatenate([np.diff(toss.stamps_ns) for toss in again])
@@ -203,6 +204,7 @@ def test_the_real_periods_jitter_by_3_percent_and_all_tosses_left_one_side_of_th
     assert (starts.std(axis=0) < 0.05).all(), "m: the machine stood in one place; in the files it is 0.22"
 
 
+@pytest.mark.slow
 def test_where_a_rest_may_be_higher_ten_real_tosses_end_where_the_cube_first_lies_still(imported: Imported) -> None:
     """Nine lie a little higher than ContactNets' limit of 52 mm and were cut up to 2 s later; one was pushed on by hand."""
     again = tosses_of(imported.bag, InputsConfig(segmenter=SegmenterConfig(rest_height=HALF_WIDTH + 0.0015)))
