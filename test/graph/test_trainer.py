@@ -90,6 +90,7 @@ def test_a_trainer_that_is_killed_in_mid_stream_goes_on_from_its_checkpoint(
         assert all(count % STEPPING["steps"] == 0 for count in counted)
 
 
+@pytest.mark.slow
 def test_held_out_recordings_that_are_not_there_are_one_line(graph: Graph) -> None:
     trainer = graph.start("trainer", held_out=[graph.folder / "nothing.mcap"])
     assert trainer.wait(30.0) == 1
@@ -97,6 +98,7 @@ def test_held_out_recordings_that_are_not_there_are_one_line(graph: Graph) -> No
     assert "Traceback" not in trainer.log()
 
 
+@pytest.mark.slow
 def test_an_exact_protocol_for_a_network_is_one_line(graph: Graph) -> None:
     trainer = graph.start("trainer", model="deep", protocol="exact")
     assert trainer.wait(30.0) == 1
