@@ -69,7 +69,6 @@ def test_a_throw_is_made_and_told_as_it_was_and_the_next_one_too(graph: Graph, t
     assert told[-1] <= stamps[-1] + 1e-6
 
 
-@pytest.mark.slow
 def test_what_cannot_be_thrown_is_refused_with_the_limit_and_what_could_be(graph: Graph, thrower: Thrower) -> None:
     graph.start("sim_arm", rate=0.0)
 
