@@ -46,9 +46,9 @@ class Body:
         inertia = np.asarray(self.inertia, dtype=float)
         if inertia.shape == (3,):
             inertia = np.diag(inertia)
-        if inertia.shape != (3, 3) or not np.isfinite(inertia).all() or np.linalg.eigvalsh(inertia).min() <= 0.0:
+        moments = np.linalg.eigvalsh(inertia) if inertia.shape == (3, 3) and np.isfinite(inertia).all() else np.zeros(3)
+        if moments.min() <= 0.0:
             raise InvalidValueError("inertia", np.array2string(inertia), "3 or 3x3 positive numbers [kg m^2]")
-        moments = np.linalg.eigvalsh(inertia)
         if moments[0] + moments[1] < moments[2]:
             raise InvalidValueError("inertia", f"moments {moments}", "none larger than the sum of the other two [kg m^2]")
         object.__setattr__(self, "inertia", inertia)

@@ -53,6 +53,8 @@ class CuratedTraining:
                 break
             self._reselect(self._reranking, progress, running)
             progress = self.training.progress
+            if progress.state is not TrainingState.RUNNING:  # it has found the same tosses at its optimum
+                break
         return progress
 
     def _at_optimum(self, progress: Progress) -> bool:

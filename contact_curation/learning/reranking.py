@@ -174,13 +174,15 @@ class Reranking:
         return self.select(model, gradient_steps, epochs, trigger) if trigger else None
 
     def at_optimum(self, model: Model, gradient_steps: int, epochs: int) -> Selected | None:
-        """Selects again at the optimum of the last selection; None if no theta moves the criterion.
+        """Selects again at the optimum of the last selection, once; None if no theta moves the criterion.
 
         Raises:
             InvalidValueError: as in `select`.
         """
-        moves = self._config.ranking.criterion not in THETA_FREE
-        return self.select(model, gradient_steps, epochs, Trigger.OPTIMUM) if moves else None
+        known = self.selected is not None and gradient_steps == self.selected.gradient_steps
+        if known or self._config.ranking.criterion in THETA_FREE:
+            return None
+        return self.select(model, gradient_steps, epochs, Trigger.OPTIMUM)
 
     def _occasion(self, model: Model, gradient_steps: int, epochs: int) -> Trigger | None:
         last, canary = self.selected, self._config.canary

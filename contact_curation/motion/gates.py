@@ -108,7 +108,6 @@ class Steps:
         airborne: (T - 1,) whether the body is in the air in all frames that the velocities at both ends come from.
         footing: (3, 3) where the three lowest corners are at the end [m]; None for a body that still moves.
         spin_by_push: how fast a push of 1 m/s at a corner turns a uniform box with the body's corners, at most [rad/s].
-        noise: what bounds on velocities are multiplied with.
     """
 
     toss: Toss
@@ -119,7 +118,11 @@ class Steps:
     airborne: NDArray[np.bool_]
     footing: Array | None
     spin_by_push: float
-    noise: float
+
+    @property
+    def noise(self) -> float:
+        """What bounds on velocities are multiplied with."""
+        return noise_growth(self.toss.frame_period)
 
 
 def steps_of(toss: Toss, polytope: Polytope, config: GateConfig) -> Steps:
@@ -129,8 +132,7 @@ def steps_of(toss: Toss, polytope: Polytope, config: GateConfig) -> Steps:
     gained = np.diff(toss.linear_velocities, axis=0) + np.outer(dt, [0.0, 0.0, config.gravity])
     spun = np.linalg.norm(np.diff(toss.angular_velocities, axis=0), axis=1)
     airborne = all_around(lowest > config.airborne_clearance, 2, 2)[:-1]  # the poses that v and v' come from
-    noise = noise_growth(toss.frame_period)
-    return Steps(toss, lowest, dt, gained, spun, airborne, footing(toss, polytope), spin_by_push(polytope), noise)
+    return Steps(toss, lowest, dt, gained, spun, airborne, footing(toss, polytope), spin_by_push(polytope))
 
 
 def footing(toss: Toss, polytope: Polytope) -> Array | None:

@@ -1,6 +1,7 @@
 """A plan decides a training bit for bit: stopped and resumed, or cut into other calls, it ends in the same numbers."""
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.learning.checkpoint import checkpoint_bytes
 from contact_curation.learning.progress import TrainingState
-from contact_curation.learning.protocols import budgeted, published
+from contact_curation.learning.protocols import budgeted, exact, published
 from contact_curation.learning.reranking import CanaryConfig, RerankingConfig, Trigger
 from contact_curation.learning.safetensors_bytes import unpack
 from contact_curation.learning.selection_document import document_of_selections, selections_of
@@ -49,6 +50,21 @@ def test_the_kept_tosses_and_nothing_else_are_trained_on(plan: TrainingPlan) -> 
     assert {one.trigger for one in curated.selections} == set(Trigger) - {Trigger.OPTIMUM}
     assert len({frozenset(one.kept) for one in curated.selections}) > 1
     assert curated.training.progress.gradient_steps == STEPS
+
+
+@pytest.mark.parametrize(("criterion", "most"), [("longest", 1), ("representative", 3)])
+def test_an_exact_training_ends_however_many_steps_it_may_take(plan: TrainingPlan, criterion: str, most: int) -> None:
+    selection = RerankingConfig(RankingConfig(criterion, top=3))
+    whole, cut = (begin(replace(plan, protocol=exact(), selection=selection)) for _ in range(2))
+    whole.advance(10**9)
+    while cut.training.progress.state is TrainingState.RUNNING:
+        cut.advance(1)
+    assert 1 <= len(whole.selections) <= most
+    assert whole.selections == cut.selections
+    kept = [frozenset(one.kept) for one in whole.selections]
+    assert all(one != other for one, other in pairwise(kept[:-1]))  # the last may find that nothing changes
+    assert whole.advance(10**9).state is TrainingState.CONVERGED
+    assert whole.selections == cut.selections
 
 
 def test_a_training_that_is_killed_anywhere_ends_in_the_same_numbers(plan: TrainingPlan) -> None:
