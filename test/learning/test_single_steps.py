@@ -1,22 +1,26 @@
 """Steps of one transition in the kernel: the same training as along the long way."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from contact_curation.contact.end_to_end_model import EndToEndModel, ImpulseLoss
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.models import tensors_of
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.progress import TrainingState
-from contact_curation.learning.protocols import TrainingConfig, budgeted, published
+from contact_curation.learning.protocols import Pace, Schedule, TrainingConfig, budgeted, published
 from contact_curation.learning.single_steps import SingleSteps
 from contact_curation.learning.training import Training, new_training
+from contact_curation.learning.training_data import rows_of
 from contact_curation.motion.transitions import Transitions
 from test.contact.cases import CUBE, tracked_transitions
 
 CONFIG = replace(published(ModelKind.POLYTOPE), patience=None, epochs=2)
+NETWORKS = (ModelKind.DEEP, ModelKind.DEEPVERTEX, ModelKind.END_TO_END)
 
 
 @pytest.fixture
@@ -25,8 +29,18 @@ def long_way(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     return monkeypatch
 
 
-def training(config: TrainingConfig = CONFIG, data: Transitions | None = None) -> Training:
-    return new_training(ModelKind.POLYTOPE, CUBE, tracked_transitions() if data is None else data, None, config, 0)
+def training(
+    config: TrainingConfig = CONFIG, data: Transitions | None = None, kind: ModelKind = ModelKind.POLYTOPE
+) -> Training:
+    return new_training(kind, CUBE, tracked_transitions() if data is None else data, None, config, 0)
+
+
+def networks_config(kind: ModelKind, **changes: Any) -> TrainingConfig:
+    """So fast that a step counts, the two paces apart, at falling rates."""
+    fast = replace(
+        published(kind), polytope=Pace(1e-2, 0.1), network=Pace(2e-3, 0.2), schedule=Schedule.COSINE, patience=None, steps=60
+    )
+    return replace(fast, **changes)
 
 
 def told(one: Training) -> tuple[object, ...]:
@@ -52,6 +66,74 @@ def test_both_ways_give_the_same_numbers(long_way: pytest.MonkeyPatch) -> None:
     ours.advance(10**6)
     assert ours.progress.state is TrainingState.SPENT
     assert_alike(ours, other)
+
+
+@pytest.mark.parametrize("kind", NETWORKS)
+def test_both_ways_give_the_same_networks(long_way: pytest.MonkeyPatch, kind: ModelKind) -> None:
+    config = networks_config(kind)
+    other = training(config, kind=kind)
+    began = tensors_of(other.model)
+    other.advance(10**6)
+    long_way.undo()
+    ours = training(config, kind=kind)
+    assert SingleSteps.of(ours.model, ours.data, config, ours.optimizer) is not None
+    ours.advance(10**6)
+    assert ours.progress.state is TrainingState.SPENT
+    assert_alike(ours, other)
+    ended = tensors_of(ours.model)
+    for name, _ in ours.model.named_parameters():
+        assert np.abs(ended[name] - began[name]).max() > 1e-4, name
+
+
+def test_both_ways_give_the_same_squared_end_to_end(long_way: pytest.MonkeyPatch) -> None:
+    config = networks_config(ModelKind.END_TO_END)
+    ends = []
+    for _ in range(2):
+        model = EndToEndModel(CUBE, ImpulseLoss.SQUARED)
+        model.initialise(rows_of(tracked_transitions()), np.random.default_rng(0))
+        one = Training(model, tracked_transitions(), None, config, seed=3)
+        one.advance(10**6)
+        ends.append(one)
+        long_way.undo()
+    assert_alike(*ends)
+
+
+@pytest.mark.parametrize("kind", NETWORKS)
+def test_networks_whose_steps_are_cut_or_resumed_have_the_same_bits(kind: ModelKind) -> None:
+    config = networks_config(kind, evaluation_steps=7)
+    whole, cut = training(config, kind=kind), training(config, kind=kind)
+    whole.advance(40)
+    for steps in (1, 2, 20):
+        cut.advance(steps)
+    resumed = Training.resumed(cut.model, cut.data, None, config, cut.memory)
+    resumed.advance(17)
+    assert told(resumed) == told(whole)
+
+
+@pytest.mark.parametrize("kind", NETWORKS[:2])
+def test_rows_that_are_not_solved_are_left_out_by_networks_both_ways(long_way: pytest.MonkeyPatch, kind: ModelKind) -> None:
+    config = networks_config(kind, loss=replace(CONFIG.loss, max_iterations=9))
+    ends = []
+    for _ in range(2):
+        one = training(config, kind=kind)
+        one.advance(10**6)
+        ends.append(one)
+        long_way.undo()
+    assert 0 < ends[1].progress.not_solved < ends[1].progress.gradient_steps
+    assert_alike(*ends)
+
+
+@pytest.mark.parametrize("kind", NETWORKS)
+@pytest.mark.parametrize("size", [1e200, np.inf])
+def test_networks_that_are_not_finite_end_the_training_and_change_nothing(kind: ModelKind, size: float) -> None:
+    one = training(networks_config(kind), kind=kind)
+    for value in one.model.parameters():
+        value.data.fill_(size)
+    broken = told(one)[-1]
+    progress = one.advance(1)
+    assert progress.state is TrainingState.FAILED
+    assert "is not finite" in progress.reason
+    assert told(one)[-1] == broken
 
 
 @pytest.mark.parametrize("config", [CONFIG, replace(CONFIG, evaluation_steps=7, steps=100)])
@@ -121,6 +203,12 @@ def test_other_protocols_go_the_long_way(config: TrainingConfig) -> None:
     assert SingleSteps.of(one.model, one.data, config, one.optimizer) is None
 
 
+def test_deep_in_the_physical_form_goes_the_long_way() -> None:
+    config = networks_config(ModelKind.DEEP, form=Form.PHYSICAL)
+    one = training(config, kind=ModelKind.DEEP)
+    assert SingleSteps.of(one.model, one.data, config, one.optimizer) is None
+
+
 def test_a_loss_that_is_not_finite_ends_the_training_by_name_and_changes_nothing_in_that_step() -> None:
     one = training()
     for value in one.model.parameters():
@@ -132,9 +220,23 @@ def test_a_loss_that_is_not_finite_ends_the_training_by_name_and_changes_nothing
     assert told(one)[-1] == broken
 
 
-def test_states_that_the_loss_is_not_defined_for_are_refused() -> None:
+def test_a_slope_that_is_not_finite_ends_the_training_by_name_and_changes_nothing() -> None:
+    one = training(networks_config(ModelKind.END_TO_END), kind=ModelKind.END_TO_END)
+    for name, value in one.model.named_parameters():
+        value.data.fill_({"network.layers.0.bias": 1e-310}.get(name, 0.0))
+    for depth, weight in ((1, 1.0), (2, 1e160), (3, 1e160), (4, 1e-17)):  # a loss of some hundred, slopes of 1e310
+        dict(one.model.named_parameters())[f"network.layers.{depth}.weight"].data.fill_(weight)
+    broken = told(one)[-1]
+    progress = one.advance(1)
+    assert progress.state is TrainingState.FAILED
+    assert "its gradient is not finite" in progress.reason
+    assert told(one)[-1] == broken
+
+
+@pytest.mark.parametrize("kind", [ModelKind.POLYTOPE, *NETWORKS])
+def test_states_that_the_loss_is_not_defined_for_are_refused(kind: ModelKind) -> None:
     data = tracked_transitions()
     before = data.before.copy()
     before[3, 3:7] *= 2.0
     with pytest.raises(InvalidValueError, match="norm"):
-        training(data=replace(data, before=before))
+        training(replace(published(kind), patience=None), replace(data, before=before), kind)

@@ -8,8 +8,6 @@
 
 namespace contact_curation {
 
-enum Status { kSolved = 0, kNotSolved = 1, kNotFinite = 2 };
-
 // Mirrored by ctypes. Any output may be null. N transitions, T tosses, K contacts, P = 6K + 10 parameters.
 struct Evaluation {
   const double *before;   // (N, 13)

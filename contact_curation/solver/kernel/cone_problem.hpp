@@ -33,6 +33,8 @@ struct ConeSolution {
   int iterations = 0; // of the slowest lane
 };
 
+enum Status { kSolved = 0, kNotSolved = 1, kNotFinite = 2 };
+
 struct SolverOptions {
   int max_iterations = 60;
   double complementarity_tolerance = 1e-15;
