@@ -52,15 +52,20 @@ def start_stages(graph: Graph) -> None:
     graph.start("curator", top=TOP)
 
 
-def test_a_dashboard_that_starts_late_fills_every_view_whatever_it_has_to_drop_at_first(graph: Graph, golden_bag: Path) -> None:
-    buffers, diagnostics = graph.buffers(), graph.diagnostics()
+def curate(graph: Graph, bag: Path) -> tuple[list[CuratedBuffer], int]:
+    """Has all tosses of a bag curated: the buffers heard meanwhile, and how many tosses there are."""
+    buffers, expected = graph.buffers(), len(tosses_of(bag))
+    start_stages(graph)
+    graph.start("player", bag=bag, as_fast_as_possible=True, wait_for=10.0, stay=True)
+    graph.until(lambda: buffers and buffers[-1].tosses_seen == expected, LONG, "every toss to be curated")
+    return buffers, expected
+
+
+def test_a_dashboard_that_starts_late_fills_every_view(graph: Graph, golden_bag: Path) -> None:
+    diagnostics = graph.diagnostics()
     story = Storyteller(graph, golden_bag)
     story.tell()
-    start_stages(graph)
-    graph.start("player", bag=golden_bag, as_fast_as_possible=True, wait_for=10.0, stay=True)
-    expected = len(tosses_of(golden_bag))
-    graph.until(lambda: buffers and buffers[-1].tosses_seen == expected, LONG, "every toss to be curated")
-
+    buffers, expected = curate(graph, golden_bag)
     path, ports = graph.folder / "late.rrd", (free_port(), free_port())
     node = graph.start("dashboard", recording=path, web_port=ports[0], grpc_port=ports[1])
     graph.until(lambda: shows(diagnostics, expected, buffers[-1].revision), LONG, "the dashboard to show all tosses")
@@ -73,11 +78,6 @@ def test_a_dashboard_that_starts_late_fills_every_view_whatever_it_has_to_drop_a
     time.sleep(2.5)  # the page of the nodes' health is written once a second
     assert node.stop() == 0, node.log()
     assert "Traceback" not in node.log()
-
-    diagnostics.clear()
-    graph.start("dashboard", recording=graph.folder / "narrow.rrd", web_port=0, queue=1)
-    graph.until(lambda: shows(diagnostics, expected, buffers[-1].revision), LONG, "what was dropped to be asked for again")
-    assert int(said(diagnostics, "dashboard").get("dropped toss", 0)) > 0
 
     written = Recorded(path)
     assert written.rows("/scene/moving") == sum(toss.frames for toss in tosses_of(golden_bag))
@@ -92,6 +92,15 @@ def test_a_dashboard_that_starts_late_fills_every_view_whatever_it_has_to_drop_a
     for name in NODES:
         assert f"| {name} | " in written.texts("/health")[-1]
     assert "everything that was heard is shown" in written.texts("/health")[-1]
+
+
+@pytest.mark.slow
+def test_a_dashboard_that_starts_late_asks_again_for_what_it_had_to_drop_at_first(graph: Graph, golden_bag: Path) -> None:
+    diagnostics = graph.diagnostics()
+    buffers, expected = curate(graph, golden_bag)
+    graph.start("dashboard", recording=graph.folder / "narrow.rrd", web_port=0, queue=1)
+    graph.until(lambda: shows(diagnostics, expected, buffers[-1].revision), LONG, "what was dropped to be asked for again")
+    assert int(said(diagnostics, "dashboard").get("dropped toss", 0)) > 0
 
 
 @pytest.mark.slow
