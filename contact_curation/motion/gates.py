@@ -42,7 +42,7 @@ class GateConfig:
     Attributes:
         enabled: False lets everything pass.
         gravity: [m/s^2].
-        largest_friction: mu_max of the cone; for a body with more friction than a cube's see `of_body`.
+        largest_friction: mu_max of the cone; 1.5 times the body's friction where that is more.
         impulse_tolerance: tol [m/s].
         airborne_clearance: a body whose corners are higher than this is in the air [m].
         airborne_acceleration: a_max [m/s^2].
@@ -86,6 +86,11 @@ class GateConfig:
     def of_body(self, gravity: float, friction: float) -> "GateConfig":
         """The same under a body's gravity, the cone at least `FRICTION_MARGIN` times as wide as its own."""
         return replace(self, gravity=gravity, largest_friction=max(self.largest_friction, FRICTION_MARGIN * friction))
+
+    def of_tracker(self, noise: float) -> "GateConfig":
+        """The same for poses that are `noise` times as noisy as the real rig's: what noise reaches in the air grows with it."""
+        fields_of_noise = ("airborne_acceleration", "airborne_spin_change", "twist_tolerance", "energy_tolerance")
+        return replace(self, **{name: noise * getattr(self, name) for name in fields_of_noise})
 
 
 FRICTION_MARGIN = 1.5

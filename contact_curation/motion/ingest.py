@@ -2,13 +2,14 @@
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.motion.body_tracker import BodyPose, BodyTracker, ClockJump, TrackerConfig, TrackerEvent
 from contact_curation.motion.gates import GateConfig, inspect
+from contact_curation.motion.pose_noise import PoseNoise
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.segmenter import TossSegmenter
 from contact_curation.motion.segmenter_config import SegmenterConfig
@@ -31,6 +32,10 @@ class IngestConfig:
     segmenter: SegmenterConfig = field(default_factory=SegmenterConfig)
     gates: GateConfig = field(default_factory=GateConfig)
 
+    def of_tracker(self, noise: float) -> "IngestConfig":
+        """The same for poses that are `noise` times as noisy as the real rig's (`PoseTopicConfig.tracker_noise`)."""
+        return replace(self, segmenter=self.segmenter.of_tracker(noise), gates=self.gates.of_tracker(noise))
+
 
 class TossIngest:
     """Turns the measurements of one body into tosses; the one thing that live nodes and readers of recordings share.
@@ -43,6 +48,7 @@ class TossIngest:
 
     Attributes:
         counts: how often what happened: "poses", "tosses", "rejected", and kinds of bad poses.
+        noise: how much the poses scatter; no part of the state.
     """
 
     def __init__(self, config: IngestConfig, polytope: Polytope, *, body: str, source: str) -> None:
@@ -51,6 +57,7 @@ class TossIngest:
         self._tracker = BodyTracker(config.tracker)
         self._segmenter = TossSegmenter(config.segmenter, polytope, body=body, source=source)
         self._outcomes: Counter[str] = Counter()
+        self.noise = PoseNoise()
 
     @property
     def counts(self) -> Counter[str]:
@@ -97,8 +104,10 @@ class TossIngest:
         followed: list[IngestEvent] = []
         for event in events:
             if isinstance(event, BodyPose):
+                self.noise.push(event.stamp_ns, event.pose.position)
                 followed += self._segmenter.push(event.stamp_ns, event.pose.position, event.pose.orientation_wxyz)
             elif isinstance(event, ClockJump):
+                self.noise.reset()
                 followed += self._segmenter.reset(f"clock: found a jump back by {event.back:.3f} s, expected stamps that go on")
             else:
                 followed.append(event)

@@ -143,7 +143,7 @@ class TossSegmenter:
         config = self.config
         if config.bounded and not config.over_board(*self._run[-1].position[:2]):
             self._outside = True
-        if not self._fall.falls(config.gravity, config.fall_tolerance, config.fall_mean_tolerance):
+        if len(self._run) < 3 or not self._fall.falls(config.gravity, config.fall_tolerance, config.fall_mean_tolerance):
             return
         first, second = self._run[-3], self._run[-2]
         settled = self._moved_ns is None or first.stamp_ns - self._moved_ns >= config.settle_time * NANOSECONDS

@@ -1,9 +1,12 @@
 """When a motion is a toss: ContactNets' published numbers (FIELD 1, arXiv 2009.11193), each to be changed."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from math import inf, isfinite
 
 from contact_curation.errors import InvalidValueError
+
+WIDEST_FALL = 0.75
+"""Of gravity."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,20 @@ class SegmenterConfig:
                     raise InvalidValueError(field.name, value, "two numbers, the lower first [m]")
             elif field.name != "filter_orientations" and value is not None and not value > 0.0:
                 raise InvalidValueError(field.name, value, "a positive number")
+
+    def of_tracker(self, noise: float) -> "SegmenterConfig":
+        """The same for poses that are `noise` times as noisy as the real rig's: what noise reaches grows with it.
+
+        The bounds of free fall stay within `WIDEST_FALL` of gravity: a body at rest must not seem to fall.
+        """
+        widest = WIDEST_FALL * self.gravity
+        return replace(
+            self,
+            fall_tolerance=max(self.fall_tolerance, min(noise * self.fall_tolerance, widest)),
+            fall_mean_tolerance=max(self.fall_mean_tolerance, min(noise * self.fall_mean_tolerance, widest)),
+            rest_displacement=noise * self.rest_displacement,
+            airborne_acceleration=noise * self.airborne_acceleration,
+        )
 
     @property
     def bounded(self) -> bool:

@@ -134,6 +134,10 @@ class PoseIngest(StageNode):
             "tosses_stored": self._store.last_sequence, "rejected_stored": self._store.last_rejected_sequence,
             **counts, **self._complaints.counts, **offers,
         }  # fmt: skip
+        if self._ingest is not None:
+            values["noise"] = f"{self._ingest.noise.multiple:.1f}"
+            if complaint := self._ingest.noise.complaint(self._poses.tracker_noise, "tracker_noise"):
+                return Health(complaint, values, warning=True)
         if self._topics.source is None:
             return Health(f"waiting for poses: {self._topics.waiting_for or 'none yet'}", values, warning=True)
         return Health(f"{rate:.0f} messages/s from {self._topics.source.body.name}", values, warning=rate == 0.0)
@@ -147,7 +151,8 @@ def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> Inge
         with BagReader(Path(recording)) as reader:
             segmenter = with_recorded_rules(segmenter, reader.note(NOTE))
     gates = declare_config(node, replace(GateConfig(), gravity=body.gravity), "gates.")
-    return IngestConfig(poses.tracker(body.name, poses.board_frame), segmenter, gates.of_body(gates.gravity, body.friction))
+    gates = gates.of_body(gates.gravity, body.friction)
+    return IngestConfig(poses.tracker(body.name, poses.board_frame), segmenter, gates).of_tracker(poses.tracker_noise)
 
 
 def main() -> int:

@@ -24,7 +24,8 @@ def read_contactnets_tosses(path: Path, body: Body, config: InputsConfig) -> Inp
         UnreadableInputError: there are no files, or no file is a toss.
     """
     files = contactnets_files(path)
-    config = replace(config, gates=config.gates.of_body(body.gravity, body.friction))
+    gates = config.gates.of_body(body.gravity, body.friction).of_tracker(config.poses.tracker_noise)
+    config = replace(config, gates=gates)
     digests = [file_sha256(file) for file in files]
     counts: Counter[str] = Counter()
     unreadable: list[UnreadableInputError] = []  # said once there is a toss; else the whole folder is something else

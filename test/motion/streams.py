@@ -1,12 +1,16 @@
-"""Made-up pose streams: a cube is carried, flies, bounces flat on its face, slides and rests. No data needed, no chance."""
+"""Made-up pose streams: a cube is carried, flies, bounces flat on its face, slides and rests. No data; chance is seeded."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, hypot, sin
 
+import numpy as np
+
 from contact_curation.contact.body import CONTACTNETS_CUBE, STANDARD_GRAVITY
+from contact_curation.geometry import quaternions
 from contact_curation.geometry.scalars import Quaternion, ScalarPose, Vector, compose
 from contact_curation.motion.body_tracker import BodyPose
+from contact_curation.motion.pose_noise import RIG_NOISE
 from contact_curation.motion.pose_stream import FramePose
 from contact_curation.motion.toss import NANOSECONDS
 
@@ -15,6 +19,7 @@ HALF_WIDTH = CONTACTNETS_CUBE.length_scale
 PERIOD_NS = round(NANOSECONDS / 148)
 BOARD = ScalarPose((0.4, -1.3, 0.7), (cos(0.9), 0.6 * sin(0.9), 0.0, -0.8 * sin(0.9)))
 SUBSTEPS = 50
+RIG_TURN_NOISE = np.radians(0.024)
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,17 @@ def flown_frames(throw: Throw, period_ns: int) -> list[ScalarPose]:
             u, v, w, spin = slowed * u, slowed * v, rebound, 0.0
         x, y, z, angle = x + u * step, y + v * step, z + w * step, angle + spin * step
     return poses
+
+
+def noisy(poses: Sequence[BodyPose], multiple: float, seed: int = 3) -> list[BodyPose]:
+    """The same poses by a tracker `multiple` times as noisy as the real rig's."""
+    rng, moved = np.random.default_rng(seed), []
+    for one in poses:
+        shift, turn = multiple * np.array([[RIG_NOISE], [RIG_TURN_NOISE]]) * rng.standard_normal((2, 3))
+        x, y, z = (np.array(one.pose.position) + shift).tolist()
+        a, b, c, d = quaternions.multiply(one.pose.orientation_wxyz, quaternions.exp(turn)).tolist()
+        moved.append(BodyPose(one.stamp_ns, ScalarPose((x, y, z), (a, b, c, d))))
+    return moved
 
 
 def in_map(poses: Sequence[BodyPose], board: ScalarPose = BOARD, child: str = "body_cube") -> list[FramePose]:

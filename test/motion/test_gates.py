@@ -11,12 +11,11 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope
-from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.gates import GateConfig, cone_gate, impulse_gate, inspect, spin_by_push, steps_of, twist_gate
 from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import Toss
 from test.motion.faults import contaminated, spiked
-from test.motion.streams import CUBE, PERIOD_NS, stream
+from test.motion.streams import CUBE, PERIOD_NS, noisy, stream
 from test.motion.test_segmenter import cut
 
 CONFIG = GateConfig()
@@ -228,13 +227,7 @@ def test_bounds_grow_with_the_noise_of_a_faster_tracker(rate: float, growth: flo
 
 
 def test_a_toss_tracked_240_times_a_second_with_the_rigs_noise_passes() -> None:
-    rng = np.random.default_rng(3)
-    noisy = []
-    for one in stream(period_ns=10**9 // 240):
-        shifted = np.array(one.pose.position) + 2.2e-5 * rng.standard_normal(3)
-        turned = quaternions.multiply(one.pose.orientation_wxyz, quaternions.exp(4e-4 * rng.standard_normal(3)))
-        noisy.append(replace(one, pose=ScalarPose(tuple(shifted.tolist()), tuple(turned.tolist()))))
-    (toss,) = cut(noisy)
+    (toss,) = cut(noisy(stream(period_ns=10**9 // 240), 1.0))
     assert isinstance(toss, Toss)
     assert inspect(toss, CUBE, CONFIG) == ()
 

@@ -11,7 +11,7 @@ from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.ingest import IngestConfig, IngestEvent, TossIngest
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.toss import Rejected, Toss
-from test.motion.streams import CUBE, Throw, board_in_map, in_map, stream
+from test.motion.streams import CUBE, Throw, board_in_map, in_map, noisy, stream
 
 CONFIG = IngestConfig(TrackerConfig("body_cube"))
 MEASURED = [board_in_map(), *in_map(stream()), *in_map(stream(start_ns=9_000_000_000))]
@@ -53,6 +53,23 @@ def test_a_glitch_of_the_tracker_on_the_board_is_kept_back_with_its_reason_and_w
 def test_without_gates_the_glitch_passes() -> None:
     config = IngestConfig(CONFIG.tracker, gates=GateConfig(enabled=False))
     assert [type(event) for event in ingested(spiked(MEASURED, 80), fresh(config))] == [Toss, Toss]
+
+
+@pytest.mark.parametrize(("rate", "multiple"), [(60, 10.0), (148, 3.0), (148, 5.0), (240, 5.0)])
+def test_a_noisier_tracker_loses_its_toss_until_it_is_told_of(rate: int, multiple: float) -> None:
+    period_ns = 10**9 // rate
+    throw = Throw(carried=rate // 7 + 4, seen=rate)
+    measured = [board_in_map(), *in_map(noisy(stream(throw, period_ns=period_ns), multiple))]
+    assert not any(isinstance(event, Toss) for event in ingested(measured, fresh()))
+    (toss,) = ingested(measured, fresh(CONFIG.of_tracker(multiple)))
+    assert isinstance(toss, Toss)
+
+
+def test_what_a_noisier_tracker_glitches_is_still_seen() -> None:
+    measured = [board_in_map(), *in_map(noisy(stream(), 3.0))]
+    (kept_back,) = ingested(spiked(measured, 80), fresh(CONFIG.of_tracker(3.0)))
+    assert isinstance(kept_back, Rejected)
+    assert any(line.startswith("displacement beside the velocity") for line in kept_back.reasons)
 
 
 def test_a_pose_that_is_none_makes_a_gap_and_no_toss() -> None:

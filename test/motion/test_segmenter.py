@@ -162,6 +162,20 @@ def test_a_stream_of_any_frame_rate_tells_its_own_period(rate: int) -> None:
     assert toss.frame_period == pytest.approx(1.0 / rate, rel=1e-6)
 
 
+def test_bounds_so_wide_that_everything_falls_are_no_crash() -> None:
+    poses = stream()
+    assert "acceleration in the air" in reasons(cut(poses, SegmenterConfig(fall_tolerance=50.0, fall_mean_tolerance=50.0)))
+
+
+@pytest.mark.parametrize("noise", [1.0, 5.0, 100.0])
+def test_however_noisy_a_tracker_is_said_to_be_a_body_at_rest_does_not_fall(noise: float) -> None:
+    told = SegmenterConfig().of_tracker(noise)
+    assert told.rest_displacement == pytest.approx(noise * 0.3e-3)
+    assert told.airborne_acceleration == pytest.approx(noise * 9.81 / 2.0)
+    resting = [BodyPose(round(k * PERIOD_NS), ScalarPose((0.0, 0.0, 0.3), (1.0, 0.0, 0.0, 0.0))) for k in range(40)]
+    assert cut(resting, told) == []
+
+
 def test_a_configured_frame_period_is_the_toss_s() -> None:
     assert tossed(cut(stream(), SegmenterConfig(frame_period=1.0 / 148.0))).frame_period == 1.0 / 148.0
 

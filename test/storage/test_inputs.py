@@ -9,7 +9,7 @@ import torch
 from rosbags.rosbag2 import StoragePlugin
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.errors import MissingTopicError
+from contact_curation.errors import InvalidValueError, MissingTopicError
 from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.pose_stream import FramePose
@@ -17,7 +17,7 @@ from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.storage.inputs import InputsConfig, InputSummary, Problem, open_inputs
 from contact_curation.storage.pose_messages import ODOMETRY, POSE, POSE_ARRAY, POSE_WITH_COVARIANCE, TF
 from contact_curation.storage.pose_source import PoseTopicConfig, TypedTopic, find_pose_source
-from test.motion.streams import board_in_map, in_map, stream
+from test.motion.streams import board_in_map, in_map, noisy, stream
 from test.storage.bags import NOETIC, Sent, note, write_ours, write_ros1, write_rosbag2
 from test.storage.pose_recordings import LOG_OFFSET_NS, recorded, transforms
 from test.storage.test_tagslam_bag import save_contactnets, synthetic_toss
@@ -284,3 +284,21 @@ def test_what_a_simulation_knows_of_the_truth_is_taken_only_by_its_name() -> Non
     other = TypedTopic("/my_tracker/pose", ODOMETRY)
     assert find_pose_source("a", [truth, other], "cube", PoseTopicConfig()).body == other
     assert find_pose_source("a", [truth, other], "cube", PoseTopicConfig(topic="ground_truth")).body == truth
+
+
+def test_poses_noisier_than_was_told_are_a_line_and_with_what_it_says_their_tosses_are_found(tmp_path: Path) -> None:
+    scattered = in_map(noisy(POSES, 5.0))
+    board = Sent("/tf_static", LOG_OFFSET_NS, transforms([board_in_map()]))
+    path = write_ours(tmp_path / "a.mcap", [board, *recorded(BODY, ODOMETRY, scattered)])
+    items, _ = opened(path)
+    assert "Toss" not in kinds(items)
+    (line,) = (line for line in lines(items) if "scatter" in line)
+    assert "expected 0.022 mm: say --set poses.tracker_noise=" in line
+    told, _ = opened(path, poses=PoseTopicConfig(tracker_noise=float(line.partition("tracker_noise=")[2].partition(",")[0])))
+    assert kinds(told) == ["Toss", "Toss"]
+
+
+@pytest.mark.parametrize("noise", [0.5, 0.0, -1.0, float("nan"), float("inf")])
+def test_a_tracker_is_as_noisy_as_the_real_rigs_or_more(noise: float) -> None:
+    with pytest.raises(InvalidValueError, match="tracker_noise: found"):
+        PoseTopicConfig(tracker_noise=noise)

@@ -1,0 +1,51 @@
+"""How much poses scatter, told by themselves."""
+
+import numpy as np
+import pytest
+
+from contact_curation.motion.pose_noise import FEWEST, RIG_NOISE, PoseNoise
+from test.motion.streams import noisy, stream
+
+
+def followed(multiple: float, period_ns: int = 10**9 // 148, frames: int | None = None) -> PoseNoise:
+    noise = PoseNoise()
+    for one in noisy(stream(period_ns=period_ns), multiple)[:frames]:
+        noise.push(one.stamp_ns, one.pose.position)
+    return noise
+
+
+@pytest.mark.parametrize("multiple", [1.0, 3.0, 10.0])
+@pytest.mark.parametrize("rate", [60, 148, 240])
+def test_the_noise_of_a_toss_is_found_at_any_rate(multiple: float, rate: int) -> None:
+    assert followed(multiple, 10**9 // rate).multiple == pytest.approx(multiple, rel=0.3)
+
+
+def test_poses_without_noise_and_too_few_poses_say_nothing() -> None:
+    assert followed(0.0).multiple < 0.05
+    assert followed(5.0, frames=FEWEST // 2).multiple == 0.0
+
+
+def test_far_more_noise_than_was_told_is_a_line_that_says_what_to_tell() -> None:
+    noise = followed(5.0)
+    line = noise.complaint(1.0, "tracker_noise")
+    assert line.startswith("found poses that scatter by 0.1")
+    assert "expected 0.022 mm: say tracker_noise=" in line
+    assert noise.complaint(5.0, "tracker_noise") == followed(1.0).complaint(1.0, "tracker_noise") == ""
+
+
+def test_neither_a_gap_nor_a_jump_of_the_clock_is_noise() -> None:
+    noise = PoseNoise()
+    for toss, start_ns in enumerate((5 * 10**9, 9 * 10**9, 2 * 10**9)):
+        if toss == 2:
+            noise.reset()
+        for one in stream(start_ns=start_ns)[:: 1 + toss % 2]:
+            x, y, z = one.pose.position
+            noise.push(one.stamp_ns, (x + 10.0 * toss, y, z))
+    assert noise.multiple < 0.5
+
+
+def test_the_rigs_noise_is_that_of_the_simulated_tracker() -> None:
+    from contact_curation.sim.tracker_noise import TrackerNoiseConfig
+
+    assert TrackerNoiseConfig().position == RIG_NOISE
+    assert np.isfinite(RIG_NOISE)
