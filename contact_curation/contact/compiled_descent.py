@@ -1,9 +1,10 @@
-"""The kernel's gradient steps of a polytope, a transition each: its structure field by field, and its call."""
+"""The kernel's gradient steps, a transition each: what all models have in common, and those of a polytope, field by field."""
 
 import ctypes
 import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +20,132 @@ PIECES = ("vertices_normal", "normal", "vertices_tangent", "tangents")
 """The published form's parameters, in the kernel's order."""
 
 
+class StepPace(NamedTuple):
+    """AdamW's learning rate and weight decay for some of the parameters."""
+
+    rate: float
+    decay: float
+
+
+@dataclass(frozen=True)
+class Moments:
+    """AdamW's arrays of one parameter, changed in place: its numbers, and both moments of its slopes, in the same shape."""
+
+    theta: Array
+    first: Array
+    second: Array
+
+
+@dataclass(frozen=True)
+class DescentRules:
+    """What steps go down, and how.
+
+    Attributes:
+        loss: weights and solver.
+        regularizer: weight of each contact's.
+        betas, epsilon: of AdamW.
+    """
+
+    loss: LossConfig
+    regularizer: float
+    betas: tuple[float, float]
+    epsilon: float
+
+
+class DescentRows(NamedTuple):
+    """The transitions that steps are taken down: (N, 13), (N, 13) and (N,), checked."""
+
+    before: Array
+    after: Array
+    periods: Array
+
+
+class KernelDescent:
+    """Gradient steps of one model in the kernel: loss, regulariser and AdamW.
+
+    ctypes holds bare addresses: parameters and moments must stay where they are.
+
+    Args:
+        name: of the kernel's function.
+        model: physics, and what the kernel reads of theta.
+        rows: to step down.
+        rules: how.
+        job: the kernel's structure, with what is peculiar to the model.
+        owners: of what `model` and `job` point to.
+    """
+
+    def __init__(
+        self, name: str, model: CompiledModel, rows: DescentRows, rules: DescentRules, job: Any, owners: object
+    ) -> None:
+        arrays = DescentRows(*(np.ascontiguousarray(values, dtype=float) for values in rows))
+        self._owners = owners, arrays
+        self._function = _function(name)
+        columns = dict(zip(ROW, (values.ctypes.data for values in arrays), strict=True))
+        limits = {"max_iterations": rules.loss.max_iterations, "residual_tolerance": rules.loss.tolerance}
+        self._model, self._rows, self._job = model, CompiledRows(**columns, **limits), job
+        job.regularizer, job.epsilon = rules.regularizer, rules.epsilon
+        job.first_beta, job.second_beta = rules.betas
+
+    def descend(self, rows: NDArray[np.int64], shares: Array, seen: float, loss_sum: float) -> tuple[int, float]:
+        """Steps down the rows in turn, to the first that is not solved, or whose loss or slope is not finite.
+
+        Args:
+            rows: (S,) places of transitions.
+            shares: (S,) of the learning rates.
+            seen: steps that the moments have seen.
+            loss_sum: of the rows before.
+
+        Returns:
+            How many steps were taken, and the sum with theirs.
+        """
+        rows, shares = np.ascontiguousarray(rows, np.int64), np.ascontiguousarray(shares, float)
+        job = self._job
+        job.rows, job.shares, job.steps = rows.ctypes.data, shares.ctypes.data, len(rows)
+        job.seen, job.loss_sum = seen, loss_sum
+        taken = self._function(ctypes.byref(self._model), ctypes.byref(self._rows), ctypes.byref(job))
+        return taken, job.loss_sum
+
+
+def polytope_descent(
+    geometry: ContactGeometry,
+    body: Body,
+    moments: Mapping[str, Moments],
+    rows: DescentRows,
+    rules: DescentRules,
+    pace: StepPace,
+) -> KernelDescent:
+    """Of a polytope in the published form.
+
+    Args:
+        geometry: what stays of theta, pivot and height, and the shapes.
+        body: mass, inertia and gravity.
+        moments: of `PIECES`.
+        rows, rules: as in `KernelDescent`.
+        pace: of all parameters.
+    """
+    model, job = CompiledModel(geometry, body, rules.loss), _Descent(rate=pace.rate, decay=pace.decay)
+    point_to_pieces(model, moments)
+    for part in ("theta", "first", "second"):
+        addresses = (getattr(moments[name], part).ctypes.data for name in PIECES)
+        setattr(job, part, (ctypes.c_void_p * len(PIECES))(*addresses))
+    return KernelDescent("contact_curation_descend", model, rows, rules, job, moments)
+
+
+def point_to_pieces(model: CompiledModel, moments: Mapping[str, Moments]) -> None:
+    """Has the kernel read theta where training changes it."""
+    for name in PIECES:
+        setattr(model, name, moments[name].theta.ctypes.data)
+
+
 class _Descent(ctypes.Structure):
     """The kernel's `Descent`, field by field (contact/kernel/polytope_descent.cpp)."""
 
     _fields_ = (
         ("rows", ctypes.c_void_p),
-        ("rates", ctypes.c_void_p),
+        ("shares", ctypes.c_void_p),
         ("steps", ctypes.c_int64),
         ("regularizer", ctypes.c_double),
+        ("rate", ctypes.c_double),
         ("decay", ctypes.c_double),
         ("first_beta", ctypes.c_double),
         ("second_beta", ctypes.c_double),
@@ -39,78 +158,7 @@ class _Descent(ctypes.Structure):
     )
 
 
-@dataclass(frozen=True)
-class Moments:
-    """AdamW's arrays of one parameter, changed in place: its numbers, and both moments of its slopes, in the same shape."""
-
-    theta: Array
-    first: Array
-    second: Array
-
-
-class CompiledDescent:
-    """Gradient steps of a polytope in the published form, a transition each: loss, regulariser and AdamW in the kernel.
-
-    Args:
-        geometry: what stays of theta: pivot and height, and the shapes.
-        moments: of `PIECES`.
-        body: mass, inertia and gravity.
-        config: weights and solver.
-        before, after, periods: (N, 13), (N, 13) and (N,), checked.
-        regularizer: weight of each contact's.
-        decay, betas, epsilon: of AdamW.
-    """
-
-    def __init__(
-        self,
-        geometry: ContactGeometry,
-        moments: Mapping[str, Moments],
-        body: Body,
-        config: LossConfig,
-        before: Array,
-        after: Array,
-        periods: Array,
-        *,
-        regularizer: float,
-        decay: float,
-        betas: tuple[float, float],
-        epsilon: float,
-    ) -> None:
-        rows = [np.ascontiguousarray(values, dtype=float) for values in (before, after, periods)]
-        self._owners = moments, rows  # ctypes holds bare addresses: keep the arrays alive
-        self._model = CompiledModel(geometry, body, config)
-        for name in PIECES:
-            setattr(self._model, name, moments[name].theta.ctypes.data)
-        columns = dict(zip(ROW, (values.ctypes.data for values in rows), strict=True))
-        self._rows = CompiledRows(**columns, max_iterations=config.max_iterations, residual_tolerance=config.tolerance)
-        self._job = _Descent(regularizer=regularizer, decay=decay, first_beta=betas[0], second_beta=betas[1], epsilon=epsilon)
-        for part in ("theta", "first", "second"):
-            addresses = (getattr(moments[name], part).ctypes.data for name in PIECES)
-            setattr(self._job, part, (ctypes.c_void_p * len(PIECES))(*addresses))
-
-    def descend(self, rows: NDArray[np.int64], rates: Array, seen: float, loss_sum: float) -> tuple[int, float]:
-        """Steps down the rows in turn, to the first that is not solved, or whose loss or slope is not finite.
-
-        Args:
-            rows: (S,) places of transitions.
-            rates: (S,) learning rates.
-            seen: steps that the moments have seen.
-            loss_sum: of the rows before.
-
-        Returns:
-            How many steps were taken, and the sum with theirs.
-        """
-        rows, rates = np.ascontiguousarray(rows, np.int64), np.ascontiguousarray(rates, float)
-        job = self._job
-        job.rows, job.rates, job.steps = rows.ctypes.data, rates.ctypes.data, len(rows)
-        job.seen, job.loss_sum = seen, loss_sum
-        taken = _compiled_descent()(ctypes.byref(self._model), ctypes.byref(self._rows), ctypes.byref(job))
-        return taken, job.loss_sum
-
-
 @functools.cache
-def _compiled_descent() -> Callable[..., int]:
-    function = load_kernel().contact_curation_descend
-    function.argtypes = (ctypes.POINTER(CompiledModel), ctypes.POINTER(CompiledRows), ctypes.POINTER(_Descent))
-    function.restype = ctypes.c_int64
-    return function
+def _function(name: str) -> Callable[..., int]:
+    """One of (model, rows, job), by their addresses."""
+    return ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 3)((name, load_kernel()))

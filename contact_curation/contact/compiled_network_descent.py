@@ -1,33 +1,108 @@
-"""The kernel's gradient steps of a model with networks, a transition each: its structures field by field, and its call."""
+"""The kernel's gradient steps of a model with networks, a transition each: its structures field by field."""
 
 import ctypes
-import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
-from contact_curation.contact.compiled_descent import PIECES, Moments
-from contact_curation.contact.compiled_evaluation import ROW, CompiledModel, CompiledRows
+from contact_curation.contact.compiled_descent import (
+    PIECES,
+    DescentRows,
+    DescentRules,
+    KernelDescent,
+    Moments,
+    StepPace,
+    point_to_pieces,
+)
+from contact_curation.contact.compiled_evaluation import CompiledModel
 from contact_curation.contact.deep_model import NETWORK_SHARE as DEEP_SHARE
 from contact_curation.contact.deep_model import DeepModel
 from contact_curation.contact.deepvertex_model import NETWORK_SHARE as DEEPVERTEX_SHARE
 from contact_curation.contact.deepvertex_model import DeepvertexModel
 from contact_curation.contact.end_to_end_model import EndToEndModel, ImpulseLoss
 from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
-from contact_curation.contact.input_scaling import InputScaling
-from contact_curation.contact.loss_config import LossConfig
-from contact_curation.contact.model_kind import ModelKind
+from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.stream_network import Activation, StreamNetwork
-from contact_curation.geometry.quaternions import Array
-from contact_curation.solver.compiled import load_kernel
+from contact_curation.solver.cone_problem import MAX_CONTACTS
 
 type NetworkModel = DeepModel | DeepvertexModel | EndToEndModel
-type Pace = tuple[float, float]
-"""Learning rate and decay."""
 
 MAX_LAYERS, MAX_WIDTH = 8, 256
 """The kernel's."""
+
+
+def fits_kernel(model: NetworkModel) -> bool:
+    """Whether the kernel knows its polytope's form, where there is one, and has room for its contacts and networks."""
+    if isinstance(model, DeepModel) and model.polytope.form is not Form.CONTACTNETS:
+        return False
+    layers = [network.linear for network in _networks(model).values()]
+    width = max(max(layer.in_features, layer.out_features) for each in layers for layer in each)
+    contacts = fixed_geometry(model).vertex_count
+    return contacts <= MAX_CONTACTS and width <= MAX_WIDTH and max(map(len, layers)) <= MAX_LAYERS
+
+
+def fixed_geometry(model: NetworkModel) -> ContactGeometry:
+    """What the kernel is told of a model's contacts: those of `DeepModel` change in place; `EndToEndModel` has none."""
+    match model:
+        case DeepModel():
+            return model.polytope.geometry()
+        case DeepvertexModel():
+            vertices, normal, tangents = (model.get_buffer(name).numpy() for name in ("vertices", "normal", "tangents"))
+            return ContactGeometry(vertices, normal, vertices, tangents)
+        case EndToEndModel():
+            nowhere = np.zeros((1, 3))
+            return ContactGeometry(nowhere, UPWARD, nowhere, model.body.friction * np.eye(2, 3))
+
+
+def network_descent(
+    model: NetworkModel,
+    moments: Mapping[str, Moments],
+    rows: DescentRows,
+    rules: DescentRules,
+    polytope: StepPace,
+    network: StepPace,
+) -> KernelDescent:
+    """Of a model with networks.
+
+    Args:
+        model: one that `fits_kernel`; body, pivot, height and scaling stay as they are now.
+        moments: of all its parameters, by name.
+        rows, rules: as in `KernelDescent`.
+        polytope, network: paces of the two kinds of parameters.
+    """
+    compiled = CompiledModel(fixed_geometry(model), model.body, rules.loss)
+    job = _Descent(
+        polytope_rate=polytope.rate, polytope_decay=polytope.decay, network_rate=network.rate, network_decay=network.decay
+    )
+    for place, (name, one) in enumerate(_networks(model).items()):
+        job.networks[place] = _network(name, one, moments)
+    constants: object = None
+    match model:
+        case DeepModel():
+            own = {piece: moments[f"polytope.{piece}"] for piece in PIECES}
+            point_to_pieces(compiled, own)
+            for place, piece in enumerate(own.values()):
+                job.theta[place] = _Moments.of(piece)
+            job.share = DEEP_SHARE
+        case DeepvertexModel() | EndToEndModel():
+            constants = mean, scale = model.scaling.mean, model.scaling.scale
+            job.mean, job.scale, job.share = mean.data_ptr(), scale.data_ptr(), DEEPVERTEX_SHARE
+    job.squared = int(isinstance(model, EndToEndModel) and model.loss is ImpulseLoss.SQUARED)
+    function = f"contact_curation_descend_{model.kind.value}"
+    return KernelDescent(function, compiled, rows, rules, job, (moments, constants))
+
+
+def _networks(model: NetworkModel) -> dict[str, StreamNetwork]:
+    """In the kernel's order."""
+    return {name: module for name, module in model.named_children() if isinstance(module, StreamNetwork)}
+
+
+def _network(name: str, network: StreamNetwork, moments: Mapping[str, Moments]) -> "_Network":
+    layers = _Network(len(network.linear), int(network.activation is Activation.RELU))
+    for depth, layer in enumerate(network.linear):
+        weight, bias = (_Moments.of(moments[f"{name}.layers.{depth}.{part}"]) for part in ("weight", "bias"))
+        layers.layer[depth] = _Layer(layer.in_features, layer.out_features, weight, bias)
+    return layers
 
 
 class _Moments(ctypes.Structure):
@@ -72,122 +147,3 @@ class _Descent(ctypes.Structure):
         ("seen", ctypes.c_double),
         ("loss_sum", ctypes.c_double),
     )
-
-
-class CompiledNetworkDescent:
-    """Gradient steps of a model with networks, a transition each: loss, regulariser and AdamW in the kernel.
-
-    Args:
-        model: a deep one in the published form, or one of the other two; what stays of it: body, constants and shapes.
-        geometry: its `fixed_geometry`.
-        moments: of all its parameters, by name.
-        config: weights and solver.
-        before, after, periods: (N, 13), (N, 13) and (N,), checked.
-        regularizer: weight of each contact's.
-        polytope, network: paces of the two kinds of parameters.
-        betas, epsilon: of AdamW.
-    """
-
-    def __init__(
-        self,
-        model: NetworkModel,
-        geometry: ContactGeometry,
-        moments: Mapping[str, Moments],
-        config: LossConfig,
-        before: Array,
-        after: Array,
-        periods: Array,
-        *,
-        regularizer: float,
-        polytope: Pace,
-        network: Pace,
-        betas: tuple[float, float],
-        epsilon: float,
-    ) -> None:
-        rows = [np.ascontiguousarray(values, dtype=float) for values in (before, after, periods)]
-        self._owners = moments, rows, model  # ctypes holds bare addresses: keep the arrays alive
-        self._model = CompiledModel(geometry, model.body, config)
-        columns = dict(zip(ROW, (values.ctypes.data for values in rows), strict=True))
-        self._rows = CompiledRows(**columns, max_iterations=config.max_iterations, residual_tolerance=config.tolerance)
-        self._job = _Descent(
-            regularizer=regularizer,
-            polytope_rate=polytope[0],
-            polytope_decay=polytope[1],
-            network_rate=network[0],
-            network_decay=network[1],
-            first_beta=betas[0],
-            second_beta=betas[1],
-            epsilon=epsilon,
-        )
-        match model:
-            case DeepModel():
-                for place, piece in enumerate(PIECES):
-                    own = moments[f"polytope.{piece}"]
-                    setattr(self._model, piece, own.theta.ctypes.data)
-                    self._job.theta[place] = _Moments.of(own)
-                self._take_networks(model, moments, "normal_network", "tangent_network")
-                self._job.share = DEEP_SHARE
-            case DeepvertexModel():
-                self._take_networks(model, moments, "network")
-                self._take_scaling(model.scaling)
-                self._job.share = DEEPVERTEX_SHARE
-            case EndToEndModel():
-                self._take_networks(model, moments, "network")
-                self._take_scaling(model.scaling)
-                self._job.squared = int(model.loss is ImpulseLoss.SQUARED)
-        self._descend = _compiled_descent(model.kind)
-
-    def descend(self, rows: NDArray[np.int64], shares: Array, seen: float, loss_sum: float) -> tuple[int, float]:
-        """Steps down the rows in turn, to the first that is not solved, or whose loss or slope is not finite.
-
-        Args:
-            rows: (S,) places of transitions.
-            shares: (S,) of both learning rates.
-            seen: steps that the moments have seen.
-            loss_sum: of the rows before.
-
-        Returns:
-            How many steps were taken, and the sum with theirs.
-        """
-        rows, shares = np.ascontiguousarray(rows, np.int64), np.ascontiguousarray(shares, float)
-        job = self._job
-        job.rows, job.shares, job.steps = rows.ctypes.data, shares.ctypes.data, len(rows)
-        job.seen, job.loss_sum = seen, loss_sum
-        taken = self._descend(ctypes.byref(self._model), ctypes.byref(self._rows), ctypes.byref(job))
-        return taken, job.loss_sum
-
-    def _take_networks(self, model: NetworkModel, moments: Mapping[str, Moments], *names: str) -> None:
-        for place, name in enumerate(names):
-            network = model.get_submodule(name)
-            assert isinstance(network, StreamNetwork)
-            taken = self._job.networks[place]
-            taken.layers, taken.rectified = len(network.linear), int(network.activation is Activation.RELU)
-            assert taken.layers <= MAX_LAYERS
-            for depth, layer in enumerate(network.linear):
-                assert max(layer.in_features, layer.out_features) <= MAX_WIDTH
-                weight, bias = (_Moments.of(moments[f"{name}.layers.{depth}.{part}"]) for part in ("weight", "bias"))
-                taken.layer[depth] = _Layer(layer.in_features, layer.out_features, weight, bias)
-
-    def _take_scaling(self, scaling: InputScaling) -> None:
-        self._job.mean, self._job.scale = scaling.mean.data_ptr(), scaling.scale.data_ptr()
-
-
-def fixed_geometry(model: NetworkModel) -> ContactGeometry:
-    """What the kernel is told of a model's contacts: those of `DeepModel` change in place; `EndToEndModel` has none."""
-    match model:
-        case DeepModel():
-            return model.polytope.geometry()
-        case DeepvertexModel():
-            vertices, tangents = (model.get_buffer(name).numpy() for name in ("vertices", "tangents"))
-            return ContactGeometry(vertices, UPWARD, vertices, tangents)
-        case EndToEndModel():
-            nowhere = np.zeros((1, 3))
-            return ContactGeometry(nowhere, UPWARD, nowhere, model.body.friction * np.eye(2, 3))
-
-
-@functools.cache
-def _compiled_descent(kind: ModelKind) -> Callable[..., int]:
-    signature = ctypes.CFUNCTYPE(
-        ctypes.c_int64, ctypes.POINTER(CompiledModel), ctypes.POINTER(CompiledRows), ctypes.POINTER(_Descent)
-    )
-    return signature((f"contact_curation_descend_{kind.value}", load_kernel()))

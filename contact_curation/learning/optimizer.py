@@ -84,6 +84,8 @@ class Optimizer:
             raise InvalidValueError("optimizer", f"moments named {min(unknown)[:60]!r}", "those of the model's parameters")
         for block in self._blocks:
             block.restore(moments)
+        if len({int(block.step) for block in self._blocks}) > 1:
+            raise InvalidValueError("optimizer", "moments of a part of the parameters", "of all of them, or of none")
 
 
 class _Block:

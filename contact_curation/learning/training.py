@@ -51,7 +51,7 @@ class Training:
         seed: of the shuffles.
 
     Raises:
-        InvalidValueError: no transitions, a state that is not finite, an early stop without held-out transitions, or an exact
+        InvalidValueError: no transitions or bad ones (`training_data.checked`), an early stop and nothing held out, or an exact
             protocol for another model than a polytope in the physical form.
     """
 
@@ -163,7 +163,11 @@ class Training:
             data: the kept set as it is now.
             fresh_budget: whether steps, epochs, patience and the schedule begin anew, and the optimizer forgets; a
                 training that had ended goes on. Without it only the data change.
+
+        Raises:
+            InvalidValueError: as for a new one; then nothing has changed.
         """
+        checked(data)
         if not fresh_budget:
             self._take(data)
             return

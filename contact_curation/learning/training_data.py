@@ -6,6 +6,7 @@ import json
 import numpy as np
 
 from contact_curation.contact.model import Rows
+from contact_curation.contact.time_step import checked_states, checked_time_steps
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.transitions import Transitions
 
@@ -33,7 +34,7 @@ def checked(data: Transitions) -> Transitions:
     """The same, if a training can have them.
 
     Raises:
-        InvalidValueError: there are none, or a state is not finite.
+        InvalidValueError: there are none, a state is not finite or turned by no unit quaternion, or a period is not positive.
     """
     if not len(data.dt):
         raise InvalidValueError("transitions", "none", "at least one")
@@ -41,4 +42,7 @@ def checked(data: Transitions) -> Transitions:
     if not finite.all():
         row = int(np.argmin(finite))
         raise InvalidValueError(transition_name(data, row), "a state that is not finite", "finite numbers")
+    for states in (data.before, data.after):
+        checked_states(states)
+    checked_time_steps(data.dt, len(data.dt))
     return data

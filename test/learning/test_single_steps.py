@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
+from contact_curation.contact.body import Body
 from contact_curation.contact.end_to_end_model import EndToEndModel, ImpulseLoss
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.models import tensors_of
@@ -17,6 +19,7 @@ from contact_curation.learning.single_steps import SingleSteps
 from contact_curation.learning.training import Training, new_training
 from contact_curation.learning.training_data import rows_of
 from contact_curation.motion.transitions import Transitions
+from contact_curation.solver.cone_problem import Cone
 from test.contact.cases import CUBE, tracked_transitions
 
 CONFIG = replace(published(ModelKind.POLYTOPE), patience=None, epochs=2)
@@ -240,3 +243,76 @@ def test_states_that_the_loss_is_not_defined_for_are_refused(kind: ModelKind) ->
     before[3, 3:7] *= 2.0
     with pytest.raises(InvalidValueError, match="norm"):
         training(replace(published(kind), patience=None), replace(data, before=before), kind)
+
+
+@pytest.mark.parametrize("kind", [ModelKind.POLYTOPE, *NETWORKS])
+def test_data_that_are_refused_change_nothing(kind: ModelKind) -> None:
+    data = tracked_transitions()
+    bad = data.before.copy()
+    bad[3, 3:7] *= 2.0
+    config = replace(published(kind), patience=None, epochs=3)
+    undisturbed, refused = training(config, kind=kind), training(config, kind=kind)
+    for one in (undisturbed, refused):
+        one.advance(20)
+    for fresh_budget in (False, True):
+        with pytest.raises(InvalidValueError, match="norm"):
+            refused.replace_data(replace(data, before=bad), fresh_budget)
+    for one in (undisturbed, refused):
+        one.advance(20)
+    assert told(refused) == told(undisturbed)
+
+
+PYRAMID = Body(
+    name="pyramid",
+    vertices=np.array([[0.0, 0.0, 0.07], *([x, y, -0.03] for x in (-0.05, 0.06) for y in (-0.04, 0.05))]),
+    mass=0.5,
+    inertia=np.array([[9e-4, 1e-4, 0.0], [1e-4, 7e-4, -5e-5], [0.0, -5e-5, 6e-4]]),
+    friction=0.4,
+    length_scale=0.05,
+)
+
+
+@pytest.mark.parametrize("kind", NETWORKS)
+def test_both_ways_give_the_same_networks_of_another_body_in_a_polyhedral_cone(
+    long_way: pytest.MonkeyPatch, kind: ModelKind
+) -> None:
+    config = networks_config(kind, loss=replace(CONFIG.loss, cone=Cone.POLYHEDRAL))
+    ends = []
+    for _ in range(2):
+        one = new_training(kind, PYRAMID, tracked_transitions(), None, config, 0)
+        one.advance(10**6)
+        ends.append(one)
+        long_way.undo()
+    assert ends[1].progress.not_solved < 30
+    assert_alike(*ends)
+
+
+def test_frozen_parameters_go_the_long_way() -> None:
+    config = networks_config(ModelKind.DEEP)
+    one = training(config, kind=ModelKind.DEEP)
+    one.model.get_submodule("polytope").requires_grad_(False)
+    frozen = Training(one.model, one.data, None, config, seed=0)
+    frozen.advance(3)
+    assert frozen.progress.gradient_steps == 3
+
+
+def test_deepvertex_stands_on_the_plane_that_it_was_loaded_with(long_way: pytest.MonkeyPatch) -> None:
+    config = networks_config(ModelKind.DEEPVERTEX)
+    ends = []
+    for _ in range(2):
+        model = training(config, kind=ModelKind.DEEPVERTEX).model
+        model.get_buffer("normal").copy_(torch.tensor([0.1, 0.0, 1.0]))
+        one = Training(model, tracked_transitions(), None, config, seed=3)
+        one.advance(10**6)
+        ends.append(one)
+        long_way.undo()
+    assert_alike(*ends)
+
+
+def test_moments_of_a_part_of_the_parameters_are_refused() -> None:
+    config = networks_config(ModelKind.DEEP)
+    one = training(config, kind=ModelKind.DEEP)
+    one.advance(3)
+    part = {name: value for name, value in one.optimizer.moments().items() if name.startswith("polytope.")}
+    with pytest.raises(InvalidValueError, match="of all of them, or of none"):
+        training(config, kind=ModelKind.DEEP).optimizer.restore(part)

@@ -57,6 +57,7 @@ class Toy(ContactModel):
 def toy_data(targets: list[float], what: list[float] | None = None, tosses: int = 1) -> Transitions:
     """Transitions with these targets, split evenly over the tosses ``a``, ``b``, ..."""
     before = np.zeros((len(targets), 13))
+    before[:, 3] = 1.0
     before[:, 0] = targets
     before[:, 1] = SOLVED if what is None else what
     starts = np.linspace(0, len(targets), tosses + 1).astype(np.int64)

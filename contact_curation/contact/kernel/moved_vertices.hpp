@@ -19,6 +19,21 @@ inline void cross3(const double *a, const double *b, double *c) {
 // Slopes by everything that the contacts depend on.
 struct VertexSlopes {
   double here[kMaxContacts][3], there[kMaxContacts][3], rubbing[kMaxContacts][3], normal[3], tangents[2][3];
+
+  // Of vertices that stay where they are in the body.
+  void join(int contacts) {
+    for (int i = 0; i < contacts; ++i)
+      for (int a = 0; a < 3; ++a) here[i][a] += there[i][a];
+  }
+
+  bool finite(int contacts) const {
+    double sum = 0.0;
+    for (int a = 0; a < 3; ++a) {
+      sum += std::abs(normal[a]) + std::abs(tangents[0][a]) + std::abs(tangents[1][a]);
+      for (int i = 0; i < contacts; ++i) sum += std::abs(here[i][a]) + std::abs(there[i][a]) + std::abs(rubbing[i][a]);
+    }
+    return std::isfinite(sum);
+  }
 };
 
 class MovedVertices {

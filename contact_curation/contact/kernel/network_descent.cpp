@@ -46,20 +46,7 @@ struct DeepSteps {
   VertexSlopes by_vertices;
 
   bool find(const PolytopeModel &model, const Evaluation &rows, const NetworkDescent &job, const Frame &at) {
-    Lane inputs[12] = {}, moving[12] = {};
-    double turned[9];
-    for (int a = 0; a < 3; ++a) {
-      inputs[a][0] = at.position[a], inputs[a][1] = at.position_next[a], inputs[a][2 + a] = 1.0;
-      for (int b = 0; b < 3; ++b) inputs[3 + 3 * a + b][0] = at.rotation[a][b], inputs[3 + 3 * a + b][1] = at.rotation_next[a][b];
-    }
-    for (int axis = 0; axis < 3; ++axis) {
-      turn_about(at.rotation, axis, turned);
-      for (int k = 0; k < 9; ++k) inputs[3 + k][5 + axis] = turned[k];
-    }
-    for (int k = 0; k < 12; ++k)
-      for (int lane = 0; lane < 7; ++lane) moving[k][lane] = inputs[k][lane ? lane + 1 : 0];
-    normal.forward(job.networks[0], inputs, 2, 8);
-    tangent.forward(job.networks[1], moving, 1, 7);
+    forward(job, at);
     ContactNumbers contacts;
     vertices.find(model, at, model.vertices_normal, model.vertices_normal, model.vertices_tangent, contacts);
     for (int i = 0; i < model.contacts; ++i) {
@@ -82,15 +69,9 @@ struct DeepSteps {
       }
     }
     vertices.reverse(model, at, by, by_vertices);
-    double sum = 0.0;
-    for (int i = 0; i < model.contacts; ++i)
-      for (int a = 0; a < 3; ++a) {
-        by_vertices.here[i][a] += by_vertices.there[i][a];
-        sum += std::abs(by_vertices.here[i][a]) + std::abs(by_vertices.rubbing[i][a]);
-      }
-    for (int a = 0; a < 3; ++a)
-      sum += std::abs(by_vertices.normal[a]) + std::abs(by_vertices.tangents[0][a]) + std::abs(by_vertices.tangents[1][a]);
-    return std::isfinite(sum) && normal.reverse(job.networks[0], bends) && tangent.reverse(job.networks[1], sideways);
+    by_vertices.join(model.contacts);
+    const bool finite = by_vertices.finite(model.contacts);
+    return finite && normal.reverse(job.networks[0], bends) && tangent.reverse(job.networks[1], sideways);
   }
 
   void descend(const PolytopeModel &model, const NetworkDescent &job, const AdamW &polytope, const AdamW &network) {
@@ -105,6 +86,25 @@ struct DeepSteps {
   }
 
   double loss() const { return found.loss; }
+
+ private:
+  // Both poses and the six twists of the first through the network of the gaps; the first and its twists through the other.
+  void forward(const NetworkDescent &job, const Frame &at) {
+    Lane inputs[12] = {}, first[12] = {};
+    for (int a = 0; a < 3; ++a) {
+      inputs[a][0] = at.position[a], inputs[a][1] = at.position_next[a], inputs[a][2 + a] = 1.0;
+      for (int b = 0; b < 3; ++b) inputs[3 + 3 * a + b][0] = at.rotation[a][b], inputs[3 + 3 * a + b][1] = at.rotation_next[a][b];
+    }
+    for (int axis = 0; axis < 3; ++axis) {
+      double turned[9];
+      turn_about(at.rotation, axis, turned);
+      for (int k = 0; k < 9; ++k) inputs[3 + k][5 + axis] = turned[k];
+    }
+    for (int k = 0; k < 12; ++k)
+      for (int lane = 0; lane < 7; ++lane) first[k][lane] = inputs[k][lane ? lane + 1 : 0];
+    normal.forward(job.networks[0], inputs, 2, 8);
+    tangent.forward(job.networks[1], first, 1, 7);
+  }
 };
 
 struct DeepvertexSteps {
@@ -201,6 +201,7 @@ struct EndToEndSteps {
 
 template <class Steps>
 int64_t descend(const PolytopeModel &model, const Evaluation &rows, NetworkDescent &job) {
+  if (model.contacts < 1 || model.contacts > kMaxContacts) return 0;
   const auto steps = std::make_unique<Steps>();
   Frame at;
   for (int64_t step = 0; step < job.steps; ++step) {

@@ -13,11 +13,11 @@ constexpr int kPieces = 4;  // vertices_normal, normal, vertices_tangent, tangen
 
 // Mirrored by ctypes. S steps; the moments are AdamW's, by piece and shaped like it.
 struct Descent {
-  const int64_t *rows;  // (S,)
-  const double *rates;  // (S,)
+  const int64_t *rows;       // (S,)
+  const double *shares;      // (S,) of the rate
   int64_t steps;
   double regularizer;        // weight of each contact's; the same slopes at every contact
-  double decay, first_beta, second_beta, epsilon;
+  double rate, decay, first_beta, second_beta, epsilon;
   double *theta[kPieces];    // what the model points to
   double *first[kPieces], *second[kPieces];
   double seen;               // steps that the moments have seen; counted on
@@ -44,7 +44,7 @@ extern "C" int64_t contact_curation_descend(const contact_curation::PolytopeMode
     add_scale_slopes(model->normal, model->tangents, 3, job->regularizer * model->contacts, by_normal, by_tangents);
     if (!std::all_of(slopes, slopes + count, [](double slope) { return std::isfinite(slope); })) return step;
     job->seen += 1.0;
-    const AdamW adamw(job->rates[step], job->decay, job->first_beta, job->second_beta, job->epsilon, job->seen);
+    const AdamW adamw(job->shares[step] * job->rate, job->decay, job->first_beta, job->second_beta, job->epsilon, job->seen);
     const double *by_piece = slopes;
     for (int piece = 0; piece < kPieces; by_piece += sizes[piece++])
       adamw.step(job->theta[piece], job->first[piece], job->second[piece], by_piece, sizes[piece]);

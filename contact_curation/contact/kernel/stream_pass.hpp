@@ -53,7 +53,7 @@ class StreamPass {
     }
   }
 
-  // From slopes by `outputs`, which it uses up, to those by every layer's z. Says whether all that follows from them is finite.
+  // From slopes by `outputs` to those by every layer's z. Says whether all that follows from them is finite.
   bool reverse(const Network &network, const Lane *by_outputs) {
     const int64_t last = network.layers - 1;
     std::copy(by_outputs, by_outputs + network.layer[last].outputs, slopes_[last]);
@@ -66,8 +66,8 @@ class StreamPass {
     }
     for (int64_t depth = 0; depth <= last; ++depth) {
       const Layer &layer = network.layer[depth];
-      const double largest = magnitude(slopes_[depth], layer.outputs) * std::max(1.0, magnitude(inputs_[depth], layer.inputs));
-      if (!std::isfinite(kLanes * largest)) return false;
+      const double inputs = magnitude(inputs_[depth], layer.inputs);
+      if (!std::isfinite(magnitude(slopes_[depth], layer.outputs) * (1.0 + inputs))) return false;
     }
     return true;
   }
