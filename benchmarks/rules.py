@@ -119,7 +119,9 @@ def print_rig(bench: Bench, rig: Rig) -> None:
     print(f"\n{'':14}{'rest, mm':>10}{'fit, mm':>12}{columns}{'described:':>14}{columns}")
     for name, by in rigs.items():
         mended = bench.on(by)
-        rests = [corners for toss in mended.training if (corners := footing(toss, bench.body.polytope)) is not None]
+        rests = [
+            corners for toss in mended.training if (corners := footing(toss, bench.body.polytope, bench.gates)) is not None
+        ]
         height = 1e3 * float(np.mean([corners[:, 2].mean() for corners in rests]))
         off = 1e3 * bench.body.length_scale * np.linalg.norm(mended.reference.vertices_normal - DESCRIBED, axis=1)
         fitted, described = (_errors(mended, geometry) for geometry in (mended.reference, ContactGeometry.of_body(bench.body)))

@@ -89,9 +89,8 @@ def _report(
         write_manifest(report.manifest, report.out)
     if curation is None:
         reasons = "; ".join(f"{count} {name}" for name, count in report.outcomes.items() if count)
-        raise nothing_found(
-            arguments.inputs, warnings, f"no toss that could be ranked ({reasons or 'no toss at all'})", "at least one"
-        )
+        counted = f" ({reasons})" if reasons else ""
+        raise nothing_found(arguments.inputs, warnings, f"no toss that could be ranked{counted}", "at least one")
     warn(warnings)
     if report.figure:
         save_ranking_figure(picture_of(report, curation, kept_shares(pool, curation)), report.figure)

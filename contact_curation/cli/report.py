@@ -72,9 +72,13 @@ def _of_many(lines: Sequence[str]) -> str:
 
 
 def nothing_found(paths: Sequence[Path], warnings: Sequence[str], found: str, expected: str) -> ContactCurationError:
-    """The error where no input gave anything: what went wrong with the only one, or a summary behind a line for each cause."""
+    """The error where no input gave anything: what went wrong with the only one, or a summary behind a line for each cause.
+
+    What was `found` stands behind it, too, where reasons are counted in brackets at its end.
+    """
     if len(paths) == 1 and 1 <= len(warnings) <= MOST_CAUSES:
         others = [line.removeprefix(f"{paths[0]}: ") for line in warnings[1:]]
-        return ContactCurationError("; ".join([warnings[0], *others]))
+        counts = [f"found {found}"] if found.endswith(")") else []
+        return ContactCurationError("; ".join([warnings[0], *others, *counts]))
     warn(warnings)
     return InvalidValueError("inputs", found, expected)

@@ -55,6 +55,8 @@ class GateConfig:
         depth: of the lowest corner under the board [m].
         rest_tilt: of the face that the body comes to lie on [rad].
         rest_height: of that face over or under the board [m].
+        resting_speed: a body is at rest at the end if it is as slow as that over the last frames [m/s].
+        resting_spin: likewise [rad/s].
         quaternion_tolerance: on the norm.
         largest_gap: between frames, in frame periods.
     """
@@ -74,6 +76,8 @@ class GateConfig:
     depth: float = 0.15 * 0.0524
     rest_tilt: float = float(np.radians(1.4))
     rest_height: float = 0.003
+    resting_speed: float = 0.05
+    resting_spin: float = 0.5
     quaternion_tolerance: float = 1e-4
     largest_gap: float = 1.5
 
@@ -89,15 +93,18 @@ class GateConfig:
 
     def of_tracker(self, noise: float) -> "GateConfig":
         """The same for poses that are `noise` times as noisy as the real rig's: what noise reaches in the air grows with it."""
-        fields_of_noise = ("airborne_acceleration", "airborne_spin_change", "twist_tolerance", "energy_tolerance")
-        return replace(self, **{name: noise * getattr(self, name) for name in fields_of_noise})
+        return replace(self, **{name: noise * getattr(self, name) for name in REACHED_BY_NOISE})
 
 
+REACHED_BY_NOISE = (
+    *("airborne_acceleration", "airborne_spin_change", "twist_tolerance", "energy_tolerance"),
+    *("resting_speed", "resting_spin"),
+)
 FRICTION_MARGIN = 1.5
 """A body's friction is what somebody took it for."""
 
-REST_FRAMES, REST_SPEED, REST_SPIN = 5, 0.05, 0.5
-"""A body is at rest at the end if it is as slow as that over the last frames [m/s, rad/s]."""
+REST_FRAMES = 5
+"""The last ones, over which a body at rest at the end is slow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,14 +144,14 @@ def steps_of(toss: Toss, polytope: Polytope, config: GateConfig) -> Steps:
     gained = np.diff(toss.linear_velocities, axis=0) + np.outer(dt, [0.0, 0.0, config.gravity])
     spun = np.linalg.norm(np.diff(toss.angular_velocities, axis=0), axis=1)
     airborne = all_around(lowest > config.airborne_clearance, 2, 2)[:-1]  # the poses that v and v' come from
-    return Steps(toss, lowest, dt, gained, spun, airborne, footing(toss, polytope), spin_by_push(polytope))
+    return Steps(toss, lowest, dt, gained, spun, airborne, footing(toss, polytope, config), spin_by_push(polytope))
 
 
-def footing(toss: Toss, polytope: Polytope) -> Array | None:
+def footing(toss: Toss, polytope: Polytope, config: GateConfig) -> Array | None:
     """(3, 3) where the three lowest corners are at rest, in the median of the last frames [m]; None if it still moves."""
     last = slice(-REST_FRAMES, None)
     speeds, spins = (np.linalg.norm(each[last], axis=1) for each in (toss.linear_velocities, toss.angular_velocities))
-    if np.median(speeds) > REST_SPEED or np.median(spins) > REST_SPIN:
+    if np.median(speeds) > config.resting_speed or np.median(spins) > config.resting_spin:
         return None
     turned = quaternions.to_matrix(toss.orientations_wxyz[last]) @ polytope.vertices.T
     corners = np.median(turned.swapaxes(1, 2) + toss.positions[last, np.newaxis], axis=0)

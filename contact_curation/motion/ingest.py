@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from contact_curation.errors import InvalidValueError
@@ -25,16 +25,12 @@ class IngestConfig:
     Attributes:
         tracker: frames.
         segmenter: when a motion is a toss.
-        gates: what a toss must pass.
+        gates: what a toss must pass, by a tracker as noisy as the real rig's; for the segmenter's they are widened.
     """
 
     tracker: TrackerConfig
     segmenter: SegmenterConfig = field(default_factory=SegmenterConfig)
     gates: GateConfig = field(default_factory=GateConfig)
-
-    def of_tracker(self, noise: float) -> "IngestConfig":
-        """The same for poses that are `noise` times as noisy as the real rig's (`PoseTopicConfig.tracker_noise`)."""
-        return replace(self, segmenter=self.segmenter.of_tracker(noise), gates=self.gates.of_tracker(noise))
 
 
 class TossIngest:
@@ -54,6 +50,7 @@ class TossIngest:
     def __init__(self, config: IngestConfig, polytope: Polytope, *, body: str, source: str) -> None:
         self.config = config
         self._polytope = polytope
+        self._gates = config.gates.of_tracker(config.segmenter.tracker_noise)
         self._tracker = BodyTracker(config.tracker)
         self._segmenter = TossSegmenter(config.segmenter, polytope, body=body, source=source)
         self._outcomes: Counter[str] = Counter()
@@ -62,6 +59,10 @@ class TossIngest:
     @property
     def counts(self) -> Counter[str]:
         return self._tracker.counts + self._outcomes
+
+    def noise_complaint(self) -> str:
+        """One line where the poses are much noisier than the segmenter was told; else nothing."""
+        return self.noise.complaint(self.config.segmenter.tracker_noise)
 
     @property
     def tossing(self) -> bool:
@@ -116,7 +117,7 @@ class TossIngest:
     def _outcome(self, event: IngestEvent) -> IngestEvent:
         """The event, a toss after the gates, counted."""
         if isinstance(event, Toss):
-            reasons = inspect(event, self._polytope, self.config.gates)
+            reasons = inspect(event, self._polytope, self._gates)
             event = Rejected(event, reasons) if reasons else event
         if not isinstance(event, BadPose):
             self._outcomes["rejected" if isinstance(event, Rejected) else "tosses"] += 1

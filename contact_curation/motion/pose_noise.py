@@ -1,10 +1,12 @@
-"""How much poses scatter from frame to frame, told by themselves: most frames rest or fly, and there nothing pushes sideways.
+"""How much poses scatter from frame to frame, by their third differences: who carries a body changes slowly how he pushes it.
 
-sigma = median |p_k - 2 p_k-1 + p_k-2| / (0.6745 sqrt(6))        over x and y on the board
+    sigma = median |p_k - 3 p_k-1 + 3 p_k-2 - p_k-3| / (0.6745 sqrt(20))        over x and y on the board
+
+Differences of exactly nothing are left out: they are poses that were told twice, or rounded.
 """
 
 from collections import deque
-from math import ceil, sqrt
+from math import sqrt
 from statistics import median
 
 from contact_curation.geometry.scalars import Vector
@@ -12,51 +14,56 @@ from contact_curation.geometry.scalars import Vector
 RIG_NOISE = 2.2e-5
 """Of the real rig's positions, standard deviation per axis [m] (METHOD 3); segmenter and gates have their bounds for it."""
 
-KEPT = 4096
-"""So many last numbers count."""
+KEPT = 16384
+"""So many last differences count."""
 
 FEWEST = 100
 """Fewer say nothing."""
 
+EVEN = 1.2
+"""Successive steps of time that differ by a larger factor are left out."""
+
 LOUD = 1.6
 """Times what was told; from there on tosses are lost (benchmarks/tracker_noise.py)."""
 
-EVEN = 1.2
-"""Successive steps of time that differ by a larger factor are left out."""
+SLOWEST = 0.02
+"""A longer median step says nothing, since the body's own motion is all that is seen [s]."""
 
 
 class PoseNoise:
     """Follows one body's poses in the board's frame."""
 
     def __init__(self) -> None:
-        self._last: tuple[int, float, float] | None = None
-        self._step: tuple[int, float, float] | None = None
+        self._last: deque[tuple[int, float, float]] = deque(maxlen=4)
         self._bent: deque[float] = deque(maxlen=KEPT)
+        self._steps: deque[int] = deque(maxlen=FEWEST)
 
     def push(self, stamp_ns: int, position: Vector) -> None:
         """Takes in the next pose, with a later stamp."""
-        x, y, _ = position
-        if self._last is not None:
-            then, old_x, old_y = self._last
-            step = stamp_ns - then, x - old_x, y - old_y
-            if self._step is not None and max(step[0], self._step[0]) <= EVEN * min(step[0], self._step[0]):
-                self._bent += (abs(step[1] - self._step[1]), abs(step[2] - self._step[2]))
-            self._step = step
-        self._last = stamp_ns, x, y
+        self._last.append((stamp_ns, position[0], position[1]))
+        if len(self._last) < 4:
+            return
+        (s0, x0, y0), (s1, x1, y1), (s2, x2, y2), (s3, x3, y3) = self._last
+        self._steps.append(s3 - s2)
+        if max(s3 - s2, s2 - s1, s1 - s0) <= EVEN * min(s3 - s2, s2 - s1, s1 - s0):
+            self._bent += (bent for bent in (abs(x3 - x0 + 3.0 * (x1 - x2)), abs(y3 - y0 + 3.0 * (y1 - y2))) if bent)
 
     def reset(self) -> None:
         """The next pose has nothing to do with the last one."""
-        self._last = self._step = None
-
-    def complaint(self, told: float, name: str) -> str:
-        """One line where poses scatter by much more than was told, in multiples of `RIG_NOISE`, by what has this name."""
-        if self.multiple <= LOUD * told:
-            return ""
-        found, expected = (f"{1e3 * RIG_NOISE * multiple:.2g} mm" for multiple in (self.multiple, told))
-        remedy = f"say {name}={ceil(self.multiple)}, or tosses are lost"
-        return f"found poses that scatter by {found} from frame to frame, expected {expected}: {remedy}"
+        self._last.clear()
 
     @property
     def multiple(self) -> float:
-        """Of `RIG_NOISE`; 0 before there is enough to say."""
-        return median(self._bent) / (0.6745 * sqrt(6.0) * RIG_NOISE) if len(self._bent) >= FEWEST else 0.0
+        """Of `RIG_NOISE`; 0 where there is too little to say, or poses come too slowly to."""
+        if len(self._bent) < FEWEST or median(self._steps) > SLOWEST * 1e9:
+            return 0.0
+        return median(self._bent) / (0.6745 * sqrt(20.0) * RIG_NOISE)
+
+    def complaint(self, told: float) -> str:
+        """One line where poses scatter by much more than was told, in multiples of `RIG_NOISE`; else nothing."""
+        multiple = self.multiple
+        if multiple <= LOUD * told:
+            return ""
+        found, expected = (f"{1e3 * RIG_NOISE * each:.2g} mm" for each in (multiple, told))
+        noisy = f"found positions that scatter by {found} from frame to frame, expected {expected}"
+        return f"{noisy}: tosses may be lost; say segmenter.tracker_noise={multiple:.1f}, or smooth them"

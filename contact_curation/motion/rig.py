@@ -19,7 +19,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.gates import footing, rest_normal
+from contact_curation.motion.gates import GateConfig, footing, rest_normal
 from contact_curation.motion.toss import NANOSECONDS, Toss
 
 FEWEST_TOSSES = 8
@@ -94,7 +94,7 @@ def evidence_of(tosses: Iterable[Toss], polytope: Polytope) -> RigEvidence:
     """What tosses say, one after the other; none of them is kept."""
     normals, heights, accelerations, weights, ends = [], [], [], [], []
     for toss in tosses:
-        corners, fall = footing(toss, polytope), _fall(toss, polytope)
+        corners, fall = footing(toss, polytope, GateConfig()), _fall(toss, polytope)
         normals.append(np.full(3, np.nan) if corners is None else rest_normal(corners))
         heights.append(np.nan if corners is None else float(corners[:, 2].mean()))
         accelerations.append(np.full(3, np.nan) if fall is None else fall[0])

@@ -2,6 +2,7 @@
 
     start   free fall over the board in two successive frames, every corner off the board
     end     nine successive displacements too small to see, the body flat on a face
+    none    told of a noisy tracker: what does not go on falling
     reject  too short, never touching the board, deep in it, pushed while in the air, or with a frame missing
 
 Velocities look one frame ahead, so a toss comes out one frame after its last. A missing frame is a gap: nothing is interpolated
@@ -9,6 +10,7 @@ over it. One class serves live streams and recordings, and its state can be writ
 """
 
 from collections.abc import Mapping
+from math import dist
 from typing import Any
 
 from contact_curation.errors import InvalidValueError
@@ -16,8 +18,12 @@ from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.scalars import Quaternion, Vector, third_row
 from contact_curation.motion.free_fall import MEMORY, FallDetector
 from contact_curation.motion.segmenter_config import SegmenterConfig
+from contact_curation.motion.smoothing import noise_growth
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
 from contact_curation.motion.toss_rules import Frame, Motion, cut, reasons_against
+
+CONFIRMED, FALLING = 0.1, 0.85
+"""Where noise may look like free fall a toss is none unless it falls over so long a time [s] by that share of gravity."""
 
 STEPS = 15
 """So many last stamp differences tell a stream's frame period."""
@@ -35,6 +41,7 @@ class TossSegmenter:
 
     def __init__(self, config: SegmenterConfig, polytope: Polytope, *, body: str, source: str) -> None:
         self.config = config
+        self._bounds = config.widened
         self.body = body
         self.source = source
         self._polytope = polytope
@@ -140,7 +147,7 @@ class TossSegmenter:
     def _look_for_start(self) -> None:
         """Starts a toss at the frame before the last but one, whose acceleration and the next one's are known by now."""
         del self._run[:-MEMORY]
-        config = self.config
+        config = self._bounds
         if config.bounded and not config.over_board(*self._run[-1].position[:2]):
             self._outside = True
         if len(self._run) < 3 or not self._fall.falls(config.gravity, config.fall_tolerance, config.fall_mean_tolerance):
@@ -164,7 +171,10 @@ class TossSegmenter:
         )
 
     def _look_for_end(self) -> tuple[Toss | Rejected, ...]:
-        """Ends a toss at the frame before the last when it came to rest there, or gives it up."""
+        """Ends a toss at the frame before the last when it came to rest there, gives it up, or finds that it was none."""
+        if self._was_no_fall():
+            self._start, self._still = None, 0
+            return ()
         if self._still >= self.config.rest_frames:
             return (self._ended(len(self._run) - 1),)
         self._count_still(self._run[-2], self._run[-1])
@@ -173,13 +183,40 @@ class TossSegmenter:
             return (self._given_up(f"frames: found {frames} without rest, expected rest within {self.config.most_frames}"),)
         return ()
 
+    def _was_no_fall(self) -> bool:
+        """Whether a toss that noise began turns out to be held: it comes to rest in the air, or does not go on falling.
+
+        The latter is looked at once, over its first `CONFIRMED`, if it is in the air for all of it.
+        """
+        period_ns = self._period_ns(self._run[-1].stamp_ns - self._run[-2].stamp_ns)
+        if self.config.tracker_noise * noise_growth(period_ns / NANOSECONDS) <= 1.0:
+            return False
+        half = max(round(0.5 * CONFIRMED * NANOSECONDS / period_ns), 1)
+        seen = self._run[self._motion_start :]
+        resting = self._still >= self.config.rest_frames
+        if not (resting or len(seen) == 2 * half + 1):
+            return False
+        if min(min(self._corner_heights(frame)) for frame in seen) <= self.config.airborne_clearance:
+            return False
+        first, middle, last = seen[0], seen[len(seen) // 2], seen[-1]
+        rises = [(b.position[2] - a.position[2]) / (b.stamp_ns - a.stamp_ns) for a, b in ((first, middle), (middle, last))]
+        acceleration = 2.0 * (rises[1] - rises[0]) / (last.stamp_ns - first.stamp_ns) * NANOSECONDS**2
+        return resting or acceleration > -FALLING * self.config.gravity
+
     def _count_still(self, before: Frame, after: Frame) -> None:
-        """Counts the successive displacements, up to the newest, of a body at rest."""
+        """Counts the successive displacements, up to the newest, of a body at rest.
+
+        One may be as long as the tracker's noise makes it; all together they lead no further than a quiet body's may.
+        """
+        config = self.config
         moved = sum((b - a) * (b - a) for a, b in zip(before.position, after.position))
-        still = (
-            moved <= self.config.rest_displacement**2 and after.position[2] < self.config.rest_height and self._is_flat(after)
-        )
+        quiet = moved <= self._bounds.rest_displacement**2
+        still = quiet and after.position[2] < config.rest_height and self._is_flat(after)
         self._still = self._still + 1 if still else 0
+        if self._still >= config.rest_frames < len(self._run):
+            first = self._run[-1 - config.rest_frames]
+            if dist(first.position, after.position) > config.rest_frames * config.rest_displacement:
+                self._still = config.rest_frames - 1
 
     def _is_flat(self, frame: Frame) -> bool:
         heights = sorted(self._corner_heights(frame))
@@ -201,7 +238,7 @@ class TossSegmenter:
 
     def _ended(self, stop: int) -> Toss | Rejected:
         motion = self._cut(stop)
-        reasons = reasons_against(motion, self._polytope, self.config)
+        reasons = reasons_against(motion, self._polytope, self._bounds)
         return Rejected(motion.toss, reasons) if reasons else motion.toss
 
     def _given_up(self, why: str) -> Rejected:

@@ -6,7 +6,7 @@ from math import inf, isfinite
 from contact_curation.errors import InvalidValueError
 
 WIDEST_FALL = 0.75
-"""Of gravity."""
+"""Of gravity: a body at rest does not fall, however noisy its poses are."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,8 @@ class SegmenterConfig:
         frame_period: nominal time between frames [s]; None: the median of the stamp differences.
         largest_gap: longest time between frames, in frame periods.
         most_frames: a longer motion is given up.
+        tracker_noise: how many times as noisy from frame to frame as the real rig's the poses are, 0.022 mm and 0.024 degrees
+            per axis; bounds that noise reaches grow with it, those of the gates, too.
         filter_orientations: take the median of three of the orientations first, for raw trackers; ContactNets' files had that
             done.
     """
@@ -55,6 +57,7 @@ class SegmenterConfig:
     frame_period: float | None = None
     largest_gap: float = 1.5
     most_frames: int = 4096
+    tracker_noise: float = 1.0
     filter_orientations: bool = False
 
     def __post_init__(self) -> None:
@@ -65,13 +68,13 @@ class SegmenterConfig:
                     raise InvalidValueError(field.name, value, "two numbers, the lower first [m]")
             elif field.name != "filter_orientations" and value is not None and not value > 0.0:
                 raise InvalidValueError(field.name, value, "a positive number")
+        if not 1.0 <= self.tracker_noise < inf:
+            raise InvalidValueError("tracker_noise", self.tracker_noise, "1 or more, in multiples of the real rig's")
 
-    def of_tracker(self, noise: float) -> "SegmenterConfig":
-        """The same for poses that are `noise` times as noisy as the real rig's: what noise reaches grows with it.
-
-        The bounds of free fall stay within `WIDEST_FALL` of gravity: a body at rest must not seem to fall.
-        """
-        widest = WIDEST_FALL * self.gravity
+    @property
+    def widened(self) -> "SegmenterConfig":
+        """With the bounds that noise reaches as `tracker_noise` wants them; those of free fall stay within `WIDEST_FALL`."""
+        noise, widest = self.tracker_noise, WIDEST_FALL * self.gravity
         return replace(
             self,
             fall_tolerance=max(self.fall_tolerance, min(noise * self.fall_tolerance, widest)),

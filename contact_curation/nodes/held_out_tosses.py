@@ -11,8 +11,9 @@ from contact_curation.contact.model import Model
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation import EvaluationConfig, evaluate_model
+from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Toss
-from contact_curation.storage.inputs import Problem, open_inputs
+from contact_curation.storage.inputs import InputsConfig, Problem, open_inputs
 
 
 class HeldOutErrors(NamedTuple):
@@ -37,13 +38,15 @@ class HeldOutTosses:
     Args:
         paths: recordings; none for no held-out tosses.
         body: what was tossed.
+        tracker_noise: of their tracker (`SegmenterConfig`).
 
     Raises:
         InvalidValueError: there is no toss in them.
     """
 
-    def __init__(self, paths: Sequence[str], body: Body) -> None:
-        found = list(open_inputs([Path(path) for path in paths], body))
+    def __init__(self, paths: Sequence[str], body: Body, tracker_noise: float = 1.0) -> None:
+        config = InputsConfig(segmenter=SegmenterConfig(tracker_noise=tracker_noise))
+        found = list(open_inputs([Path(path) for path in paths], body, config))
         self.tosses = tuple(one for one in found if isinstance(one, Toss))
         if paths and not self.tosses:
             why = next((str(one) for one in found if isinstance(one, Problem)), f"no toss in {', '.join(paths)}")

@@ -136,7 +136,7 @@ class PoseIngest(StageNode):
         }  # fmt: skip
         if self._ingest is not None:
             values["noise"] = f"{self._ingest.noise.multiple:.1f}"
-            if complaint := self._ingest.noise.complaint(self._poses.tracker_noise, "tracker_noise"):
+            if rate and (complaint := self._ingest.noise_complaint()):
                 return Health(complaint, values, warning=True)
         if self._topics.source is None:
             return Health(f"waiting for poses: {self._topics.waiting_for or 'none yet'}", values, warning=True)
@@ -151,8 +151,7 @@ def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> Inge
         with BagReader(Path(recording)) as reader:
             segmenter = with_recorded_rules(segmenter, reader.note(NOTE))
     gates = declare_config(node, replace(GateConfig(), gravity=body.gravity), "gates.")
-    gates = gates.of_body(gates.gravity, body.friction)
-    return IngestConfig(poses.tracker(body.name, poses.board_frame), segmenter, gates).of_tracker(poses.tracker_noise)
+    return IngestConfig(poses.tracker(body.name, poses.board_frame), segmenter, gates.of_body(gates.gravity, body.friction))
 
 
 def main() -> int:

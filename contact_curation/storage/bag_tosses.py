@@ -86,11 +86,10 @@ class BagTosses:
             config.poses.tracker(body.name, source.board_frame),
             replace(config.segmenter, gravity=body.gravity),
             config.gates.of_body(body.gravity, body.friction),
-        ).of_tracker(config.poses.tracker_noise)
+        )
         self.origin = origin
         self.source = source
         self.settle_time = config.segmenter.settle_time
-        self._told_noise = config.poses.tracker_noise
         self._body = body.name
         self._of_another = is_of_another(source.body.name, body.name, config.poses)
         self._numbers = numbers
@@ -124,7 +123,7 @@ class BagTosses:
         if self._steps and self._steps < LOWEST_RATE * self._stepped:
             rate = self._steps / self._stepped
             yield f"found poses of {self.source.body.name} at {rate:.3g} Hz, expected 60 Hz or more: tosses may go unseen"
-        if complaint := self._ingest.noise.complaint(self._told_noise, "--set poses.tracker_noise"):
+        if complaint := self._ingest.noise_complaint():
             yield complaint
         for kind, first in self._bad.items():
             which = f"the first one, of '{first.child}' at {first.stamp_ns / NANOSECONDS:.6f} s"

@@ -24,7 +24,7 @@ def read_contactnets_tosses(path: Path, body: Body, config: InputsConfig) -> Inp
         UnreadableInputError: there are no files, or no file is a toss.
     """
     files = contactnets_files(path)
-    gates = config.gates.of_body(body.gravity, body.friction).of_tracker(config.poses.tracker_noise)
+    gates = config.gates.of_body(body.gravity, body.friction).of_tracker(config.segmenter.tracker_noise)
     config = replace(config, gates=gates)
     digests = [file_sha256(file) for file in files]
     counts: Counter[str] = Counter()

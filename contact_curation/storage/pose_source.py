@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
-from math import isfinite
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -39,8 +38,6 @@ class PoseTopicConfig:
         tags: what is asked of a pose from tags.
         largest_speed: from tags, faster than this from pose to pose is a jump [m/s].
         largest_spin: likewise [rad/s].
-        tracker_noise: how many times as noisy from frame to frame as the real rig's poses these are, 0.022 mm and 0.024 degrees
-            per axis; the segmenter's and the gates' bounds that noise reaches grow with it.
     """
 
     topic: str = ""
@@ -53,11 +50,8 @@ class PoseTopicConfig:
     tags: TagPoseConfig = field(default_factory=TagPoseConfig)
     largest_speed: float = 10.0
     largest_spin: float = 60.0
-    tracker_noise: float = 1.0
 
     def __post_init__(self) -> None:
-        if not (isfinite(self.tracker_noise) and self.tracker_noise >= 1.0):
-            raise InvalidValueError("tracker_noise", self.tracker_noise, "1 or more, in multiples of the real rig's")
         if self.array_index < 0:
             raise InvalidValueError("array_index", self.array_index, "0 or more")
 

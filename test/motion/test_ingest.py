@@ -2,14 +2,16 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.scalars import ScalarPose
-from contact_curation.motion.body_tracker import TrackerConfig
+from contact_curation.motion.body_tracker import BodyPose, TrackerConfig
 from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.ingest import IngestConfig, IngestEvent, TossIngest
 from contact_curation.motion.pose_stream import BadPose, FramePose
+from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected, Toss
 from test.motion.streams import CUBE, Throw, board_in_map, in_map, noisy, stream
 
@@ -55,19 +57,50 @@ def test_without_gates_the_glitch_passes() -> None:
     assert [type(event) for event in ingested(spiked(MEASURED, 80), fresh(config))] == [Toss, Toss]
 
 
-@pytest.mark.parametrize(("rate", "multiple"), [(60, 10.0), (148, 3.0), (148, 5.0), (240, 5.0)])
+def told(noise: float) -> IngestConfig:
+    return IngestConfig(CONFIG.tracker, SegmenterConfig(tracker_noise=noise))
+
+
+def held_and_dropped(rate: int) -> list[BodyPose]:
+    """Two seconds in the hand, then let go."""
+    flown = stream(Throw(velocity=(0.0, 0.0, 0.0), carried=0, seen=rate), start_ns=2 * 10**9, period_ns=10**9 // rate)
+    held = [BodyPose(flown[0].stamp_ns - k * 10**9 // rate, flown[0].pose) for k in range(2 * rate - 2, 0, -1)]
+    return [*held, *flown]
+
+
+@pytest.mark.parametrize(("rate", "multiple"), [(60, 8.0), (148, 3.0), (148, 8.0), (240, 5.0)])
 def test_a_noisier_tracker_loses_its_toss_until_it_is_told_of(rate: int, multiple: float) -> None:
-    period_ns = 10**9 // rate
-    throw = Throw(carried=rate // 7 + 4, seen=rate)
-    measured = [board_in_map(), *in_map(noisy(stream(throw, period_ns=period_ns), multiple))]
+    poses = held_and_dropped(rate)
+    measured = [board_in_map(), *in_map(noisy(poses, multiple))]
     assert not any(isinstance(event, Toss) for event in ingested(measured, fresh()))
-    (toss,) = ingested(measured, fresh(CONFIG.of_tracker(multiple)))
+    (toss,) = ingested(measured, fresh(told(multiple)))
     assert isinstance(toss, Toss)
+    assert -0.05e9 < toss.stamps_ns[0] - 2e9 < 0.06e9
+
+
+@pytest.mark.parametrize("multiple", [1.0, 5.0, 8.0])
+def test_a_noisier_trackers_toss_ends_where_the_body_lies_and_not_where_it_slides(multiple: float) -> None:
+    poses = stream()
+    (toss,) = ingested([board_in_map(), *in_map(noisy(poses, multiple))], fresh(told(multiple)))
+    assert isinstance(toss, Toss)
+    last = next(one for one in poses if one.stamp_ns == toss.stamps_ns[-1])
+    assert np.linalg.norm(np.subtract(last.pose.position, poses[-1].pose.position)) < 1e-3
+
+
+def test_a_noisier_trackers_board_is_still_seen_to_lie_elsewhere() -> None:
+    lifted = [
+        BodyPose(one.stamp_ns, ScalarPose((x, y, z + 0.005), one.pose.orientation_wxyz))
+        for one in held_and_dropped(148)
+        for x, y, z in [one.pose.position]
+    ]
+    (kept_back,) = ingested([board_in_map(), *in_map(noisy(lifted, 5.0))], fresh(told(5.0)))
+    assert isinstance(kept_back, Rejected)
+    assert any(line.startswith("height at rest") for line in kept_back.reasons)
 
 
 def test_what_a_noisier_tracker_glitches_is_still_seen() -> None:
     measured = [board_in_map(), *in_map(noisy(stream(), 3.0))]
-    (kept_back,) = ingested(spiked(measured, 80), fresh(CONFIG.of_tracker(3.0)))
+    (kept_back,) = ingested(spiked(measured, 80), fresh(told(3.0)))
     assert isinstance(kept_back, Rejected)
     assert any(line.startswith("displacement beside the velocity") for line in kept_back.reasons)
 

@@ -169,11 +169,14 @@ def test_bounds_so_wide_that_everything_falls_are_no_crash() -> None:
 
 @pytest.mark.parametrize("noise", [1.0, 5.0, 100.0])
 def test_however_noisy_a_tracker_is_said_to_be_a_body_at_rest_does_not_fall(noise: float) -> None:
-    told = SegmenterConfig().of_tracker(noise)
-    assert told.rest_displacement == pytest.approx(noise * 0.3e-3)
-    assert told.airborne_acceleration == pytest.approx(noise * 9.81 / 2.0)
     resting = [BodyPose(round(k * PERIOD_NS), ScalarPose((0.0, 0.0, 0.3), (1.0, 0.0, 0.0, 0.0))) for k in range(40)]
-    assert cut(resting, told) == []
+    assert cut(resting, SegmenterConfig(tracker_noise=noise)) == []
+
+
+@pytest.mark.parametrize("noise", [0.5, 0.0, -1.0, float("nan"), float("inf")])
+def test_a_tracker_is_as_noisy_as_the_real_rigs_or_more(noise: float) -> None:
+    with pytest.raises(InvalidValueError, match="tracker_noise: found"):
+        SegmenterConfig(tracker_noise=noise)
 
 
 def test_a_configured_frame_period_is_the_toss_s() -> None:

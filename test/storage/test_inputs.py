@@ -9,10 +9,11 @@ import torch
 from rosbags.rosbag2 import StoragePlugin
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.errors import InvalidValueError, MissingTopicError
+from contact_curation.errors import MissingTopicError
 from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.pose_stream import FramePose
+from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.storage.inputs import InputsConfig, InputSummary, Problem, open_inputs
 from contact_curation.storage.pose_messages import ODOMETRY, POSE, POSE_ARRAY, POSE_WITH_COVARIANCE, TF
@@ -293,12 +294,6 @@ def test_poses_noisier_than_was_told_are_a_line_and_with_what_it_says_their_toss
     items, _ = opened(path)
     assert "Toss" not in kinds(items)
     (line,) = (line for line in lines(items) if "scatter" in line)
-    assert "expected 0.022 mm: say --set poses.tracker_noise=" in line
-    told, _ = opened(path, poses=PoseTopicConfig(tracker_noise=float(line.partition("tracker_noise=")[2].partition(",")[0])))
+    noise = float(line.partition("say segmenter.tracker_noise=")[2].partition(",")[0])
+    told, _ = opened(path, segmenter=SegmenterConfig(tracker_noise=noise))
     assert kinds(told) == ["Toss", "Toss"]
-
-
-@pytest.mark.parametrize("noise", [0.5, 0.0, -1.0, float("nan"), float("inf")])
-def test_a_tracker_is_as_noisy_as_the_real_rigs_or_more(noise: float) -> None:
-    with pytest.raises(InvalidValueError, match="tracker_noise: found"):
-        PoseTopicConfig(tracker_noise=noise)
