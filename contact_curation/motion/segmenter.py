@@ -206,7 +206,7 @@ class TossSegmenter:
     def _count_still(self, before: Frame, after: Frame) -> None:
         """Counts the successive displacements, up to the newest, of a body at rest.
 
-        One may be as long as the tracker's noise makes it; all together they lead no further than a quiet body's may.
+        One may be as long as the tracker's noise makes it; together they lead nowhere that those of a quiet body may not.
         """
         config = self.config
         moved = sum((b - a) * (b - a) for a, b in zip(before.position, after.position))
@@ -214,8 +214,9 @@ class TossSegmenter:
         still = quiet and after.position[2] < config.rest_height and self._is_flat(after)
         self._still = self._still + 1 if still else 0
         if self._still >= config.rest_frames < len(self._run):
-            first = self._run[-1 - config.rest_frames]
-            if dist(first.position, after.position) > config.rest_frames * config.rest_displacement:
+            first, *others = self._run[-1 - config.rest_frames :]
+            furthest = max(dist(first.position, other.position) for other in others)
+            if furthest > config.rest_frames * config.rest_displacement:
                 self._still = config.rest_frames - 1
 
     def _is_flat(self, frame: Frame) -> bool:

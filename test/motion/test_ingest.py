@@ -63,7 +63,11 @@ def told(noise: float) -> IngestConfig:
 
 def held_and_dropped(rate: int) -> list[BodyPose]:
     """Two seconds in the hand, then let go."""
-    flown = stream(Throw(velocity=(0.0, 0.0, 0.0), carried=0, seen=rate), start_ns=2 * 10**9, period_ns=10**9 // rate)
+    flown = stream(
+        Throw(position=(0.1, 0.2, 0.5), velocity=(0.0, 0.0, 0.0), spin=0.0, carried=0, seen=rate),
+        start_ns=2 * 10**9,
+        period_ns=10**9 // rate,
+    )
     held = [BodyPose(flown[0].stamp_ns - k * 10**9 // rate, flown[0].pose) for k in range(2 * rate - 2, 0, -1)]
     return [*held, *flown]
 
