@@ -10,7 +10,7 @@ over it. One class serves live streams and recordings, and its state can be writ
 """
 
 from collections.abc import Mapping
-from math import dist
+from math import ceil, dist
 from typing import Any
 
 from contact_curation.errors import InvalidValueError
@@ -144,6 +144,16 @@ class TossSegmenter:
             return step_ns
         return sorted(self._steps_ns)[(len(self._steps_ns) - 1) // 2]
 
+    @property
+    def _period(self) -> float:
+        """The frame period, as far as it is known [s]."""
+        return self._period_ns(self._run[-1].stamp_ns - self._run[-2].stamp_ns) / NANOSECONDS
+
+    @property
+    def _frames_at_rest(self) -> int:
+        """Over so many a body is at rest: as long, in time, as at the rate that the rules are made for."""
+        return ceil(self.config.rest_frames * noise_growth(self._period))
+
     def _look_for_start(self) -> None:
         """Starts a toss at the frame before the last but one, whose acceleration and the next one's are known by now."""
         del self._run[:-MEMORY]
@@ -175,11 +185,11 @@ class TossSegmenter:
         if self._was_no_fall():
             self._start, self._still = None, 0
             return ()
-        if self._still >= self.config.rest_frames:
+        if self._still >= self._frames_at_rest:
             return (self._ended(len(self._run) - 1),)
         self._count_still(self._run[-2], self._run[-1])
         frames = len(self._run) - self._motion_start
-        if frames > self.config.most_frames and self._still < self.config.rest_frames:
+        if frames > self.config.most_frames and self._still < self._frames_at_rest:
             return (self._given_up(f"frames: found {frames} without rest, expected rest within {self.config.most_frames}"),)
         return ()
 
@@ -188,12 +198,12 @@ class TossSegmenter:
 
         The latter is looked at once, over its first `CONFIRMED`, if it is in the air for all of it.
         """
-        period_ns = self._period_ns(self._run[-1].stamp_ns - self._run[-2].stamp_ns)
-        if self.config.tracker_noise * noise_growth(period_ns / NANOSECONDS) <= 1.0:
+        period = self._period
+        if self.config.tracker_noise * noise_growth(period) <= 1.0:
             return False
-        half = max(round(0.5 * CONFIRMED * NANOSECONDS / period_ns), 1)
+        half = max(round(0.5 * CONFIRMED / period), 1)
         seen = self._run[self._motion_start :]
-        resting = self._still >= self.config.rest_frames
+        resting = self._still >= self._frames_at_rest
         if not (resting or len(seen) == 2 * half + 1):
             return False
         if min(min(self._corner_heights(frame)) for frame in seen) <= self.config.airborne_clearance:
@@ -213,11 +223,11 @@ class TossSegmenter:
         quiet = moved <= self._bounds.rest_displacement**2
         still = quiet and after.position[2] < config.rest_height and self._is_flat(after)
         self._still = self._still + 1 if still else 0
-        if self._still >= config.rest_frames < len(self._run):
-            first, *others = self._run[-1 - config.rest_frames :]
-            furthest = max(dist(first.position, other.position) for other in others)
-            if furthest > config.rest_frames * config.rest_displacement:
-                self._still = config.rest_frames - 1
+        frames = self._frames_at_rest
+        if self._still >= frames < len(self._run):
+            first, *others = self._run[-1 - frames :]
+            if max(dist(first.position, other.position) for other in others) > config.rest_frames * config.rest_displacement:
+                self._still = frames - 1
 
     def _is_flat(self, frame: Frame) -> bool:
         heights = sorted(self._corner_heights(frame))
@@ -232,7 +242,7 @@ class TossSegmenter:
         """Ends the run; its toss is complete if it rests, else rejected."""
         ended: tuple[Toss | Rejected, ...] = ()
         if self._start is not None:
-            resting = self._still >= self.config.rest_frames
+            resting = self._still >= self._frames_at_rest
             ended = (self._ended(len(self._run)) if resting else self._given_up(why),)
         self._run, self._fall = [], FallDetector()
         return ended

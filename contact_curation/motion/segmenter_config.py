@@ -22,7 +22,7 @@ class SegmenterConfig:
         region_y: likewise [m].
         settle_time: time without free fall that separates two motions [s].
         rest_displacement: a body at rest moves at most this from frame to frame [m].
-        rest_frames: so many displacements in a row.
+        rest_frames: so many displacements in a row; more over 150 frames a second, for as long a time.
         flat_tolerance: a flat body has three corners at most this over its lowest [m].
         rest_height: its origin is lower than this at rest [m]; see `CONTACTNETS_RULES`.
         shortest: a toss takes at least this long [s].
