@@ -26,6 +26,9 @@ EVEN = 1.2
 LOUD = 1.6
 """Times what was told; from there on tosses are lost (benchmarks/tracker_noise.py)."""
 
+MOST = 8.0
+"""With more, tosses are lost whatever is told."""
+
 SLOWEST = 0.02
 """A longer median step says nothing, since the body's own motion is all that is seen [s]."""
 
@@ -66,4 +69,5 @@ class PoseNoise:
             return ""
         found, expected = (f"{1e3 * RIG_NOISE * each:.2g} mm" for each in (multiple, told))
         noisy = f"found positions that scatter by {found} from frame to frame, expected {expected}"
-        return f"{noisy}: tosses may be lost; say segmenter.tracker_noise={multiple:.1f}, or smooth them"
+        remedy = f"say segmenter.tracker_noise={multiple:.1f}" if multiple <= MOST else "smooth them, or take fewer a second"
+        return f"{noisy}: tosses may be lost; {remedy}"

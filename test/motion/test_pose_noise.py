@@ -31,6 +31,7 @@ def test_far_more_noise_than_was_told_is_a_line_that_says_what_to_tell() -> None
     assert line.startswith("found positions that scatter by 0.1")
     assert "expected 0.022 mm" in line
     assert "say segmenter.tracker_noise=" in line
+    assert followed(20.0).complaint(1.0).endswith("smooth them, or take fewer a second")
     assert noise.complaint(5.0) == followed(1.0).complaint(1.0) == ""
 
 
