@@ -10,7 +10,7 @@ over it. One class serves live streams and recordings, and its state can be writ
 """
 
 from collections.abc import Mapping
-from math import ceil, dist
+from math import dist
 from typing import Any
 
 from contact_curation.errors import InvalidValueError
@@ -21,6 +21,9 @@ from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.smoothing import noise_growth
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
 from contact_curation.motion.toss_rules import Frame, Motion, cut, reasons_against
+
+DOUBTFUL = 1.2
+"""Times the real rig's noise, that of accelerations by rate counted in: from there on it may look like free fall."""
 
 CONFIRMED, FALLING = 0.1, 0.85
 """Where noise may look like free fall a toss is none unless it falls over so long a time [s] by that share of gravity."""
@@ -152,7 +155,7 @@ class TossSegmenter:
     @property
     def _frames_at_rest(self) -> int:
         """Over so many a body is at rest: as long, in time, as at the rate that the rules are made for."""
-        return ceil(self.config.rest_frames * noise_growth(self._period))
+        return round(self.config.rest_frames * noise_growth(self._period))
 
     def _look_for_start(self) -> None:
         """Starts a toss at the frame before the last but one, whose acceleration and the next one's are known by now."""
@@ -199,7 +202,7 @@ class TossSegmenter:
         The latter is looked at once, over its first `CONFIRMED`, if it is in the air for all of it.
         """
         period = self._period
-        if self.config.tracker_noise * noise_growth(period) <= 1.0:
+        if self.config.tracker_noise * noise_growth(period) <= DOUBTFUL:
             return False
         half = max(round(0.5 * CONFIRMED / period), 1)
         seen = self._run[self._motion_start :]
