@@ -179,17 +179,6 @@ def test_a_tracker_is_as_noisy_as_the_real_rigs_or_more(noise: float) -> None:
         SegmenterConfig(tracker_noise=noise)
 
 
-def test_stamps_that_jitter_about_the_rigs_rate_change_nothing_of_what_a_toss_is() -> None:
-    poses = stream()
-    rng = np.random.default_rng(1)
-    jitter = rng.integers(-400_000, 400_000, len(poses)).tolist()
-    even, uneven = (
-        tossed(cut([BodyPose(one.stamp_ns + late, one.pose) for one, late in zip(poses, lates, strict=True)]))
-        for lates in ([0] * len(poses), jitter)
-    )
-    assert even.frames - uneven.frames in (-1, 0, 1)
-
-
 def test_a_configured_frame_period_is_the_toss_s() -> None:
     assert tossed(cut(stream(), SegmenterConfig(frame_period=1.0 / 148.0))).frame_period == 1.0 / 148.0
 
