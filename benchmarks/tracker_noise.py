@@ -27,7 +27,7 @@ from contact_curation.motion.pose_stream import FramePose
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
 from contact_curation.sim.free_motion import free_motion
-from test.simulated import RIG_NOISE, release_states
+from test.simulated import RIG_NOISE, TrackerNoise, release_states, with_noise
 
 RATES = (60, 148, 240)
 MULTIPLES = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0)
@@ -63,10 +63,9 @@ class Row:
 
 
 class Outcome(NamedTuple):
-    """What keeps a toss back, empty for one that passed; when that begins after the release [s], how far it slides on [m]."""
+    """What keeps a toss back, empty for one that passed; how far that slides on after its end [m]."""
 
     against: str
-    late: float = np.nan
     to_slide: float = np.nan
 
 
@@ -97,10 +96,10 @@ def rows_of_rate(rate: int, count: int, seed: int) -> Iterator[Row]:
     motions = [motion(release, 1.0 / rate) for release in releases]
     for multiple in MULTIPLES:
         rng = np.random.default_rng([seed, rate])
-        streams = [noisy(poses, multiple, rng) for poses in motions]
+        noise = TrackerNoise(multiple * RIG_NOISE.position, multiple * RIG_NOISE.orientation)
+        streams = [with_noise(poses, noise, rng) for poses in motions]
         plain, told = (
-            [outcome(poses, true, rate, noise) for poses, true in zip(streams, motions, strict=True)]
-            for noise in (1.0, max(multiple, 1.0))
+            [outcome(poses, true, rate, said) for poses, true in zip(streams, motions, strict=True)] for said in (1.0, multiple)
         )
         passed, passed_told = (float(np.mean([not one.against for one in each])) for each in (plain, told))
         in_hand = float(np.mean([one.against == IN_HAND for one in told]))
@@ -119,13 +118,6 @@ def motion(release: Array, period: float) -> Array:
     return np.concatenate([np.concatenate([release[:3] + way * release[7:10], turned], axis=1), flown[:, :7]])
 
 
-def noisy(poses: Array, multiple: float, rng: np.random.Generator) -> Array:
-    """As the tracker tells them."""
-    white = multiple * rng.standard_normal((2, len(poses), 3))
-    turned = quaternions.multiply(poses[:, 3:], quaternions.exp(RIG_NOISE.orientation * white[1]))
-    return np.concatenate([poses[:, :3] + RIG_NOISE.position * white[0], turned], axis=1)
-
-
 def outcome(poses: Array, true: Array, rate: int, noise: float) -> Outcome:
     """What becomes of a stream with one toss, told that the tracker is so noisy."""
     config = IngestConfig(TrackerConfig(CUBE.name, BOARD), SegmenterConfig(tracker_noise=noise))
@@ -140,7 +132,7 @@ def outcome(poses: Array, true: Array, rate: int, noise: float) -> Outcome:
             late = one.stamps_ns[0] / NANOSECONDS - round((HELD + SWUNG) * rate) / rate
             last = round(one.stamps_ns[-1] * rate / NANOSECONDS)
             to_slide = float(np.linalg.norm(true[-1, :3] - true[last, :3]))
-            return Outcome(IN_HAND if late < -EARLY else "", late, to_slide)
+            return Outcome(IN_HAND if late < -EARLY else "", to_slide)
     rejected = [one for one in ended if isinstance(one, Rejected)]
     return Outcome(rejected[0].reasons[0].partition(":")[0] if rejected else "no free fall seen")
 

@@ -1,10 +1,10 @@
-"""The kernel's gradient steps, a transition each: what all models have in common, and those of a polytope, field by field."""
+"""The kernel's gradient steps, a transition each: its structures field by field, its call, and the steps of a polytope."""
 
 import ctypes
 import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +20,8 @@ PIECES = ("vertices_normal", "normal", "vertices_tangent", "tangents")
 """The published form's parameters, in the kernel's order."""
 
 
-class StepPace(NamedTuple):
-    """AdamW's learning rate and weight decay for some of the parameters."""
-
-    rate: float
-    decay: float
+MAX_LAYERS, MAX_WIDTH = 8, 256
+"""The kernel's."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +57,69 @@ class DescentRows(NamedTuple):
     periods: Array
 
 
+class CompiledMoments(ctypes.Structure):
+    """The kernel's `Moments` (contact/kernel/descent.hpp, as all here)."""
+
+    _fields_ = (("theta", ctypes.c_void_p), ("first", ctypes.c_void_p), ("second", ctypes.c_void_p))
+
+    @staticmethod
+    def of(moments: Moments) -> "CompiledMoments":
+        return CompiledMoments(*(array.ctypes.data for array in (moments.theta, moments.first, moments.second)))
+
+
+class CompiledLayer(ctypes.Structure):
+    """The kernel's `Layer`."""
+
+    _fields_ = (
+        ("inputs", ctypes.c_int64),
+        ("outputs", ctypes.c_int64),
+        ("weight", CompiledMoments),
+        ("bias", CompiledMoments),
+    )
+
+
+class CompiledNetwork(ctypes.Structure):
+    """The kernel's `Network`."""
+
+    _fields_ = (("layers", ctypes.c_int64), ("rectified", ctypes.c_int64), ("layer", CompiledLayer * MAX_LAYERS))
+
+
+class StepPace(ctypes.Structure):
+    """AdamW's learning rate and weight decay for some of the parameters; the kernel's `Pace`."""
+
+    _fields_ = (("rate", ctypes.c_double), ("decay", ctypes.c_double))
+
+
+class CompiledDescent(ctypes.Structure):
+    """The kernel's `Descent`, field by field."""
+
+    _fields_ = (
+        ("rows", ctypes.c_void_p),
+        ("shares", ctypes.c_void_p),
+        ("steps", ctypes.c_int64),
+        ("regularizer", ctypes.c_double),
+        ("polytope", StepPace),
+        ("network", StepPace),
+        ("first_beta", ctypes.c_double),
+        ("second_beta", ctypes.c_double),
+        ("epsilon", ctypes.c_double),
+        ("theta", CompiledMoments * len(PIECES)),
+        ("networks", CompiledNetwork * 2),
+        ("mean", ctypes.c_void_p),
+        ("scale", ctypes.c_void_p),
+        ("share", ctypes.c_double),
+        ("squared", ctypes.c_int64),
+        ("seen", ctypes.c_double),
+        ("loss_sum", ctypes.c_double),
+    )
+
+    def take_polytope(self, model: CompiledModel, pieces: Mapping[str, Moments]) -> None:
+        """Has the kernel read and change theta where training has it: `pieces` of `PIECES`."""
+        for place, name in enumerate(PIECES):
+            setattr(model, name, pieces[name].theta.ctypes.data)
+            self.theta[place] = CompiledMoments.of(pieces[name])
+
+
 class KernelDescent:
     """Gradient steps of one model in the kernel: loss, regulariser and AdamW.
 
@@ -70,12 +130,12 @@ class KernelDescent:
         model: physics, and what the kernel reads of theta.
         rows: to step down.
         rules: how.
-        job: the kernel's structure, with what is peculiar to the model.
+        job: with what is peculiar to the model.
         owners: of what `model` and `job` point to.
     """
 
     def __init__(
-        self, name: str, model: CompiledModel, rows: DescentRows, rules: DescentRules, job: Any, owners: object
+        self, name: str, model: CompiledModel, rows: DescentRows, rules: DescentRules, job: CompiledDescent, owners: object
     ) -> None:
         arrays = DescentRows(*(np.ascontiguousarray(values, dtype=float) for values in rows))
         self._owners = owners, arrays
@@ -123,39 +183,9 @@ def polytope_descent(
         rows, rules: as in `KernelDescent`.
         pace: of all parameters.
     """
-    model, job = CompiledModel(geometry, body, rules.loss), _Descent(rate=pace.rate, decay=pace.decay)
-    point_to_pieces(model, moments)
-    for part in ("theta", "first", "second"):
-        addresses = (getattr(moments[name], part).ctypes.data for name in PIECES)
-        setattr(job, part, (ctypes.c_void_p * len(PIECES))(*addresses))
+    model, job = CompiledModel(geometry, body, rules.loss), CompiledDescent(polytope=pace)
+    job.take_polytope(model, moments)
     return KernelDescent("contact_curation_descend", model, rows, rules, job, moments)
-
-
-def point_to_pieces(model: CompiledModel, moments: Mapping[str, Moments]) -> None:
-    """Has the kernel read theta where training changes it."""
-    for name in PIECES:
-        setattr(model, name, moments[name].theta.ctypes.data)
-
-
-class _Descent(ctypes.Structure):
-    """The kernel's `Descent`, field by field (contact/kernel/polytope_descent.cpp)."""
-
-    _fields_ = (
-        ("rows", ctypes.c_void_p),
-        ("shares", ctypes.c_void_p),
-        ("steps", ctypes.c_int64),
-        ("regularizer", ctypes.c_double),
-        ("rate", ctypes.c_double),
-        ("decay", ctypes.c_double),
-        ("first_beta", ctypes.c_double),
-        ("second_beta", ctypes.c_double),
-        ("epsilon", ctypes.c_double),
-        ("theta", ctypes.c_void_p * len(PIECES)),
-        ("first", ctypes.c_void_p * len(PIECES)),
-        ("second", ctypes.c_void_p * len(PIECES)),
-        ("seen", ctypes.c_double),
-        ("loss_sum", ctypes.c_double),
-    )
 
 
 @functools.cache

@@ -1,18 +1,22 @@
-"""The kernel's gradient steps of a model with networks, a transition each: its structures field by field."""
+"""The kernel's gradient steps of a model with networks, a transition each."""
 
-import ctypes
 from collections.abc import Mapping
 
 import numpy as np
 
 from contact_curation.contact.compiled_descent import (
+    MAX_LAYERS,
+    MAX_WIDTH,
     PIECES,
+    CompiledDescent,
+    CompiledLayer,
+    CompiledMoments,
+    CompiledNetwork,
     DescentRows,
     DescentRules,
     KernelDescent,
     Moments,
     StepPace,
-    point_to_pieces,
 )
 from contact_curation.contact.compiled_evaluation import CompiledModel
 from contact_curation.contact.deep_model import NETWORK_SHARE as DEEP_SHARE
@@ -26,9 +30,6 @@ from contact_curation.contact.stream_network import Activation, StreamNetwork
 from contact_curation.solver.cone_problem import MAX_CONTACTS
 
 type NetworkModel = DeepModel | DeepvertexModel | EndToEndModel
-
-MAX_LAYERS, MAX_WIDTH = 8, 256
-"""The kernel's."""
 
 
 def fits_kernel(model: NetworkModel) -> bool:
@@ -71,22 +72,18 @@ def network_descent(
         polytope, network: paces of the two kinds of parameters.
     """
     compiled = CompiledModel(fixed_geometry(model), model.body, rules.loss)
-    job = _Descent(
-        polytope_rate=polytope.rate, polytope_decay=polytope.decay, network_rate=network.rate, network_decay=network.decay
-    )
+    job = CompiledDescent(polytope=polytope, network=network)
     for place, (name, one) in enumerate(_networks(model).items()):
         job.networks[place] = _network(name, one, moments)
     constants: object = None
     match model:
         case DeepModel():
-            own = {piece: moments[f"polytope.{piece}"] for piece in PIECES}
-            point_to_pieces(compiled, own)
-            for place, piece in enumerate(own.values()):
-                job.theta[place] = _Moments.of(piece)
+            job.take_polytope(compiled, {piece: moments[f"polytope.{piece}"] for piece in PIECES})
             job.share = DEEP_SHARE
         case DeepvertexModel() | EndToEndModel():
             constants = mean, scale = model.scaling.mean, model.scaling.scale
-            job.mean, job.scale, job.share = mean.data_ptr(), scale.data_ptr(), DEEPVERTEX_SHARE
+            job.mean, job.scale = mean.data_ptr(), scale.data_ptr()
+            job.share = DEEPVERTEX_SHARE if isinstance(model, DeepvertexModel) else 1.0
     job.squared = int(isinstance(model, EndToEndModel) and model.loss is ImpulseLoss.SQUARED)
     function = f"contact_curation_descend_{model.kind.value}"
     return KernelDescent(function, compiled, rows, rules, job, (moments, constants))
@@ -97,53 +94,9 @@ def _networks(model: NetworkModel) -> dict[str, StreamNetwork]:
     return {name: module for name, module in model.named_children() if isinstance(module, StreamNetwork)}
 
 
-def _network(name: str, network: StreamNetwork, moments: Mapping[str, Moments]) -> "_Network":
-    layers = _Network(len(network.linear), int(network.activation is Activation.RELU))
+def _network(name: str, network: StreamNetwork, moments: Mapping[str, Moments]) -> CompiledNetwork:
+    layers = CompiledNetwork(len(network.linear), int(network.activation is Activation.RELU))
     for depth, layer in enumerate(network.linear):
-        weight, bias = (_Moments.of(moments[f"{name}.layers.{depth}.{part}"]) for part in ("weight", "bias"))
-        layers.layer[depth] = _Layer(layer.in_features, layer.out_features, weight, bias)
+        weight, bias = (CompiledMoments.of(moments[f"{name}.layers.{depth}.{part}"]) for part in ("weight", "bias"))
+        layers.layer[depth] = CompiledLayer(layer.in_features, layer.out_features, weight, bias)
     return layers
-
-
-class _Moments(ctypes.Structure):
-    """The kernel's `Moments` (contact/kernel/stream_pass.hpp)."""
-
-    _fields_ = (("theta", ctypes.c_void_p), ("first", ctypes.c_void_p), ("second", ctypes.c_void_p))
-
-    @staticmethod
-    def of(moments: Moments) -> "_Moments":
-        return _Moments(*(array.ctypes.data for array in (moments.theta, moments.first, moments.second)))
-
-
-class _Layer(ctypes.Structure):
-    _fields_ = (("inputs", ctypes.c_int64), ("outputs", ctypes.c_int64), ("weight", _Moments), ("bias", _Moments))
-
-
-class _Network(ctypes.Structure):
-    _fields_ = (("layers", ctypes.c_int64), ("rectified", ctypes.c_int64), ("layer", _Layer * MAX_LAYERS))
-
-
-class _Descent(ctypes.Structure):
-    """The kernel's `NetworkDescent`, field by field (contact/kernel/network_descent.cpp)."""
-
-    _fields_ = (
-        ("rows", ctypes.c_void_p),
-        ("shares", ctypes.c_void_p),
-        ("steps", ctypes.c_int64),
-        ("regularizer", ctypes.c_double),
-        ("polytope_rate", ctypes.c_double),
-        ("polytope_decay", ctypes.c_double),
-        ("network_rate", ctypes.c_double),
-        ("network_decay", ctypes.c_double),
-        ("first_beta", ctypes.c_double),
-        ("second_beta", ctypes.c_double),
-        ("epsilon", ctypes.c_double),
-        ("theta", _Moments * len(PIECES)),
-        ("networks", _Network * 2),
-        ("mean", ctypes.c_void_p),
-        ("scale", ctypes.c_void_p),
-        ("share", ctypes.c_double),
-        ("squared", ctypes.c_int64),
-        ("seen", ctypes.c_double),
-        ("loss_sum", ctypes.c_double),
-    )

@@ -205,10 +205,10 @@ class TossSegmenter:
         if self.config.tracker_noise * noise_growth(period) <= DOUBTFUL:
             return False
         half = max(round(0.5 * CONFIRMED / period), 1)
-        seen = self._run[self._motion_start :]
         resting = self._still >= self._frames_at_rest
-        if not (resting or len(seen) == 2 * half + 1):
+        if not (resting or len(self._run) - self._motion_start == 2 * half + 1):
             return False
+        seen = self._run[self._motion_start :]
         if min(min(self._corner_heights(frame)) for frame in seen) <= self.config.airborne_clearance:
             return False
         first, middle, last = seen[0], seen[len(seen) // 2], seen[-1]

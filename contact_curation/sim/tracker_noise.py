@@ -15,6 +15,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.pose_noise import RIG_NOISE
 from contact_curation.motion.toss import NANOSECONDS
 
 BLOCK = 1024
@@ -40,7 +41,7 @@ class TrackerNoiseConfig:
         latency: from a frame's stamp until its pose is told [s].
     """
 
-    position: float = 2.2e-5
+    position: float = RIG_NOISE
     turn: float = float(np.radians(0.024))
     spike_rate: float = 0.0
     spike_position: float = 0.02

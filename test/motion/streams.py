@@ -7,19 +7,18 @@ from math import cos, hypot, sin
 import numpy as np
 
 from contact_curation.contact.body import CONTACTNETS_CUBE, STANDARD_GRAVITY
-from contact_curation.geometry import quaternions
+from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.scalars import Quaternion, ScalarPose, Vector, compose
 from contact_curation.motion.body_tracker import BodyPose
-from contact_curation.motion.pose_noise import RIG_NOISE
 from contact_curation.motion.pose_stream import FramePose
 from contact_curation.motion.toss import NANOSECONDS
+from contact_curation.sim.tracker_noise import TrackerNoise, TrackerNoiseConfig
 
 CUBE = CONTACTNETS_CUBE.polytope
 HALF_WIDTH = CONTACTNETS_CUBE.length_scale
 PERIOD_NS = round(NANOSECONDS / 148)
 BOARD = ScalarPose((0.4, -1.3, 0.7), (cos(0.9), 0.6 * sin(0.9), 0.0, -0.8 * sin(0.9)))
 SUBSTEPS = 50
-RIG_TURN_NOISE = np.radians(0.024)
 
 
 @dataclass(frozen=True)
@@ -83,13 +82,14 @@ def flown_frames(throw: Throw, period_ns: int) -> list[ScalarPose]:
 
 def noisy(poses: Sequence[BodyPose], multiple: float, seed: int = 3) -> list[BodyPose]:
     """The same poses by a tracker `multiple` times as noisy as the real rig's."""
-    rng, moved = np.random.default_rng(seed), []
+    rig, told = TrackerNoiseConfig(), []
+    tracker = TrackerNoise(TrackerNoiseConfig(multiple * rig.position, multiple * rig.turn), seed)
     for one in poses:
-        shift, turn = multiple * np.array([[RIG_NOISE], [RIG_TURN_NOISE]]) * rng.standard_normal((2, 3))
-        x, y, z = (np.array(one.pose.position) + shift).tolist()
-        a, b, c, d = quaternions.multiply(one.pose.orientation_wxyz, quaternions.exp(turn)).tolist()
-        moved.append(BodyPose(one.stamp_ns, ScalarPose((x, y, z), (a, b, c, d))))
-    return moved
+        seen = tracker.seen(one.stamp_ns, Pose(np.array(one.pose.position), np.array(one.pose.orientation_wxyz)))
+        assert seen is not None
+        (x, y, z), (a, b, c, d) = seen.position.tolist(), seen.orientation_wxyz.tolist()
+        told.append(BodyPose(one.stamp_ns, ScalarPose((x, y, z), (a, b, c, d))))
+    return told
 
 
 def in_map(poses: Sequence[BodyPose], board: ScalarPose = BOARD, child: str = "body_cube") -> list[FramePose]:

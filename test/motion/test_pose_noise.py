@@ -70,10 +70,3 @@ def test_neither_a_gap_nor_a_jump_of_the_clock_is_noise() -> None:
             x, y, z = one.pose.position
             noise.push(one.stamp_ns, (x + 10.0 * toss, y, z))
     assert noise.multiple < 0.5
-
-
-def test_the_rigs_noise_is_that_of_the_simulated_tracker() -> None:
-    from contact_curation.sim.tracker_noise import TrackerNoiseConfig
-
-    assert TrackerNoiseConfig().position == RIG_NOISE
-    assert np.isfinite(RIG_NOISE)

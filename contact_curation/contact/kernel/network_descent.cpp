@@ -7,25 +7,6 @@
 
 namespace contact_curation {
 
-constexpr int kPieces = 4;  // vertices_normal, normal, vertices_tangent, tangents: the order of theta
-
-// Mirrored by ctypes. S steps.
-struct NetworkDescent {
-  const int64_t *rows;   // (S,)
-  const double *shares;  // (S,) of both rates
-  int64_t steps;
-  double regularizer;  // weight of each contact's
-  double polytope_rate, polytope_decay, network_rate, network_decay;
-  double first_beta, second_beta, epsilon;
-  Moments theta[kPieces];      // deep's polytope: what the model points to
-  Network networks[2];         // of the gaps and of the tangents; of the others the first alone
-  const double *mean, *scale;  // (D,) of the inputs
-  double share;                // what a network's outputs are multiplied with
-  int64_t squared;             // whether end to end's loss is a square
-  double seen;                 // steps that the moments have seen; counted on
-  double loss_sum;             // added to
-};
-
 namespace {
 
 // vec(R hat e_c), row by row: how the rotation turns about the body's axis c.
@@ -45,7 +26,7 @@ struct DeepSteps {
   StreamPass normal, tangent;
   VertexSlopes by_vertices;
 
-  bool find(const PolytopeModel &model, const Evaluation &rows, const NetworkDescent &job, const Frame &at) {
+  bool find(const PolytopeModel &model, const Evaluation &rows, const Descent &job, const Frame &at) {
     forward(job, at);
     ContactNumbers contacts;
     vertices.find(model, at, model.vertices_normal, model.vertices_normal, model.vertices_tangent, contacts);
@@ -74,7 +55,7 @@ struct DeepSteps {
     return finite && normal.reverse(job.networks[0], bends) && tangent.reverse(job.networks[1], sideways);
   }
 
-  void descend(const PolytopeModel &model, const NetworkDescent &job, const AdamW &polytope, const AdamW &network) {
+  void descend(const PolytopeModel &model, const Descent &job, const AdamW &polytope, const AdamW &network) {
     const double *slopes[kPieces] = {by_vertices.here[0], by_vertices.normal, by_vertices.rubbing[0], by_vertices.tangents[0]};
     const int sizes[kPieces] = {3 * model.contacts, 3, 3 * model.contacts, 6};
     for (int piece = 0; piece < kPieces; ++piece) {
@@ -89,7 +70,7 @@ struct DeepSteps {
 
  private:
   // Both poses and the six twists of the first through the network of the gaps; the first and its twists through the other.
-  void forward(const NetworkDescent &job, const Frame &at) {
+  void forward(const Descent &job, const Frame &at) {
     Lane inputs[12] = {}, first[12] = {};
     for (int a = 0; a < 3; ++a) {
       inputs[a][0] = at.position[a], inputs[a][1] = at.position_next[a], inputs[a][2 + a] = 1.0;
@@ -112,7 +93,7 @@ struct DeepvertexSteps {
   ContactSlopes found;
   StreamPass shifts;
 
-  bool find(const PolytopeModel &model, const Evaluation &rows, const NetworkDescent &job, const Frame &at) {
+  bool find(const PolytopeModel &model, const Evaluation &rows, const Descent &job, const Frame &at) {
     Lane inputs[9] = {};
     double turned[9];
     for (int k = 0; k < 9; ++k) {
@@ -152,7 +133,7 @@ struct DeepvertexSteps {
     return shifts.reverse(job.networks[0], slopes);
   }
 
-  void descend(const PolytopeModel &, const NetworkDescent &job, const AdamW &, const AdamW &network) {
+  void descend(const PolytopeModel &, const Descent &job, const AdamW &, const AdamW &network) {
     shifts.descend(job.networks[0], network);
   }
 
@@ -163,7 +144,7 @@ struct EndToEndSteps {
   StreamPass impulse;
   double value = 0.0;
 
-  bool find(const PolytopeModel &model, const Evaluation &, const NetworkDescent &job, const Frame &at) {
+  bool find(const PolytopeModel &model, const Evaluation &, const Descent &job, const Frame &at) {
     constexpr int kInputs = 24;
     double seen[kInputs] = {};
     for (int a = 0; a < 3; ++a) seen[a] = at.position[a];
@@ -192,7 +173,7 @@ struct EndToEndSteps {
     return impulse.reverse(job.networks[0], slopes);
   }
 
-  void descend(const PolytopeModel &, const NetworkDescent &job, const AdamW &, const AdamW &network) {
+  void descend(const PolytopeModel &, const Descent &job, const AdamW &, const AdamW &network) {
     impulse.descend(job.networks[0], network);
   }
 
@@ -200,7 +181,7 @@ struct EndToEndSteps {
 };
 
 template <class Steps>
-int64_t descend(const PolytopeModel &model, const Evaluation &rows, NetworkDescent &job) {
+int64_t descend(const PolytopeModel &model, const Evaluation &rows, Descent &job) {
   if (model.contacts < 1 || model.contacts > kMaxContacts) return 0;
   const auto steps = std::make_unique<Steps>();
   Frame at;
@@ -208,11 +189,7 @@ int64_t descend(const PolytopeModel &model, const Evaluation &rows, NetworkDesce
     at.load(model, rows, job.rows[step]);
     if (!steps->find(model, rows, job, at)) return step;
     job.seen += 1.0;
-    const double share = job.shares[step];
-    const auto pace = [&](double rate, double decay) {
-      return AdamW(share * rate, decay, job.first_beta, job.second_beta, job.epsilon, job.seen);
-    };
-    steps->descend(model, job, pace(job.polytope_rate, job.polytope_decay), pace(job.network_rate, job.network_decay));
+    steps->descend(model, job, job.adamw(step, job.polytope), job.adamw(step, job.network));
     job.loss_sum += steps->loss();
   }
   return job.steps;
@@ -227,15 +204,15 @@ int64_t descend(const PolytopeModel &model, const Evaluation &rows, NetworkDesce
 extern "C" {
 using namespace contact_curation;
 
-int64_t contact_curation_descend_deep(const PolytopeModel *model, const Evaluation *rows, NetworkDescent *job) {
+int64_t contact_curation_descend_deep(const PolytopeModel *model, const Evaluation *rows, Descent *job) {
   return descend<DeepSteps>(*model, *rows, *job);
 }
 
-int64_t contact_curation_descend_deepvertex(const PolytopeModel *model, const Evaluation *rows, NetworkDescent *job) {
+int64_t contact_curation_descend_deepvertex(const PolytopeModel *model, const Evaluation *rows, Descent *job) {
   return descend<DeepvertexSteps>(*model, *rows, *job);
 }
 
-int64_t contact_curation_descend_end_to_end(const PolytopeModel *model, const Evaluation *rows, NetworkDescent *job) {
+int64_t contact_curation_descend_end_to_end(const PolytopeModel *model, const Evaluation *rows, Descent *job) {
   return descend<EndToEndSteps>(*model, *rows, *job);
 }
 }

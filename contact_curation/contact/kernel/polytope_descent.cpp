@@ -3,28 +3,9 @@
 #include <cmath>
 #include <memory>
 
-#include "adamw.hpp"
+#include "descent.hpp"
 #include "polytope_rows.hpp"
 #include "scale_slopes.hpp"
-
-namespace contact_curation {
-
-constexpr int kPieces = 4;  // vertices_normal, normal, vertices_tangent, tangents: the order of theta and of its slopes
-
-// Mirrored by ctypes. S steps; the moments are AdamW's, by piece and shaped like it.
-struct Descent {
-  const int64_t *rows;       // (S,)
-  const double *shares;      // (S,) of the rate
-  int64_t steps;
-  double regularizer;        // weight of each contact's; the same slopes at every contact
-  double rate, decay, first_beta, second_beta, epsilon;
-  double *theta[kPieces];    // what the model points to
-  double *first[kPieces], *second[kPieces];
-  double seen;               // steps that the moments have seen; counted on
-  double loss_sum;           // added to
-};
-
-}  // namespace contact_curation
 
 // Steps down the rows in turn. Returns how many were taken: it stops, and leaves everything as it was, before the first row whose
 // impulses carry no certificate or whose loss or slope is not finite.
@@ -44,10 +25,12 @@ extern "C" int64_t contact_curation_descend(const contact_curation::PolytopeMode
     add_scale_slopes(model->normal, model->tangents, 3, job->regularizer * model->contacts, by_normal, by_tangents);
     if (!std::all_of(slopes, slopes + count, [](double slope) { return std::isfinite(slope); })) return step;
     job->seen += 1.0;
-    const AdamW adamw(job->shares[step] * job->rate, job->decay, job->first_beta, job->second_beta, job->epsilon, job->seen);
+    const AdamW adamw = job->adamw(step, job->polytope);
     const double *by_piece = slopes;
-    for (int piece = 0; piece < kPieces; by_piece += sizes[piece++])
-      adamw.step(job->theta[piece], job->first[piece], job->second[piece], by_piece, sizes[piece]);
+    for (int piece = 0; piece < kPieces; by_piece += sizes[piece++]) {
+      const Moments &theta = job->theta[piece];
+      adamw.step(theta.theta, theta.first, theta.second, by_piece, sizes[piece]);
+    }
     job->loss_sum += at->outcome.loss[0];
   }
   return job->steps;

@@ -8,32 +8,10 @@
 #include <cmath>
 #include <cstdint>
 
-#include "adamw.hpp"
+#include "descent.hpp"
 #include "lanes.hpp"
 
 namespace contact_curation {
-
-constexpr int kMaxLayers = 8;
-constexpr int kMaxWidth = 256;
-
-// Mirrored by ctypes. An array of parameters with AdamW's moments, all in one shape.
-struct Moments {
-  double *theta, *first, *second;
-};
-
-// Mirrored by ctypes.
-struct Layer {
-  int64_t inputs, outputs;
-  Moments weight;  // (outputs, inputs)
-  Moments bias;    // (outputs,)
-};
-
-// Mirrored by ctypes.
-struct Network {
-  int64_t layers;
-  int64_t rectified;  // max(0, z) between the layers, else tanh
-  Layer layer[kMaxLayers];
-};
 
 class StreamPass {
  public:
