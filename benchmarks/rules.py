@@ -31,7 +31,7 @@ import torch
 from benchmarks._data import contactnets_folder, training_and_held_out
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import Estimator
-from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
+from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import INITIAL_NOISE, PolytopeModel
 from contact_curation.information.pool import Indices
@@ -45,7 +45,7 @@ from contact_curation.learning.experiment_run import FIT, ONE_THREAD, Bench, run
 from contact_curation.learning.experiment_summary import Summary, summarised
 from contact_curation.learning.polytope_sums import polytope_sums
 from contact_curation.motion.gates import GateConfig, footing
-from contact_curation.motion.rig import Rig, rig_of
+from contact_curation.motion.rig import LEVEL, RigEvidence, evidence_of
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 
@@ -84,10 +84,10 @@ def main() -> int:
     recorded = recorded_bench()
     if recorded is None:
         return 0
-    rig = rig_of(recorded.training, recorded.body.polytope)
-    bench = recorded.on(rig)
+    evidence = evidence_of(recorded.training, recorded.body.polytope)
+    bench = recorded.on(evidence.rig())
     if arguments.what == "rig":
-        print_rig(recorded, rig)
+        print_rig(recorded, evidence)
     elif arguments.what == "why":
         print_why(bench)
     elif arguments.what == "ground":
@@ -103,16 +103,15 @@ def recorded_bench() -> Bench | None:
     return None if folder is None else Bench(CONTACTNETS_CUBE, training_and_held_out(folder).training, (), GateConfig())
 
 
-def print_rig(bench: Bench, rig: Rig) -> None:
+def print_rig(bench: Bench, evidence: RigEvidence) -> None:
     """Lean, metre and rest of the tosses as recorded, and fits to them and to what is put right."""
-    print(
-        f"{rig.rests} tosses at rest: the board leans by {np.degrees(rig.lean):.2f} degrees, normal {np.round(rig.normal, 4)}"
-    )
-    print(f"{rig.falls} tosses in the air: lengths are to be multiplied with {rig.scale:.4f}")
+    rig, at_rest, falls = evidence.rig(), evidence.rests.sum(), evidence.falls.sum()
+    print(f"{at_rest} tosses at rest: the board leans by {np.degrees(rig.lean):.2f} degrees, normal {np.round(rig.normal, 4)}")
+    print(f"{falls} tosses in the air: lengths are to be multiplied with {rig.scale:.4f}")
     rigs = {
-        "as recorded": replace(rig, normal=UPWARD, scale=1.0),
+        "as recorded": LEVEL,
         "levelled": replace(rig, scale=1.0),
-        "lengthened": replace(rig, normal=UPWARD),
+        "lengthened": replace(rig, normal=LEVEL.normal),
         "put right": rig,
     }
     columns = f"{'position %':>12}{'rotation':>10}"

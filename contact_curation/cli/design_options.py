@@ -7,16 +7,15 @@ from pathlib import Path
 from contact_curation.cli.body_option import add_body_option, chosen_body
 from contact_curation.cli.option_types import PathEndingIn, natural_number, positive_integer
 from contact_curation.cli.reading import ReadingConfig
-from contact_curation.cli.reading_options import add_pose_options, stages_of
+from contact_curation.cli.reading_options import SHARED_STAGES, add_pose_options, inputs_of, stages_of
 from contact_curation.cli.report import add_json_option
 from contact_curation.cli.settings import add_settings
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.design.outlook import OutlookConfig
 from contact_curation.design.planner import DesignConfig
-from contact_curation.storage.inputs import InputsConfig
 
 BASELINES = ("paper", "prior")
-STAGES = ("design", "forecast", "safety", "noise", "placement", "refinement", "loss", "poses", "segmenter", "gates")
+STAGES = ("design", "forecast", "safety", "noise", "placement", "refinement", "loss", *SHARED_STAGES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,5 +103,5 @@ def design_config(arguments: argparse.Namespace) -> DesignOptions:
     return DesignOptions(
         design=replace(stages["design"], outlook=judged, refinement=stages["refinement"]),
         loss=stages["loss"],
-        reading=ReadingConfig(chosen_body(arguments), InputsConfig(stages["poses"], stages["segmenter"], stages["gates"])),
+        reading=ReadingConfig(chosen_body(arguments), inputs_of(stages)),
     )

@@ -5,10 +5,10 @@ from pathlib import Path
 
 from contact_curation.cli.held_out_option import add_held_out_option
 from contact_curation.cli.option_types import PathEndingIn, natural_number
-from contact_curation.cli.reading_options import add_reading_options
+from contact_curation.cli.reading_options import SHARED_STAGES, add_reading_options
 from contact_curation.cli.report import add_json_option
 
-STAGES = ("poses", "segmenter", "gates", "loss", "sweeps", "bootstrap", "known")
+STAGES = (*SHARED_STAGES, "loss", "sweeps", "bootstrap", "known")
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

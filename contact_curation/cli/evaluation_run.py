@@ -14,7 +14,7 @@ from contact_curation.cli.evaluation_tosses import JudgingTosses, judging_tosses
 from contact_curation.cli.output_paths import check_outputs
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.reading import ReadingConfig
-from contact_curation.cli.reading_options import stages_of
+from contact_curation.cli.reading_options import inputs_of, stages_of
 from contact_curation.cli.report import print_json, warn
 from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.contact.parameter_form import is_physical
@@ -26,7 +26,6 @@ from contact_curation.learning.evaluation import EvaluationConfig, evaluate_mode
 from contact_curation.learning.known import Known, KnownConfig, known
 from contact_curation.motion.transitions import transitions_of
 from contact_curation.solver.compiled import load_kernel
-from contact_curation.storage.inputs import InputsConfig
 
 
 def run_evaluation(arguments: argparse.Namespace) -> int:
@@ -37,8 +36,7 @@ def run_evaluation(arguments: argparse.Namespace) -> int:
     body = chosen_body(arguments)
     defaults = {"loss": DEFAULT_LOSS, "sweeps": DEFAULT_LIMITS, "bootstrap": BootstrapConfig(), "known": KnownConfig()}
     stages = stages_of(arguments, defaults)
-    gates = replace(stages["gates"], enabled=stages["gates"].enabled and not arguments.no_gate)
-    reading = ReadingConfig(body, InputsConfig(stages["poses"], stages["segmenter"], gates))
+    reading = ReadingConfig(body, inputs_of(stages, gated=not arguments.no_gate))
     seed = stages["bootstrap"].seed if arguments.seed is None else arguments.seed
     bootstrap = replace(stages["bootstrap"], seed=seed)
     config = EvaluationConfig(stages["loss"], stages["sweeps"], bootstrap, threads=os.cpu_count() or 1)

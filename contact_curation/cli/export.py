@@ -6,12 +6,11 @@ from pathlib import Path
 from contact_curation.cli.body_option import chosen_body
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.reading import ReadingConfig
-from contact_curation.cli.reading_options import add_reading_options, stages_of
+from contact_curation.cli.reading_options import SHARED_STAGES, add_reading_options, inputs_of, stages_of
 from contact_curation.cli.report import add_json_option, counted, print_json, warn
 from contact_curation.errors import InvalidValueError
 
 KINDS = ("mcap", "contactnets", "lerobot")
-STAGES = ("poses", "segmenter", "gates")
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -20,7 +19,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "Writes the tosses that a ranking kept: as parts of their recordings, as ContactNets' files, or as a LeRobot dataset. "
         "Inputs and options are those that were ranked; no input is changed."
     )
-    add_reading_options(parser, STAGES)
+    add_reading_options(parser, SHARED_STAGES)
     parser.add_argument("--manifest", type=Path, required=True, metavar="FILE", help="what `contact-curation rank` wrote")
     parser.add_argument("--format", choices=KINDS, required=True, help="mcap: the recorded messages, byte for byte")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="a folder that is empty or not there yet")
@@ -38,13 +37,11 @@ def run(arguments: argparse.Namespace) -> int:
     """
     from contact_curation.cli.export_formats import FORMATS, export_job
     from contact_curation.storage.export_folder import staged_folder
-    from contact_curation.storage.input_records import InputsConfig
 
     if arguments.per_toss and arguments.format != "mcap":
         raise InvalidValueError("--per-toss", f"--format {arguments.format}", "--format mcap")
     stages = stages_of(arguments, {})
-    inputs = InputsConfig(stages["poses"], stages["segmenter"], stages["gates"])
-    reading = ReadingConfig(chosen_body(arguments), inputs)
+    reading = ReadingConfig(chosen_body(arguments), inputs_of(stages))
     with staged_folder(arguments.out) as folder:
         job = export_job(arguments.inputs, reading, arguments.manifest, per_toss=arguments.per_toss)
         with Progress("reading", "tosses") as progress:

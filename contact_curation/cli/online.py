@@ -14,7 +14,7 @@ from contact_curation.cli.node_parameters import write_node_parameters
 from contact_curation.cli.online_events import EventLog
 from contact_curation.cli.online_graph import supervised
 from contact_curation.cli.online_options import OnlineConfig, add_online_options, online_config
-from contact_curation.cli.online_parameters import DASHBOARD, SessionFolder, session_parameters, write_tag_map
+from contact_curation.cli.online_parameters import DASHBOARD, SessionFolder, judged_inputs, session_parameters, write_tag_map
 from contact_curation.cli.online_record import finish_record
 from contact_curation.cli.online_session import Session
 from contact_curation.cli.online_summary import Summary, print_summary, summary_of
@@ -26,7 +26,6 @@ from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.body_file import read_body
-from contact_curation.storage.inputs import InputsConfig
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -70,9 +69,10 @@ def check_recordings(config: OnlineConfig) -> None:
     Raises:
         ContactCurationError: one of them cannot be read, or there is no toss in any.
     """
+    inputs = judged_inputs(config)
     tosses, problems = 0, list[str]()
     for path in config.held_out:
-        reader = InputReader(path, ReadingConfig(_body(config), InputsConfig()))
+        reader = InputReader(path, ReadingConfig(_body(config), inputs))
         found = next(reader.tosses(), None) is not None
         if not (found or reader.reading().complete):
             raise ContactCurationError(reader.reading().problems[0])

@@ -1,7 +1,9 @@
 """What each node of a session is told: by the parameter file, over that by options, over that by the session itself."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from contact_curation.cli.free_port import free_port
 from contact_curation.cli.node_parameters import EVERY_NODE, Parameters, read_node_parameters
@@ -10,6 +12,7 @@ from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.tag_rig import rig_of
 from contact_curation.storage.atomic_file import write_atomically
+from contact_curation.storage.inputs import InputsConfig
 from contact_curation.storage.tag_map_file import tag_rig_yaml
 
 STAGES = ("pose_ingest", "fisher_scorer", "curator", "trainer", "throw_designer", "sim_arm", "sim_camera")
@@ -33,6 +36,9 @@ PORTS = {"web_port": 9090, "grpc_port": 9876}
 
 TIMEOUTS = {"toss_timeout": (3.0, 12.0), "goal_timeout": (15.0, 45.0)}
 """How long the designer waits, for a throw's toss and for a throw to be made: so many seconds, and so many simulated ones."""
+
+UNTOLD = InputsConfig()
+"""How recordings are read of which nothing is said."""
 
 KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "a word", list: "a list"}
 """What parameters are, in words."""
@@ -89,8 +95,7 @@ def session_parameters(config: OnlineConfig, body: Body, folder: SessionFolder) 
         ContactCurationError: the parameter file is none, or is for nodes that there are not.
     """
     names = [*STAGES, *([DASHBOARD] if config.dashboard or config.record else []), *([RECORDER] if config.record else [])]
-    given = read_node_parameters(config.params_file) if config.params_file else {}
-    _check_names(given, config.params_file)
+    given = _given(config)
     optional = _of_options(config, body)
     merged: dict[str, Parameters] = {}
     for name in names:
@@ -106,6 +111,27 @@ def session_parameters(config: OnlineConfig, body: Body, folder: SessionFolder) 
         if name in merged:
             merged[name] |= values
     return merged
+
+
+def judged_inputs(config: OnlineConfig) -> InputsConfig:
+    """How the trainer reads the recordings that its model is judged by.
+
+    Raises:
+        ContactCurationError: the parameter file is none, or says what cannot be.
+    """
+    given = _given(config)
+    told = {**given.get(EVERY_NODE, {}), **given.get("trainer", {})}
+    noise = float(told.get("segmenter.tracker_noise", UNTOLD.segmenter.tracker_noise))
+    own = {name.removeprefix("rig."): value for name, value in told.items() if name.startswith("rig.")}
+    rig: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in own.items()}
+    return replace(UNTOLD, segmenter=replace(UNTOLD.segmenter, tracker_noise=noise), rig=replace(UNTOLD.rig, **rig))
+
+
+def _given(config: OnlineConfig) -> dict[str, Parameters]:
+    """By node, what the parameter file says."""
+    given = read_node_parameters(config.params_file) if config.params_file else {}
+    _check_names(given, config.params_file)
+    return given
 
 
 def write_tag_map(config: OnlineConfig, body: Body, folder: SessionFolder) -> None:

@@ -1,6 +1,5 @@
 """What came of a session: one table for people, one object for programs."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 from pathlib import Path
@@ -10,6 +9,7 @@ import numpy as np
 
 from contact_curation.cli.online_events import EventLog
 from contact_curation.cli.online_options import OnlineConfig
+from contact_curation.cli.online_parameters import judged_inputs
 from contact_curation.cli.online_session import Session, gains, outcome_of
 from contact_curation.cli.online_stores import Standing
 from contact_curation.contact.body import Body
@@ -60,7 +60,7 @@ def summary_of(
         "parameters_version": standing.version,
         "rounds": standing.training.round if standing.training else 0,
         "gradient_steps": standing.training.gradient_steps if standing.training else 0,
-        "held_out": _held_out(config.held_out, checkpoint, body),
+        "held_out": _held_out(config, checkpoint, body),
         "restarts": {name: count for name, count in restarts.items() if count},
         "settled": session.settled,
         "dashboard": session.address,
@@ -125,9 +125,9 @@ def _throw(standing: Standing, place: int) -> dict[str, Any]:
     }
 
 
-def _held_out(paths: Sequence[Path], checkpoint: Path, body: Body) -> dict[str, Any] | None:
+def _held_out(config: OnlineConfig, checkpoint: Path, body: Body) -> dict[str, Any] | None:
     """Errors of the model in the checkpoint; None where there is none, or nothing to judge it by."""
-    tosses = [one for one in open_inputs(paths, body) if isinstance(one, Toss)]
+    tosses = [one for one in open_inputs(config.held_out, body, judged_inputs(config)) if isinstance(one, Toss)]
     if not (tosses and checkpoint.exists()):
         return None
     from contact_curation.learning.evaluation import EvaluationConfig, evaluate_model

@@ -10,6 +10,7 @@ from contact_curation.cli.online_parameters import SessionFolder
 from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.information.ranker import DEFAULT_CRITERION, STREAMED_CRITERION, RankingConfig
 from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.rig import LEVEL
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.storage.pose_source import PoseTopicConfig
 
@@ -49,6 +50,7 @@ def rank_command(folder: SessionFolder, parameters: Mapping[str, Parameters], bo
         words += ["--influence-bound", str(scorer["influence_bound"])]
     words += [word for name in POSES if ingest.get(name) for word in (f"--{name.replace('_', '-')}", str(ingest[name]))]
     words += _settings("segmenter", ingest, SegmenterConfig(), "segmenter.")
+    words += _settings("rig", ingest, LEVEL, "rig.")
     words += _settings("gates", ingest, GateConfig(), "gates.")
     words += _settings("poses", ingest, PoseTopicConfig(), "")
     words += _settings("loss", scorer, DEFAULT_LOSS, "loss.")

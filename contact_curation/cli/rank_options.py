@@ -12,7 +12,7 @@ from contact_curation.cli.held_out_tosses import HeldOutTosses
 from contact_curation.cli.option_types import PathEndingIn, natural_number, positive_integer, positive_number
 from contact_curation.cli.pool_scoring import PoolConfig
 from contact_curation.cli.reading import ReadingConfig
-from contact_curation.cli.reading_options import add_reading_options, stages_of
+from contact_curation.cli.reading_options import SHARED_STAGES, add_reading_options, inputs_of, stages_of
 from contact_curation.cli.report import add_json_option
 from contact_curation.cli.theta_options import form_of, thetas_of
 from contact_curation.contact.evaluation import Estimator
@@ -25,9 +25,8 @@ from contact_curation.information.ranker import CRITERIA, DEFAULT_CRITERION, Ran
 from contact_curation.information.score_folder import ScoreFolder
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.held_out import HeldOutRule
-from contact_curation.storage.inputs import InputsConfig
 
-STAGES = ("poses", "segmenter", "gates", "loss", "network", "ranking")
+STAGES = (*SHARED_STAGES, "loss", "network", "ranking")
 BLOCKS = ("all", "physical")
 FORMATS = (".parquet", ".csv", ".json")
 
@@ -145,10 +144,9 @@ def rank_config(arguments: argparse.Namespace) -> RankConfig:
     ranking = RankingConfig(arguments.criterion, arguments.top, arguments.seed, variant=arguments.variant)
     network = network_config_for(ModelKind(arguments.model))
     stages = stages_of(arguments, {"loss": DEFAULT_LOSS, "network": network, "ranking": ranking})
-    gates = replace(stages["gates"], enabled=stages["gates"].enabled and not arguments.no_gate)
     thetas = thetas_of(arguments, body)
     pool = PoolConfig(
-        reading=ReadingConfig(body, InputsConfig(stages["poses"], stages["segmenter"], gates)),
+        reading=ReadingConfig(body, inputs_of(stages, gated=not arguments.no_gate)),
         thetas=thetas,
         scoring=ScoringConfig(
             estimator=Estimator(arguments.estimator),

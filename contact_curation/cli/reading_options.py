@@ -10,11 +10,12 @@ from contact_curation.cli.body_option import add_body_option
 from contact_curation.cli.settings import add_settings, with_settings
 
 if TYPE_CHECKING:
+    from contact_curation.storage.inputs import InputsConfig
     from contact_curation.storage.pose_source import PoseTopicConfig
 
 
-SHARED_STAGES = ("poses", "segmenter", "gates")
-"""Of every verb that reads recordings."""
+SHARED_STAGES = ("poses", "segmenter", "rig", "gates")
+"""Of every verb that learns from recordings, or has them judge."""
 
 
 def add_reading_options(parser: argparse.ArgumentParser, stages: tuple[str, ...], *, needed: bool = True) -> None:
@@ -55,21 +56,30 @@ def reading_words(arguments: argparse.Namespace) -> list[str]:
 
 
 def stages_of(arguments: argparse.Namespace, others: Mapping[str, Any]) -> dict[str, Any]:
-    """The stages `poses`, `segmenter` and `gates` and the `others`, as the options want them.
+    """The stages `poses`, `segmenter`, `rig` and `gates` and the `others`, as the options want them.
 
     Raises:
         ContactCurationError: a setting that no stage accepts, or `--tag-map` names no map of tags.
     """
     from contact_curation.motion.gates import GateConfig
+    from contact_curation.motion.rig import LEVEL
     from contact_curation.motion.segmenter_config import SegmenterConfig
 
-    stages = {"poses": _poses_of(arguments), "segmenter": SegmenterConfig(), "gates": GateConfig(), **others}
+    stages = {"poses": _poses_of(arguments), "segmenter": SegmenterConfig(), "rig": LEVEL, "gates": GateConfig(), **others}
     chosen = with_settings(stages, arguments.settings)
     if tag_map := chosen["poses"].tag_map:
         from contact_curation.storage.tag_map_file import read_tag_maps
 
         read_tag_maps(Path(tag_map))  # so that a file that is none is said once, and not of every input
     return chosen
+
+
+def inputs_of(stages: Mapping[str, Any], *, gated: bool = True) -> "InputsConfig":
+    """How `stages_of` has recordings read; without gates where they are not wanted."""
+    from contact_curation.storage.inputs import InputsConfig
+
+    gates = replace(stages["gates"], enabled=stages["gates"].enabled and gated)
+    return InputsConfig(stages["poses"], stages["segmenter"], gates, stages["rig"])
 
 
 def _poses_of(arguments: argparse.Namespace) -> "PoseTopicConfig":

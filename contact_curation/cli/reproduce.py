@@ -6,7 +6,7 @@ from pathlib import Path
 
 from contact_curation.cli.held_out_option import add_held_out_option
 from contact_curation.cli.option_types import natural_number, number_from_zero, positive_integer
-from contact_curation.cli.reading_options import add_reading_options
+from contact_curation.cli.reading_options import SHARED_STAGES, add_reading_options
 from contact_curation.cli.report import add_json_option
 from contact_curation.errors import InvalidValueError
 
@@ -28,7 +28,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         f"INPUT it takes ContactNets' tosses, from the folder {TOSSES}/ in the one that {PUBLIC_DATA} names."
     )
     parser.add_argument("experiment", choices=EXPERIMENTS, metavar="EXPERIMENT", help=", ".join(EXPERIMENTS))
-    add_reading_options(parser, ("poses", "segmenter", "gates"), needed=False)
+    add_reading_options(parser, SHARED_STAGES, needed=False)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the results")
     group = parser.add_argument_group("what is run (defaults: docs/results.md)")
     add_held_out_option(group, f"default {PUBLIC_HELD_OUT}")

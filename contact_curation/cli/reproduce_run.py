@@ -17,7 +17,7 @@ from contact_curation.cli.body_option import chosen_body
 from contact_curation.cli.held_out_option import held_out_rule
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.reading import ReadingConfig
-from contact_curation.cli.reading_options import stages_of
+from contact_curation.cli.reading_options import inputs_of, stages_of
 from contact_curation.cli.report import counted, print_json, warn
 from contact_curation.cli.reproduce import BUDGET, PUBLIC_HELD_OUT
 from contact_curation.cli.reproduce_ledger import Ledger
@@ -39,7 +39,6 @@ from contact_curation.learning.experiment_cell import Protocol
 from contact_curation.learning.experiment_run import Bench, Row
 from contact_curation.learning.experiment_throws import ThrowsCell
 from contact_curation.motion.rig import rig_of
-from contact_curation.storage.inputs import InputsConfig
 
 
 class Finished(NamedTuple):
@@ -113,7 +112,7 @@ def _bench(arguments: argparse.Namespace) -> Bench:
     """
     body = chosen_body(arguments)
     stages = stages_of(arguments, {})
-    reading = ReadingConfig(body, InputsConfig(stages["poses"], stages["segmenter"], stages["gates"]))
+    reading = ReadingConfig(body, inputs_of(stages))
     rule = held_out_rule(arguments.held_out or PUBLIC_HELD_OUT)
     with Progress("reading", "tosses") as bar:
         tosses = learning_tosses(arguments.inputs, TossesConfig(reading, rule, said=True), bar.advance)

@@ -2,7 +2,6 @@
 
 import argparse
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,13 +10,12 @@ from contact_curation.cli.body_option import chosen_body
 from contact_curation.cli.known_tosses import tosses_in
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.reading import ReadingConfig
-from contact_curation.cli.reading_options import add_reading_options, stages_of
+from contact_curation.cli.reading_options import add_reading_options, inputs_of, stages_of
 from contact_curation.cli.report import add_json_option, counted_tosses, print_json, warn
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.bootstrap import BootstrapConfig, Interval
-from contact_curation.motion.rig import Rig, RigEvidence, evidence_of
-from contact_curation.storage.inputs import InputsConfig
+from contact_curation.motion.rig import LEVEL, Rig, RigEvidence, evidence_of
 
 BOOTSTRAP = BootstrapConfig(resamples=500)
 """Over tosses."""
@@ -28,9 +26,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Says by recorded tosses alone how the board lies in the frame of the poses, and how long the tracker's metre is: "
         "bodies come to rest flat on the board, and fall by their gravity. No gate is applied, since a rig that is far off "
-        "would have every toss kept back. Intervals are 95 %, by the bootstrap over tosses."
+        "would have every toss kept back. The last line is what other verbs take to put tosses right. Intervals are 95 %, by "
+        "the bootstrap over tosses."
     )
-    add_reading_options(parser, ("poses", "segmenter"))
+    add_reading_options(parser, ("poses", "segmenter", "rig"))
     add_json_option(parser)
     parser.set_defaults(run=run)
 
@@ -43,17 +42,18 @@ def run(arguments: argparse.Namespace) -> int:
     """
     body = chosen_body(arguments)
     stages = stages_of(arguments, {})
-    inputs = InputsConfig(stages["poses"], stages["segmenter"], replace(stages["gates"], enabled=False))
+    inputs = inputs_of(stages, gated=False)
     with Progress("reading", "tosses") as progress:
         tosses, warnings = tosses_in(arguments.inputs, None, ReadingConfig(body, inputs), progress.advance)
     warn(warnings)
     evidence = evidence_of(tosses, body.polytope)
     rig = evidence.rig(body.gravity)
     told = _told(evidence, body.gravity)
+    settings = settings_of(rig) if stages["rig"] == LEVEL else ()
     if arguments.json:
-        print_json(_document(evidence, rig, told, warnings))
+        print_json(_document(evidence, rig, told, settings, warnings))
     else:
-        print("\n".join(_lines(evidence, rig, told)))
+        print("\n".join(_lines(evidence, rig, told, settings)))
     return 0
 
 
@@ -77,21 +77,32 @@ def _statistics(evidence: RigEvidence, gravity: float) -> Array:
     return np.array([np.degrees(rig.lean), rig.scale, 1e3 * np.nanmedian(evidence.heights)])
 
 
-def _document(evidence: RigEvidence, rig: Rig, told: dict[str, Interval], warnings: Sequence[str]) -> dict[str, Any]:
+def settings_of(rig: Rig) -> tuple[str, ...]:
+    """What `--set` takes to put tosses of this rig right: to 1e-5 of the normal and the scale, and a tenth of a millimetre."""
+    normal = ",".join(f"{value:.5f}" for value in rig.normal)
+    centre = ",".join(f"{value:.4f}" for value in rig.centre)
+    return f"rig.normal={normal}", f"rig.centre={centre}", f"rig.scale={rig.scale:.5f}"
+
+
+def _document(
+    evidence: RigEvidence, rig: Rig, told: dict[str, Interval], settings: Sequence[str], warnings: Sequence[str]
+) -> dict[str, Any]:
     units = {"lean": "lean_degrees", "scale": "scale", "rest_height": "rest_height_mm"}
     return {
         "tosses": len(evidence.ends),
-        "at_rest": rig.rests,
-        "in_the_air": rig.falls,
-        "normal": rig.normal.tolist(),
+        "at_rest": int(evidence.rests.sum()),
+        "in_the_air": int(evidence.falls.sum()),
+        "normal": list(rig.normal),
         **{units[name]: value._asdict() for name, value in told.items()},
+        "settings": list(settings),
         "warnings": list(warnings),
     }
 
 
-def _lines(evidence: RigEvidence, rig: Rig, told: dict[str, Interval]) -> Iterator[str]:
+def _lines(evidence: RigEvidence, rig: Rig, told: dict[str, Interval], settings: Sequence[str]) -> Iterator[str]:
     lean, scale, height = told["lean"], told["scale"], told["rest_height"]
-    yield f"{counted_tosses(len(evidence.ends))}: {rig.rests} come to rest, {rig.falls} are long enough in the air"
+    rests, falls = int(evidence.rests.sum()), int(evidence.falls.sum())
+    yield f"{counted_tosses(len(evidence.ends))}: {rests} come to rest, {falls} are long enough in the air"
     normal = ", ".join(f"{value:.4f}" for value in rig.normal)
     yield (
         f"board   leans by {lean.value:.2f} degrees ({lean.low:.2f} to {lean.high:.2f}) in the frame of the poses: "
@@ -105,3 +116,5 @@ def _lines(evidence: RigEvidence, rig: Rig, told: dict[str, Interval]) -> Iterat
         f"height  bodies at rest lie {abs(height.value):.1f} mm {where} the board "
         f"({height.low:.1f} to {height.high:.1f}), by their corners as described"
     )
+    if settings:
+        yield f"to put tosses right, wherever they are read: {' '.join(f'--set {each}' for each in settings)}"

@@ -79,7 +79,8 @@ def run(arguments: argparse.Namespace) -> int:
     body = chosen_body(arguments)
     theta = polytope_of(arguments.params, body)
     stages = stages_of(arguments, {"loss": LossConfig(cone=Cone(arguments.cone))})
-    inputs = InputsConfig(stages["poses"], stages["segmenter"], replace(stages["gates"], enabled=False), as_stored=True)
+    gates = replace(stages["gates"], enabled=False)
+    inputs = InputsConfig(stages["poses"], stages["segmenter"], gates, stages["rig"], as_stored=True)
     tally = Tally()
     names = parameter_form(theta.geometry, Form.CONTACTNETS).names()
     with ScoreFileWriter(arguments.out, names) as writer, Progress("scoring", "tosses") as progress:

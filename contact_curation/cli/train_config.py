@@ -9,7 +9,7 @@ import numpy as np
 from contact_curation.cli.body_option import chosen_body
 from contact_curation.cli.held_out_option import held_out_rule
 from contact_curation.cli.reading import ReadingConfig
-from contact_curation.cli.reading_options import stages_of
+from contact_curation.cli.reading_options import inputs_of, stages_of
 from contact_curation.cli.train_options import DEFAULT_SHARE
 from contact_curation.cli.training_tosses import LearningTosses, TossesConfig
 from contact_curation.contact.body import Body
@@ -27,7 +27,6 @@ from contact_curation.learning.held_out import HeldOutRule
 from contact_curation.learning.protocols import TrainingConfig, budgeted, exact, published
 from contact_curation.learning.reranking import CanaryConfig, RerankingConfig
 from contact_curation.learning.training_plan import TrainingPlan
-from contact_curation.storage.inputs import InputsConfig
 from contact_curation.storage.manifest_file import read_manifest
 from contact_curation.storage.parameters_file import Parameters
 from contact_curation.storage.theta_file import is_checkpoint, read_theta
@@ -94,14 +93,13 @@ def train_config(arguments: argparse.Namespace) -> TrainConfig:
     defaults = {"training": protocol, "ranking": ranking, "canary": CanaryConfig()}
     stages = stages_of(arguments, defaults)
     protocol = stages["training"] if arguments.steps is None else replace(stages["training"], steps=arguments.steps)
-    gates = replace(stages["gates"], enabled=stages["gates"].enabled and not arguments.no_gate)
     selection = _selection(arguments, stages["ranking"], stages["canary"])
     scoring = ScoringConfig(estimator=Estimator(arguments.estimator or Estimator.GAUSS_NEWTON), loss=protocol.loss)
     return TrainConfig(
         kind=kind,
         body=body,
         tosses=TossesConfig(
-            reading=ReadingConfig(body, InputsConfig(stages["poses"], stages["segmenter"], gates)),
+            reading=ReadingConfig(body, inputs_of(stages, gated=not arguments.no_gate)),
             rule=HeldOutRule(share=DEFAULT_SHARE) if arguments.held_out is None else held_out_rule(arguments.held_out),
             said=arguments.held_out is not None,
             manifest=arguments.manifest,

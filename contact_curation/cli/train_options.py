@@ -5,14 +5,14 @@ from pathlib import Path
 
 from contact_curation.cli.held_out_option import add_held_out_option
 from contact_curation.cli.option_types import PathEndingIn, natural_number, number_from_zero, positive_integer
-from contact_curation.cli.reading_options import add_reading_options
+from contact_curation.cli.reading_options import SHARED_STAGES, add_reading_options
 from contact_curation.cli.report import add_json_option
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.information.orthogonal import VARIANTS
 from contact_curation.information.ranker import CRITERIA, DEFAULT_CRITERION
 
-STAGES = ("poses", "segmenter", "gates", "training", "ranking", "canary")
+STAGES = (*SHARED_STAGES, "training", "ranking", "canary")
 PROTOCOLS = ("budgeted", "published", "exact")
 DEFAULT_SHARE = 0.2
 """Of the tosses that is held out where nothing else is said."""

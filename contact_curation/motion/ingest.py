@@ -1,4 +1,4 @@
-"""The whole way from measured poses to tosses that may be scored: track, segment, gate."""
+"""The whole way from measured poses to tosses that may be scored: track, segment, put right, gate."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -11,6 +11,7 @@ from contact_curation.motion.body_tracker import BodyPose, BodyTracker, ClockJum
 from contact_curation.motion.gates import GateConfig, inspect
 from contact_curation.motion.pose_noise import PoseNoise
 from contact_curation.motion.pose_stream import BadPose, FramePose
+from contact_curation.motion.rig import LEVEL, Rig, put_right
 from contact_curation.motion.segmenter import TossSegmenter
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected, Toss
@@ -20,17 +21,19 @@ IngestEvent = Toss | Rejected | BadPose
 
 @dataclass(frozen=True)
 class IngestConfig:
-    """The three stages' configurations.
+    """The stages' configurations.
 
     Attributes:
         tracker: frames.
         segmenter: when a motion is a toss.
         gates: what a toss must pass, by a tracker as noisy as the real rig's; for the segmenter's they are widened.
+        rig: what tracked; motions are put right of it once they are cut, since rules of cutting may be a recording's own.
     """
 
     tracker: TrackerConfig
     segmenter: SegmenterConfig = field(default_factory=SegmenterConfig)
     gates: GateConfig = field(default_factory=GateConfig)
+    rig: Rig = LEVEL
 
 
 class TossIngest:
@@ -115,8 +118,11 @@ class TossIngest:
         return followed
 
     def _outcome(self, event: IngestEvent) -> IngestEvent:
-        """The event, a toss after the gates, counted."""
-        if isinstance(event, Toss):
+        """The event, a motion put right, a toss after the gates, counted."""
+        if isinstance(event, Rejected):
+            event = Rejected(put_right(event.toss, self.config.rig), event.reasons)
+        elif isinstance(event, Toss):
+            event = put_right(event, self.config.rig)
             reasons = inspect(event, self._polytope, self._gates)
             event = Rejected(event, reasons) if reasons else event
         if not isinstance(event, BadPose):

@@ -31,29 +31,52 @@ FEWEST_FRAMES = 12
 CLEARANCE = 0.012
 """A body whose corners are higher than this is in the air [m]."""
 
+STEEPEST = float(np.sqrt(0.5))
+"""Cosine of the largest lean."""
 
-@dataclass(frozen=True, eq=False)
+ROUNDING = 1e-12
+"""What is as near to length 1 has it."""
+
+
+@dataclass(frozen=True)
 class Rig:
-    """How poses of a rig are put right.
+    """How poses of a rig are put right; by default they are right.
 
     Attributes:
-        normal: (3,) of the board's plane, up, in the frame of the poses.
-        centre: (3,) amid where bodies came to rest; it stays where it is but for its height, which is scaled [m].
+        normal: of the board's plane, up, in the frame of the poses; of any length.
+        centre: about which poses are turned, amid where bodies come to rest; it stays where it is but for its height, which is
+            scaled [m].
         scale: what lengths are multiplied with.
-        rests: tosses that tell the normal.
-        falls: tosses that tell the scale.
     """
 
-    normal: Array
-    centre: Array
-    scale: float
-    rests: int
-    falls: int
+    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        length = float(np.linalg.norm(self.normal))
+        if not (np.shape(self.normal) == (3,) and np.isfinite(length) and self.normal[2] > STEEPEST * length):
+            raise InvalidValueError("normal", self.normal, "three numbers that point up by more than across")
+        if not (np.shape(self.centre) == (3,) and np.isfinite(self.centre).all()):
+            raise InvalidValueError("centre", self.centre, "three numbers")
+        if not 0.5 <= self.scale <= 2.0:
+            raise InvalidValueError("scale", self.scale, "a number from 0.5 to 2")
+
+    @property
+    def up(self) -> Array:
+        """(3,) the normal with length 1."""
+        normal = np.array(self.normal)
+        length = float(np.linalg.norm(normal))
+        return normal if abs(length - 1.0) < ROUNDING else normal / length
 
     @property
     def lean(self) -> float:
         """Angle of the board against the frame of the poses [rad]."""
-        return float(np.arccos(min(self.normal[2], 1.0)))
+        return float(np.arccos(min(self.up[2], 1.0)))
+
+
+LEVEL = Rig()
+"""Nothing to put right."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,16 +97,26 @@ class RigEvidence:
     weights: Array
     ends: Array
 
+    @property
+    def rests(self) -> NDArray[np.bool_]:
+        """(K,) which tosses tell the normal."""
+        return np.isfinite(self.heights)
+
+    @property
+    def falls(self) -> NDArray[np.bool_]:
+        """(K,) which tosses tell the scale."""
+        return self.weights > 0.0
+
     def rig(self, gravity: float = 9.81) -> Rig:
         """The rig that they were tracked with; the rest as of `rig_of`."""
-        rests, falls = np.isfinite(self.heights), self.weights > 0.0
+        rests, falls = self.rests, self.falls
         for what, found in (("come to rest", rests), (f"are {FEWEST_FRAMES} frames in the air", falls)):
             if (count := int(found.sum())) < FEWEST_TOSSES:
                 raise InvalidValueError(f"tosses that {what}", count, f"at least {FEWEST_TOSSES}, to tell the rig by them")
         normal = np.median(self.normals[rests], axis=0)
         seen = np.linalg.norm(self.weights[falls] @ self.accelerations[falls]) / self.weights[falls].sum()
         centre = np.array([*self.ends[:, :2].mean(axis=0), 0.0])
-        return Rig(normal / np.linalg.norm(normal), centre, gravity / float(seen), int(rests.sum()), int(falls.sum()))
+        return Rig(_triple(normal / np.linalg.norm(normal)), _triple(centre), gravity / float(seen))
 
     def drawn(self, places: NDArray[np.int64]) -> "RigEvidence":
         """That of some of the tosses, as often as they are named."""
@@ -120,17 +153,24 @@ def rig_of(tosses: Iterable[Toss], polytope: Polytope, gravity: float = 9.81) ->
 
 
 def put_right(toss: Toss, rig: Rig) -> Toss:
-    """The toss as a level rig with a true metre would have tracked it."""
-    axis = np.cross(rig.normal, [0.0, 0.0, 1.0])
+    """The toss as a level rig with a true metre would have tracked it; of such a rig it stays as it is."""
+    if rig == LEVEL:
+        return toss
+    axis = np.cross(rig.up, [0.0, 0.0, 1.0])
     length = float(np.linalg.norm(axis))
     turn = quaternions.exp(axis * (rig.lean / length if length else 0.0))
-    centre = rig.centre * [1.0, 1.0, rig.scale]
+    centre = np.array(rig.centre)
     return replace(
         toss,
-        positions=centre + rig.scale * quaternions.rotate(turn, toss.positions - rig.centre),
+        positions=centre * [1.0, 1.0, rig.scale] + rig.scale * quaternions.rotate(turn, toss.positions - centre),
         orientations_wxyz=quaternions.multiply(turn, toss.orientations_wxyz),
         linear_velocities=rig.scale * quaternions.rotate(turn, toss.linear_velocities),
     )  # spins are in the body's frame, which no rig turns
+
+
+def _triple(vector: Array) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in vector)
+    return x, y, z
 
 
 def _fall(toss: Toss, polytope: Polytope) -> tuple[Array, float] | None:

@@ -5,14 +5,17 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from rclpy.node import Node
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.model import Model
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation import EvaluationConfig, evaluate_model
+from contact_curation.motion.rig import LEVEL
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Toss
+from contact_curation.nodes.parameters import declare, declare_config
 from contact_curation.storage.inputs import InputsConfig, Problem, open_inputs
 
 
@@ -38,14 +41,13 @@ class HeldOutTosses:
     Args:
         paths: recordings; none for no held-out tosses.
         body: what was tossed.
-        tracker_noise: of their tracker (`SegmenterConfig`).
+        config: how they are read.
 
     Raises:
         InvalidValueError: there is no toss in them.
     """
 
-    def __init__(self, paths: Sequence[str], body: Body, tracker_noise: float = 1.0) -> None:
-        config = InputsConfig(segmenter=SegmenterConfig(tracker_noise=tracker_noise))
+    def __init__(self, paths: Sequence[str], body: Body, config: InputsConfig | None = None) -> None:
         found = list(open_inputs([Path(path) for path in paths], body, config))
         self.tosses = tuple(one for one in found if isinstance(one, Toss))
         if paths and not self.tosses:
@@ -60,6 +62,19 @@ class HeldOutTosses:
         finite = found.errors.finite
         position, rotation = (_mean(values[finite]) for values in (found.errors.position, found.errors.rotation))
         return HeldOutErrors(found.mean_loss, position, rotation, len(found.not_finite))
+
+
+def declared_held_out(node: Node, body: Body) -> HeldOutTosses:
+    """Those that a node's parameters name.
+
+    Raises:
+        InvalidValueError: there is no toss in them.
+    """
+    paths = declare(node, "held_out", [""], "recordings that are never trained on, for the errors of training_status")
+    noise = declare(node, "segmenter.tracker_noise", 1.0, "of the tracker of those recordings, as pose_ingest's")
+    rig = declare_config(node, LEVEL, "rig.")
+    config = InputsConfig(segmenter=SegmenterConfig(tracker_noise=noise), rig=rig)
+    return HeldOutTosses([path for path in paths if path], body, config)
 
 
 def _mean(values: Array) -> float:

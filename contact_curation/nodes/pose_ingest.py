@@ -14,6 +14,7 @@ from rclpy.clock import Clock, ClockType
 from contact_curation.contact.body import Body
 from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.ingest import IngestConfig, TossIngest
+from contact_curation.motion.rig import LEVEL
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.nodes.body_parameter import declared_body
 from contact_curation.nodes.complaints import Complaints
@@ -151,7 +152,8 @@ def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> Inge
         with BagReader(Path(recording)) as reader:
             segmenter = with_recorded_rules(segmenter, reader.note(NOTE))
     gates = declare_config(node, replace(GateConfig(), gravity=body.gravity), "gates.")
-    return IngestConfig(poses.tracker(body.name, poses.board_frame), segmenter, gates.of_body(gates.gravity, body.friction))
+    gates = gates.of_body(gates.gravity, body.friction)
+    return IngestConfig(poses.tracker(body.name, poses.board_frame), segmenter, gates, declare_config(node, LEVEL, "rig."))
 
 
 def main() -> int:

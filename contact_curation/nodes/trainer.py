@@ -16,7 +16,7 @@ from contact_curation.nodes.body_parameter import declared_body
 from contact_curation.nodes.complaints import Complaints
 from contact_curation.nodes.door import StageNode, run
 from contact_curation.nodes.health import Health, HealthReport
-from contact_curation.nodes.held_out_tosses import HeldOutTosses
+from contact_curation.nodes.held_out_tosses import declared_held_out
 from contact_curation.nodes.messages.headers import Stamped, stamped_of
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.trained_model import model_message
@@ -45,9 +45,7 @@ class Trainer(StageNode):
         rounds = declare_config(self, RoundsConfig())
         seed = declare(self, "seed", 0, "of the initialisation and the shuffles", bounds=(0, 1 << 31))
         first = declared_first_model(self, kind, self._body, protocol.form, seed)
-        held_out = declare(self, "held_out", [""], "recordings that are never trained on, for the errors of training_status")
-        noise = declare(self, "segmenter.tracker_noise", 1.0, "of the tracker of those recordings, as pose_ingest's")
-        self._held_out = HeldOutTosses([path for path in held_out if path], self._body, noise)
+        self._held_out = declared_held_out(self, self._body)
         store = Path(declare(self, "store", "trainer.sqlite", "file that fetched tosses are kept in"))
         checkpoint = declare(self, "checkpoint", "", "file of the model and its training; empty: store, ending .safetensors")
         self._tosses = TossStore(store)

@@ -86,6 +86,7 @@ class BagTosses:
             config.poses.tracker(body.name, source.board_frame),
             replace(config.segmenter, gravity=body.gravity),
             config.gates.of_body(body.gravity, body.friction),
+            config.rig,
         )
         self.origin = origin
         self.source = source

@@ -10,6 +10,7 @@ from contact_curation.contact.body import Body
 from contact_curation.errors import UnreadableInputError
 from contact_curation.motion.gates import inspect
 from contact_curation.motion.restored_toss import restored
+from contact_curation.motion.rig import put_right
 from contact_curation.motion.toss import Rejected
 from contact_curation.storage.bag_file import file_sha256
 from contact_curation.storage.contactnets import contactnets_files, read_contactnets_toss
@@ -47,7 +48,7 @@ def read_contactnets_tosses(path: Path, body: Body, config: InputsConfig) -> Inp
 
 def _gated(file: Path, digest: str, body: Body, config: InputsConfig) -> Found:
     stored = read_contactnets_toss(file, body)
-    toss = stored if config.as_stored else restored(stored).toss
+    toss = stored if config.as_stored else put_right(restored(stored).toss, config.rig)
     reasons = inspect(toss, body.polytope, config.gates)
     return Found(Rejected(toss, reasons) if reasons else toss, TossProvenance(str(file), digest))
 

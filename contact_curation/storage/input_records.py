@@ -3,7 +3,9 @@
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass, field
 
+from contact_curation.errors import InvalidValueError
 from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.rig import LEVEL, Rig
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.storage.pose_source import PoseTopicConfig
@@ -18,6 +20,7 @@ class InputsConfig:
         poses: which topics tell where the body is.
         segmenter: when a motion is a toss.
         gates: what a toss must pass.
+        rig: what tracked; motions are put right of it before the gates see them.
         as_stored: take ContactNets' files with the random heading and the even stamps that they are stored with. Otherwise
             both are undone (`motion.restored_toss`), so that the files give the tosses of the bag that is made of them.
     """
@@ -25,7 +28,12 @@ class InputsConfig:
     poses: PoseTopicConfig = field(default_factory=PoseTopicConfig)
     segmenter: SegmenterConfig = field(default_factory=SegmenterConfig)
     gates: GateConfig = field(default_factory=GateConfig)
+    rig: Rig = LEVEL
     as_stored: bool = False
+
+    def __post_init__(self) -> None:
+        if self.as_stored and self.rig != LEVEL:
+            raise InvalidValueError("rig", self.rig, "none here: tosses are taken as stored, with headings that no rig had")
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from contact_curation.cli.main import main
 from contact_curation.cli.node_parameters import Parameters
 from contact_curation.cli.online_graph import graph_environment
 from contact_curation.cli.online_options import OnlineConfig, add_online_options, online_config
-from contact_curation.cli.online_parameters import SessionFolder, session_parameters
+from contact_curation.cli.online_parameters import SessionFolder, judged_inputs, session_parameters
 from contact_curation.cli.online_session import gains, outcome_of
 from contact_curation.cli.online_settling import awaits_gain, awaits_motion, is_scored, training_is_due
 from contact_curation.cli.online_stores import KeptBack, SessionStores, Standing, ThrowMade, Training
@@ -24,8 +24,10 @@ from contact_curation.cli.supervisor import ProgramFailedError
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.motion.pose_stream import FramePose
+from contact_curation.motion.rig import Rig
 from contact_curation.solver import compiled
 from contact_curation.storage.information_store import InformationStore
+from contact_curation.storage.inputs import InputsConfig
 from contact_curation.storage.pose_messages import POSE
 from contact_curation.storage.state_store import StateStore
 from contact_curation.storage.toss_store import TossStore
@@ -152,14 +154,21 @@ def test_the_domain_is_the_users_or_one_of_its_own_on_this_machine(tmp_path: Pat
 def test_the_offline_ranking_is_told_what_the_nodes_were_told(tmp_path: Path) -> None:
     text = """
 pose_ingest:
-  ros__parameters: {segmenter: {rest_frames: 5, region_x: [-1.0, 1.0], frame_period: 0.0, gravity: 9.7}, gates.depth: 0.01}
+  ros__parameters: {segmenter: {rest_frames: 5, region_x: [-1.0, 1.0], frame_period: 0.0, gravity: 9.7}, gates.depth: 0.01,
+    rig.normal: [0.01, 0.0, 1.0], rig.scale: 1.0}
 fisher_scorer: {ros__parameters: {estimator: empirical, influence_bound: .inf, loss.threads: 1}}
 curator: {ros__parameters: {criterion: trace, prior: 0.01, whiten: false}}
 """
     parameters = parameters_of(tmp_path, text, top=5)
     words = rank_command(SessionFolder(tmp_path), parameters, None)
     settings = [words[place + 1] for place, word in enumerate(words) if word == "--set"]
-    wanted = ["segmenter.region_x=-1.0,1.0", "segmenter.rest_frames=5", "gates.depth=0.01", "ranking.prior=0.01"]
+    wanted = [
+        "segmenter.region_x=-1.0,1.0",
+        "segmenter.rest_frames=5",
+        "gates.depth=0.01",
+        "ranking.prior=0.01",
+        "rig.normal=0.01,0.0,1.0",
+    ]
     assert sorted(settings) == sorted(wanted)
     assert words[words.index("--criterion") + 1] == "trace"
     assert words[words.index("--top") + 1] == "5"
@@ -262,6 +271,16 @@ def test_a_file_that_is_not_there_is_one_line_and_starts_nothing(tmp_path: Path,
     assert main(["online", "--record", str(record), "--body-file", str(tmp_path / "none.yaml")]) == 1
     assert capsys.readouterr().err.count("\n") == 2
     assert not record.exists()
+
+
+def test_recordings_to_judge_by_are_read_as_the_trainer_is_told_to(tmp_path: Path) -> None:
+    told = tmp_path / "told.yaml"
+    told.write_text(
+        "/**:\n  ros__parameters: {segmenter.tracker_noise: 5.0}\ntrainer:\n  ros__parameters: {rig.normal: [0.01, 0.0, 1.0]}\n"
+    )
+    inputs = judged_inputs(OnlineConfig(params_file=told))
+    assert (inputs.segmenter.tracker_noise, inputs.rig) == (5.0, Rig(normal=(0.01, 0.0, 1.0)))
+    assert judged_inputs(OnlineConfig()) == InputsConfig()
 
 
 @pytest.mark.parametrize(("name", "says"), [("none.mcap", "No such file"), ("folder", "is a folder without storage files")])

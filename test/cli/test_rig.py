@@ -1,14 +1,15 @@
 """`rig`: the lean of a board and the length of a metre, out of recordings."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.geometry import quaternions
-from contact_curation.motion.rig import put_right, rig_of
+from contact_curation.motion.rig import Rig, put_right
+from contact_curation.motion.segmenter_config import SegmenterConfig
+from contact_curation.storage.bag_writer import BagWriter
+from contact_curation.storage.tagslam_bag import TagslamRig, record
 from test.cli.commands import Cli
 from test.simulated import simulated_tosses
 from test.storage.test_tagslam_bag import save_contactnets
@@ -20,12 +21,26 @@ LEAN, METRE = np.radians([1.0, 0.0, 0.0]), 0.97
 def crooked(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Twelve tosses as seen by a rig whose frame leans by a degree and whose metre is 3 % short."""
     tosses = simulated_tosses(12, 3)
-    true = rig_of(tosses, CONTACTNETS_CUBE.polytope)
     undo = quaternions.rotate(quaternions.exp(-LEAN), np.array([0.0, 0.0, 1.0]))
-    folder, wrong = tmp_path_factory.mktemp("crooked"), replace(true, normal=undo, centre=np.zeros(3), scale=METRE)
+    folder, wrong = tmp_path_factory.mktemp("crooked"), Rig(tuple(undo), scale=METRE)
     for number, toss in enumerate(tosses):
         save_contactnets(folder, number, put_right(toss, wrong))
     return folder
+
+
+@pytest.fixture(scope="module")
+def leaning(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bag of tosses over a board that leans by 1.6 degrees, more than a gate lets pass, by a metre that is 2 % short."""
+    path = tmp_path_factory.mktemp("leaning") / "leaning.mcap"
+    across, up = np.sin(np.radians(1.6)), np.cos(np.radians(1.6))
+    with BagWriter(path) as bag:
+        record(
+            bag,
+            "cube",
+            (put_right(toss, Rig((across, 0.0, up), scale=0.98)) for toss in simulated_tosses(12, 3)),
+            TagslamRig(rules=SegmenterConfig()),
+        )
+    return path
 
 
 def test_a_lean_and_a_short_metre_are_told_with_their_intervals(cli: Cli, crooked: Path) -> None:
@@ -45,6 +60,22 @@ def test_people_are_told_the_same(cli: Cli, crooked: Path) -> None:
     assert lines[1].startswith(("board   leans by 1.0", "board   leans by 0.9"))
     assert "% short: multiply lengths with 1.0" in lines[2]
     assert "mm under the board" in lines[3] or "mm over the board" in lines[3]
+
+
+def test_what_it_says_puts_tosses_right(cli: Cli, leaning: Path, tmp_path: Path) -> None:
+    told = cli("rig", leaning, "--json").json
+    assert told["lean_degrees"]["value"] == pytest.approx(1.6, abs=0.1)
+    settings = [word for each in told["settings"] for word in ("--set", each)]
+    assert " ".join(settings) in cli("rig", leaning).out.splitlines()[-1]
+    mended = cli("rig", leaning, *settings, "--json").json
+    assert mended["lean_degrees"]["value"] < 0.05
+    assert mended["scale"]["value"] == pytest.approx(1.0, abs=0.003)
+    assert mended["settings"] == []
+    kept_back = cli("rank", leaning, "--top", 2, "--out", tmp_path / "as_recorded.csv")
+    assert "11 tilt at rest" in kept_back.err
+    ranked = cli("rank", leaning, "--top", 2, "--out", tmp_path / "put_right.csv", "--json", *settings)
+    assert sum(not row["gated"] for row in ranked.json["tosses"]) >= 11
+    assert "at rest" not in ranked.out
 
 
 def test_a_rig_that_the_gates_would_keep_back_is_told_all_the_same(cli: Cli, golden: Path) -> None:

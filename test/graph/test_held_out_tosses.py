@@ -6,7 +6,9 @@ import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError
+from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.nodes.held_out_tosses import HeldOutTosses
+from contact_curation.storage.inputs import InputsConfig
 from contact_curation.storage.pose_messages import ODOMETRY
 from test.motion.streams import board_in_map, in_map, noisy, stream
 from test.storage.bags import Sent, write_ours
@@ -19,4 +21,5 @@ def test_a_noisy_trackers_recordings_are_held_out_once_they_are_told_to_be(tmp_p
     bag = write_ours(tmp_path / "a.mcap", [board, *recorded("/tagslam/odom/body_cube", ODOMETRY, scattered)])
     with pytest.raises(InvalidValueError, match=r"parameter held_out: found .* say segmenter.tracker_noise="):
         HeldOutTosses([str(bag)], CONTACTNETS_CUBE)
-    assert len(HeldOutTosses([str(bag)], CONTACTNETS_CUBE, 5.0).tosses) == 2
+    told = InputsConfig(segmenter=SegmenterConfig(tracker_noise=5.0))
+    assert len(HeldOutTosses([str(bag)], CONTACTNETS_CUBE, told).tosses) == 2

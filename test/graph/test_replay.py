@@ -1,6 +1,7 @@
 """A recording through four processes gives what the library gives."""
 
 import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,11 @@ import numpy as np
 import pytest
 from contact_curation_msgs.srv import SaveBuffer
 
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.motion.rig import Rig
+from contact_curation.motion.toss import Toss
+from contact_curation.nodes.messages.toss import toss_of
+from contact_curation.storage.inputs import InputsConfig, open_inputs
 from contact_curation.storage.manifest_file import read_manifest
 from test.graph.graph import Graph
 from test.graph.offline import assert_same_buffer, curated, tosses_of
@@ -37,6 +43,23 @@ def test_the_same_bag_gives_the_same_ranking_through_the_nodes_and_through_the_l
     assert [row.toss_id for row in kept] == list(buffers[-1].toss_ids)
     first = {toss.toss_id: int(toss.stamps_ns[0]) for toss in expected}
     assert [row.first_stamp_ns for row in kept] == [first[row.toss_id] for row in kept]
+
+
+@pytest.mark.slow
+def test_a_rig_that_a_node_is_told_puts_its_tosses_right_as_in_the_library(graph: Graph, golden_bag: Path) -> None:
+    rig = Rig(normal=(0.004, -0.008, 1.0), centre=(0.2, 0.1, 0.0), scale=1.01)
+    inputs = open_inputs([golden_bag], CONTACTNETS_CUBE, InputsConfig(rig=rig))
+    expected = [item for item in inputs if isinstance(item, Toss)]
+    tosses = graph.tosses()
+    told: dict[str, Any] = {
+        f"rig.{name}": list(value) if isinstance(value, tuple) else value for name, value in asdict(rig).items()
+    }
+    graph.start("pose_ingest", **told)
+    graph.start("player", bag=golden_bag, rate=RATE, wait_for=10.0, stay=True)
+    graph.until(lambda: len(tosses) == len(expected), LONG, "every toss")
+    for message, toss in zip(tosses, expected, strict=True):
+        assert toss_of(message).digest() == toss.digest()
+    assert [toss.digest() for toss in expected] != [toss.digest() for toss in tosses_of(golden_bag)]
 
 
 STAGES: dict[str, dict[str, Any]] = {"pose_ingest": {}, "fisher_scorer": {}, "curator": {"top": TOP}}

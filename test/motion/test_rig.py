@@ -1,6 +1,7 @@
 """A rig's lean and metre are found from tosses, and are put right."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
-from contact_curation.motion.rig import put_right, rig_of
+from contact_curation.motion.rig import LEVEL, Rig, evidence_of, put_right, rig_of
 from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import Toss
 from test.simulated import simulated_tosses
@@ -35,11 +36,13 @@ def mistracked(toss: Toss) -> Toss:
 
 
 def test_of_a_true_rig_there_is_nothing_to_put_right(tosses: tuple[Toss, ...]) -> None:
-    rig = rig_of(tosses, CUBE)
+    evidence = evidence_of(tosses, CUBE)
+    rig = evidence.rig()
     assert np.degrees(rig.lean) < 0.05
     assert rig.scale == pytest.approx(1.0, abs=0.005)
-    assert rig.rests == 12
-    assert rig.falls >= 8
+    assert evidence.rests.sum() == 12
+    assert evidence.falls.sum() >= 8
+    assert put_right(tosses[0], LEVEL) is tosses[0]
 
 
 def test_a_lean_and_a_short_metre_are_found_and_put_right(tosses: tuple[Toss, ...]) -> None:
@@ -64,6 +67,32 @@ def test_what_is_put_right_is_still_one_motion(tosses: tuple[Toss, ...]) -> None
     heights = CUBE.corner_heights(mended.positions, mended.orientations_wxyz)
     assert np.ptp(np.sort(heights[-1])[:4]) < 1e-3
     assert mended.toss_id == tosses[0].toss_id
+
+
+def test_a_normal_may_have_any_length(tosses: tuple[Toss, ...]) -> None:
+    known = rig_of([mistracked(toss) for toss in tosses], CUBE)
+    x, y, z = known.normal
+    rounded = Rig((round(x / z, 5), round(y / z, 5), 1.0), known.centre, known.scale)
+    assert rounded.lean == pytest.approx(known.lean, abs=1e-5)
+    mended, other = put_right(tosses[0], known), put_right(tosses[0], rounded)
+    np.testing.assert_allclose(other.positions, mended.positions, atol=2e-5)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"normal": (0.0, 0.0, -1.0)}, "normal: found .*, expected three numbers that point up"),
+        ({"normal": (1.0, 0.0, 0.5)}, "normal: found"),
+        ({"normal": (0.0, 1.0)}, "normal: found"),
+        ({"normal": (0.0, 0.0, np.nan)}, "normal: found"),
+        ({"centre": (0.0, np.inf, 0.0)}, "centre: found .*, expected three numbers"),
+        ({"scale": 0.0}, "scale: found 0.0, expected a number from 0.5 to 2"),
+        ({"scale": np.nan}, "scale: found nan"),
+    ],
+)
+def test_what_can_be_no_rig_is_one_line(wrong: dict[str, Any], said: str) -> None:
+    with pytest.raises(InvalidValueError, match=said):
+        Rig(**wrong)
 
 
 def test_too_few_tosses_tell_no_rig(tosses: tuple[Toss, ...]) -> None:

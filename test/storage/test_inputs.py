@@ -9,10 +9,11 @@ import torch
 from rosbags.rosbag2 import StoragePlugin
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.errors import MissingTopicError
+from contact_curation.errors import InvalidValueError, MissingTopicError
 from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.pose_stream import FramePose
+from contact_curation.motion.rig import Rig, put_right
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.storage.inputs import InputsConfig, InputSummary, Problem, open_inputs
@@ -267,6 +268,22 @@ def test_while_reading_the_recording_of_each_toss_is_known(tmp_path: Path) -> No
     origins = [inputs.origin for item in inputs if isinstance(item, Toss)]
     assert [(origin.input, origin.topic) for origin in origins] == [(str(bag), BODY)] * 2 + [(str(tmp_path / "7.pt"), "")]
     assert origins[0].input_sha256 == inputs.summaries[0].sha256
+
+
+def test_tosses_of_any_input_are_put_right_before_the_gates_see_them(tmp_path: Path) -> None:
+    rig = Rig(normal=(0.02, -0.02, 1.0), centre=(0.3, 0.1, 0.0), scale=1.02)
+    (tmp_path / "tosses").mkdir()
+    save_contactnets(tmp_path / "tosses", 1, synthetic_toss())
+    for path in (mcap_file(tmp_path), tmp_path / "tosses"):
+        seen = [item for item in opened(path)[0] if isinstance(item, Toss)]
+        tilted = [item for item in opened(path, rig=rig)[0] if isinstance(item, Rejected)]
+        assert [one.toss.digest() for one in tilted] == [put_right(toss, rig).digest() for toss in seen] != []
+        assert all(any("tilt at rest: found 1." in reason for reason in one.reasons) for one in tilted)
+
+
+def test_tosses_as_stored_have_headings_that_no_rig_had() -> None:
+    with pytest.raises(InvalidValueError, match=r"rig: found Rig\(.*scale=1.01\), expected none here"):
+        InputsConfig(as_stored=True, rig=Rig(scale=1.01))
 
 
 def test_a_topic_can_be_named_where_several_would_do(tmp_path: Path) -> None:
