@@ -7,8 +7,8 @@ import torch
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.model import Model, Rows
 
-PIECE = 1024
-"""Transitions at a time, so that networks need little memory."""
+PIECE = 256
+"""Transitions at a time: what networks make of so many stays in a cache."""
 
 
 class MeanLoss(NamedTuple):
