@@ -25,6 +25,7 @@ class JudgedModel:
         learned_from: ids of all tosses that it ever learned from, as far as its file says.
         fitted_to: ids of those that it learned from last.
         held_out: ids of those that its training held out, likewise.
+        rig: how these were put right, in words of `--set`; None where its file does not say.
     """
 
     path: Path
@@ -32,6 +33,7 @@ class JudgedModel:
     learned_from: frozenset[str] = frozenset()
     fitted_to: frozenset[str] = frozenset()
     held_out: frozenset[str] = frozenset()
+    rig: str | None = None
 
 
 def judged_model(path: Path, body: Body) -> JudgedModel:
@@ -53,7 +55,7 @@ def judged_model(path: Path, body: Body) -> JudgedModel:
     selections = _selected(notes, path)
     if selections:
         learned, last = frozenset[str]().union(*selections), selections[-1]
-    return JudgedModel(path, theta, learned, last or learned, held_out)
+    return JudgedModel(path, theta, learned, last or learned, held_out, notes.get("rig"))
 
 
 def _ids(note: str) -> frozenset[str]:

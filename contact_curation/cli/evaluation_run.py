@@ -2,6 +2,7 @@
 
 import argparse
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
@@ -16,6 +17,7 @@ from contact_curation.cli.progress import Progress
 from contact_curation.cli.reading import ReadingConfig
 from contact_curation.cli.reading_options import inputs_of, stages_of
 from contact_curation.cli.report import print_json, warn
+from contact_curation.cli.rig_settings import settings_of
 from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.contact.parameter_form import is_physical
 from contact_curation.contact.polytope_model import PolytopeModel
@@ -43,7 +45,7 @@ def run_evaluation(arguments: argparse.Namespace) -> int:
     models = [judged_model(path, body) for path in (arguments.model, arguments.against) if path]
     with Progress("reading", "tosses") as progress:
         tosses = judging_tosses(arguments.inputs, arguments.held_out, models, reading, progress.advance)
-    warn(tosses.warnings)
+    warn((*tosses.warnings, *_of_other_rigs(models, settings_of(stages["rig"]))))
     with Progress("rolling out", "models", len(models)) as progress:
         evaluations = []
         for one in models:
@@ -67,6 +69,17 @@ def run_evaluation(arguments: argparse.Namespace) -> int:
     else:
         print_report(report)
     return 0
+
+
+def _of_other_rigs(models: Sequence[JudgedModel], settings: str) -> list[str]:
+    """Lines on models whose tosses were put right otherwise than those that judge."""
+    words = {"": "as recorded"}
+    return [
+        f"{one.path}: it learned from tosses {words.get(one.rig, f'put right by {one.rig}')}, "
+        f"and is judged by tosses {words.get(settings, f'put right by {settings}')}"
+        for one in models
+        if one.rig is not None and one.rig != settings
+    ]
 
 
 def _known(judged: JudgedModel, tosses: JudgingTosses, config: KnownConfig) -> tuple[Known | None, str]:

@@ -12,6 +12,7 @@ from contact_curation.cli.progress import Progress
 from contact_curation.cli.reading import ReadingConfig
 from contact_curation.cli.reading_options import add_reading_options, inputs_of, stages_of
 from contact_curation.cli.report import add_json_option, counted_tosses, print_json, warn
+from contact_curation.cli.rig_settings import settings_of
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.bootstrap import BootstrapConfig, Interval
@@ -49,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
     evidence = evidence_of(tosses, body.polytope)
     rig = evidence.rig(body.gravity)
     told = _told(evidence, body.gravity)
-    settings = settings_of(rig) if stages["rig"] == LEVEL else ()
+    settings = settings_of(rig) if stages["rig"] == LEVEL else ""
     if arguments.json:
         print_json(_document(evidence, rig, told, settings, warnings))
     else:
@@ -77,15 +78,8 @@ def _statistics(evidence: RigEvidence, gravity: float) -> Array:
     return np.array([np.degrees(rig.lean), rig.scale, 1e3 * np.nanmedian(evidence.heights)])
 
 
-def settings_of(rig: Rig) -> tuple[str, ...]:
-    """What `--set` takes to put tosses of this rig right: to 1e-5 of the normal and the scale, and a tenth of a millimetre."""
-    normal = ",".join(f"{value:.5f}" for value in rig.normal)
-    centre = ",".join(f"{value:.4f}" for value in rig.centre)
-    return f"rig.normal={normal}", f"rig.centre={centre}", f"rig.scale={rig.scale:.5f}"
-
-
 def _document(
-    evidence: RigEvidence, rig: Rig, told: dict[str, Interval], settings: Sequence[str], warnings: Sequence[str]
+    evidence: RigEvidence, rig: Rig, told: dict[str, Interval], settings: str, warnings: Sequence[str]
 ) -> dict[str, Any]:
     units = {"lean": "lean_degrees", "scale": "scale", "rest_height": "rest_height_mm"}
     return {
@@ -94,12 +88,12 @@ def _document(
         "in_the_air": int(evidence.falls.sum()),
         "normal": list(rig.normal),
         **{units[name]: value._asdict() for name, value in told.items()},
-        "settings": list(settings),
+        "settings": settings,
         "warnings": list(warnings),
     }
 
 
-def _lines(evidence: RigEvidence, rig: Rig, told: dict[str, Interval], settings: Sequence[str]) -> Iterator[str]:
+def _lines(evidence: RigEvidence, rig: Rig, told: dict[str, Interval], settings: str) -> Iterator[str]:
     lean, scale, height = told["lean"], told["scale"], told["rest_height"]
     rests, falls = int(evidence.rests.sum()), int(evidence.falls.sum())
     yield f"{counted_tosses(len(evidence.ends))}: {rests} come to rest, {falls} are long enough in the air"
@@ -117,4 +111,4 @@ def _lines(evidence: RigEvidence, rig: Rig, told: dict[str, Interval], settings:
         f"({height.low:.1f} to {height.high:.1f}), by their corners as described"
     )
     if settings:
-        yield f"to put tosses right, wherever they are read: {' '.join(f'--set {each}' for each in settings)}"
+        yield f"to put tosses right, wherever they are read: {settings}"

@@ -17,6 +17,7 @@ from contact_curation.cli.output_paths import check_outputs
 from contact_curation.cli.progress import Progress as Bar
 from contact_curation.cli.reading_options import reading_words
 from contact_curation.cli.report import print_json, warn
+from contact_curation.cli.rig_settings import settings_of
 from contact_curation.cli.stop_signals import StopSignals
 from contact_curation.cli.train_config import TrainConfig, train_config
 from contact_curation.cli.train_report import TrainReport, json_report, print_report
@@ -30,6 +31,7 @@ from contact_curation.learning.progress import Progress, TrainingState
 from contact_curation.learning.stored_model import notes_of_bytes
 from contact_curation.learning.training_data import rows_of
 from contact_curation.learning.training_plan import TrainingPlan, begin, resume, stored
+from contact_curation.motion.rig import Rig
 from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.atomic_file import write_atomically
 
@@ -78,7 +80,7 @@ def run_training(arguments: argparse.Namespace) -> int:
     warn(tosses.warnings)
     plan = config.plan(tosses)
     curated, before = _begun_or_resumed(arguments, plan)
-    place = Place(arguments.out, arguments.checkpoint_every, _notes(plan, before))
+    place = Place(arguments.out, arguments.checkpoint_every, _notes(plan, before, config.tosses.reading.inputs.rig))
     metrics_path = arguments.metrics or arguments.out.with_suffix(".jsonl")
     place.store(plan, curated)  # so that a place that cannot be written is known before hours of work
     with TrainingMetrics(metrics_path, curated, _start_line(arguments, config, tosses, before)) as metrics:
@@ -154,12 +156,13 @@ def _losses(progress: Progress) -> str:
     return f"loss {progress.training_loss:.4g}{held_out}"
 
 
-def _notes(plan: TrainingPlan, before: float) -> dict[str, str]:
+def _notes(plan: TrainingPlan, before: float, rig: Rig) -> dict[str, str]:
     return {
         BEFORE: repr(before),
         "package version": __version__,
         "training ids": "\n".join(toss.toss_id for toss in plan.tosses),
         "held-out ids": "\n".join(toss.toss_id for toss in plan.held_out),
+        "rig": settings_of(rig),
     }
 
 

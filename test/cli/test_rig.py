@@ -65,17 +65,28 @@ def test_people_are_told_the_same(cli: Cli, crooked: Path) -> None:
 def test_what_it_says_puts_tosses_right(cli: Cli, leaning: Path, tmp_path: Path) -> None:
     told = cli("rig", leaning, "--json").json
     assert told["lean_degrees"]["value"] == pytest.approx(1.6, abs=0.1)
-    settings = [word for each in told["settings"] for word in ("--set", each)]
-    assert " ".join(settings) in cli("rig", leaning).out.splitlines()[-1]
+    settings = told["settings"].split()
+    assert cli("rig", leaning).out.splitlines()[-1].endswith(told["settings"])
     mended = cli("rig", leaning, *settings, "--json").json
     assert mended["lean_degrees"]["value"] < 0.05
     assert mended["scale"]["value"] == pytest.approx(1.0, abs=0.003)
-    assert mended["settings"] == []
+    assert mended["settings"] == ""
     kept_back = cli("rank", leaning, "--top", 2, "--out", tmp_path / "as_recorded.csv")
     assert "11 tilt at rest" in kept_back.err
     ranked = cli("rank", leaning, "--top", 2, "--out", tmp_path / "put_right.csv", "--json", *settings)
     assert sum(not row["gated"] for row in ranked.json["tosses"]) >= 11
     assert "at rest" not in ranked.out
+
+
+def test_a_model_of_tosses_put_right_is_judged_by_such(cli: Cli, golden: Path, tmp_path: Path) -> None:
+    settings, checkpoint = "--set rig.scale=1.00500", tmp_path / "cube.safetensors"
+    trained = cli("train", golden, *settings.split(), "--protocol", "exact", "--held-out", "0.3", "--out", checkpoint)
+    assert trained.status == 0
+    assert trained.out.endswith(f"{settings}\n")  # the next command reads alike
+    assert "put right" not in cli("evaluate", checkpoint, golden, *settings.split()).err
+    warned = cli("evaluate", checkpoint, golden).err
+    assert "it learned from tosses put right by --set rig.normal=0.00000,0.00000,1.00000" in warned
+    assert "and is judged by tosses as recorded" in warned
 
 
 def test_a_rig_that_the_gates_would_keep_back_is_told_all_the_same(cli: Cli, golden: Path) -> None:
