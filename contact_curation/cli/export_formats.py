@@ -6,6 +6,7 @@ from pathlib import Path
 
 from contact_curation.cli.reading import ReadingConfig
 from contact_curation.errors import ContactCurationError, InvalidValueError
+from contact_curation.motion.rig import LEVEL
 from contact_curation.storage.bag_reader import BagReader
 from contact_curation.storage.contactnets import SUBFOLDER
 from contact_curation.storage.export_contactnets import write_contactnets
@@ -69,9 +70,10 @@ def export_job(inputs: Sequence[Path], reading: ReadingConfig, manifest: Path, *
 
 def to_contactnets(job: ExportJob, folder: Path, advance: Advance) -> Exported:
     """tosses_processed/N.pt and manifest.json, the N-th row of which is N.pt."""
-    inputs = replace(job.reading.inputs, as_stored=True)
+    level = job.reading.inputs.rig == LEVEL  # what is put right is no file's content any more
+    inputs = replace(job.reading.inputs, as_stored=level)
     found = find_kept(job.inputs, job.rows, job.manifest_path, job.reading.body, inputs, advance)
-    write_contactnets(found.tosses, job.reading.body, folder)
+    write_contactnets(found.tosses, job.reading.body, folder, copied=level)
     write_manifest(job.kept_manifest, folder / "manifest.json")
     return Exported({toss_id: f"{SUBFOLDER}/{number}.pt" for number, toss_id in enumerate(job.rows)}, found.warnings)
 

@@ -40,7 +40,7 @@ TIMEOUTS = {"toss_timeout": (3.0, 12.0), "goal_timeout": (15.0, 45.0)}
 UNTOLD = InputsConfig()
 """How recordings are read of which nothing is said."""
 
-KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "a word", list: "a list"}
+KINDS = {bool: "true or false", int: "a whole number", float: "a number with a point", str: "a word", list: "a list"}
 """What parameters are, in words."""
 
 RENDERING = 600.0
@@ -160,10 +160,10 @@ def _check_names(given: Mapping[str, Parameters], path: Path | None) -> None:
 
 
 def _is_like(value: object, default: object) -> bool:
-    """Whether a parameter can have this value, as far as its default tells."""
-    if isinstance(default, float):
-        return isinstance(value, int | float) and not isinstance(value, bool) and value == value  # a number, and not .nan
-    return type(value) is type(default)
+    """Whether ROS gives a parameter with this default this value: it takes 1 for no 1.0."""
+    if isinstance(value, list) and isinstance(default, list):
+        return all(_is_like(each, default[0]) for each in value)
+    return type(value) is type(default) and value == value  # and not .nan
 
 
 def _of_options(config: OnlineConfig, body: Body) -> dict[str, Parameters]:

@@ -1,7 +1,8 @@
 """Kept tosses as ContactNets' public ones lie in their repository: tosses_processed/N.pt, here in the order of the ranking.
 
 A file is one float64 tensor (1, T, 19) with the row of `storage.contactnets`. A toss that came from such a file is that file,
-byte for byte. Any other is written in the frame that it was tracked on: no random heading is added to it.
+byte for byte, unless it was put right of its rig. Any other is written in the frame that it was tracked on: no random heading
+is added to it.
 """
 
 import shutil
@@ -23,13 +24,14 @@ LARGEST_RATE_ERROR = 0.01
 """A file does not say its frame rate, so all are read with the same one."""
 
 
-def write_contactnets(tosses: Sequence[KeptToss], body: Body, folder: Path) -> None:
+def write_contactnets(tosses: Sequence[KeptToss], body: Body, folder: Path, *, copied: bool = True) -> None:
     """Writes N.pt for the N-th toss, from 0.
 
     Args:
         tosses: best first.
         body: what was tossed; its length scale is the files' unit of length.
         folder: to be filled.
+        copied: tosses of such files are those files; not where they were put right.
 
     Raises:
         InvalidValueError: a toss has another frame rate than ContactNets'.
@@ -38,7 +40,7 @@ def write_contactnets(tosses: Sequence[KeptToss], body: Body, folder: Path) -> N
     target.mkdir()
     for number, kept in enumerate(tosses):
         file = target / f"{number}.pt"
-        if kept.origin.input.endswith(".pt"):
+        if copied and kept.origin.input.endswith(".pt"):
             shutil.copyfile(kept.origin.input, file)
         else:
             _write_rows(contactnets_rows(kept.toss, body), file)

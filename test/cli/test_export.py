@@ -79,6 +79,20 @@ def test_what_contactnets_files_hold_ranks_like_the_recording(cli: Cli, golden: 
     assert traces == pytest.approx(sorted(row.trace or 0.0 for row in read_manifest(manifest).kept), rel=1e-6)
 
 
+@pytest.mark.parametrize("form", ["golden", "files"])
+def test_contactnets_files_of_a_rig_hold_what_is_put_right(cli: Cli, golden: Path, tmp_path: Path, form: str) -> None:
+    manifest, rig, source = tmp_path / "m.csv", ("--set", "rig.scale=1.01"), golden
+    if form == "files":
+        cli("rank", golden, "--top", TOP, "--no-figure", "--out", manifest)
+        cli("export", golden, "--manifest", manifest, "--format", "contactnets", "--out", tmp_path / "files")
+        source = tmp_path / "files"
+    cli("rank", source, *rig, "--top", 3, "--no-figure", "--out", manifest)
+    assert cli("export", source, *rig, "--manifest", manifest, "--format", "contactnets", "--out", tmp_path / "out").status == 0
+    right = cli("rank", tmp_path / "out", "--top", 3, "--json").json
+    kept = read_manifest(manifest).kept
+    assert sorted(row["trace"] for row in right["tosses"]) == pytest.approx(sorted(row.trace or 0.0 for row in kept), rel=1e-6)
+
+
 def test_several_inputs_of_several_kinds_each_give_their_own(cli: Cli, golden: Path, tmp_path: Path) -> None:
     other, manifest = rosbag2_sqlite(tmp_path), tmp_path / "m.parquet"
     cli("rank", golden, other, "--top", 23, "--jobs", 1, "--out", manifest, "--no-figure")

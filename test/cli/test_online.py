@@ -112,8 +112,20 @@ def test_the_tracked_poses_are_named_so_that_the_ground_truth_is_never_taken_for
         ),
         ("/**: {ros__parameters: {settling: 5}}", "found settling, expected"),
         ("/**/trainer: {ros__parameters: {top: 5}}", "parameters of trainer in .*: found top, expected"),
-        ("/**/sim_arm: {ros__parameters: {rate: fast}}", "rate of sim_arm in .*: found fast, expected a number, such as 1.0"),
+        (
+            "/**/sim_arm: {ros__parameters: {rate: fast}}",
+            "rate of sim_arm in .*: found fast, expected a number with a point, such as 1.0",
+        ),
         ("/**/sim_arm: {ros__parameters: {rate: .nan}}", "found nan, expected a number"),
+        (
+            "/**/sim_arm: {ros__parameters: {rate: 2}}",
+            "rate of sim_arm in .*: found 2, expected a number with a point, such as 1.0",
+        ),
+        (
+            "/**/trainer: {ros__parameters: {rig.normal: [0, 0, 1]}}",
+            r"found \[0, 0, 1\], expected a list, such as \[0.0, 0.0, 1.0\]",
+        ),
+        ("/**/trainer: {ros__parameters: {rig.normal: [a, b, c]}}", r"found \['a', 'b', 'c'\], expected a list, such as"),
         ("/**/trainer: {ros__parameters: {least_tosses: 2.5}}", "found 2.5, expected a whole number"),
         ("/**/curator: {ros__parameters: {criterion: 2024-02-30}}", "no YAML"),
         ("curator: {top: 5}", "expected ros__parameters under the name of each node"),
