@@ -17,13 +17,13 @@ last fifth; a seed is a fifth and an initialisation. The tosses are found throug
 import argparse
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -64,8 +64,24 @@ MEASURES = (
     "kept_bad",
 )
 FIELDS = ("rule", "size", "fault", "share")
+
+type Row = dict[str, Any]
+
+
 FRICTION = -4
 """Place of the logarithm of friction in the physical form, before tilt and height."""
+
+
+class Keyed(Protocol):
+    """What a row is of."""
+
+    @property
+    def key(self) -> str:
+        """The same for equal ones only."""
+
+    @property
+    def fields(self) -> Mapping[str, Any]:
+        """What its row begins with."""
 
 
 def main() -> int:
@@ -178,21 +194,26 @@ def print_ground(bench: Bench) -> None:
         print(f"{name:46}{position:10.2f}{rotation:10.2f}{friction:10.4f}{lean:11.2f}")
 
 
-def search(arguments: argparse.Namespace, tosses: Sequence[Toss]) -> list[dict[str, Any]]:
+def search(arguments: argparse.Namespace, tosses: Sequence[Toss]) -> list[Row]:
     """The rows of all cells, those of the file included."""
-    cells = list(cells_of(arguments))
-    finished = {}
-    if arguments.out and arguments.out.exists():
-        finished = {row["key"]: row for row in map(json.loads, arguments.out.read_text().splitlines())}
     reference = Bench(CONTACTNETS_CUBE, tuple(tosses), (), GateConfig()).reference
+    work = partial(judged_by_a_fold, tuple(tosses), reference)
+    return finished_rows(list(cells_of(arguments)), work, arguments.out, arguments.jobs)
+
+
+def finished_rows[Part: Keyed](cells: Sequence[Part], work: Callable[[Part], Row], out: Path | None, jobs: int) -> list[Row]:
+    """The rows of all cells, those that a file has included; it gets the others."""
+    finished: dict[str, Any] = {}
+    if out and out.exists():
+        finished = {row["key"]: row for row in map(json.loads, out.read_text().splitlines())}
     left = [cell for cell in cells if cell.key not in finished]
-    with ProcessPoolExecutor(arguments.jobs, mp_context=get_context("spawn")) as pool:
-        for cell, row in zip(left, pool.map(partial(judged_by_a_fold, tuple(tosses), reference), left)):
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        for cell, row in zip(left, pool.map(work, left)):
             finished[cell.key] = {"key": cell.key, **cell.fields, **row}
-            if arguments.out:
-                with arguments.out.open("a") as file:
+            if out:
+                with out.open("a") as file:
                     file.write(json.dumps(finished[cell.key]) + "\n")
-            print(f"{cell.rule} {cell.size} {cell.fault} seed {cell.seed}: {row['rotation']:.1f} deg", file=sys.stderr)
+            print(f"{cell.key}: {row['rotation']:.1f} deg", file=sys.stderr)
     return [finished[cell.key] for cell in cells]
 
 
@@ -207,17 +228,22 @@ def cells_of(arguments: argparse.Namespace) -> Iterator[Cell]:
                     yield from (replace(clean, fault=fault.value, share=arguments.share) for fault in Fault)
 
 
-def judged_by_a_fold(tosses: tuple[Toss, ...], reference: Any, cell: Cell) -> Any:
+def judged_by_a_fold(tosses: tuple[Toss, ...], reference: ContactGeometry, cell: Cell) -> Row:
     """A cell's row, its pool drawn from the folds that do not judge."""
     torch.set_num_threads(1)
-    fold = [place % FOLDS == cell.seed % FOLDS for place in range(len(tosses))]
+    return run_cell(cell, fold_bench(tosses, reference, cell.seed))
+
+
+def fold_bench(tosses: tuple[Toss, ...], reference: ContactGeometry, seed: int) -> Bench:
+    """A seed's fold judges, and the others train; reference: what all of them teach."""
+    fold = [place % FOLDS == seed % FOLDS for place in range(len(tosses))]
     training = tuple(toss for toss, judges in zip(tosses, fold) if not judges)
     bench = Bench(CONTACTNETS_CUBE, training, tuple(toss for toss, judges in zip(tosses, fold) if judges), GateConfig())
-    bench.__dict__["reference"] = reference  # what all training tosses teach, not only these
-    return run_cell(cell, bench)
+    bench.__dict__["reference"] = reference
+    return bench
 
 
-def print_search(rows: Sequence[dict[str, Any]]) -> None:
+def print_search(rows: Sequence[Row]) -> None:
     """Medians over seeds, and differences to the baselines with 95 % intervals."""
     summaries = summarised(rows, FIELDS, MEASURES, BASELINES, BootstrapConfig())
     for measure in MEASURES:

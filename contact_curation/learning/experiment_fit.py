@@ -16,13 +16,16 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.polytope_model import INITIAL_NOISE, PolytopeModel
 from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.damped_descent import DescentLimits, Place, descend
+from contact_curation.learning.polytope_fit import checked_weights
 from contact_curation.learning.polytope_sums import physical_difference, polytope_sums
 from contact_curation.motion.transitions import Transitions
 
@@ -75,7 +78,11 @@ class HeldFit(NamedTuple):
 
 
 def fit_held(
-    start: PolytopeModel, data: Transitions, config: HeldFitConfig | None = None, origin: PolytopeModel | None = None
+    start: PolytopeModel,
+    data: Transitions,
+    config: HeldFitConfig | None = None,
+    origin: PolytopeModel | None = None,
+    weights: ArrayLike | None = None,
 ) -> HeldFit:
     """The optimum next to a model.
 
@@ -85,42 +92,55 @@ def fit_held(
         config: how.
         origin: theta_0, with the pivot of `start`; by default `start` itself. With another one only the last of the fits is
             made, since `start` is one that was fitted before.
+        weights: (K,) how often each toss counts, at least 0; once each by default.
+
+    Raises:
+        InvalidValueError: weights that do not fit.
     """
     config = config or HeldFitConfig()
+    counts = checked_weights(weights, len(data.toss_ids))
     model, steps = start, 0
     stages = config.noise if origin is None else config.noise[-1:]
     for number, noise in enumerate(stages):
         last = number == len(stages) - 1
         tolerance = config.tolerance if last else config.early_tolerance
         damping = config.damping[0 if number == 0 and origin is None else 1]
-        found = _fit(model, data, config, (origin or start).geometry(), noise, tolerance, damping)
-        model, steps = found.model, steps + found.steps
-    return HeldFit(model, found.objective, steps)
+        held = HeldSum(data, counts, config, (origin or start).geometry(), noise)
+        limits = DescentLimits(tolerance, config.steps, damping, config.largest_damping)
+        found = descend(model, held.place, limits)
+        model, steps = found.place.model, steps + found.steps
+    return HeldFit(model, found.place.objective, steps)
 
 
-def _fit(
-    model: PolytopeModel,
-    data: Transitions,
-    config: HeldFitConfig,
-    origin: ContactGeometry,
-    noise: float,
-    tolerance: float,
-    damping: float,
-) -> HeldFit:
-    limits = DescentLimits(tolerance, config.steps, damping, config.largest_damping)
-    found = descend(model, lambda here: _place(here, data, config, origin, noise), limits)
-    return HeldFit(found.place.model, found.place.objective, found.steps)
+@dataclass(frozen=True, eq=False)
+class HeldSum:
+    """The sum above, of one fit.
 
+    Attributes:
+        data: K tosses.
+        counts: (K,) how often each counts.
+        config: how it is held.
+        origin: theta_0.
+        noise: sigma^2.
+    """
 
-def _place(model: PolytopeModel, data: Transitions, config: HeldFitConfig, origin: ContactGeometry, noise: float) -> Place:
-    geometry = model.geometry()
-    sums = polytope_sums(model, data, Estimator.GAUSS_NEWTON, config.loss)
-    away = physical_difference(geometry, origin)
-    holds = np.full(away.size, noise / config.spread**2)
-    holds[-3:-1] = noise / config.tilt**2
-    ground = config.ground * len(data.dt)
-    score, information = sums.scores.sum(axis=0) - holds * away, sums.fishers.sum(axis=0) + np.diag(holds)
-    score[-1] -= ground * geometry.height
-    information[-1, -1] += ground
-    objective = float(sums.losses.sum() + holds @ away**2 + ground * geometry.height**2)
-    return Place(model, objective, score, information)
+    data: Transitions
+    counts: Array
+    config: HeldFitConfig
+    origin: ContactGeometry
+    noise: float
+
+    def place(self, model: PolytopeModel) -> Place:
+        """The sum at a model."""
+        geometry = model.geometry()
+        sums = polytope_sums(model, self.data, Estimator.GAUSS_NEWTON, self.config.loss)
+        away = physical_difference(geometry, self.origin)
+        holds = np.full(away.size, self.noise / self.config.spread**2)
+        holds[-3:-1] = self.noise / self.config.tilt**2
+        ground = self.config.ground * float(self.counts @ np.diff(self.data.starts))
+        score = (self.counts[:, None] * sums.scores).sum(axis=0) - holds * away
+        information = (self.counts[:, None, None] * sums.fishers).sum(axis=0) + np.diag(holds)
+        score[-1] -= ground * geometry.height
+        information[-1, -1] += ground
+        objective = float((self.counts * sums.losses).sum() + holds @ away**2 + ground * geometry.height**2)
+        return Place(model, objective, score, information)

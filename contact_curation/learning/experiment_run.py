@@ -146,7 +146,7 @@ def run_cell(cell: Cell, bench: Bench) -> Row:
     learned = _learn_exactly(cell, bench, pool.tosses) if cell.protocol == Protocol.EXACT else _learn(cell, bench, pool.tosses)
     kept = [toss for toss in pool.tosses if toss.toss_id in set(learned.kept)]
     return {
-        **_judged(learned.model, bench),
+        **judged(learned.model, bench),
         "kept_seconds": float(np.mean([toss.duration for toss in kept])),
         "kept_frames": float(sum(toss.frames for toss in kept)),
         "kept_bad": float(np.mean([toss.toss_id in pool.bad for toss in kept])),
@@ -261,8 +261,12 @@ def _data(bench: Bench, tosses: Sequence[Toss], kept: Sequence[str]) -> Transiti
     return kept_transitions(tosses, kept, bench.body.length_scale)
 
 
-def _judged(model: Model, bench: Bench) -> Row:
-    """Means and medians over held-out tosses; of a polytope also how far its shape and friction are off."""
+def judged(model: Model, bench: Bench) -> Row:
+    """Means and medians over held-out tosses; of a polytope also how far its shape and friction are off.
+
+    Raises:
+        InvalidValueError: nothing judges.
+    """
     if not bench.held_out:
         raise InvalidValueError("held-out tosses", "none", "some to judge by")
     found = evaluate_model(model, bench.held_out, EvaluationConfig(loss=ONE_THREAD))

@@ -83,7 +83,7 @@ def fit_polytope(
         InvalidValueError: weights that do not fit, or a geometry that is not physical.
     """
     config = config or FitConfig()
-    counts = _checked_weights(weights, len(data.toss_ids))
+    counts = checked_weights(weights, len(data.toss_ids))
     limits = DescentLimits(config.tolerance, config.max_steps, config.damping, config.largest_damping, FLOOR)
     found = descend(model, lambda here: _place(here, data, counts, config), limits)
     end = found.place
@@ -97,7 +97,12 @@ def _place(model: PolytopeModel, data: Transitions, weights: Array, config: FitC
     return Place(model, float(weights @ sums.losses), weights @ sums.scores, information, missing)
 
 
-def _checked_weights(weights: ArrayLike | None, tosses: int) -> Array:
+def checked_weights(weights: ArrayLike | None, tosses: int) -> Array:
+    """How often each of K tosses counts (K,); once by default.
+
+    Raises:
+        InvalidValueError: weights that do not fit.
+    """
     counts = np.ones(tosses) if weights is None else np.asarray(weights, dtype=float)
     if counts.shape != (tosses,) or not np.isfinite(counts).all() or counts.min() < 0.0 or not counts.any():
         raise InvalidValueError("weights", f"shape {counts.shape}", f"({tosses},) numbers of at least 0, one above")

@@ -8,7 +8,8 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel, initial_geometry
-from contact_curation.learning.experiment_fit import HeldFitConfig, _place, fit_held
+from contact_curation.errors import InvalidValueError
+from contact_curation.learning.experiment_fit import HeldFitConfig, HeldSum, fit_held
 from contact_curation.learning.polytope_sums import moved, physical_difference
 from contact_curation.motion.transitions import Transitions, transitions_of
 from test.simulated import simulated_tosses
@@ -30,12 +31,13 @@ def initial(seed: int, noise: float = 0.4) -> PolytopeModel:
 def test_the_step_goes_down_the_sum_that_is_said(data: Transitions) -> None:
     """The score is minus half the sum's slope, by central differences; A0 and the ground are in both."""
     model, origin = initial(1, noise=0.05), initial(2, noise=0.05).geometry()
-    place = _place(model, data, CONFIG, origin, 0.06)
+    held = HeldSum(data, np.ones(3), CONFIG, origin, 0.06)
+    place = held.place(model)
     rng = np.random.default_rng(0)
     for _ in range(4):
         step = 1e-6 * rng.standard_normal(place.score.size)
         step[-3:-1] *= 1e-3  # the tilt is held so stiffly that it would be all there is
-        ahead, behind = (_place(moved(model, sign * step), data, CONFIG, origin, 0.06).objective for sign in (1.0, -1.0))
+        ahead, behind = (held.place(moved(model, sign * step)).objective for sign in (1.0, -1.0))
         assert ahead - behind == pytest.approx(-4.0 * float(place.score @ step), rel=1e-3)
 
 
@@ -67,3 +69,15 @@ def test_a_fit_that_goes_on_from_another_ends_where_one_from_the_start_does(data
     again = fit_held(first.model, data, config, origin=start)
     assert again.objective == pytest.approx(first.objective, rel=1e-6)
     assert again.steps < first.steps
+
+
+def test_a_weight_is_a_repetition_and_no_weight_is_an_absence() -> None:
+    tosses = simulated_tosses(3, seed=2)
+    repeated = transitions_of([tosses[0], tosses[2], tosses[2]], CONTACTNETS_CUBE.length_scale)
+    all_of_them, few = transitions_of(tosses, CONTACTNETS_CUBE.length_scale), replace(CONFIG, steps=6)
+    one = fit_held(initial(6), all_of_them, few, weights=[1, 0, 2])
+    other = fit_held(initial(6), repeated, few)
+    assert one.objective == pytest.approx(other.objective, rel=1e-9)
+    np.testing.assert_allclose(one.model.geometry().vertices_normal, other.model.geometry().vertices_normal, atol=1e-9)
+    with pytest.raises(InvalidValueError, match="weights: found"):
+        fit_held(initial(6), all_of_them, few, weights=[1.0, -1.0, 1.0])
