@@ -7,6 +7,7 @@ which friction they would say, all else held: of the four quarters by duration, 
 acting at the vertices of the gaps. `search` trains on what rules keep of four fifths of the training tosses and judges by the
 last fifth; a seed is a fifth and an initialisation. The tosses are found through CONTACTNETS_DATA.
 
+    python -m benchmarks.rules          the first three
     python -m benchmarks.rules rig
     python -m benchmarks.rules why
     python -m benchmarks.rules ground
@@ -68,6 +69,9 @@ FIELDS = ("rule", "size", "fault", "share")
 type Row = dict[str, Any]
 
 
+QUESTIONS = ("rig", "why", "ground")
+"""What is answered by default."""
+
 FRICTION = -4
 """Place of the logarithm of friction in the physical form, before tilt and height."""
 
@@ -87,7 +91,7 @@ class Keyed(Protocol):
 def main() -> int:
     """Prints tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("what", choices=("rig", "why", "ground", "search"))
+    parser.add_argument("what", nargs="?", choices=(*QUESTIONS, "search"), help=f"by default {', '.join(QUESTIONS)}")
     parser.add_argument("--rules", nargs="+", default=["random", "longest", "log-det", "representative"], choices=RULES)
     parser.add_argument("--sizes", nargs="+", type=int, default=[8, 16, 32])
     parser.add_argument("--seeds", type=int, default=10)
@@ -102,13 +106,14 @@ def main() -> int:
         return 0
     evidence = evidence_of(recorded.training, recorded.body.polytope)
     bench = recorded.on(evidence.rig())
-    if arguments.what == "rig":
+    asked = [arguments.what] if arguments.what else QUESTIONS
+    if "rig" in asked:
         print_rig(recorded, evidence)
-    elif arguments.what == "why":
+    if "why" in asked:
         print_why(bench)
-    elif arguments.what == "ground":
+    if "ground" in asked:
         print_ground(bench)
-    else:
+    if "search" in asked:
         print_search(search(arguments, bench.training))
     return 0
 
