@@ -128,6 +128,7 @@ def test_what_cannot_be_designed_is_one_line(cli: Cli, tmp_path: Path, words: tu
     assert not (tmp_path / "throws.json").exists()
 
 
+@pytest.mark.slow
 def test_with_an_arm_only_throws_that_it_can_make_are_written(cli: Cli, tmp_path: Path) -> None:
     outcome = design(cli, tmp_path / "throws.json", "--arm")
     assert outcome.status == 0, outcome.err

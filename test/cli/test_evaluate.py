@@ -35,6 +35,7 @@ def means(report: dict[str, dict[str, dict[str, dict[str, float]]]], name: str) 
     return [report[name][measure]["mean"]["value"] for measure in ("position", "rotation", "penetration")]
 
 
+@pytest.mark.slow
 def test_the_true_cube_reaches_its_floor_on_all_real_tosses(cli: Cli, contactnets_folder: Path, true_parameters: Path) -> None:
     done = cli("evaluate", true_parameters, contactnets_folder, *QUICK, "--json")
     position, rotation, penetration = means(done.json["summaries"], str(true_parameters))

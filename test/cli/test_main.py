@@ -195,7 +195,7 @@ def test_an_output_that_takes_nothing_is_at_most_one_line(where: str, status: in
     assert says in done.stderr
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
+@pytest.mark.parametrize("encoding", ["ascii", pytest.param("utf-8", marks=pytest.mark.slow)])
 def test_a_name_that_no_terminal_can_show_is_shown_in_escapes(encoding: str, golden: Path, tmp_path: Path) -> None:
     bag = os.fsencode(tmp_path) + b"/t\xc3\xb6ss\xff.mcap"
     Path(os.fsdecode(bag)).write_bytes(golden.read_bytes()[:-1000])

@@ -130,6 +130,7 @@ def test_without_the_gate_a_glitch_is_scored_and_motions_without_rest_are_still_
     }
 
 
+@pytest.mark.slow
 def test_a_bound_on_influence_is_a_quantile_of_the_pools_losses(cli: Cli, golden: Path, tmp_path: Path) -> None:
     plain = cli("rank", golden, "--estimator", "empirical", "--json").json
     bounded = cli("rank", golden, "--estimator", "empirical", "--bound-influence", "--json").json
@@ -196,7 +197,7 @@ def cut_and_whole(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return [cut_short(folder), mcap_file(folder)]
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("bound", [(), ("--bound-influence",)])
 def test_a_toss_that_was_cut_short_in_one_recording_is_ranked_whole_from_another(
     cli: Cli, cut_and_whole: list[Path], jobs: int, bound: tuple[str, ...]
@@ -274,6 +275,7 @@ def test_json_is_one_object_and_nothing_else(cli: Cli, golden: Path) -> None:
     assert isinstance(json.loads(done.out), dict)
 
 
+@pytest.mark.slow
 def test_real_tosses_all_pass_the_gates(cli: Cli, contactnets_folder: Path) -> None:
     report = cli("rank", contactnets_folder, "--json").json
     assert report["outcomes"] == {"kept": 32, "ranked, not kept": 538}

@@ -73,7 +73,7 @@ def test_robustness_says_what_the_gates_caught(cli: Cli, folder: Path, tmp_path:
     assert {(row["gate_hits"], row["gate_false_alarms"], row["kept_bad"]) for row in gated} == {("1.0", "0.0", "0.0")}
 
 
-@pytest.mark.parametrize("experiment", ["theorem", "calibration"])
+@pytest.mark.parametrize("experiment", ["theorem", pytest.param("calibration", marks=pytest.mark.slow)])
 def test_experiments_without_rules_that_learn(cli: Cli, folder: Path, tmp_path: Path, experiment: str) -> None:
     done = cli("reproduce", experiment, folder, "--out", tmp_path, *SMALL)
     assert done.status == 0

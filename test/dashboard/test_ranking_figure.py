@@ -43,33 +43,29 @@ def test_every_criterion_has_its_unit() -> None:
     assert set(UNITS) == set(CRITERIA)
 
 
+UNUSUAL = {
+    "one toss": picture(1, 1),
+    "wide of both signs": replace(picture(), scores=np.concatenate([np.geomspace(1e3, 1.0, 20), -np.geomspace(1.0, 1e6, 20)])),
+    "no spectrum": replace(picture(), spectrum=np.zeros(0)),
+}
+OTHERS = {
+    "all kept": picture(5, 5),
+    "equal": replace(picture(), scores=np.ones(40)),
+    "no gains": replace(picture(), scores=np.zeros(40), gains=np.zeros(40)),
+    "negative": replace(picture(), scores=np.linspace(3.0, -3.0, 40)),
+    "wide": replace(picture(), scores=np.geomspace(1e12, 1e-9, 40)),
+    "mostly nothing": replace(picture(), scores=np.concatenate([np.zeros(30), np.full(10, -1e6)])),
+    "empty directions": replace(picture(), spectrum=np.array([0.0, 0.0, 1.0]), epsilon=1.0),
+    "no blocks": replace(picture(), shares={}, criterion="longest"),
+}
+"""Drawn by the same code, and no cheaper."""
+
+
 @pytest.mark.parametrize(
     "unusual",
     [
-        picture(1, 1),
-        picture(5, 5),
-        replace(picture(), scores=np.ones(40)),
-        replace(picture(), scores=np.zeros(40), gains=np.zeros(40)),
-        replace(picture(), scores=np.linspace(3.0, -3.0, 40)),
-        replace(picture(), scores=np.geomspace(1e12, 1e-9, 40)),
-        replace(picture(), scores=np.concatenate([np.geomspace(1e3, 1.0, 20), -np.geomspace(1.0, 1e6, 20)])),
-        replace(picture(), scores=np.concatenate([np.zeros(30), np.full(10, -1e6)])),
-        replace(picture(), spectrum=np.zeros(0)),
-        replace(picture(), spectrum=np.array([0.0, 0.0, 1.0]), epsilon=1.0),
-        replace(picture(), shares={}, criterion="longest"),
-    ],
-    ids=[
-        "one toss",
-        "all kept",
-        "equal",
-        "no gains",
-        "negative",
-        "wide",
-        "wide of both signs",
-        "mostly nothing",
-        "no spectrum",
-        "empty directions",
-        "no blocks",
+        *(pytest.param(one, id=name) for name, one in UNUSUAL.items()),
+        *(pytest.param(one, id=name, marks=pytest.mark.slow) for name, one in OTHERS.items()),
     ],
 )
 def test_unusual_pools_are_drawn_without_a_warning(tmp_path: Path, unusual: RankingPicture) -> None:

@@ -28,6 +28,9 @@ STORES = {
 POLL = 0.02
 """[s]"""
 
+LONGEST = 90.0
+"""That anything may take on a busy machine [s]."""
+
 
 class Listener:
     """A node of the test's own; what it hears is in lists by topic.
@@ -52,12 +55,14 @@ class Listener:
         self.node.create_subscription(kind, topic, heard.append, kept(depth))
         return heard
 
-    def call(self, kind: Any, name: str, request: Any, seconds: float = 10.0) -> Any:
-        """Calls a service and waits for its answer."""
+    def call(self, kind: Any, name: str, request: Any, seconds: float = 30.0) -> Any:
+        """Calls a service and waits for its answer; asks again once, since a service that does not know us yet loses it."""
         client = self.node.create_client(kind, name)
-        assert client.wait_for_service(seconds), f"no service {name}"
+        assert client.wait_for_service(LONGEST), f"no service {name}"
         future = client.call_async(request)
-        until(future.done, seconds, f"an answer of {name}")
+        if not within(future.done, seconds):
+            future = client.call_async(request)
+            until(future.done, LONGEST, f"an answer of {name}")
         self.node.destroy_client(client)
         return future.result()
 
@@ -154,7 +159,14 @@ class Graph:
 
 def until(true: Callable[[], Any], seconds: float, what: str) -> None:
     """Waits until something is true, and fails after a while."""
+    assert within(true, seconds), f"waited {seconds:g} s for {what}"
+
+
+def within(true: Callable[[], Any], seconds: float) -> bool:
+    """Whether something becomes true before so much time has gone."""
     end = time.monotonic() + seconds
     while not true():
-        assert time.monotonic() < end, f"waited {seconds:g} s for {what}"
+        if time.monotonic() > end:
+            return False
         time.sleep(POLL)
+    return True

@@ -61,6 +61,7 @@ def curate(graph: Graph, bag: Path) -> tuple[list[CuratedBuffer], int]:
     return buffers, expected
 
 
+@pytest.mark.slow
 def test_a_dashboard_that_starts_late_fills_every_view(graph: Graph, golden_bag: Path) -> None:
     diagnostics = graph.diagnostics()
     story = Storyteller(graph, golden_bag)

@@ -102,6 +102,7 @@ def test_it_waits_goes_on_stands_still_and_jumps_when_asked(graph: Graph, record
     graph.until(lambda: jumped() and jumps[-1] == (99, 0), LONG, "the jump, then the end and the beginning again")
 
 
+@pytest.mark.slow
 def test_at_the_end_it_can_be_told_to_jump_back(graph: Graph, recording: Path) -> None:
     points = graph.listener.listen(PointStamped, "/points")
     player = graph.start("player", bag=recording, wait_for=10.0, as_fast_as_possible=True, stay=True, topics=["/points"])

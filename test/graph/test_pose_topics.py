@@ -110,6 +110,7 @@ def test_bad_poses_are_counted_and_said_once_and_cost_no_toss(
     assert "elsewhere" in log
 
 
+@pytest.mark.slow
 def test_poses_are_taken_after_the_clock_was_set_back(
     graph: Graph, rig: tuple[FramePose, ...], poses: tuple[FramePose, ...]
 ) -> None:

@@ -69,6 +69,7 @@ def slow(victim: str) -> Any:
     return pytest.param(victim, marks=pytest.mark.slow)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("victim", ["pose_ingest", slow("fisher_scorer"), slow("curator"), slow("player")])
 def test_a_node_that_is_killed_in_mid_stream_and_comes_back_changes_nothing(
     graph: Graph, golden_bag: Path, victim: str

@@ -78,6 +78,7 @@ def test_poses_are_told_as_tagslam_does_with_the_noise_of_the_rig(graph: Graph) 
     assert np.sqrt(np.mean(np.square(turns)) / 3.0) == pytest.approx(RIG_NOISE.orientation, rel=0.2)
 
 
+@pytest.mark.slow
 def test_losses_leave_frames_out_and_a_delay_holds_poses_back_until_the_end(graph: Graph) -> None:
     heard = graph.listener.listen(Odometry, "/tagslam/odom/body_cube", 2000)
     parameters: dict[str, Any] = {"noise.latency": 0.05, "noise.dropout_rate": 0.1, "noise.dropout_frames": 2.0, "seed": 1}

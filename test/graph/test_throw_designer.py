@@ -119,6 +119,7 @@ def test_in_auto_throws_are_made_one_after_the_other_each_when_the_last_ones_tos
         assert own[-1].executed.throw_id == own[-1].throw_command.throw_id
 
 
+@pytest.mark.slow
 def test_a_throw_whose_motion_is_rejected_is_followed_by_the_next_at_once(graph: Graph) -> None:
     thrower = Thrower(graph.listener)
     thrower.silent.set()

@@ -135,7 +135,9 @@ def pool_of_network(kind: ModelKind) -> Pool:
 
 
 @pytest.mark.parametrize("criterion", CRITERIA)
-@pytest.mark.parametrize("kind", [*NETWORKS[:2], pytest.param(ModelKind.END_TO_END, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "kind", [one if one is ModelKind.DEEPVERTEX else pytest.param(one, marks=pytest.mark.slow) for one in NETWORKS]
+)
 def test_every_criterion_ranks_tosses_scored_for_a_network(kind: ModelKind, criterion: str) -> None:
     curation = curate_particles([pool_of_network(kind)], RankingConfig(criterion, top=3))
     assert sorted(curation.ranking.ids) == sorted(toss.toss_id for toss in tosses())

@@ -73,6 +73,7 @@ def test_leading_directions_are_worth_more_than_random_ones() -> None:
     assert roughness(SketchConfig()) < 0.3 * roughness(SketchConfig(leading=0, random=24))
 
 
+@pytest.mark.slow
 def test_random_rows_keep_lengths_right_on_average() -> None:
     lengths = [np.square(scores(ModelKind.DEEPVERTEX, SketchConfig(2, 4, seed)).sketched).sum() for seed in range(12)]
     error = float(np.std(lengths)) / np.sqrt(len(lengths))

@@ -163,6 +163,7 @@ def test_flight_teaches_nothing(real_transitions: Transitions, estimator: Estima
     assert share < 1e-3
 
 
+@pytest.mark.slow
 def test_tosses_simulated_by_the_model_itself_have_no_empirical_information(real_transitions: Transitions) -> None:
     """METHOD 6.8: and what little they have is in no order; the Gauss-Newton matrix keeps the order."""
     rows = real_transitions
@@ -196,7 +197,7 @@ def with_spikes(rows: Transitions, seed: int) -> tuple[Transitions, NDArray[np.i
     return replace(rows, before=before, after=after), spiked
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 def test_glitches_win_by_trace_and_lose_by_bounded_influence_and_gauss_newton(
     real_transitions: Transitions, fitted: ContactGeometry, seed: int
 ) -> None:

@@ -62,8 +62,10 @@ def test_the_measured_motions_own_penetration_is_that_of_the_data(measured: tupl
 
 @pytest.mark.parametrize(
     ("world", "position", "penetration"),
-    [(DEFAULT_WORLD, 13.1, 0.2), (MUJOCO_DEFAULTS, 13.9, 1.0)],
-    ids=["ours", "MuJoCo's own"],
+    [
+        pytest.param(DEFAULT_WORLD, 13.1, 0.2, id="ours"),
+        pytest.param(MUJOCO_DEFAULTS, 13.9, 1.0, id="MuJoCo's own", marks=pytest.mark.slow),
+    ],
 )
 def test_mujoco_an_engine_of_its_own_comes_as_near_within_two_points(
     measured: tuple[Array, ...], world: WorldConfig, position: float, penetration: float

@@ -212,6 +212,7 @@ def kept_value(pool: Pool, selector: Selector) -> float:
     return value(pool, tuple(info.toss_id for info in selector.selected))
 
 
+@pytest.mark.slow
 @ONE_AT_ONCE
 def test_a_sieve_keeps_its_promise_in_twenty_orders(real_tosses: Tosses, estimator: Estimator) -> None:
     """It promises 0.3 of the best log-det. METHOD expects over 0.85 of greedy's; by the empirical matrix it is 0.79 to 0.89."""

@@ -170,6 +170,7 @@ def check_that_the_camera_goes_along(bag: Path, kept: int, out: Path) -> None:
     assert Counter(one.topic for one in raw(out))["/camera_info"] == 1
 
 
+@pytest.mark.slow
 def test_detections_take_a_camera_along_that_was_told_of_long_before_them(tmp_path: Path) -> None:
     images = tagged_tosses(2)
     second = next(place for place, one in enumerate(images) if one.stamp_ns - images[place - 1].stamp_ns > 10**8)

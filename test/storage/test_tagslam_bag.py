@@ -176,6 +176,7 @@ def relative_differences(some: list[Toss], others: list[Toss], field: str) -> ND
     return np.asarray(np.linalg.norm(ours - theirs, axis=1) / np.where(speeds > 0.0, speeds, 1.0))
 
 
+@pytest.mark.slow
 def test_all_570_real_tosses_come_back_frame_by_frame_with_the_files_own_velocities(imported: Imported) -> None:
     """The files', turned back onto the rig's board; the bag's stamps are whole nanoseconds."""
     again, report = tosses_of(imported.bag), imported.report
