@@ -14,6 +14,8 @@ KERNEL_SOURCES := $(wildcard contact_curation/*/kernel/*)
 # A sourced ROS would put its own packages before those of the virtual environment.
 unexport PYTHONPATH PYTHONHOME AMENT_PREFIX_PATH COLCON_PREFIX_PATH CMAKE_PREFIX_PATH LD_LIBRARY_PATH
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+# Without bytecode every process of the demo and the tests, and there are hundreds, compiles its modules anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test test-slow check format bench setup lock clean distclean
 .DELETE_ON_ERROR:
@@ -21,9 +23,9 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 demo: setup
 	$(PYTHON) -m contact_curation.cli.demo $(if $(DATA),--data $(DATA)) $(if $(DASHBOARD),--dashboard)
 
-# Each file on one of two processes; the tests of live graphs wait more than they work.
+# Each file on one of three processes, on two cores: the tests of live graphs wait more than they work.
 test: setup
-	$(PYTHON) -m pytest -n 2 --dist loadfile
+	$(PYTHON) -m pytest -n 3 --dist loadfile
 
 test-slow: setup
 	$(PYTHON) -m pytest -m slow

@@ -2,7 +2,8 @@
 
 `rig` says what the tosses tell of the rig that tracked them, and what a fit to all of them is worth before and after they are
 put right by it; everything below is done with tosses that are. `why` fits all training tosses, and then asks of sets of them
-which friction they would say, all else held: of the four quarters by duration, and of what each rule keeps at that fit.
+which friction they would say, all else held: of the four quarters by duration, by how much farther they slid than the fit
+expects of their release, by what it expects, and by spin; and of what each rule keeps at that fit.
 `ground` says how that fit predicts the motion of the same tosses, beside one whose ground may lean and one with friction
 acting at the vertices of the gaps. `search` trains on what rules keep of four fifths of the training tosses and judges by the
 last fifth; a seed is a fifth and an initialisation. The tosses are found through CONTACTNETS_DATA.
@@ -35,6 +36,10 @@ from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import INITIAL_NOISE, PolytopeModel
+from contact_curation.design.execution_noise import ExecutionNoise, balanced_draws
+from contact_curation.design.forecast import DEFAULT_FORECAST, predicted_motions
+from contact_curation.design.particle import Particle
+from contact_curation.geometry.quaternions import Array
 from contact_curation.information.pool import Indices
 from contact_curation.learning.bootstrap import BootstrapConfig
 from contact_curation.learning.evaluation import EvaluationConfig, evaluate_model
@@ -48,7 +53,7 @@ from contact_curation.learning.polytope_sums import polytope_sums
 from contact_curation.motion.gates import GateConfig, footing
 from contact_curation.motion.rig import LEVEL, RigEvidence, evidence_of
 from contact_curation.motion.toss import Toss
-from contact_curation.motion.transitions import transitions_of
+from contact_curation.motion.transitions import states_of, transitions_of
 
 DESCRIBED = ContactGeometry.of_body(CONTACTNETS_CUBE).vertices_normal
 FOLDS = 5
@@ -171,14 +176,34 @@ def print_why(bench: Bench) -> None:
     def said(places: Indices) -> float:
         return friction * float(np.exp(scores[places].sum() / information[places].sum()))
 
-    for quarter in np.array_split(np.argsort(durations), 4):
-        print(f"durations {durations[quarter].min():.2f} to {durations[quarter].max():.2f} s: {said(quarter):.4f}")
+    releases = np.concatenate([states_of(toss, 1.0)[:1] for toss in bench.training])
+    slides = np.array([np.linalg.norm(toss.positions[-1, :2] - toss.positions[0, :2]) for toss in bench.training])
+    foreseen = expected_slides(bench, releases)
+    for what, values in {
+        "duration, s": durations,
+        "slid farther than expected, m": slides - foreseen,
+        "expected slide, m": foreseen,
+        "spin at release, rad/s": np.linalg.norm(releases[:, 10:], axis=1),
+    }.items():
+        quarters = np.array_split(np.argsort(values), 4)
+        edges = ", ".join(f"{values[quarter].min():.2f}" for quarter in quarters)
+        print(f"{what:32}" + "".join(f"{said(quarter):9.4f}" for quarter in quarters) + f"   quarters from {edges}")
     names = {toss.toss_id: place for place, toss in enumerate(bench.training)}
     print(f"\n{'kept at that fit':22}" + "".join(f"{f'k = {size}':>10}" for size in (8, 16, 32)))
     for name, rule in RULES.items():
-        if name != "all" and not name.endswith("static"):
+        if name != "all" and not (name.endswith("static") or rule.by_polytope or rule.redrawn):
             kept = [np.array([names[one] for one in select(rule, model, bench.training, size, 0)]) for size in (8, 16, 32)]
             print(f"{name:22}" + "".join(f"{said(places):10.4f}" for places in kept))
+
+
+def expected_slides(bench: Bench, releases: Array) -> Array:
+    """(K,) how far across the board the fit expects bodies to come, over executions of each release [m]."""
+    draws = balanced_draws(DEFAULT_FORECAST.executions, np.random.default_rng(0))
+    executed = ExecutionNoise.expected().executions(releases, draws).reshape(-1, releases.shape[1])
+    motions = predicted_motions(Particle(bench.reference, bench.body, ONE_THREAD), executed)
+    ends = motions.states[np.arange(len(executed)), motions.frames - 1, :2]
+    across = bench.body.length_scale * np.linalg.norm(ends - motions.states[:, 0, :2], axis=1)
+    return np.asarray(across.reshape(len(releases), -1).mean(axis=1))
 
 
 def print_ground(bench: Bench) -> None:

@@ -20,6 +20,7 @@ hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=No
 hypothesis.settings.load_profile("repeatable")
 
 REPOSITORY = Path(__file__).resolve().parents[1]
+GOLDEN = REPOSITORY / "bags" / "golden.mcap"
 CONTACTNETS_BESIDE = REPOSITORY.parent / "shared" / "data" / "contactnets"
 
 
@@ -31,3 +32,11 @@ def contactnets_folder() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no ContactNets data: set CONTACTNETS_DATA to the folder that holds tosses_processed/ (looked in {base})")
     return folder
+
+
+@pytest.fixture(scope="session")
+def golden_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The recording that comes with the repository, 24 tosses, 3 of which must be kept back, without its long rests."""
+    from test.shortened import write_shortened  # NumPy and the readers of recordings, which not every test needs
+
+    return write_shortened(GOLDEN, "/tagslam/odom/body_cube", tmp_path_factory.mktemp("golden") / GOLDEN.name)

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 
-from contact_curation.storage.bag_decoding import DECODE_ERRORS, TypeDecoder, decoder_for
+from contact_curation.storage.bag_decoding import DECODE_ERRORS, Definition, TypeDecoder, decoder_for
 from contact_curation.storage.bag_errors import DamagedBagError, Losses, UndecodableTypeError
 from contact_curation.storage.bag_limits import BagLimits
 from contact_curation.storage.bag_records import BagMessage, Channel, RawMessage, StoredMessage
@@ -18,7 +18,7 @@ class MessageConverter:
     def __init__(self, limits: BagLimits, losses: Losses) -> None:
         self._limits = limits
         self._losses = losses
-        self._decoders: dict[tuple[str, ...], TypeDecoder | UndecodableTypeError] = {}
+        self._decoders: dict[Definition, TypeDecoder | UndecodableTypeError] = {}
 
     def decoded(self, stored: Iterable[StoredMessage]) -> Iterator[BagMessage]:
         """Message objects."""
@@ -61,10 +61,10 @@ class MessageConverter:
 
     def _decoder(self, channel: Channel) -> TypeDecoder:
         """The channel's decoder; those of one definition share it, and why there is none is found out only once."""
-        key = (channel.encoding, channel.type, channel.schema_encoding, channel.schema)
-        if key not in self._decoders:
-            self._decoders[key] = _decoder_or_reason(channel, self._limits)
-        decoder = self._decoders[key]
+        definition = Definition(channel.type, channel.encoding, channel.schema, channel.schema_encoding)
+        if definition not in self._decoders:
+            self._decoders[definition] = _decoder_or_reason(definition, self._limits)
+        decoder = self._decoders[definition]
         if isinstance(decoder, UndecodableTypeError):
             raise decoder
         if channel.type_hash and channel.type_hash != decoder.type_hash:
@@ -73,9 +73,9 @@ class MessageConverter:
         return decoder
 
 
-def _decoder_or_reason(channel: Channel, limits: BagLimits) -> TypeDecoder | UndecodableTypeError:
+def _decoder_or_reason(definition: Definition, limits: BagLimits) -> TypeDecoder | UndecodableTypeError:
     try:
-        return decoder_for(channel, limits)
+        return decoder_for(definition, limits)
     except UndecodableTypeError as error:
         return error
 

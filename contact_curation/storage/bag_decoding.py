@@ -7,6 +7,8 @@ its own topic. Names are brought to ROS 2's form: fields of ROS 1 messages becom
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc, Typesdict
@@ -16,7 +18,6 @@ from rosbags.typesys.store import Typestore
 
 from contact_curation.storage.bag_errors import UndecodableTypeError
 from contact_curation.storage.bag_limits import BagLimits
-from contact_curation.storage.bag_records import Channel
 
 HEADER = "std_msgs/msg/Header"
 IDL_SEPARATOR = "=" * 80 + "\n"
@@ -26,11 +27,29 @@ TYPE_ERRORS = (TypesysError, SerdeError, LookupError, ValueError, TypeError, Ass
 """What rosbags raises on definitions that it cannot make a decoder from."""
 DECODE_ERRORS = (SerdeError, struct.error, LookupError, ValueError, TypeError, OverflowError, RecursionError)
 """What rosbags raises on bytes that are no message of the type."""
+DECODERS = 64
+"""Kept for the next bag; making one takes some 20 ms, and a set of bags has a few types."""
+
+
+class Definition(NamedTuple):
+    """What the messages of a channel are made of.
+
+    Attributes:
+        type: ROS 2 type name.
+        encoding: of the messages, `cdr` or `ros1`.
+        schema: definition text; empty where the bag carries none.
+        schema_encoding: of it.
+    """
+
+    type: str
+    encoding: str
+    schema: str
+    schema_encoding: str
 
 
 @dataclass(frozen=True, eq=False)
 class TypeDecoder:
-    """Decodes the messages of one channel.
+    """Decodes messages of one definition.
 
     Attributes:
         decode: bytes to message object; raises one of DECODE_ERRORS.
@@ -47,70 +66,71 @@ class TypeDecoder:
     type_hash: str
 
 
-def decoder_for(channel: Channel, limits: BagLimits) -> TypeDecoder:
-    """A decoder made from the channel's definition, or ROS 2 Jazzy's where the bag carries none.
+@lru_cache(DECODERS)
+def decoder_for(definition: Definition, limits: BagLimits) -> TypeDecoder:
+    """A decoder made from a definition, or ROS 2 Jazzy's where the bag carries none.
 
     Raises:
         UndecodableTypeError: the encoding, the definition or the type is not understood.
     """
-    if channel.encoding not in ("cdr", "ros1"):
-        raise UndecodableTypeError(f"messages are encoded as {channel.encoding!r}; only cdr and ros1 are understood")
+    if definition.encoding not in ("cdr", "ros1"):
+        raise UndecodableTypeError(f"messages are encoded as {definition.encoding!r}; only cdr and ros1 are understood")
     try:
-        store = _store(channel, limits)
-        store.get_msgdef(channel.type)
-        return _ros1_decoder(channel, store) if channel.encoding == "ros1" else _ros2_decoder(channel, store)
+        store = _store(definition, limits)
+        store.get_msgdef(definition.type)
+        return _ros1_decoder(definition, store) if definition.encoding == "ros1" else _ros2_decoder(definition, store)
     except TYPE_ERRORS as error:
         raise UndecodableTypeError(f"the definition of its type is not understood: {_reason(error)}") from error
 
 
-def _ros2_decoder(channel: Channel, store: Typestore) -> TypeDecoder:
+def _ros2_decoder(definition: Definition, store: Typestore) -> TypeDecoder:
     def decode(data: bytes) -> object:
-        return store.deserialize_cdr(data, channel.type)
+        return store.deserialize_cdr(data, definition.type)
 
     def to_cdr(data: bytes) -> bytes:
         return data
 
-    return TypeDecoder(decode, to_cdr, channel.schema, channel.schema_encoding, store.hash_rihs01(channel.type))
+    return TypeDecoder(decode, to_cdr, definition.schema, definition.schema_encoding, store.hash_rihs01(definition.type))
 
 
-def _ros1_decoder(channel: Channel, store: Typestore) -> TypeDecoder:
+def _ros1_decoder(definition: Definition, store: Typestore) -> TypeDecoder:
     jazzy_header = get_typestore(Stores.ROS2_JAZZY).fielddefs[HEADER]
     ros2 = get_typestore(Stores.EMPTY)
     ros2.register({**store.fielddefs, HEADER: jazzy_header})  # without seq, as ros1_to_cdr expects it
 
     def decode(data: bytes) -> object:
-        return store.deserialize_ros1(data, channel.type)
+        return store.deserialize_ros1(data, definition.type)
 
     def to_cdr(data: bytes) -> bytes:
-        return bytes(ros2.ros1_to_cdr(data, channel.type))
+        return bytes(ros2.ros1_to_cdr(data, definition.type))
 
-    schema, _ = ros2.generate_msgdef(channel.type, ros_version=2)
-    return TypeDecoder(decode, to_cdr, schema, "ros2msg", ros2.hash_rihs01(channel.type))
+    schema, _ = ros2.generate_msgdef(definition.type, ros_version=2)
+    return TypeDecoder(decode, to_cdr, schema, "ros2msg", ros2.hash_rihs01(definition.type))
 
 
-def _store(channel: Channel, limits: BagLimits) -> Typestore:
-    if not channel.schema:
+def _store(definition: Definition, limits: BagLimits) -> Typestore:
+    if not definition.schema:
         store = get_typestore(Stores.ROS2_JAZZY)
-        if channel.type not in store.fielddefs:
-            raise TypesysError(f"the bag does not define {channel.type!r}, nor is it one of ROS 2 Jazzy's")
+        if definition.type not in store.fielddefs:
+            raise TypesysError(f"the bag does not define {definition.type!r}, nor is it one of ROS 2 Jazzy's")
         return store
-    if len(channel.schema) > LONGEST_SCHEMA:
-        raise TypesysError(f"it has {len(channel.schema)} characters where at most {LONGEST_SCHEMA} are accepted")
-    types = _types(channel)
+    if len(definition.schema) > LONGEST_SCHEMA:
+        raise TypesysError(f"it has {len(definition.schema)} characters where at most {LONGEST_SCHEMA} are accepted")
+    types = _types(definition)
     _refuse_long_arrays(types, limits)
     store = get_typestore(Stores.EMPTY)
     store.register(types)
     return store
 
 
-def _types(channel: Channel) -> Typesdict:
-    if channel.schema_encoding == "ros2msg":
-        return get_types_from_msg(channel.schema, channel.type)
-    if channel.schema_encoding == "ros1msg":
-        return _in_lower_case(get_types_from_msg(channel.schema, channel.type))
-    if channel.schema_encoding in ("ros2idl", "omgidl"):
-        return _types_from_idl(channel.schema)
-    raise TypesysError(f"it is written as {channel.schema_encoding!r}; ros2msg, ros2idl and ros1msg are understood")
+def _types(definition: Definition) -> Typesdict:
+    if definition.schema_encoding == "ros2msg":
+        return get_types_from_msg(definition.schema, definition.type)
+    if definition.schema_encoding == "ros1msg":
+        return _in_lower_case(get_types_from_msg(definition.schema, definition.type))
+    if definition.schema_encoding in ("ros2idl", "omgidl"):
+        return _types_from_idl(definition.schema)
+    raise TypesysError(f"it is written as {definition.schema_encoding!r}; ros2msg, ros2idl and ros1msg are understood")
 
 
 def _types_from_idl(schema: str) -> Typesdict:

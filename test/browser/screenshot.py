@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 from PIL import Image
 
 from test.browser.viewer import opened, settled
-from test.graph.conftest import GOLDEN
+from test.conftest import GOLDEN
 
 COLOURS = 192
 """Of the picture: few colours make a small file."""

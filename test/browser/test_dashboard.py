@@ -11,9 +11,9 @@ from contact_curation.cli.free_domain import free_domain
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.dashboard.layout import live_layout
 from test.browser.viewer import CHROMIUM, Page, opened, regions, settled, share_changed
+from test.conftest import GOLDEN
 from test.dashboard.recorded import Recorded
 from test.dashboard.test_serving import free_port
-from test.graph.conftest import GOLDEN
 from test.graph.graph import Graph
 from test.graph.offline import tosses_of
 from test.graph.storyteller import Storyteller

@@ -7,8 +7,6 @@ import pytest
 from contact_curation.cli.main import main
 from test.cli.commands import Cli, Outcome, write_parameters
 
-REPOSITORY = Path(__file__).resolve().parents[2]
-
 
 @pytest.fixture
 def cli(capsys: pytest.CaptureFixture[str]) -> Cli:
@@ -25,9 +23,9 @@ def cli(capsys: pytest.CaptureFixture[str]) -> Cli:
 
 
 @pytest.fixture(scope="session")
-def golden() -> Path:
-    """The recording of 24 tosses, 3 of which must be kept back, that comes with the repository."""
-    return REPOSITORY / "bags" / "golden.mcap"
+def golden(golden_bag: Path) -> Path:
+    """`golden_bag`, as the tests of commands call it."""
+    return golden_bag
 
 
 @pytest.fixture(scope="session")

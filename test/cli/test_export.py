@@ -146,7 +146,8 @@ def test_a_folder_that_is_not_empty_is_left_alone(cli: Cli, golden: Path, manife
 def test_what_else_cannot_be_done_is_one_line(cli: Cli, golden: Path, manifest: Path, tmp_path: Path) -> None:
     out = ("--out", tmp_path / "out")
     save_contactnets(tmp_path, 0, synthetic_toss())
-    assert "is no manifest" in refused(cli, golden, "--manifest", golden.with_name("golden.json"), "--format", "mcap", *out)
+    (tmp_path / "other.json").write_text('{"tosses": 24}')
+    assert "is no manifest" in refused(cli, golden, "--manifest", tmp_path / "other.json", "--format", "mcap", *out)
     line = refused(cli, tmp_path / "0.pt", "--manifest", manifest, "--format", "mcap", *out)
     assert "0.pt, expected a recording; `contact-curation import contactnets DIR" in line
     line = refused(cli, golden, "--manifest", manifest, "--format", "lerobot", "--per-toss", *out)

@@ -64,7 +64,9 @@ def test_every_criterion_ranks_for_a_deep_model(cli: Cli, folder: Path, criterio
 
 
 @pytest.mark.parametrize("estimator", list(Estimator))
-@pytest.mark.parametrize("kind", [*NETWORKS[:2], pytest.param(ModelKind.END_TO_END, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "kind", [one if one is ModelKind.DEEPVERTEX else pytest.param(one, marks=pytest.mark.slow) for one in NETWORKS]
+)
 def test_every_estimator_ranks_for_every_network_as_the_library_does(
     cli: Cli, folder: Path, kind: ModelKind, estimator: Estimator
 ) -> None:

@@ -8,13 +8,6 @@ import pytest
 from contact_curation.cli.free_domain import free_domain
 from test.graph.graph import Graph
 
-GOLDEN = Path(__file__).resolve().parents[2] / "bags" / "golden.mcap"
-
-
-@pytest.fixture
-def golden_bag() -> Path:
-    return GOLDEN
-
 
 @pytest.fixture
 def graph(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Graph]:

@@ -11,7 +11,7 @@ from contact_curation.nodes.ingest_journal import Arrival, IngestJournal
 from contact_curation.storage.toss_store import TossStore
 from test.graph.measured import fresh_ingest, measured_of, tosses_in
 
-MESSAGES = 2500
+MESSAGES = 1000
 """Five or six tosses, one of them glitched."""
 
 
@@ -46,7 +46,7 @@ def test_tosses_are_the_same_however_often_it_dies(golden_bag: Path, tmp_path: P
 def test_a_batch_that_was_not_finished_leaves_no_trace(
     golden_bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    measured = measured_of(golden_bag)[:1000]
+    measured = measured_of(golden_bag)[:MESSAGES]
     store, journal = open_journal(tmp_path / "store")
     journal.take(arrivals_of(measured)[:300])
     monkeypatch.setattr(store, "append_poses", lambda poses: 1 / 0)
@@ -61,7 +61,7 @@ def test_a_batch_that_was_not_finished_leaves_no_trace(
 
 
 def test_what_was_stored_and_not_announced_is_announced_after_a_death(golden_bag: Path, tmp_path: Path) -> None:
-    measured = measured_of(golden_bag)[:1000]
+    measured = measured_of(golden_bag)[:MESSAGES]
     store, journal = open_journal(tmp_path / "store")
     happened = journal.take(arrivals_of(measured))
     assert len(happened.tosses) >= 2
@@ -74,7 +74,7 @@ def test_what_was_stored_and_not_announced_is_announced_after_a_death(golden_bag
 
 
 def test_the_state_of_another_configuration_is_not_taken_up(golden_bag: Path, tmp_path: Path) -> None:
-    measured = measured_of(golden_bag)[:1000]
+    measured = measured_of(golden_bag)[:MESSAGES]
     store, journal = open_journal(tmp_path / "store")
     journal.take(arrivals_of(measured)[:200])
     store.close()

@@ -4,7 +4,6 @@ import json
 import math
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,6 +14,7 @@ from tf2_msgs.msg import TFMessage
 from contact_curation.motion.pose_stream import FramePose
 from contact_curation.nodes.qos import kept, profile
 from contact_curation.storage.toss_store import TossStore
+from test.conftest import GOLDEN
 from test.graph.graph import Graph
 from test.graph.measured import measured_of, tosses_in
 from test.graph.tracker import Tracker, publish
@@ -26,14 +26,20 @@ LONG = 90.0
 BEST_EFFORT = profile(1000, reliable=False, latched=False)
 
 
-@pytest.fixture
-def rig(golden_bag: Path) -> tuple[FramePose, ...]:
-    return tuple(one for one in measured_of(golden_bag) if one.static)
+@pytest.fixture(scope="module")
+def measured() -> tuple[FramePose, ...]:
+    """With the rests, in which these tests' tosses end."""
+    return tuple(measured_of(GOLDEN))
 
 
 @pytest.fixture
-def poses(golden_bag: Path) -> tuple[FramePose, ...]:
-    return tuple(one for one in measured_of(golden_bag)[:MESSAGES] if not one.static)
+def rig(measured: tuple[FramePose, ...]) -> tuple[FramePose, ...]:
+    return tuple(one for one in measured if one.static)
+
+
+@pytest.fixture
+def poses(measured: tuple[FramePose, ...]) -> tuple[FramePose, ...]:
+    return tuple(one for one in measured[:MESSAGES] if not one.static)
 
 
 def _two(messages: list[Any]) -> bool:

@@ -23,6 +23,8 @@ from contact_curation.solver.cone_problem import Cone
 from test.contact.cases import CUBE, tracked_transitions
 
 CONFIG = replace(published(ModelKind.POLYTOPE), patience=None, epochs=2)
+LONG_WAY = replace(CONFIG, steps=80)
+"""A step takes some milliseconds there."""
 NETWORKS = (ModelKind.DEEP, ModelKind.DEEPVERTEX, ModelKind.END_TO_END)
 
 
@@ -61,11 +63,11 @@ def assert_alike(one: Training, other: Training) -> None:
 
 
 def test_both_ways_give_the_same_numbers(long_way: pytest.MonkeyPatch) -> None:
-    other = training()
+    other = training(LONG_WAY)
     other.advance(10**6)
     long_way.undo()
-    ours = training()
-    assert SingleSteps.of(ours.model, ours.data, CONFIG, ours.optimizer) is not None
+    ours = training(LONG_WAY)
+    assert SingleSteps.of(ours.model, ours.data, LONG_WAY, ours.optimizer) is not None
     ours.advance(10**6)
     assert ours.progress.state is TrainingState.SPENT
     assert_alike(ours, other)
@@ -162,7 +164,7 @@ def test_evaluations_come_at_the_steps_that_they_come_at_along_the_long_way(long
 
 
 def test_rows_that_are_not_solved_are_left_out_by_both_ways(long_way: pytest.MonkeyPatch) -> None:
-    config = replace(CONFIG, epochs=1, loss=replace(CONFIG.loss, max_iterations=9))
+    config = replace(LONG_WAY, loss=replace(CONFIG.loss, max_iterations=9))
     other = training(config)
     other.advance(10**6)
     long_way.undo()

@@ -119,6 +119,7 @@ def test_units_turn_the_order_of_the_trace_over_and_move_no_toss_of_the_others(
 # What METHOD measured
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("estimator", "criterion", "method", "measured"),
     [

@@ -90,35 +90,46 @@ def zstd_frame_of_declared_size(size: int) -> bytes:
 
 
 MANY = 2**32 - 1
-HOSTILE_MCAP: dict[str, bytes] = {
-    "header length": record(1, b"", 2**63) + END,
-    "chunk record length": HEADER + record(6, bytes(40), 2**62),
-    "chunk stored length": HEADER + chunk("zstd", b"abc", 100, 2**62) + END,
-    "chunk unpacked length": HEADER + chunk("zstd", zstandard.compress(b"abc"), 2**62) + END,
-    "chunk unpacked length below the limit": HEADER + chunk("lz4", lz4.frame.compress(b"abc"), 250 << 20) + END,
-    "zstd declared length": HEADER + chunk("zstd", zstd_frame_of_declared_size(2**60), 100) + END,
-    "zstd declared length below the limit": HEADER + chunk("zstd", zstd_frame_of_declared_size(250 << 20), 250 << 20) + END,
-    "zstd bomb": HEADER + chunk("zstd", zstandard.compress(bytes(GIBIBYTE // 4), 3), GIBIBYTE) + END,
-    "lz4 bomb": HEADER + chunk("lz4", lz4.frame.compress(bytes(GIBIBYTE // 4)), 1000) + END,
-    "compression name": HEADER + record(6, struct.pack("<QQQII", 1, 2, 3, 0, MANY) + bytes(20)) + END,
-    "schema name": HEADER + record(3, struct.pack("<H", 1) + text("a", MANY)) + END,
-    "channel metadata": HEADER + record(4, struct.pack("<HH", 1, 0) + text("/a") + text("cdr") + struct.pack("<I", MANY)) + END,
-    "message index": HEADER + chunk("", b"", 0) + record(7, struct.pack("<HI", 1, MANY)) + END,
-    "summary start": HEADER + record(15, bytes(4)) + record(2, struct.pack("<QQI", 9, 0, 0)) + MAGIC,
-    "summary start beyond": HEADER + record(15, bytes(4)) + record(2, struct.pack("<QQI", 2**63, 0, 0)) + MAGIC,
-    "statistics": HEADER + record(11, bytes(38) + struct.pack("<I", MANY)) + record(2, struct.pack("<QQI", 22, 0, 0)) + MAGIC,
-    "message record": in_chunk(record(5, bytes(22), 2**62)),
-    "string": in_chunk(message(struct.pack("<I", MANY), "string a\n")),
-    "sequence of numbers": in_chunk(message(struct.pack("<I", MANY), "float64[] a\n")),
-    "sequence of strings": in_chunk(message(struct.pack("<I", MANY), "string[] a\n")),
-    "sequence of messages": in_chunk(message(struct.pack("<I", MANY), f"B[] a\n{'=' * 80}\nMSG: a/B\nfloat64 x\n")),
-    "fixed array": in_chunk(message(b"", "float64[4000000000] a\n")),
-    "fixed array of messages": in_chunk(message(b"", f"B[4000000000] a\n{'=' * 80}\nMSG: a/B\nfloat64 x\n")),
-    "fixed array of strings": in_chunk(message(b"", "string[4000000000] a\n")),
-    "compressed message": in_chunk(
-        message(b"", "float64[] a\n").replace(b"\x00\x01\x00\x00", zstd_frame_of_declared_size(2**60)[:4])
-    ),
-}
+
+
+def hostile_mcap() -> dict[str, bytes]:
+    """What follows the magic of MCAP files."""
+    return {
+        "header length": record(1, b"", 2**63) + END,
+        "chunk record length": HEADER + record(6, bytes(40), 2**62),
+        "chunk stored length": HEADER + chunk("zstd", b"abc", 100, 2**62) + END,
+        "chunk unpacked length": HEADER + chunk("zstd", zstandard.compress(b"abc"), 2**62) + END,
+        "chunk unpacked length below the limit": HEADER + chunk("lz4", lz4.frame.compress(b"abc"), 250 << 20) + END,
+        "zstd declared length": HEADER + chunk("zstd", zstd_frame_of_declared_size(2**60), 100) + END,
+        "zstd declared length below the limit": HEADER + chunk("zstd", zstd_frame_of_declared_size(250 << 20), 250 << 20) + END,
+        "zstd bomb": HEADER + chunk("zstd", zstandard.compress(bytes(GIBIBYTE // 4), 3), GIBIBYTE) + END,
+        "lz4 bomb": HEADER + chunk("lz4", lz4.frame.compress(bytes(GIBIBYTE // 4)), 1000) + END,
+        "compression name": HEADER + record(6, struct.pack("<QQQII", 1, 2, 3, 0, MANY) + bytes(20)) + END,
+        "schema name": HEADER + record(3, struct.pack("<H", 1) + text("a", MANY)) + END,
+        "channel metadata": HEADER
+        + record(4, struct.pack("<HH", 1, 0) + text("/a") + text("cdr") + struct.pack("<I", MANY))
+        + END,
+        "message index": HEADER + chunk("", b"", 0) + record(7, struct.pack("<HI", 1, MANY)) + END,
+        "summary start": HEADER + record(15, bytes(4)) + record(2, struct.pack("<QQI", 9, 0, 0)) + MAGIC,
+        "summary start beyond": HEADER + record(15, bytes(4)) + record(2, struct.pack("<QQI", 2**63, 0, 0)) + MAGIC,
+        "statistics": HEADER
+        + record(11, bytes(38) + struct.pack("<I", MANY))
+        + record(2, struct.pack("<QQI", 22, 0, 0))
+        + MAGIC,
+        "message record": in_chunk(record(5, bytes(22), 2**62)),
+        "string": in_chunk(message(struct.pack("<I", MANY), "string a\n")),
+        "sequence of numbers": in_chunk(message(struct.pack("<I", MANY), "float64[] a\n")),
+        "sequence of strings": in_chunk(message(struct.pack("<I", MANY), "string[] a\n")),
+        "sequence of messages": in_chunk(message(struct.pack("<I", MANY), f"B[] a\n{'=' * 80}\nMSG: a/B\nfloat64 x\n")),
+        "fixed array": in_chunk(message(b"", "float64[4000000000] a\n")),
+        "fixed array of messages": in_chunk(message(b"", f"B[4000000000] a\n{'=' * 80}\nMSG: a/B\nfloat64 x\n")),
+        "fixed array of strings": in_chunk(message(b"", "string[4000000000] a\n")),
+        "compressed message": in_chunk(
+            message(b"", "float64[] a\n").replace(b"\x00\x01\x00\x00", zstd_frame_of_declared_size(2**60)[:4])
+        ),
+    }
+
+
 ROS1 = b"#ROSBAG V2.0\n"
 
 
@@ -132,20 +143,26 @@ def ros1_chunk(compression: bytes, data: bytes, unpacked: int) -> bytes:
     return ros1_record(fields, len(data), data)
 
 
-HOSTILE_ROS1: dict[str, bytes] = {
-    "record head": struct.pack("<I", MANY),
-    "head field": struct.pack("<II", 8, MANY) + b"op=\x05",
-    "record data": ros1_record({b"op": b"\x07", b"conn": bytes(4)}, MANY),
-    "chunk": ros1_record({b"op": b"\x05", b"compression": b"none", b"size": struct.pack("<I", MANY)}, MANY),
-    "index": ros1_chunk(b"none", b"", 0) + ros1_record({b"op": b"\x04", b"conn": bytes(4)}, MANY),
-    "bz2 bomb": ros1_chunk(b"bz2", bz2.compress(bytes(GIBIBYTE // 4)), MANY),
-    "bz2 bomb that lies": ros1_chunk(b"bz2", bz2.compress(bytes(GIBIBYTE // 4)), 1000),
-    "lz4 bomb": ros1_chunk(b"lz4", lz4.frame.compress(bytes(GIBIBYTE // 4)), MANY),
-}
+def hostile_ros1() -> dict[str, bytes]:
+    """What follows the magic of ROS 1 bags."""
+    bomb = bz2.compress(bytes(GIBIBYTE // 4))
+    return {
+        "record head": struct.pack("<I", MANY),
+        "head field": struct.pack("<II", 8, MANY) + b"op=\x05",
+        "record data": ros1_record({b"op": b"\x07", b"conn": bytes(4)}, MANY),
+        "chunk": ros1_record({b"op": b"\x05", b"compression": b"none", b"size": struct.pack("<I", MANY)}, MANY),
+        "index": ros1_chunk(b"none", b"", 0) + ros1_record({b"op": b"\x04", b"conn": bytes(4)}, MANY),
+        "bz2 bomb": ros1_chunk(b"bz2", bomb, MANY),
+        "bz2 bomb that lies": ros1_chunk(b"bz2", bomb, 1000),
+        "lz4 bomb": ros1_chunk(b"lz4", lz4.frame.compress(bytes(GIBIBYTE // 4)), MANY),
+    }
 
 
-@pytest.mark.parametrize(("start", "hostile"), [(MAGIC, HOSTILE_MCAP), (ROS1, HOSTILE_ROS1)], ids=["mcap", "ros1"])
-def test_huge_declared_sizes_in_small_files_take_no_memory(tmp_path: Path, start: bytes, hostile: dict[str, bytes]) -> None:
+@pytest.mark.parametrize(("start", "made"), [(MAGIC, hostile_mcap), (ROS1, hostile_ros1)], ids=["mcap", "ros1"])
+def test_huge_declared_sizes_in_small_files_take_no_memory(
+    tmp_path: Path, start: bytes, made: Callable[[], dict[str, bytes]]
+) -> None:
+    hostile = made()
     for name, content in hostile.items():
         (tmp_path / f"hostile {name}").write_bytes(start + content)
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
