@@ -4,7 +4,8 @@ A polytope learns to the optimum from what each keeps of four fifths of the trai
 rules do, and is judged by the last fifth; a seed is a fifth and an initialisation. The tosses are found through
 CONTACTNETS_DATA and are put right by what they say of their rig.
 
-    python -m benchmarks.candidate_rules [--candidates NAME ...] [--sizes 8 16 32] [--seeds 10] [--out FILE.jsonl] [--jobs N]
+    python -m benchmarks.candidate_rules [--candidates NAME ...] [--sizes 8 16 32] [--seeds 10] [--jobs N]
+                                         [--out FILE.jsonl] [--table FILE.csv]
 
 random, longest, log-det, representative   as in docs/criteria.md, to compare with
 half-random       half of them by log-det, the others at random
@@ -12,10 +13,11 @@ leverage-drawn    drawn with chances as their leverages, and weighted so that th
 expected          by log-det of what the model expects a release to teach, over executions of it, whatever came of it
 by-block          a third each by what they tell of the gaps' vertices, of friction's vertices, and of friction
 particles         representative over four thetas, learned from as many initialisations
-*-trimmed         learned without the 2 % of the transitions that are explained worst
+*-trimmed         learned without the 2 % of the transitions that are explained worst; *-trimmed-less: the 0.5 %
 """
 
 import argparse
+import csv
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -26,7 +28,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from benchmarks.rules import Row, finished_rows, fold_bench, recorded_bench
+from benchmarks.rules import Row, finished_rows, fold_bench, recorded_bench, traits
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.design.execution_noise import ExecutionNoise, balanced_draws
@@ -54,8 +56,15 @@ from contact_curation.motion.transitions import states_of
 
 SIZES = (8, 16, 32)
 PARTICLES = 4
-TRIMMED = 0.02
-MEASURES = ("rotation", "vertices_from_all", "position", "penetration", "friction_from_all")
+TRIMMED = {
+    "random-trimmed": 0.02,
+    "log-det-trimmed": 0.02,
+    "representative-trimmed": 0.02,
+    "representative-trimmed-less": 0.005,
+}
+"""Share of the transitions that training leaves out."""
+MEASURES = ("rotation", "vertices_from_all", "position", "penetration", "friction_from_all", "friction")
+TRAITS = ("duration", "slid farther than expected", "expected slide", "spin at release")
 BASELINES = ("random", "longest", "representative")
 BLOCKS = (("vertices_normal",), ("vertices_tangent",), ("friction",))
 """Of which each tells a third."""
@@ -182,16 +191,18 @@ CANDIDATES: dict[str, Chooser] = {
     "random-trimmed": partial(by_criterion, "random"),
     "log-det-trimmed": partial(by_criterion, "log-det"),
     "representative-trimmed": partial(by_criterion, "representative"),
+    "representative-trimmed-less": partial(by_criterion, "representative"),
 }
 
 
 def main() -> int:
-    """Prints a table a measure."""
+    """Prints a table of each measure, and what kind of tosses each rule keeps."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--candidates", nargs="+", default=list(CANDIDATES), choices=CANDIDATES)
     parser.add_argument("--sizes", nargs="+", type=int, default=list(SIZES))
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--out", type=Path, help="file of the finished trainings; one that exists is gone on with")
+    parser.add_argument("--table", type=Path, help="file of the same as CSV")
     parser.add_argument("--jobs", type=int, default=1)
     arguments = parser.parse_args()
     torch.set_num_threads(1)
@@ -203,7 +214,10 @@ def main() -> int:
         Trial(name, size, seed) for seed in range(arguments.seeds) for size in arguments.sizes for name in arguments.candidates
     ]
     work = partial(run_trial, bench.training, bench.reference)
-    print_rows(finished_rows(trials, work, arguments.out, arguments.jobs))
+    rows = with_places(finished_rows(trials, work, arguments.out, arguments.jobs), bench)
+    print_rows(rows)
+    if arguments.table:
+        write_table(rows, arguments.table)
     return 0
 
 
@@ -214,8 +228,8 @@ def run_trial(tosses: tuple[Toss, ...], reference: ContactGeometry, trial: Trial
     pool = pool_of_cell(Cell("random", trial.size, trial.seed), bench).tosses
     choice = kept(trial, bench, pool)
     start, data = bench.initial_polytope(trial.seed), kept_transitions(pool, choice.ids, bench.body.length_scale)
-    if trial.rule.endswith("trimmed"):
-        model = optimum(start, data, ONE_THREAD, TRIMMED).model
+    if trial.rule in TRIMMED:
+        model = optimum(start, data, ONE_THREAD, TRIMMED[trial.rule]).model
     else:
         model = fit_held(start, data, FIT, weights=_weights(choice, data.toss_ids)).model
     return {**judged(model, bench), "count": len(choice.ids), "kept": " ".join(choice.ids)}
@@ -240,14 +254,36 @@ def kept(trial: Trial, bench: Bench, pool: tuple[Toss, ...]) -> Choice:
 
 def print_rows(rows: Sequence[Row]) -> None:
     """Medians over seeds, and differences to the baselines with 95 % intervals."""
-    summaries = summarised(rows, ("rule", "size"), MEASURES, BASELINES, BootstrapConfig())
-    for measure in MEASURES:
+    summaries = summarised(rows, ("rule", "size"), (*MEASURES, *TRAITS), BASELINES, BootstrapConfig())
+    for measure in (*MEASURES, *TRAITS):
         print(f"\n{measure}")
         for one in summaries:
             if one.measure == measure:
                 group = dict(one.group)
                 beside = (f"{each.value:+8.3f} ({each.low:+.3f} to {each.high:+.3f})" for each in one.beside.values())
                 print(f"  {group['rule']:24}{group['size']:>4}{one.median.value:9.3f}  {'  '.join(beside)}")
+
+
+def with_places(rows: Sequence[Row], bench: Bench) -> list[Row]:
+    """With where the kept tosses stand among all by each trait, from 0, the least, to 1, the most; means over them."""
+    places = {}
+    for trait, values in traits(bench).items():
+        order = np.argsort(np.argsort(values)) / (len(values) - 1)
+        places[trait] = {toss.toss_id: float(place) for toss, place in zip(bench.training, order, strict=True)}
+    return [
+        {**row, **{trait: float(np.mean([place[one] for one in row["kept"].split()])) for trait, place in places.items()}}
+        for row in rows
+    ]
+
+
+def write_table(rows: Sequence[Row], path: Path) -> None:
+    """A line a training, to six digits."""
+    names = ("rule", "size", "seed", *MEASURES, *TRAITS)
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(names)
+        for row in rows:
+            writer.writerow([f"{row[name]:.6g}" if isinstance(row[name], float) else row[name] for name in names])
 
 
 def _ranking(criterion: str, size: int, seed: int = 0) -> RankingConfig:

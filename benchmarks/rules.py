@@ -170,21 +170,12 @@ def print_why(bench: Bench) -> None:
     sums = polytope_sums(model, data, Estimator.GAUSS_NEWTON, ONE_THREAD)
     scores, information = sums.scores[:, FRICTION], sums.fishers[:, FRICTION, FRICTION]
     friction = float(np.linalg.norm(bench.reference.tangents[0]))
-    durations = np.array([toss.duration for toss in bench.training])
-    print(f"friction that tosses say, all else as in the fit to all {len(durations)}, which says {friction:.4f}\n")
+    print(f"friction that tosses say, all else as in the fit to all {len(bench.training)}, which says {friction:.4f}\n")
 
     def said(places: Indices) -> float:
         return friction * float(np.exp(scores[places].sum() / information[places].sum()))
 
-    releases = np.concatenate([states_of(toss, 1.0)[:1] for toss in bench.training])
-    slides = np.array([np.linalg.norm(toss.positions[-1, :2] - toss.positions[0, :2]) for toss in bench.training])
-    foreseen = expected_slides(bench, releases)
-    for what, values in {
-        "duration, s": durations,
-        "slid farther than expected, m": slides - foreseen,
-        "expected slide, m": foreseen,
-        "spin at release, rad/s": np.linalg.norm(releases[:, 10:], axis=1),
-    }.items():
+    for what, values in traits(bench).items():
         quarters = np.array_split(np.argsort(values), 4)
         edges = ", ".join(f"{values[quarter].min():.2f}" for quarter in quarters)
         print(f"{what:32}" + "".join(f"{said(quarter):9.4f}" for quarter in quarters) + f"   quarters from {edges}")
@@ -194,6 +185,19 @@ def print_why(bench: Bench) -> None:
         if name != "all" and not (name.endswith("static") or rule.by_polytope or rule.redrawn):
             kept = [np.array([names[one] for one in select(rule, model, bench.training, size, 0)]) for size in (8, 16, 32)]
             print(f"{name:22}" + "".join(f"{said(places):10.4f}" for places in kept))
+
+
+def traits(bench: Bench) -> dict[str, Array]:
+    """(K,) each, of the training tosses [s, m, m, rad/s]: what came of them, and what is known at their releases."""
+    releases = np.concatenate([states_of(toss, 1.0)[:1] for toss in bench.training])
+    slides = np.array([np.linalg.norm(toss.positions[-1, :2] - toss.positions[0, :2]) for toss in bench.training])
+    foreseen = expected_slides(bench, releases)
+    return {
+        "duration": np.array([toss.duration for toss in bench.training]),
+        "slid farther than expected": slides - foreseen,
+        "expected slide": foreseen,
+        "spin at release": np.linalg.norm(releases[:, 10:], axis=1),
+    }
 
 
 def expected_slides(bench: Bench, releases: Array) -> Array:

@@ -4,7 +4,7 @@ Every fit begins at theta_0, which also holds what no toss measures (learning/ex
 board's zero. So theta follows from theta_0 and the data alone, and not from how training came there; and a fit that is killed
 is made again with the same digits.
 
-The few transitions that are explained worst are left out, which ones being part of the fit: least trimmed squares (Rousseeuw
+The few transitions that are explained worst may be left out, which ones being part of the fit: least trimmed squares (Rousseeuw
 1984, with concentration steps: Rousseeuw and Van Driessen 2006), where "squares" are losses. Among them are the hard impacts,
 which a rigid body without restitution cannot explain, so that throws that are designed to hit hard pull friction away from the
 truth (docs/learning.md).

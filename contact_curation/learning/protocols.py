@@ -108,7 +108,7 @@ class TrainingConfig:
     influence: InfluenceBound = field(default_factory=InfluenceBound)
     loss: LossConfig = DEFAULT_LOSS
     exact: bool = False
-    trimmed: float = 0.02
+    trimmed: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("batch", "steps", "epochs", "evaluation_steps"):
@@ -171,6 +171,10 @@ def budgeted(kind: ModelKind) -> TrainingConfig:
     )
 
 
-def exact() -> TrainingConfig:
-    """The protocol that takes a polytope's optimum at once."""
-    return replace(budgeted(ModelKind.POLYTOPE), exact=True)
+ROUND_TRIMMED = 0.005
+"""Share that rounds leave out by default, which learn from designed throws, too (docs/learning.md)."""
+
+
+def exact(trimmed: float = 0.0) -> TrainingConfig:
+    """The protocol that takes a polytope's optimum at once; with a share of the transitions to leave out."""
+    return replace(budgeted(ModelKind.POLYTOPE), exact=True, trimmed=trimmed)

@@ -15,7 +15,7 @@ from contact_curation.contact.models import initial_model
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.errors import InvalidValueError
-from contact_curation.learning.protocols import TrainingConfig, budgeted, exact
+from contact_curation.learning.protocols import ROUND_TRIMMED, TrainingConfig, budgeted, exact
 from contact_curation.nodes.parameters import declare, declare_config
 from contact_curation.storage.parameters_file import Parameters
 from contact_curation.storage.theta_file import read_theta
@@ -44,7 +44,7 @@ def declared_protocol(node: Node, kind: ModelKind) -> TrainingConfig:
     if protocol == "exact" and not has_optimum:
         raise InvalidValueError("protocol", f"exact for {kind.value}, {form.value}", "budgeted, or a polytope, physical")
     if protocol != "budgeted" and has_optimum:
-        ours = exact()
+        ours = exact(ROUND_TRIMMED)
     trimmed = declare(node, "trimmed", ours.trimmed, "share of the transitions that an exact fit leaves out", bounds=(0.0, 0.5))
     steps = declare(node, "steps", ROUND_STEPS, "gradient steps of a round", bounds=(1, 1 << 31))
     return replace(

@@ -22,7 +22,7 @@ from contact_curation.learning.evaluation import EvaluationConfig, predicted_mot
 from contact_curation.learning.experiment_cell import Protocol
 from contact_curation.learning.experiment_run import ONE_THREAD, Bench, Row, motion_row
 from contact_curation.learning.experiment_throws import RANDOM, RAW, ThrowsCell
-from contact_curation.learning.protocols import budgeted, exact
+from contact_curation.learning.protocols import ROUND_TRIMMED, budgeted, exact
 from contact_curation.learning.toss_by_toss import RoundsLearner
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of
@@ -88,7 +88,7 @@ def judged(model: PolytopeModel, bench: Bench) -> Row:
 
 def _learner(cell: ThrowsCell, bench: Bench) -> RoundsLearner:
     """One round after each throw, as the node trainer's."""
-    config = exact() if cell.protocol == Protocol.EXACT else budgeted(ModelKind.POLYTOPE)
+    config = exact(ROUND_TRIMMED) if cell.protocol == Protocol.EXACT else budgeted(ModelKind.POLYTOPE)
     return RoundsLearner(bench.initial_polytope(cell.seed), replace(config, loss=ONE_THREAD), max(cell.steps, 1), cell.seed)
 
 

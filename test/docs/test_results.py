@@ -21,6 +21,8 @@ COLUMNS = {
     "friction": "friction",
     "off all's": "friction_from_all",
     "friction off all's": "friction_from_all",
+    "slid farther": "slid farther than expected",
+    "spin": "spin at release",
     "friction, off all's": "friction_from_all",
 }
 RIGID = "with friction at the gaps"
@@ -95,6 +97,7 @@ def of_seeds(found: Rows, said: Said, rule: str, seeds: int) -> dict[int, float]
         ("The same along gradient steps", "budgeted"),
         ("The published protocol", "published"),
         ("Friction where the body touches", "dataset_quality"),
+        ("Other ways that were tried", "candidate_rules"),
     ],
 )
 def test_medians_are_those_of_ten_seeds(heading: str, name: str) -> None:
