@@ -8,9 +8,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linprog
-from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.polytopes import Polytope
@@ -37,6 +34,8 @@ class Face(NamedTuple):
 
 def faces_of(polytope: Polytope) -> list[Face]:
     """The faces, in an order that hangs on nothing but the shape."""
+    from scipy.spatial import ConvexHull  # with the other two half a second to import, which every node would pay
+
     faces: list[Face] = []
     size = float(np.ptp(polytope.vertices, axis=0).max())
     for *normal, negative_offset in ConvexHull(polytope.vertices).equations:
@@ -79,6 +78,8 @@ def _same(one: Face, other: Face, size: float) -> bool:
 
 def _squares(faces: list[Face]) -> Iterator[tuple[Pose, float]]:
     """For each face the pose and the edge [m] of the largest square on it, its z outwards."""
+    from scipy.spatial.transform import Rotation
+
     for face in faces:
         axes = _axes(face.normal)  # (2, 3)
         others = [other for other in faces if other is not face]
@@ -106,6 +107,8 @@ def _turned(turn: float) -> Array:
 
 def _largest(rows: Array, bounds: Array, turn: float) -> tuple[Array, float, float]:
     """Middle (2,), half edge and turn of the largest square in a polygon `rows x <= bounds`."""
+    from scipy.optimize import linprog
+
     reach = np.abs(rows @ _turned(turn).T).sum(axis=1)
     found = linprog([0.0, 0.0, -1.0], np.column_stack([rows, reach]), bounds, bounds=[(None, None), (None, None), (0.0, None)])
     return np.asarray(found.x[:2]), float(found.x[2]), turn

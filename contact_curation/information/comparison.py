@@ -1,7 +1,6 @@
 """How alike two rankings are: rank correlation, and overlap of their first k (METHOD 2.4)."""
 
 import numpy as np
-from scipy.stats import spearmanr
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.ranking import Ranking
@@ -13,6 +12,8 @@ def spearman(one: Ranking, other: Ranking) -> float:
     Raises:
         InvalidValueError: they share fewer than two tosses.
     """
+    from scipy.stats import spearmanr  # takes a second to import
+
     places = {entry.toss_id: entry.rank for entry in other.entries}
     pairs = [(entry.rank, places[entry.toss_id]) for entry in one.entries if entry.toss_id in places]
     if len(pairs) < 2:
