@@ -14,7 +14,7 @@ from contact_curation.contact.models import initial_model
 from contact_curation.contact.parameter_form import Form
 from contact_curation.information.model_version import model_version
 from contact_curation.information.network_scoring import NetworkScorer
-from contact_curation.information.ranker import CRITERIA, DEFAULT_CRITERION
+from contact_curation.information.ranker import CRITERIA
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.motion.toss import Toss
@@ -52,9 +52,8 @@ def ranked(cli: Cli, folder: Path, kind: ModelKind, *words: object) -> Any:
     return done.json
 
 
-@pytest.mark.parametrize(
-    "criterion", [one if one == DEFAULT_CRITERION else pytest.param(one, marks=pytest.mark.slow) for one in CRITERIA]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("criterion", CRITERIA)
 def test_every_criterion_ranks_for_a_deep_model(cli: Cli, folder: Path, criterion: str) -> None:
     report = ranked(cli, folder, ModelKind.DEEP, "--criterion", criterion, "--estimator", "empirical", "--top", 1)
     assert [row["rank"] for row in report["tosses"]] == [1, 2]

@@ -2,12 +2,15 @@
 
 from pathlib import Path
 
+import pytest
+
 from test.cli.commands import Cli
 from test.storage.tag_recordings import write_detections
 from test.storage.test_tag_map_file import SHIPPED
 from test.tagged_tosses import tagged_tosses
 
 
+@pytest.mark.slow
 def test_detections_are_ranked_with_a_tag_map_and_refused_without_one(cli: Cli, tmp_path: Path) -> None:
     bag = write_detections(tmp_path / "tags.mcap", tagged_tosses(2))
     report = cli("rank", bag, "--tag-map", SHIPPED, "--top", "1", "--json").json

@@ -6,9 +6,8 @@ python -m test.docs.reference          writes it
 import sys
 from typing import Any
 
-from contact_curation.cli.free_domain import free_domain
 from test.conftest import REPOSITORY
-from test.graph.declared_parameters import CLASSES, declared, in_empty_folder
+from test.graph.declared_parameters import Declared, all_declared
 
 PAGE = REPOSITORY / "docs" / "reference.md"
 MSG_DEFS = REPOSITORY / "msg_defs"
@@ -23,14 +22,13 @@ is told in [nodes.md](nodes.md).
 
 def page() -> str:
     """The whole of it."""
-    with in_empty_folder(), free_domain() as domain:
-        nodes = [_node_section(name, domain) for name in CLASSES]
+    nodes = [_node_section(name, found) for name, found in all_declared().items()]
     return HEAD + "\n".join([*nodes, *_interfaces()])
 
 
-def _node_section(name: str, domain: int) -> str:
+def _node_section(name: str, found: list[Declared]) -> str:
     lines = [f"## {name}", "", "| parameter | default | |", "|---|---|---|"]
-    for one in sorted(declared(name, domain)):
+    for one in sorted(found):
         told = "; ".join(
             part
             for part in (one.description.rstrip("."), one.constraint, "" if one.fixed else "can be changed at any time")

@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import chdir, contextmanager
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -67,6 +68,13 @@ class Declared(NamedTuple):
     fixed: bool
 
 
+@cache
+def all_declared() -> dict[str, list[Declared]]:
+    """What each node declares; nodes are made once in a process."""
+    with in_empty_folder(), free_domain() as domain, mock.patch.dict(os.environ, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST"):
+        return {node: declared(node, domain) for node in CLASSES}
+
+
 def declared(node: str, domain: int) -> list[Declared]:
     """What a node declares when it is made, in its order; the node keeps its files in the current folder, and is taken down."""
     found: list[Declared] = []
@@ -111,10 +119,9 @@ def in_empty_folder() -> Iterator[None]:
         yield
 
 
-def nodes_yaml(domain: int) -> str:
+def nodes_yaml() -> str:
     """The file."""
-    sections = [f"/**/{node}:\n  ros__parameters:\n{_lines(declared(node, domain))}" for node in CLASSES]
-    return HEAD + "".join(sections)
+    return HEAD + "".join(f"/**/{node}:\n  ros__parameters:\n{_lines(found)}" for node, found in all_declared().items())
 
 
 def _lines(parameters: list[Declared]) -> str:
@@ -136,10 +143,7 @@ def _text(value: Any) -> str:
 
 def main() -> None:
     """Writes the file; the middleware has the standard output for itself."""
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-    path = Path(sys.argv[1]).absolute()
-    with in_empty_folder(), free_domain() as domain:
-        path.write_text(nodes_yaml(domain))
+    Path(sys.argv[1]).write_text(nodes_yaml())
 
 
 if __name__ == "__main__":

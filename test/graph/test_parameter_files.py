@@ -1,7 +1,6 @@
 """config/nodes.yaml has every parameter of every node, and the launch files set none that there is not."""
 
 import runpy
-import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -13,6 +12,7 @@ import yaml
 import contact_curation
 from contact_curation.cli.node_parameters import read_node_parameters, write_node_parameters
 from contact_curation.cli.online_parameters import STAGES
+from test.graph.declared_parameters import nodes_yaml
 
 PACKAGE = Path(contact_curation.__file__).parent
 CONFIG = PACKAGE / "config" / "nodes.yaml"
@@ -23,8 +23,7 @@ LAUNCH_FILES = sorted((PACKAGE / "launch").glob("*.launch.py"))
 def declared(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
     """What the nodes declare now."""
     path = tmp_path_factory.mktemp("declared") / "nodes.yaml"
-    command = [sys.executable, "-m", "test.graph.declared_parameters", str(path)]
-    subprocess.run(command, check=True, capture_output=True, cwd=PACKAGE.parent)
+    path.write_text(nodes_yaml())
     return read_node_parameters(path)
 
 

@@ -93,6 +93,7 @@ def test_losses_leave_frames_out_and_a_delay_holds_poses_back_until_the_end(grap
     assert 50 < len(heard) < len(frames)
 
 
+@pytest.mark.slow
 def test_a_bad_ground_truth_is_left_out_and_counted(graph: Graph) -> None:
     heard = graph.listener.listen(Odometry, "/tagslam/odom/body_cube", 2000)
     node = graph.start("sim_camera")

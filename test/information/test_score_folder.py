@@ -43,6 +43,7 @@ def test_orthogonal_selection_by_coordinates_is_that_by_the_scores() -> None:
         np.testing.assert_allclose(one.gains, other.gains, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_networks_toss_scores_are_exact_whatever_the_sketch(tmp_path: Path) -> None:
     model, config = network(ModelKind.DEEP), ScoringConfig(estimator=Estimator.EMPIRICAL)
     rough = NetworkConfig(sketch=SketchConfig(leading=0, random=1))

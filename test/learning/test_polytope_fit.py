@@ -46,6 +46,7 @@ def fit(rows: Transitions) -> PolytopeFit:
     return fit_polytope(start(1, rows), rows, CONFIG)
 
 
+@pytest.mark.slow
 def test_a_known_body_is_recovered_within_a_millimetre_and_a_hundredth_of_friction(fit: PolytopeFit) -> None:
     found, true = fit.model.geometry(), a_body()
     assert fit.converged

@@ -178,6 +178,7 @@ def test_rescaling_a_kept_set_does_not_make_it_stand_for_all(
     assert spectrum[0] == pytest.approx(method[0], rel=0.5)
 
 
+@pytest.mark.slow
 def test_by_the_empirical_matrix_no_toss_tells_every_direction(real_tosses: Tosses) -> None:
     """METHOD 0.3, of factors in full: 22 to 42 of 52 eigenvalues are over 1e-10 of the largest; by Gauss-Newton 48 to 52."""
     ranges = {Estimator.EMPIRICAL: (22, 42), Estimator.GAUSS_NEWTON: (48, 52)}

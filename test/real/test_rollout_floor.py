@@ -60,11 +60,12 @@ def test_the_measured_motions_own_penetration_is_that_of_the_data(measured: tupl
     assert errors_of(np.concatenate(measured), measured).penetration.mean() == pytest.approx(1.47, abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("world", "position", "penetration"),
     [
         pytest.param(DEFAULT_WORLD, 13.1, 0.2, id="ours"),
-        pytest.param(MUJOCO_DEFAULTS, 13.9, 1.0, id="MuJoCo's own", marks=pytest.mark.slow),
+        pytest.param(MUJOCO_DEFAULTS, 13.9, 1.0, id="MuJoCo's own"),
     ],
 )
 def test_mujoco_an_engine_of_its_own_comes_as_near_within_two_points(

@@ -33,6 +33,7 @@ def designed(bench: Bench) -> tuple[Row, ...]:
     return throws_rows(ThrowsCell("designed", (1, 3), 0), bench, CONFIG)
 
 
+@pytest.mark.slow
 def test_throws_are_designed_from_the_first_theta_on_and_teach_about_as_planned(designed: tuple[Row, ...]) -> None:
     assert [(row["throws"], row["designed"], row["toss"]) for row in designed] == [
         (1.0, 0.0, 1.0),
