@@ -27,12 +27,12 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from scipy.stats import rankdata
 
-from benchmarks.rules import Row, finished_rows, fold_bench, recorded_bench, traits
+from benchmarks.rules import Row, finished_rows, fold_bench, foreseen_motions, print_summaries, recorded_bench, traits
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.polytope_model import PolytopeModel
-from contact_curation.design.execution_noise import ExecutionNoise, balanced_draws
-from contact_curation.design.forecast import DEFAULT_FORECAST, expected, predicted_motions
+from contact_curation.design.forecast import DEFAULT_FORECAST, expected
 from contact_curation.design.particle import Particle
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.modular import leverages
@@ -41,18 +41,15 @@ from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.information.ranker import RankingConfig, rank, rank_particles
 from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.information.scoring import ScoringConfig
-from contact_curation.learning.bootstrap import BootstrapConfig
 from contact_curation.learning.curated_training import kept_transitions
 from contact_curation.learning.exact_fit import optimum
 from contact_curation.learning.experiment_cell import Cell
 from contact_curation.learning.experiment_fit import fit_held
 from contact_curation.learning.experiment_run import FIT, ONE_THREAD, Bench, judged, pool_of_cell
-from contact_curation.learning.experiment_summary import summarised
 from contact_curation.learning.model_scoring import toss_scorer
 from contact_curation.learning.reranking import EXACT_SELECTIONS
 from contact_curation.motion.rig import rig_of
 from contact_curation.motion.toss import Toss
-from contact_curation.motion.transitions import states_of
 
 SIZES = (8, 16, 32)
 PARTICLES = 4
@@ -64,7 +61,7 @@ TRIMMED = {
 }
 """Share of the transitions that training leaves out."""
 MEASURES = ("rotation", "vertices_from_all", "position", "penetration", "friction_from_all", "friction")
-TRAITS = ("duration", "slid farther than expected", "expected slide", "spin at release")
+FIELDS = ("rule", "size")
 BASELINES = ("random", "longest", "representative")
 BLOCKS = (("vertices_normal",), ("vertices_tangent",), ("friction",))
 """Of which each tells a third."""
@@ -157,12 +154,8 @@ def leverage_drawn(situation: Situation) -> Choice:
 def by_expected(situation: Situation) -> Choice:
     """Log-det of the information that the model expects, at the release alone."""
     model, tosses = situation.models[0], situation.tosses
-    body = model.body
-    states = np.concatenate([states_of(toss, 1.0)[:1] for toss in tosses])
-    draws = balanced_draws(DEFAULT_FORECAST.executions, np.random.default_rng(0))
-    particle = Particle(model.geometry(), body, ONE_THREAD)
-    executions = ExecutionNoise.expected().executions(states, draws).reshape(-1, states.shape[1])
-    fishers = expected(particle, predicted_motions(particle, executions), len(draws)).fishers
+    particle = Particle(model.geometry(), model.body, ONE_THREAD)
+    fishers = expected(particle, foreseen_motions(particle, tosses), DEFAULT_FORECAST.executions).fishers
     told = {toss.toss_id: fisher for toss, fisher in zip(tosses, fishers, strict=True)}
     infos = [_with_fisher(info, told[info.toss_id]) for info in situation.infos(model)]
     return Choice(_by_log_det(infos, situation.trial.size))
@@ -214,10 +207,11 @@ def main() -> int:
         Trial(name, size, seed) for seed in range(arguments.seeds) for size in arguments.sizes for name in arguments.candidates
     ]
     work = partial(run_trial, bench.training, bench.reference)
-    rows = with_places(finished_rows(trials, work, arguments.out, arguments.jobs), bench)
-    print_rows(rows)
+    values = traits(bench)
+    rows = with_places(finished_rows(trials, work, arguments.out, arguments.jobs), bench.training, values)
+    print_summaries(rows, FIELDS, (*MEASURES, *values), BASELINES)
     if arguments.table:
-        write_table(rows, arguments.table)
+        write_table(rows, (*MEASURES, *values), arguments.table)
     return 0
 
 
@@ -252,33 +246,19 @@ def kept(trial: Trial, bench: Bench, pool: tuple[Toss, ...]) -> Choice:
     return choice
 
 
-def print_rows(rows: Sequence[Row]) -> None:
-    """Medians over seeds, and differences to the baselines with 95 % intervals."""
-    summaries = summarised(rows, ("rule", "size"), (*MEASURES, *TRAITS), BASELINES, BootstrapConfig())
-    for measure in (*MEASURES, *TRAITS):
-        print(f"\n{measure}")
-        for one in summaries:
-            if one.measure == measure:
-                group = dict(one.group)
-                beside = (f"{each.value:+8.3f} ({each.low:+.3f} to {each.high:+.3f})" for each in one.beside.values())
-                print(f"  {group['rule']:24}{group['size']:>4}{one.median.value:9.3f}  {'  '.join(beside)}")
-
-
-def with_places(rows: Sequence[Row], bench: Bench) -> list[Row]:
+def with_places(rows: Sequence[Row], tosses: Sequence[Toss], values: Mapping[str, Array]) -> list[Row]:
     """With where the kept tosses stand among all by each trait, from 0, the least, to 1, the most; means over them."""
-    places = {}
-    for trait, values in traits(bench).items():
-        order = np.argsort(np.argsort(values)) / (len(values) - 1)
-        places[trait] = {toss.toss_id: float(place) for toss, place in zip(bench.training, order, strict=True)}
+    ids = [toss.toss_id for toss in tosses]
+    places = {trait: dict(zip(ids, (rankdata(found) - 1.0) / (len(ids) - 1.0), strict=True)) for trait, found in values.items()}
     return [
         {**row, **{trait: float(np.mean([place[one] for one in row["kept"].split()])) for trait, place in places.items()}}
         for row in rows
     ]
 
 
-def write_table(rows: Sequence[Row], path: Path) -> None:
+def write_table(rows: Sequence[Row], measures: Sequence[str], path: Path) -> None:
     """A line a training, to six digits."""
-    names = ("rule", "size", "seed", *MEASURES, *TRAITS)
+    names = (*FIELDS, "seed", *measures)
     with path.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(names)

@@ -37,18 +37,18 @@ from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import INITIAL_NOISE, PolytopeModel
 from contact_curation.design.execution_noise import ExecutionNoise, balanced_draws
-from contact_curation.design.forecast import DEFAULT_FORECAST, predicted_motions
+from contact_curation.design.forecast import DEFAULT_FORECAST, Motions, predicted_motions
 from contact_curation.design.particle import Particle
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.pool import Indices
-from contact_curation.learning.bootstrap import BootstrapConfig
+from contact_curation.learning.bootstrap import BootstrapConfig, Interval
 from contact_curation.learning.evaluation import EvaluationConfig, evaluate_model
 from contact_curation.learning.experiment_cell import Cell
 from contact_curation.learning.experiment_faults import Fault
 from contact_curation.learning.experiment_fit import fit_held
 from contact_curation.learning.experiment_rules import BASELINES, RULES
 from contact_curation.learning.experiment_run import FIT, ONE_THREAD, Bench, run_cell, select
-from contact_curation.learning.experiment_summary import Summary, summarised
+from contact_curation.learning.experiment_summary import summarised
 from contact_curation.learning.polytope_sums import polytope_sums
 from contact_curation.motion.gates import GateConfig, footing
 from contact_curation.motion.rig import LEVEL, RigEvidence, evidence_of
@@ -119,7 +119,7 @@ def main() -> int:
     if "ground" in asked:
         print_ground(bench)
     if "search" in asked:
-        print_search(search(arguments, bench.training))
+        print_summaries(search(arguments, bench.training), FIELDS, MEASURES, BASELINES)
     return 0
 
 
@@ -189,25 +189,34 @@ def print_why(bench: Bench) -> None:
 
 def traits(bench: Bench) -> dict[str, Array]:
     """(K,) each, of the training tosses [s, m, m, rad/s]: what came of them, and what is known at their releases."""
-    releases = np.concatenate([states_of(toss, 1.0)[:1] for toss in bench.training])
     slides = np.array([np.linalg.norm(toss.positions[-1, :2] - toss.positions[0, :2]) for toss in bench.training])
-    foreseen = expected_slides(bench, releases)
+    foreseen = expected_slides(bench)
     return {
         "duration": np.array([toss.duration for toss in bench.training]),
         "slid farther than expected": slides - foreseen,
         "expected slide": foreseen,
-        "spin at release": np.linalg.norm(releases[:, 10:], axis=1),
+        "spin at release": np.linalg.norm(releases_of(bench.training)[:, 10:], axis=1),
     }
 
 
-def expected_slides(bench: Bench, releases: Array) -> Array:
-    """(K,) how far across the board the fit expects bodies to come, over executions of each release [m]."""
-    draws = balanced_draws(DEFAULT_FORECAST.executions, np.random.default_rng(0))
-    executed = ExecutionNoise.expected().executions(releases, draws).reshape(-1, releases.shape[1])
-    motions = predicted_motions(Particle(bench.reference, bench.body, ONE_THREAD), executed)
-    ends = motions.states[np.arange(len(executed)), motions.frames - 1, :2]
+def expected_slides(bench: Bench) -> Array:
+    """(K,) how far across the board the fit expects the training tosses to come [m]."""
+    motions = foreseen_motions(Particle(bench.reference, bench.body, ONE_THREAD), bench.training)
+    ends = motions.states[np.arange(len(motions.states)), motions.frames - 1, :2]
     across = bench.body.length_scale * np.linalg.norm(ends - motions.states[:, 0, :2], axis=1)
-    return np.asarray(across.reshape(len(releases), -1).mean(axis=1))
+    return np.asarray(across.reshape(-1, DEFAULT_FORECAST.executions).mean(axis=1))
+
+
+def foreseen_motions(particle: Particle, tosses: Sequence[Toss]) -> Motions:
+    """What a theta predicts of the executions of each toss's release, toss by toss, whatever came of it."""
+    releases = releases_of(tosses)
+    draws = balanced_draws(DEFAULT_FORECAST.executions, np.random.default_rng(0))
+    return predicted_motions(particle, ExecutionNoise.expected().executions(releases, draws).reshape(-1, releases.shape[1]))
+
+
+def releases_of(tosses: Sequence[Toss]) -> Array:
+    """(K, 13) their first states."""
+    return np.concatenate([states_of(toss, 1.0)[:1] for toss in tosses])
 
 
 def print_ground(bench: Bench) -> None:
@@ -277,24 +286,20 @@ def fold_bench(tosses: tuple[Toss, ...], reference: ContactGeometry, seed: int) 
     return bench
 
 
-def print_search(rows: Sequence[Row]) -> None:
-    """Medians over seeds, and differences to the baselines with 95 % intervals."""
-    summaries = summarised(rows, FIELDS, MEASURES, BASELINES, BootstrapConfig())
-    for measure in MEASURES:
+def print_summaries(rows: Sequence[Row], fields: Sequence[str], measures: Sequence[str], baselines: Sequence[str]) -> None:
+    """Medians over seeds, and differences to the baselines, with 95 % intervals."""
+    summaries = summarised(rows, fields, measures, baselines, BootstrapConfig())
+    for measure in measures:
         print(f"\n{measure}")
         for one in summaries:
             if one.measure == measure:
-                print(f"  {_name(one):34}{one.median.value:9.3f}" + "".join(_beside(one)))
+                name = " ".join(str(value) for _, value in one.group)
+                beside = (f"   minus {other} {_interval(found, '+')}" for other, found in one.beside.items())
+                print(f"  {name:34}{_interval(one.median)}" + "".join(beside))
 
 
-def _name(one: Summary) -> str:
-    group = dict(one.group)
-    return f"{group['rule']} {group['size']} {group['fault']}"
-
-
-def _beside(one: Summary) -> Iterator[str]:
-    for name, interval in one.beside.items():
-        yield f"   minus {name} {interval.value:+.3f} ({interval.low:+.3f} to {interval.high:+.3f})"
+def _interval(found: Interval, sign: str = "") -> str:
+    return f"{found.value:{sign}8.4f} ({found.low:{sign}.4f} to {found.high:{sign}.4f})"
 
 
 if __name__ == "__main__":

@@ -17,20 +17,17 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.rules import Row, recorded_bench
+from benchmarks.rules import Row, print_summaries, recorded_bench, releases_of
 from contact_curation.contact.model_kind import ModelKind
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel, initial_geometry
 from contact_curation.design.designer import Designer, DesignerConfig
 from contact_curation.design.throw_prior import fitted_prior
-from contact_curation.learning.bootstrap import BootstrapConfig
 from contact_curation.learning.experiment_run import ONE_THREAD, Bench
-from contact_curation.learning.experiment_summary import summarised
 from contact_curation.learning.protocols import TrainingConfig, budgeted, exact
 from contact_curation.learning.toss_by_toss import RoundsLearner
 from contact_curation.motion.rig import rig_of
 from contact_curation.motion.toss import Toss
-from contact_curation.motion.transitions import states_of
 from contact_curation.sim.arm_rig import ArmRig
 from contact_curation.sim.throw_choice import DesignedThrows
 from contact_curation.sim.thrown_experiment import judged
@@ -73,8 +70,7 @@ def run(arm: str, seed: int, throws: int, bench: Bench) -> Run:
     drawn = initial_geometry(bench.body, Form.PHYSICAL, bench.pivot, np.random.default_rng(seed))
     rig, start = ArmRig(bench.body, seed), PolytopeModel(drawn, bench.body, Form.PHYSICAL)
     learner = RoundsLearner(start, replace(ARMS[arm], loss=ONE_THREAD), STEPS, seed)
-    releases = np.array([states_of(toss, 1.0)[0] for toss in bench.training])
-    designer = Designer(bench.body, DesignerConfig(loss=ONE_THREAD), fitted_prior(releases), rig.feasibility)
+    designer = Designer(bench.body, DesignerConfig(loss=ONE_THREAD), fitted_prior(releases_of(bench.training)), rig.feasibility)
     chooser, tosses, designed = DesignedThrows(designer, start.geometry(), seed), list[Toss](), list[int]()
     for number in range(1, throws + 1):
         choice = chooser.choose(number)
@@ -98,10 +94,7 @@ def print_runs(runs: list[Run]) -> None:
             designed, first = (np.median([getattr(one, name) for one in own]) for name in ("designed", "first"))
             print(f"{arm:<12} {len(own):>3} seeds, {designed:.3g} throws designed, the first is number {first:.3g}")
     rows: list[Row] = [{"rule": one.arm, "seed": one.seed, **one.results} for one in runs]
-    for summary in summarised(rows, ("rule",), MEASURES, ("exact",), BootstrapConfig()):
-        parts = [summary.median, *summary.beside.values()]
-        cells = "   ".join(f"{part.value:8.4g} ({part.low:.4g} to {part.high:.4g})" for part in parts)
-        print(f"{summary.measure:<24} {dict(summary.group)['rule']:<12} {cells}")
+    print_summaries(rows, ("rule",), MEASURES, ("exact",))
 
 
 def main() -> int:

@@ -164,3 +164,45 @@ def test_bad_tosses_cost_what_the_page_says() -> None:
                 for fault in faults
             )
             assert worst == pytest.approx(float(number), abs=0.0051), (line, measure)
+
+
+THROWN = {
+    "random": "random, fitted prior",
+    "raw": "random, the paper's normal",
+    "warm-up": "warm-up only: each meets the board in another way",
+    "designed": "designed, from throw 6 to 8 on",
+}
+"""Rules, as the table of docs/results.md calls them."""
+
+
+def thrown(rule: str, throws: int, measure: str, less: str | None = None) -> list[float]:
+    """What the seeds gave, or by how much more than with another rule."""
+    found: dict[str, dict[str, float]] = {}
+    for row in rows("designed_throws"):
+        if int(row["throws"]) == throws:
+            found.setdefault(row["rule"], {})[row["seed"]] = float(row[measure])
+    return [value - (found[less][seed] if less else 0.0) for seed, value in found[rule].items()]
+
+
+def test_designed_throws_are_those_of_ten_seeds() -> None:
+    for rule, name in THROWN.items():
+        line = re.search(rf"^\| {re.escape(name)} \|(.*)\|$", section("Designed throws"), re.MULTILINE)
+        assert line, name
+        for measure, cell in zip(("position", "rotation", "vertices", "friction"), line[1].split("|"), strict=True):
+            check(Said(12, rule, measure, cell.split()[0]), thrown(rule, 12, measure), 10)
+
+
+def test_the_whole_table_of_designed_throws_is_that_of_ten_seeds() -> None:
+    throws, counted = 0, 0
+    table = re.search(r"^\| after \|.*?\n\n", (DOCS / "design.md").read_text(), re.DOTALL | re.MULTILINE)
+    assert table
+    for line in table[0].strip().splitlines()[2:]:
+        after, what, *cells = (cell.strip().replace("**", "") for cell in line.strip("|").split("|"))
+        throws = int(re.split(r"[ ,]", after)[0]) if after else throws
+        columns = [*((rule, None) for rule in THROWN), ("designed", "random"), ("designed", "raw")]
+        for (rule, less), cell in zip(columns, cells, strict=True):
+            if re.match(r"[+-]?[0-9]", cell):
+                values = thrown(rule, throws, re.split(r"[ ,]", what)[0], less)
+                check(Said(throws, rule, what, cell.split()[0]), values, 10)
+                counted += 1
+    assert counted == 69

@@ -16,7 +16,7 @@ from contact_curation.contact.models import initial_model, tensors_of
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.progress import TrainingState
-from contact_curation.learning.protocols import TrainingConfig, budgeted, exact
+from contact_curation.learning.protocols import ROUND_TRIMMED, TrainingConfig, budgeted, exact
 from contact_curation.learning.training import Training
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
@@ -97,7 +97,7 @@ def test_a_round_ends_with_other_parameters_and_a_checkpoint_and_the_next_waits_
     assert until_idle(training)[-1].progress.gradient_steps == 40
 
 
-@pytest.mark.parametrize("config", [CONFIG, exact()], ids=["budgeted", "exact"])
+@pytest.mark.parametrize("config", [CONFIG, exact(ROUND_TRIMMED)], ids=["budgeted", "exact"])
 def test_a_checkpoint_says_what_its_theta_follows_from(tmp_path: Path, store: TossStore, config: TrainingConfig) -> None:
     for toss in tosses():
         store.add(toss)
@@ -154,14 +154,13 @@ def test_an_exact_round_ends_at_once_and_neither_the_rounds_before_nor_a_kill_ch
         with TossStore(folder / "tosses.sqlite") as store:
             for toss in tosses():
                 store.add(toss)
-            training = TrainingStage(lambda _: untrained(), 1.0, exact(), ROUNDS, 0, store, folder / "model.safetensors")
+            config, path = exact(ROUND_TRIMMED), folder / "model.safetensors"
+            training = TrainingStage(lambda _: untrained(), 1.0, config, ROUNDS, 0, store, path)
             for revision, numbers in enumerate(rounds, start=1):
                 training.follow(kept(revision, 2 + revision, *numbers))
                 begun.append(training.advance())
                 if kills:
-                    training = TrainingStage(
-                        lambda _: untrained(), 1.0, exact(), ROUNDS, 0, store, folder / "model.safetensors"
-                    )
+                    training = TrainingStage(lambda _: untrained(), 1.0, config, ROUNDS, 0, store, path)
                 ended.append(training.advance())
                 assert not training.due
     assert begun[0] is not None

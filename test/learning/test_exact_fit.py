@@ -16,11 +16,13 @@ from contact_curation.learning.checkpoint import checkpoint_bytes, training_of_b
 from contact_curation.learning.exact_fit import _only, optimum, theta_0
 from contact_curation.learning.mean_loss import mean_loss
 from contact_curation.learning.progress import TrainingState
-from contact_curation.learning.protocols import budgeted, exact
+from contact_curation.learning.protocols import ROUND_TRIMMED, TrainingConfig, budgeted, exact
 from contact_curation.learning.training import Training
 from contact_curation.learning.training_data import rows_of
 from contact_curation.motion.transitions import Transitions, transitions_of
 from test.simulated import simulated_tosses
+
+EXACT = exact()
 
 
 @pytest.fixture(scope="module")
@@ -28,9 +30,9 @@ def data() -> Transitions:
     return transitions_of(simulated_tosses(4, seed=2), CONTACTNETS_CUBE.length_scale)
 
 
-def begun(data: Transitions, seed: int = 1) -> Training:
+def begun(data: Transitions, seed: int = 1, config: TrainingConfig = EXACT) -> Training:
     model = initial_model(ModelKind.POLYTOPE, CONTACTNETS_CUBE, Form.PHYSICAL, rows_of(data), np.random.default_rng(seed))
-    return Training(model, data, None, exact(), seed)
+    return Training(model, data, None, config, seed)
 
 
 def test_one_step_goes_all_the_way_and_ends_the_training(data: Transitions) -> None:
@@ -45,6 +47,18 @@ def test_one_step_goes_all_the_way_and_ends_the_training(data: Transitions) -> N
     stepped.advance(steps)
     assert progress.training_loss < 0.5 * mean_loss(stepped.model, rows_of(data), fitted.config.loss).loss
     assert fitted.advance(5).gradient_steps == progress.gradient_steps  # it has ended
+
+
+@pytest.mark.parametrize("config", [exact(), exact(ROUND_TRIMMED)])
+def test_as_much_is_left_out_as_is_asked_for_and_nothing_otherwise(data: Transitions, config: TrainingConfig) -> None:
+    fitted = begun(data, config=config)
+    start = theta_0(fitted.model)
+    fitted.advance(1)
+    ends = {share: tensors_of(optimum(start, data, config.loss, share).model) for share in (0.0, ROUND_TRIMMED)}
+    alike = [
+        share for share, end in ends.items() if all((end[name] == one).all() for name, one in tensors_of(fitted.model).items())
+    ]
+    assert alike == [config.trimmed]
 
 
 def test_a_training_that_was_stored_after_its_fit_fits_other_tosses_from_the_same_theta_0(data: Transitions) -> None:

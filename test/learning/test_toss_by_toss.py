@@ -13,11 +13,11 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.experiment_throws import ThrowsCell
-from contact_curation.learning.protocols import budgeted, exact
+from contact_curation.learning.protocols import ROUND_TRIMMED, budgeted, exact
 from contact_curation.learning.toss_by_toss import RoundsLearner
 from test.simulated import simulated_tosses
 
-CONFIG = replace(exact(), loss=LossConfig(threads=1))
+CONFIG = replace(exact(ROUND_TRIMMED), loss=LossConfig(threads=1))
 TOSSES = simulated_tosses(3, seed=4)
 
 
