@@ -11,7 +11,7 @@ from contact_curation.nodes.ingest_journal import Arrival, IngestJournal
 from contact_curation.storage.toss_store import TossStore
 from test.graph.measured import fresh_ingest, measured_of, tosses_in
 
-MESSAGES = 1000
+MESSAGES = 1250
 """Five or six tosses, one of them glitched."""
 
 
