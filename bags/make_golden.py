@@ -25,7 +25,7 @@ from contact_curation.geometry import quaternions
 from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.toss import NANOSECONDS
-from contact_curation.storage.bag_writer import BagWriter
+from contact_curation.storage.bags.writer import BagWriter
 from test.simulated import FIRST_STAMP_NS, FRAME_PERIOD, RIG_NOISE, motion_to_rest, release_states, stamps_ns, with_noise
 
 SEED = 20_200_916

@@ -5,9 +5,9 @@ import sys
 from pathlib import Path
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.learning.held_out import HeldOutRule, NumberedToss, Split, split, toss_number
+from contact_curation.learning.evaluation.held_out import HeldOutRule, NumberedToss, Split, split, toss_number
 from contact_curation.motion.toss import Toss
-from contact_curation.storage.inputs import open_inputs
+from contact_curation.storage.inputs.inputs import open_inputs
 
 BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data" / "contactnets"
 

@@ -11,19 +11,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contact_curation.design.execution_noise import ExecutionNoise
-from contact_curation.design.forecast import ForecastConfig, Motions, forecast, predicted_motions
 from contact_curation.design.particle import Particle
 from contact_curation.design.planner import DesignConfig, Planner
+from contact_curation.design.predicted_information import ForecastConfig, Motions, forecast, predicted_motions
 from contact_curation.design.refinement import RefinementConfig
 from contact_curation.design.throw import Throw
 from contact_curation.design.throw_prior import ReleasePrior, fitted_prior, raw_prior
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.subspace import identifiable_subspace
-from contact_curation.learning.bootstrap import BootstrapConfig, Interval, spread
+from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval, spread
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of
-from contact_curation.sim.arm_rig import ArmRig, Seen
+from contact_curation.simulation.arm.rig import ArmRig, Seen
 
 THROWS = 8
 RANDOM_SETS = 2

@@ -18,11 +18,11 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.design.releases import Placement
 from contact_curation.design.throw import Throw, throw_of_state
 from contact_curation.design.throw_prior import PUBLISHED_PRIOR
-from contact_curation.sim.arm_departure import DEFAULT_DEPARTURE, DepartureConfig
-from contact_curation.sim.arm_feasibility import ArmFeasibility
-from contact_curation.sim.arm_throw import ArmThrower, ExecutedThrow, ReleaseErrors
-from contact_curation.sim.safety import GateConfig
-from contact_curation.sim.throw_motion import FRAME_PERIOD, ThrowMotion, ThrowPlanner
+from contact_curation.simulation.arm.departure import DEFAULT_DEPARTURE, DepartureConfig
+from contact_curation.simulation.arm.feasibility import ArmFeasibility
+from contact_curation.simulation.arm.safety import GateConfig
+from contact_curation.simulation.arm.throw import ArmThrower, ExecutedThrow, ReleaseErrors
+from contact_curation.simulation.arm.throw_motion import FRAME_PERIOD, ThrowMotion, ThrowPlanner
 
 HEEDLESS = DepartureConfig(at_first=-1.0, opening=0.0)
 PERCENTILES = (50, 95, 100)

@@ -21,10 +21,10 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from contact_curation.storage.bag_reader import BagReader
-from contact_curation.storage.bag_writer import BagWriter
-from contact_curation.storage.pose_journal import JournalPose
-from contact_curation.storage.toss_store import TossStore
+from contact_curation.storage.bags.reader import BagReader
+from contact_curation.storage.bags.writer import BagWriter
+from contact_curation.storage.stores.pose_journal import JournalPose
+from contact_curation.storage.stores.tosses import TossStore
 
 TOPIC = "/tagslam/odom/body_cube"
 ODOMETRY = "nav_msgs/msg/Odometry"

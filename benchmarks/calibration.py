@@ -19,18 +19,18 @@ import torch
 
 from benchmarks._data import contactnets_folder, training_and_held_out
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.model_kind import ModelKind
-from contact_curation.contact.models import initial_model
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.polytope import PolytopeModel
+from contact_curation.contact.models.registry import initial_model
 from contact_curation.contact.parameter_form import Form
-from contact_curation.contact.polytope_model import PolytopeModel
+from contact_curation.experiments.coverage import HIGH, LOW, SAID, count_within, deviations_said, kind_of
 from contact_curation.geometry.quaternions import Array
-from contact_curation.learning.calibration import Calibration, calibration
-from contact_curation.learning.evaluation import EvaluationConfig, evaluate_model, shape_errors
-from contact_curation.learning.experiment_calibration import HIGH, LOW, SAID, count_within, deviations_said, kind_of
-from contact_curation.learning.known import KnownConfig
-from contact_curation.learning.motion_errors import MotionErrors
-from contact_curation.learning.polytope_fit import PolytopeFit, fit_polytope
-from contact_curation.learning.training_data import rows_of
+from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model, shape_errors
+from contact_curation.learning.evaluation.motion_errors import MotionErrors
+from contact_curation.learning.fits.polytope_fit import PolytopeFit, fit_polytope
+from contact_curation.learning.training.data import rows_of
+from contact_curation.learning.uncertainty.coverage import Calibration, calibration
+from contact_curation.learning.uncertainty.parameters import KnownConfig
 from contact_curation.motion.transitions import transitions_of
 
 GROUPS = {
@@ -41,7 +41,7 @@ GROUPS = {
     "tilt": ("tilt",),
     "height": ("height",),
 }
-"""Kinds of parameters (`learning.experiment_calibration`) that are shown together."""
+"""Kinds of parameters (`experiments.coverage`) that are shown together."""
 
 
 def main() -> int:

@@ -31,24 +31,24 @@ from scipy.stats import rankdata
 
 from benchmarks.rules import Row, finished_rows, fold_bench, foreseen_motions, print_summaries, recorded_bench, traits
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.polytope_model import PolytopeModel
-from contact_curation.design.forecast import DEFAULT_FORECAST, expected
+from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.design.particle import Particle
+from contact_curation.design.predicted_information import DEFAULT_FORECAST, expected
+from contact_curation.experiments.cell import Cell
+from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, judged, pool_of_cell
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.modular import leverages
+from contact_curation.information.criteria.modular import leverages
 from contact_curation.information.pool import pool_of
 from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.information.ranker import RankingConfig, rank, rank_particles
 from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.information.scoring import ScoringConfig
-from contact_curation.learning.curated_training import kept_transitions
-from contact_curation.learning.exact_fit import optimum
-from contact_curation.learning.experiment_cell import Cell
-from contact_curation.learning.experiment_fit import fit_held
-from contact_curation.learning.experiment_run import FIT, ONE_THREAD, Bench, judged, pool_of_cell
-from contact_curation.learning.model_scoring import toss_scorer
-from contact_curation.learning.reranking import EXACT_SELECTIONS
-from contact_curation.motion.rig import rig_of
+from contact_curation.learning.fits.exact_fit import optimum
+from contact_curation.learning.fits.held_fit import fit_held
+from contact_curation.learning.training.curated import kept_transitions
+from contact_curation.learning.training.model_scoring import toss_scorer
+from contact_curation.learning.training.reranking import EXACT_SELECTIONS
+from contact_curation.motion.calibration import rig_of
 from contact_curation.motion.toss import Toss
 
 SIZES = (8, 16, 32)

@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks._data import contactnets_folder
 from contact_curation.motion.toss import Toss
-from contact_curation.storage.contactnets import read_contactnets
+from contact_curation.storage.datasets.contactnets import read_contactnets
 
 FIRST_HELD_OUT = 400
 SAME = 1e-9

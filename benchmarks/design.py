@@ -32,14 +32,14 @@ from benchmarks._design_by_arm import ByArm, worths_by_arm
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
+from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
-from contact_curation.contact.polytope_model import PolytopeModel, initial_geometry
-from contact_curation.design.canary import spearman
 from contact_curation.design.execution_noise import ERRORS, ExecutionNoise
-from contact_curation.design.forecast import ForecastConfig, forecast, predicted_motions
+from contact_curation.design.greedy_batch import greedy_batch
 from contact_curation.design.particle import Particle
 from contact_curation.design.planner import DesignConfig, Planner
-from contact_curation.design.planning import greedy_batch
+from contact_curation.design.predicted_information import ForecastConfig, forecast, predicted_motions
+from contact_curation.design.readiness import spearman
 from contact_curation.design.refinement import RefinementConfig
 from contact_curation.design.releases import Placement
 from contact_curation.design.throw import throw_of_state
@@ -47,11 +47,11 @@ from contact_curation.design.throw_prior import ReleasePrior, fitted_prior, publ
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
 from contact_curation.information.subspace import identifiable_subspace
-from contact_curation.learning.polytope_fit import FitConfig, fit_polytope
+from contact_curation.learning.fits.polytope_fit import FitConfig, fit_polytope
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of, transitions_of
-from contact_curation.sim.thrown_toss import thrown_toss
-from contact_curation.storage.contactnets import read_contactnets
+from contact_curation.simulation.thrown_toss import thrown_toss
+from contact_curation.storage.datasets.contactnets import read_contactnets
 
 PARTS = ("timing", "worth", "trust", "arm")
 BATCHES = (4, 8, 16)

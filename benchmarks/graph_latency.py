@@ -21,12 +21,12 @@ import numpy as np
 from contact_curation_msgs.msg import TossInformation
 from nav_msgs.msg import Odometry
 
-from contact_curation.cli.free_domain import free_domain
 from contact_curation.nodes.messages.headers import nanoseconds_of
-from contact_curation.nodes.qos import kept
-from contact_curation.storage.bag_writer import BagWriter
-from contact_curation.storage.tagslam_bag import TagslamRig, record
-from test.graph.graph import Graph, until
+from contact_curation.nodes.ros.qos import kept
+from contact_curation.session.free_domain import free_domain
+from contact_curation.storage.bags.writer import BagWriter
+from contact_curation.storage.datasets.tagslam_bag import TagslamRig, record
+from test.graph.parts.graph import Graph, until
 from test.simulated import RIG_NOISE, simulated_tosses
 
 TOPIC = "/tagslam/odom/body_cube"

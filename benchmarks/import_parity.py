@@ -37,9 +37,9 @@ from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import Scorer, ScoringConfig
 from contact_curation.motion.restored_toss import restored
 from contact_curation.motion.toss import Toss
-from contact_curation.storage.contactnets import read_contactnets
-from contact_curation.storage.inputs import open_inputs
-from contact_curation.storage.tagslam_bag import import_contactnets
+from contact_curation.storage.datasets.contactnets import read_contactnets
+from contact_curation.storage.datasets.tagslam_bag import import_contactnets
+from contact_curation.storage.inputs.inputs import open_inputs
 
 KEPT = 32
 SAME_SCORE = 1e-6

@@ -22,9 +22,9 @@ from contact_curation.information.pool import pool_of
 from contact_curation.information.prior import log_det_prior
 from contact_curation.information.ranker import CRITERIA, RankingConfig, rank
 from contact_curation.information.record import ParameterBlock, TossInformation
-from contact_curation.information.sieve import SieveStreaming
-from contact_curation.information.streaming import Selector, TraceHeap
-from contact_curation.information.swap import GuardedSwap, SwapStreaming
+from contact_curation.information.streaming.selector import Selector, TraceHeap
+from contact_curation.information.streaming.sieve import SieveStreaming
+from contact_curation.information.streaming.swap import GuardedSwap, SwapStreaming
 
 PARAMETERS, ROWS, KINDS = 57, 24, 200
 SEED = 0

@@ -25,17 +25,17 @@ import torch
 from benchmarks._data import contactnets_folder, training_and_held_out
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.model import Model
-from contact_curation.contact.model_kind import ModelKind
-from contact_curation.contact.models import initial_model
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.model import Model
+from contact_curation.contact.models.polytope import PolytopeModel
+from contact_curation.contact.models.registry import initial_model
 from contact_curation.contact.parameter_form import Form
-from contact_curation.contact.polytope_model import PolytopeModel
-from contact_curation.learning.bootstrap import BootstrapConfig, spread
-from contact_curation.learning.evaluation import EvaluationConfig, evaluate_model
-from contact_curation.learning.progress import TrainingState
-from contact_curation.learning.protocols import budgeted
-from contact_curation.learning.training import Training
-from contact_curation.learning.training_data import rows_of
+from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, spread
+from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
+from contact_curation.learning.training.data import rows_of
+from contact_curation.learning.training.progress import TrainingState
+from contact_curation.learning.training.protocols import budgeted
+from contact_curation.learning.training.training import Training
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 

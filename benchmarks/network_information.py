@@ -24,29 +24,29 @@ from scipy.stats import spearmanr
 
 from benchmarks._data import contactnets_folder
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.deep_model import DeepModel
-from contact_curation.contact.deepvertex_model import DeepvertexModel
-from contact_curation.contact.end_to_end_model import EndToEndModel
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.loss_config import DEFAULT_LOSS
-from contact_curation.contact.model import Rows
-from contact_curation.contact.model_kind import ModelKind
+from contact_curation.contact.models.deep import DeepModel
+from contact_curation.contact.models.deepvertex import DeepvertexModel
+from contact_curation.contact.models.end_to_end import EndToEndModel
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.model import Rows
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.ghost_norms import ghost_norms
-from contact_curation.information.network_config import NetworkConfig, SketchConfig, network_config_for
-from contact_curation.information.network_pass import NetworkModel, forward_pass, frozen_copy
-from contact_curation.information.network_scoring import NetworkScorer
-from contact_curation.information.network_sketch import network_sketch
-from contact_curation.information.physical_scores import PhysicalScores
+from contact_curation.information.network.config import NetworkConfig, SketchConfig, network_config_for
+from contact_curation.information.network.forward_pass import NetworkModel, forward_pass, frozen_copy
+from contact_curation.information.network.ghost_norms import ghost_norms
+from contact_curation.information.network.physical_scores import PhysicalScores
+from contact_curation.information.network.scoring import NetworkScorer
+from contact_curation.information.network.sketch import network_sketch
 from contact_curation.information.pool_subspace import LEADING_DIRECTIONS
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import ScoringConfig
-from contact_curation.learning.protocols import budgeted
-from contact_curation.learning.training import new_training
+from contact_curation.learning.training.protocols import budgeted
+from contact_curation.learning.training.training import new_training
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 from contact_curation.storage.checkpoint_file import read_model
-from contact_curation.storage.contactnets import contactnets_files, read_contactnets_toss
+from contact_curation.storage.datasets.contactnets import contactnets_files, read_contactnets_toss
 
 BODY = CONTACTNETS_CUBE
 NETWORKS = (ModelKind.DEEP, ModelKind.DEEPVERTEX, ModelKind.END_TO_END)

@@ -21,19 +21,19 @@ from typing import Any
 import numpy as np
 
 from benchmarks._data import contactnets_folder, training_and_held_out
-from contact_curation.cli.free_domain import free_domain
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
-from contact_curation.contact.polytope_model import PolytopeModel, initial_geometry
-from contact_curation.dashboard.learning_curves import Curve, save_learning_curves
-from contact_curation.learning.evaluation import EvaluationConfig, evaluate_model
-from contact_curation.learning.held_out import toss_number
+from contact_curation.dashboard.figures.learning_curves import Curve, save_learning_curves
+from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
+from contact_curation.learning.evaluation.held_out import toss_number
 from contact_curation.motion.toss import Toss
+from contact_curation.session.free_domain import free_domain
 from contact_curation.storage.checkpoint_file import save_model
-from contact_curation.storage.inputs import open_inputs
-from contact_curation.storage.tagslam_bag import import_contactnets
-from test.graph.graph import Graph, until
+from contact_curation.storage.datasets.tagslam_bag import import_contactnets
+from contact_curation.storage.inputs.inputs import open_inputs
+from test.graph.parts.graph import Graph, until
 
 POSITION, ROTATION, LOSS = "position error [% of width]", "rotation error [deg]", "held-out loss"
 

@@ -95,7 +95,7 @@ def imported(source: Path, folder: Path, numbers: Sequence[int]) -> list[Path]:
 
 def import_later(source: Path, bag: Path, seconds: int) -> None:
     """Imports all tosses with stamps that are so much later."""
-    from contact_curation.storage.tagslam_bag import TagslamRig, import_contactnets
+    from contact_curation.storage.datasets.tagslam_bag import TagslamRig, import_contactnets
 
     usual = TagslamRig()
     import_contactnets(source, bag, rig=replace(usual, epoch_ns=usual.epoch_ns + seconds * 1_000_000_000))

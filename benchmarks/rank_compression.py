@@ -24,7 +24,7 @@ from contact_curation.information.ranker import RankingConfig, rank
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import Scorer, ScoringConfig
 from contact_curation.motion.toss import Toss
-from contact_curation.storage.inputs import open_inputs
+from contact_curation.storage.inputs.inputs import open_inputs
 
 CRITERIA = ("log-det", "leverage", "min-eig")
 """Those that look at factors."""

@@ -17,13 +17,13 @@ import torch
 from benchmarks.rules import recorded_bench
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.given_contacts import step_at_contacts
+from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
-from contact_curation.contact.polytope_model import PolytopeModel
+from contact_curation.experiments.cell_run import Bench
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
-from contact_curation.learning.experiment_run import Bench
-from contact_curation.learning.motion_errors import MotionErrors, motion_errors
-from contact_curation.motion.rig import rig_of
+from contact_curation.learning.evaluation.motion_errors import MotionErrors, motion_errors
+from contact_curation.motion.calibration import rig_of
 from contact_curation.motion.transitions import states_of
 
 RESTITUTIONS = (0.0, 0.05, 0.1, 0.125, 0.15, 0.2, 0.3)

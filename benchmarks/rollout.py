@@ -22,19 +22,19 @@ import torch
 
 from benchmarks._data import contactnets_folder
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.deep_model import DeepModel
-from contact_curation.contact.deepvertex_model import DeepvertexModel
-from contact_curation.contact.end_to_end_model import EndToEndModel
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.model import Model, Rows
-from contact_curation.contact.model_rollout import roll_out_model
+from contact_curation.contact.models.deep import DeepModel
+from contact_curation.contact.models.deepvertex import DeepvertexModel
+from contact_curation.contact.models.end_to_end import EndToEndModel
+from contact_curation.contact.models.model import Model, Rows
+from contact_curation.contact.models.rollout import roll_out_model
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.rollout import Rollout, rollout
 from contact_curation.contact.time_step import StepStatus, SweepLimits
 from contact_curation.geometry.quaternions import Array
-from contact_curation.learning.motion_errors import motion_errors
-from contact_curation.sim.free_motion import free_motion
-from contact_curation.sim.world import DEFAULT_WORLD, MUJOCO_DEFAULTS, WorldConfig
+from contact_curation.learning.evaluation.motion_errors import motion_errors
+from contact_curation.simulation.free_motion import free_motion
+from contact_curation.simulation.world import DEFAULT_WORLD, MUJOCO_DEFAULTS, WorldConfig
 
 DT = 1.0 / 148.0
 FRICTIONS = (0.10, 0.15, 0.18, 0.22, 0.30)

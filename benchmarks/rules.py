@@ -34,24 +34,24 @@ from benchmarks._data import contactnets_folder, training_and_held_out
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.models.polytope import INITIAL_NOISE, PolytopeModel
 from contact_curation.contact.parameter_form import Form
-from contact_curation.contact.polytope_model import INITIAL_NOISE, PolytopeModel
 from contact_curation.design.execution_noise import ExecutionNoise, balanced_draws
-from contact_curation.design.forecast import DEFAULT_FORECAST, Motions, predicted_motions
 from contact_curation.design.particle import Particle
+from contact_curation.design.predicted_information import DEFAULT_FORECAST, Motions, predicted_motions
+from contact_curation.experiments.cell import Cell
+from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, run_cell, select
+from contact_curation.experiments.faults import Fault
+from contact_curation.experiments.rules import BASELINES, RULES
+from contact_curation.experiments.summary import summarised
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.pool import Indices
-from contact_curation.learning.bootstrap import BootstrapConfig, Interval
-from contact_curation.learning.evaluation import EvaluationConfig, evaluate_model
-from contact_curation.learning.experiment_cell import Cell
-from contact_curation.learning.experiment_faults import Fault
-from contact_curation.learning.experiment_fit import fit_held
-from contact_curation.learning.experiment_rules import BASELINES, RULES
-from contact_curation.learning.experiment_run import FIT, ONE_THREAD, Bench, run_cell, select
-from contact_curation.learning.experiment_summary import summarised
-from contact_curation.learning.polytope_sums import polytope_sums
+from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval
+from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
+from contact_curation.learning.fits.held_fit import fit_held
+from contact_curation.learning.fits.polytope_sums import polytope_sums
+from contact_curation.motion.calibration import LEVEL, RigEvidence, evidence_of
 from contact_curation.motion.gates import GateConfig, footing
-from contact_curation.motion.rig import LEVEL, RigEvidence, evidence_of
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of, transitions_of
 

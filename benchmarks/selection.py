@@ -27,11 +27,11 @@ from contact_curation.information.prior import log_det_prior
 from contact_curation.information.ranker import RankingConfig, rank_particles
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import Scorer, ScoringConfig
-from contact_curation.information.sieve import SieveStreaming
+from contact_curation.information.streaming.sieve import SieveStreaming
+from contact_curation.information.streaming.swap import GuardedSwap, SwapStreaming
 from contact_curation.information.subspace import identifiable_subspace
-from contact_curation.information.swap import GuardedSwap, SwapStreaming
 from contact_curation.motion.toss import Toss
-from contact_curation.storage.contactnets import read_contactnets
+from contact_curation.storage.datasets.contactnets import read_contactnets
 
 SIZES = (8, 16, 32)
 SEEDS = range(20)

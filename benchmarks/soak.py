@@ -25,11 +25,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from contact_curation.nodes.processes import spawn_node
-from contact_curation.storage.bag_reader import BagReader
-from contact_curation.storage.information_store import InformationStore
-from contact_curation.storage.state_store import StateStore
-from contact_curation.storage.toss_store import TossStore
+from contact_curation.nodes.ros.processes import spawn_node
+from contact_curation.storage.bags.reader import BagReader
+from contact_curation.storage.stores.information import InformationStore
+from contact_curation.storage.stores.state import StateStore
+from contact_curation.storage.stores.tosses import TossStore
 
 EIGHT = ("pose_ingest", "fisher_scorer", "curator", "trainer", "throw_designer", "sim_arm", "sim_camera", "dashboard")
 POSES, STATIC = "/tagslam/odom/body_cube", "/tf_static"

@@ -25,8 +25,8 @@ from scipy.stats import spearmanr
 
 from contact_curation.contact.body import CONTACTNETS_CUBE as CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
-from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.quaternions import Array
@@ -35,20 +35,20 @@ from contact_curation.geometry.tag_rig import TagRig, rig_of
 from contact_curation.information.ranker import RankingConfig, rank
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import Scorer, ScoringConfig
-from contact_curation.learning.polytope_fit import fit_polytope
+from contact_curation.learning.fits.polytope_fit import fit_polytope
 from contact_curation.motion.body_tracker import BodyPose, BodyTracker, TrackerConfig
 from contact_curation.motion.ingest import IngestConfig, TossIngest
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.segmenter_config import SegmenterConfig
-from contact_curation.motion.tag_pose import TagPoseConfig
+from contact_curation.motion.tags.pose import TagPoseConfig
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
 from contact_curation.motion.transitions import transitions_of
-from contact_curation.sim.camera import CameraConfig, CameraView
-from contact_curation.sim.free_motion import free_motion
-from contact_curation.sim.tag_detection import TagDetector
-from contact_curation.storage.pose_messages import Measured
-from contact_curation.storage.pose_source import PoseTopicConfig
-from contact_curation.storage.tag_detections import TagDetections
+from contact_curation.simulation.camera.camera import CameraConfig, CameraView
+from contact_curation.simulation.camera.tag_detection import TagDetector
+from contact_curation.simulation.free_motion import free_motion
+from contact_curation.storage.inputs.pose_messages import Measured
+from contact_curation.storage.inputs.pose_source import PoseTopicConfig
+from contact_curation.storage.inputs.tag_detections import TagDetections
 from test.simulated import FRAME_PERIOD, release_states, stamps_ns
 
 LONGEST = 400

@@ -18,19 +18,19 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.rules import Row, print_summaries, recorded_bench, releases_of
-from contact_curation.contact.model_kind import ModelKind
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
-from contact_curation.contact.polytope_model import PolytopeModel, initial_geometry
 from contact_curation.design.designer import Designer, DesignerConfig
 from contact_curation.design.throw_prior import fitted_prior
-from contact_curation.learning.experiment_run import ONE_THREAD, Bench
-from contact_curation.learning.protocols import TrainingConfig, budgeted, exact
-from contact_curation.learning.toss_by_toss import RoundsLearner
-from contact_curation.motion.rig import rig_of
+from contact_curation.experiments.cell_run import ONE_THREAD, Bench
+from contact_curation.experiments.designed_throws import judged
+from contact_curation.experiments.throw_choice import DesignedThrows
+from contact_curation.experiments.toss_by_toss import RoundsLearner
+from contact_curation.learning.training.protocols import TrainingConfig, budgeted, exact
+from contact_curation.motion.calibration import rig_of
 from contact_curation.motion.toss import Toss
-from contact_curation.sim.arm_rig import ArmRig
-from contact_curation.sim.throw_choice import DesignedThrows
-from contact_curation.sim.thrown_experiment import judged
+from contact_curation.simulation.arm.rig import ArmRig
 
 STEPS = 400
 """Of a budgeted round, as in the node."""

@@ -1,7 +1,7 @@
 """How long a gradient step takes per transition: every model, batches of 1 and 128, the whole step and the model's part of it.
 
 The tosses are ContactNets', found through CONTACTNETS_DATA; without them, simulated ones. The models are at their random
-initialisation. A whole step is what `learning.training` does: draw a batch, loss, gradient, AdamW; the model's part is the loss
+initialisation. A whole step is what `Training` does: draw a batch, loss, gradient, AdamW; the model's part is the loss
 with its regulariser and the gradient. Processor time is what counts where others use the processors too.
 
     python -m benchmarks.training_step [--json] [--repeats N] [--threads N]
@@ -20,12 +20,12 @@ import numpy as np
 import torch
 
 from benchmarks.evaluation import BODY, transitions
-from contact_curation.contact.model import Model, Rows
-from contact_curation.contact.model_kind import ModelKind
-from contact_curation.contact.models import initial_model
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.model import Model, Rows
+from contact_curation.contact.models.registry import initial_model
 from contact_curation.contact.parameter_form import Form
-from contact_curation.learning.protocols import TrainingConfig, budgeted
-from contact_curation.learning.training import Training
+from contact_curation.learning.training.protocols import TrainingConfig, budgeted
+from contact_curation.learning.training.training import Training
 from contact_curation.motion.transitions import Transitions
 
 MODELS = [

@@ -11,9 +11,14 @@ for library in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(library, "1")
 
 from pathlib import Path  # noqa: E402
+from typing import TYPE_CHECKING  # noqa: E402
 
 import hypothesis  # noqa: E402
 import pytest  # noqa: E402
+
+if TYPE_CHECKING:
+    from contact_curation.simulation.arm.throw_motion import ThrowPlanner
+    from test.cli.commands import Cli, Outcome
 
 # The same examples in every run, and no limit on the time of one: tests share their cores.
 hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -40,3 +45,50 @@ def golden_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from test.shortened import write_shortened  # NumPy and the readers of recordings, which not every test needs
 
     return write_shortened(GOLDEN, "/tagslam/odom/body_cube", tmp_path_factory.mktemp("golden") / GOLDEN.name)
+
+
+@pytest.fixture(scope="session")
+def golden(golden_bag: Path) -> Path:
+    """`golden_bag`, as the tests of commands call it."""
+    return golden_bag
+
+
+@pytest.fixture
+def cli(capsys: pytest.CaptureFixture[str]) -> "Cli":
+    """Runs a command line in this process, word by word."""
+    from contact_curation.cli.main import main
+    from test.cli.commands import Outcome
+
+    def run(*words: object) -> "Outcome":
+        try:
+            status = main([str(word) for word in words])
+        except SystemExit as end:
+            status = int(end.code or 0)
+        return Outcome(status, *capsys.readouterr())
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Seven simulated tosses of the true cube as ContactNets' files, which are read faster than a bag."""
+    from test.cli.simulated_files import write_simulated  # torch takes over a second to import
+
+    return write_simulated(tmp_path_factory.mktemp("tosses"), 7)
+
+
+@pytest.fixture
+def true_parameters(tmp_path: Path) -> Path:
+    """A parameter file of the true cube."""
+    from test.cli.commands import write_parameters
+
+    return write_parameters(tmp_path / "true.json")
+
+
+@pytest.fixture(scope="session")
+def planner() -> "ThrowPlanner":
+    """The planner of the simulated arm, whose table of postures takes a second to make."""
+    from contact_curation.contact.body import CONTACTNETS_CUBE
+    from contact_curation.simulation.arm.throw_motion import ThrowPlanner
+
+    return ThrowPlanner(CONTACTNETS_CUBE)

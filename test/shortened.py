@@ -7,7 +7,7 @@ from mcap.writer import Writer
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
-from contact_curation.storage.inputs import open_inputs
+from contact_curation.storage.inputs.inputs import open_inputs
 
 BEFORE, AFTER = 0.05, 0.32
 """What stays around a motion [s]: the frames that its velocities come from, and those in which it is seen to be over."""

@@ -11,9 +11,9 @@ from contact_curation.geometry.pinhole import Pinhole
 from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.tag_rig import TagRig, rig_of
 from contact_curation.geometry.tags import CORNERS, Tag, TagMap
-from contact_curation.motion.tag_pose import DetectedTag
+from contact_curation.motion.tags.pose import DetectedTag
 from contact_curation.motion.toss import NANOSECONDS
-from contact_curation.sim.camera import CameraConfig
+from contact_curation.simulation.camera.camera import CameraConfig
 
 CAMERA = CameraConfig()
 RIG = rig_of(CONTACTNETS_CUBE.polytope, "body_cube", "body_surface")

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contact_curation.geometry.poses import Pose
-from contact_curation.motion.tag_pose import DetectedTag
+from contact_curation.motion.tags.pose import DetectedTag
 from test.simulated import FIRST_STAMP_NS, PAUSE_NS, motion_to_rest, release_states, stamps_ns
 from test.tag_scene import scene
 

@@ -16,7 +16,7 @@ from contact_curation.motion.body_tracker import TrackerConfig
 from contact_curation.motion.ingest import IngestConfig, TossIngest
 from contact_curation.motion.pose_stream import BadPose, FramePose, checked_pose
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
-from contact_curation.storage.bag_reader import BagReader
+from contact_curation.storage.bags.reader import BagReader
 from test.simulated import FRAME_PERIOD, release_states
 
 BAGS = Path(make_golden.__file__).parent

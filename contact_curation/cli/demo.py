@@ -19,12 +19,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NoReturn
 
-from contact_curation.cli.demo_nodes import DemoFailedError, NodesRanking, Recording, rank_by_nodes
 from contact_curation.cli.main import NAME
 from contact_curation.cli.main import main as command_line
-from contact_curation.cli.online_parameters import SessionFolder
 from contact_curation.errors import ContactCurationError
-from contact_curation.storage.inputs import is_contactnets
+from contact_curation.session.node_settings import SessionFolder
+from contact_curation.session.replayed_nodes import DemoFailedError, NodesRanking, Recording, rank_by_nodes
+from contact_curation.storage.inputs.inputs import is_contactnets
 
 GOLDEN_BAG = Path(__file__).resolve().parents[2] / "bags" / "golden.mcap"
 BUDGETS = Path(__file__).resolve().parents[1] / "config" / "demo.yaml"

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
-from contact_curation.cli.body_option import add_body_option, chosen_body
-from contact_curation.cli.held_out_option import spans_of
+from contact_curation.cli.options.body import add_body_option, chosen_body
+from contact_curation.cli.options.held_out import spans_of
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.errors import InvalidValueError
 
@@ -31,7 +31,7 @@ def add_options(verb: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Writes the bag and says what went into it."""
-    from contact_curation.storage.tagslam_bag import import_contactnets
+    from contact_curation.storage.datasets.tagslam_bag import import_contactnets
 
     chosen = None if arguments.tosses is None else _chosen(arguments.tosses)
     report = import_contactnets(arguments.input, arguments.out, chosen_body(arguments), chosen=chosen)

@@ -12,27 +12,30 @@ from io import TextIOWrapper
 from pathlib import Path
 
 from contact_curation import __version__
-from contact_curation.cli.one_line_parser import OneLineParser
+from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.stop_signals import endings_as_interrupt
 from contact_curation.errors import ContactCurationError
 
 NAME = "contact-curation"
 INTERRUPTED = 130
 VERBS = {
-    "import": ("import_data", "public data as the bag that a rig would have recorded of it"),
-    "rank": ("rank", "a ranked manifest of the tosses in recordings; nothing is deleted"),
-    "rig": ("rig", "what tosses say of the rig that tracked them: how its board lies, how long its metre is"),
-    "score": ("score", "loss terms, impulses and scores of every transition, as an .npz file"),
-    "train": ("train", "a model that learns from tosses, as a checkpoint"),
-    "evaluate": ("evaluate", "how far a model's motions are from measured ones, and how surely its parameters are known"),
-    "design": ("design", "the throws that would teach most, given what is known"),
-    "simulate": ("simulate", "throws made in the simulated world, as the bag that a rig would have recorded"),
-    "reproduce": ("reproduce", "an experiment over many trainings: tables and figures"),
-    "online": ("online", "the whole graph, closed to a loop: design, throw, track, score, curate, train"),
-    "export": ("export", "what a ranking kept, as MCAP, ContactNets' files or a LeRobot dataset"),
-    "play": ("play", "a bag as live topics"),
+    "import": ("cli.import_data", "public data as the bag that a rig would have recorded of it"),
+    "rank": ("cli.rank.command", "a ranked manifest of the tosses in recordings; nothing is deleted"),
+    "rig": ("cli.rig", "what tosses say of the rig that tracked them: how its board lies, how long its metre is"),
+    "score": ("cli.score", "loss terms, impulses and scores of every transition, as an .npz file"),
+    "train": ("cli.train.command", "a model that learns from tosses, as a checkpoint"),
+    "evaluate": (
+        "cli.evaluate.command",
+        "prediction errors of a model on measured tosses, and its uncertainty",
+    ),
+    "design": ("cli.design.command", "the throws that would teach most, given what is known"),
+    "simulate": ("cli.simulate", "throws made in the simulated world, as the bag that a rig would have recorded"),
+    "reproduce": ("experiments.reproduce", "an experiment over many trainings: tables and figures"),
+    "online": ("cli.online.command", "the whole graph, closed to a loop: design, throw, track, score, curate, train"),
+    "export": ("cli.export.command", "what a ranking kept, as MCAP, ContactNets' files or a LeRobot dataset"),
+    "play": ("cli.play", "a bag as live topics"),
 }
-"""By their names: the module in this package, which has `add_options` and `run`, and what it does."""
+"""By their names: the module of contact_curation, which has `add_options` and `run`, and what it does."""
 
 
 def build_parser(words: Sequence[str]) -> argparse.ArgumentParser:
@@ -47,7 +50,7 @@ def build_parser(words: Sequence[str]) -> argparse.ArgumentParser:
     for verb, (module, purpose) in VERBS.items():
         own = verbs.add_parser(verb, help=purpose)
         if verb in words:
-            import_module(f"contact_curation.cli.{module}").add_options(own)
+            import_module(f"contact_curation.{module}").add_options(own)
     return parser
 
 

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any, Never
 
-from contact_curation.cli.option_types import number_from_zero, positive_number
+from contact_curation.cli.options.types import number_from_zero, positive_number
 from contact_curation.errors import InvalidValueError
 
 ROS_NAME = re.compile(r"~?/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)

@@ -6,17 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from contact_curation.cli.body_option import chosen_body
-from contact_curation.cli.known_tosses import tosses_in
+from contact_curation.cli.options.body import chosen_body
+from contact_curation.cli.options.reading import add_reading_options, inputs_of, stages_of
+from contact_curation.cli.options.rig_settings import settings_of
 from contact_curation.cli.progress import Progress
-from contact_curation.cli.reading import ReadingConfig
-from contact_curation.cli.reading_options import add_reading_options, inputs_of, stages_of
 from contact_curation.cli.report import add_json_option, counted_tosses, print_json, warn
-from contact_curation.cli.rig_settings import settings_of
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.learning.bootstrap import BootstrapConfig, Interval
-from contact_curation.motion.rig import LEVEL, Rig, RigEvidence, evidence_of
+from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval
+from contact_curation.motion.calibration import LEVEL, Rig, RigEvidence, evidence_of
+from contact_curation.pipeline.known_tosses import tosses_in
+from contact_curation.pipeline.reading import ReadingConfig
 
 BOOTSTRAP = BootstrapConfig(resamples=500)
 """Over tosses."""

@@ -7,20 +7,20 @@ from dataclasses import dataclass, field, fields, replace
 from itertools import batched, pairwise
 from pathlib import Path
 
-from contact_curation.cli.body_option import chosen_body
-from contact_curation.cli.option_types import PathEndingIn
+from contact_curation.cli.options.body import chosen_body
+from contact_curation.cli.options.reading import add_reading_options, stages_of
+from contact_curation.cli.options.theta import polytope_of
+from contact_curation.cli.options.types import PathEndingIn
 from contact_curation.cli.progress import Progress
-from contact_curation.cli.reading import InputReader, ReadingConfig
-from contact_curation.cli.reading_options import add_reading_options, stages_of
 from contact_curation.cli.report import add_json_option, counted_tosses, nothing_found, print_json, warn
-from contact_curation.cli.theta_options import polytope_of
 from contact_curation.contact.evaluation import Cone, Evaluation, SolveStatus, evaluate
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
-from contact_curation.storage.inputs import InputsConfig
-from contact_curation.storage.known_tosses import KnownTosses
+from contact_curation.pipeline.reading import InputReader, ReadingConfig
+from contact_curation.storage.inputs.inputs import InputsConfig
+from contact_curation.storage.inputs.known_tosses import KnownTosses
 from contact_curation.storage.parameters_file import Parameters
 from contact_curation.storage.score_file import ScoreFileWriter
 

@@ -8,17 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from contact_curation.cli.body_option import add_body_option, chosen_body
-from contact_curation.cli.option_types import natural_number
+from contact_curation.cli.options.body import add_body_option, chosen_body
+from contact_curation.cli.options.settings import add_settings, with_settings
+from contact_curation.cli.options.types import natural_number
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import add_json_option, counted, print_json, warn
-from contact_curation.cli.settings import add_settings, with_settings
 from contact_curation.contact.body import Body
 from contact_curation.design.execution_noise import DEFAULT_NOISE, ExecutionNoise
 from contact_curation.design.throw import Throw
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.motion.toss import NANOSECONDS, Toss
-from contact_curation.sim.thrown_toss import DEFAULT_THROWN, ThrownTossConfig, executed_throw, thrown_toss
+from contact_curation.simulation.thrown_toss import DEFAULT_THROWN, ThrownTossConfig, executed_throw, thrown_toss
 
 STAGES = ("simulation", "noise")
 
@@ -54,8 +54,8 @@ def run(arguments: argparse.Namespace) -> int:
         InvalidValueError: a throw of another body, or `--out` cannot be written.
     """
     from contact_curation.motion.segmenter_config import SegmenterConfig
-    from contact_curation.storage.bag_writer import BagWriter
-    from contact_curation.storage.tagslam_bag import TagslamRig, record
+    from contact_curation.storage.bags.writer import BagWriter
+    from contact_curation.storage.datasets.tagslam_bag import TagslamRig, record
     from contact_curation.storage.throws_file import read_throws
 
     thrower = _thrower(arguments)

@@ -13,8 +13,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contact_curation.contact import compiled_evaluation
 from contact_curation.contact.body import Body
+from contact_curation.contact.compiled import evaluation as compiled_evaluation
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.time_step import checked_states, checked_time_steps

@@ -13,13 +13,13 @@ import numpy as np
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.accumulated import Accumulated
-from contact_curation.information.answer import Answer, answer_of
+from contact_curation.information.criteria.representative import standing_of
 from contact_curation.information.diagnostics import SINGULAR, spectral_distance
+from contact_curation.information.optimum_shift import Answer, answer_of
 from contact_curation.information.pool import Pool
 from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.information.prior import log_det_prior
 from contact_curation.information.ranker import RankingConfig
-from contact_curation.information.representative import standing_of
 from contact_curation.information.subspace import IdentifiableSubspace
 
 DEFAULT = RankingConfig()

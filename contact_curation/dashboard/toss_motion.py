@@ -17,7 +17,7 @@ from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of, transitions_of
 
 if TYPE_CHECKING:
-    from contact_curation.contact.model import Model
+    from contact_curation.contact.models.model import Model
 
 SMALLEST_SHARE = 0.02
 """Impulses below this share of the toss's largest are not shown."""
@@ -87,7 +87,7 @@ def motion_of(toss: Toss, body: Body, theta: ShownTheta, loss: LossConfig) -> To
     start = states_of(toss, scale)[:1]
     geometry = theta.geometry
     if geometry is None:
-        from contact_curation.contact.model_rollout import roll_out_model  # torch takes over a second to import
+        from contact_curation.contact.models.rollout import roll_out_model  # torch takes over a second to import
 
         assert theta.model is not None
         states = roll_out_model(theta.model, start, toss.frames, toss.frame_period).states

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contact_curation.design.execution_noise import ExecutionNoise
+from contact_curation.design.greedy_batch import gains
 from contact_curation.design.planner import Plan, Planner
-from contact_curation.design.planning import gains
 from contact_curation.design.releases import Releases
 from contact_curation.design.throw import Throw
 from contact_curation.information.record import TossInformation

@@ -13,13 +13,13 @@ import numpy as np
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
-from contact_curation.design.canary import CanaryConfig, distrust
+from contact_curation.design.exploration_plan import warm_up_plan
 from contact_curation.design.particle import Particle
 from contact_curation.design.planner import DesignConfig, Planner
+from contact_curation.design.readiness import CanaryConfig, distrust
 from contact_curation.design.safety_set import Feasible
 from contact_curation.design.throw import Throw
 from contact_curation.design.throw_prior import PUBLISHED_PRIOR, ReleasePrior
-from contact_curation.design.warm_up_plan import warm_up_plan
 from contact_curation.geometry.quaternions import Array
 
 ONE_THREAD = replace(DEFAULT_LOSS, threads=1)

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from contact_curation.design.candidates import Candidates, Outlook, OutlookConfig
 from contact_curation.design.execution_noise import ExecutionNoise
-from contact_curation.design.outlook import Candidates, Outlook, OutlookConfig
+from contact_curation.design.greedy_batch import accumulated, gains, greedy_batch, prior_coordinates, with_fishers
 from contact_curation.design.particle import Particle
-from contact_curation.design.planning import accumulated, gains, greedy_batch, prior_coordinates, with_fishers
 from contact_curation.design.refinement import DEFAULT_REFINEMENT, RefinementConfig, refined
 from contact_curation.design.releases import Releases
 from contact_curation.design.safety_set import Feasible

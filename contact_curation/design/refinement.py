@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from cmaes import CMA  # type: ignore[import-untyped]  # its wheel has no py.typed
 
-from contact_curation.design.outlook import Candidates, Outlook
-from contact_curation.design.planning import gains, with_fishers
+from contact_curation.design.candidates import Candidates, Outlook
+from contact_curation.design.greedy_batch import gains, with_fishers
 from contact_curation.design.releases import Releases
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array

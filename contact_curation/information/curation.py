@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.answer import Answer, answer_of
 from contact_curation.information.diagnostics import (
     BlockShare,
     Efficiency,
@@ -20,12 +19,13 @@ from contact_curation.information.diagnostics import (
     smallest_sufficient_k,
     spectral_distance,
 )
-from contact_curation.information.kept_gram import KeptGram, kept_gram
+from contact_curation.information.optimum_shift import Answer, answer_of
 from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.information.ranker import RankingConfig, rank_particles
 from contact_curation.information.ranking import Ranking
 from contact_curation.information.record import TossInformation
+from contact_curation.information.selected_gram import KeptGram, kept_gram
 
 SUFFICIENT_EPSILON = 0.5
 """The epsilon for which the smallest sufficient k is reported."""

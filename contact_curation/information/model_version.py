@@ -4,9 +4,9 @@ import hashlib
 
 import numpy as np
 
-from contact_curation.contact.model import Model
-from contact_curation.contact.models import tensors_of
-from contact_curation.contact.polytope_model import PolytopeModel
+from contact_curation.contact.models.model import Model
+from contact_curation.contact.models.polytope import PolytopeModel
+from contact_curation.contact.models.registry import tensors_of
 from contact_curation.information.scoring import parameters_version
 
 

@@ -13,15 +13,15 @@ import numpy as np
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information import modular, orthogonal
-from contact_curation.information.log_det import select_by_log_det
-from contact_curation.information.min_eig import select_by_min_eig
+from contact_curation.information.criteria import modular, orthogonal
+from contact_curation.information.criteria.log_det import select_by_log_det
+from contact_curation.information.criteria.min_eig import select_by_min_eig
+from contact_curation.information.criteria.representative import select_representative
 from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.information.prior import log_det_prior
 from contact_curation.information.ranking import Ranking, Selection, modular_selection, ranking_of
 from contact_curation.information.record import TossInformation
-from contact_curation.information.representative import select_representative
 from contact_curation.information.subspace import EIGENVALUE_CUT, IdentifiableSubspace
 
 CRITERIA = ("trace", "log-det", "representative", "min-eig", "orthogonal", "leverage", "longest", "random")

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.certificate import Certificate
+from contact_curation.information.criteria.certificate import Certificate
+from contact_curation.information.criteria.ties import descending
 from contact_curation.information.pool import Indices
-from contact_curation.information.ties import descending
 
 
 class RankedToss(NamedTuple):

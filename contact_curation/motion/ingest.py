@@ -8,10 +8,10 @@ from typing import Any
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.motion.body_tracker import BodyPose, BodyTracker, ClockJump, TrackerConfig, TrackerEvent
+from contact_curation.motion.calibration import LEVEL, Rig, put_right
 from contact_curation.motion.gates import GateConfig, inspect
 from contact_curation.motion.pose_noise import PoseNoise
 from contact_curation.motion.pose_stream import BadPose, FramePose
-from contact_curation.motion.rig import LEVEL, Rig, put_right
 from contact_curation.motion.segmenter import TossSegmenter
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected, Toss

@@ -39,7 +39,7 @@ class BadPose:
         child: frame it was meant for.
         why: one line.
         kind: "pose" where it is none, "stamp" where its time cannot be, "frame" where nothing leads from its frame to the
-            board's, "jump" where the body cannot have come so far; of tags also "camera" and the kinds of `motion.tag_pose`.
+            board's, "jump" where the body cannot have come so far; of tags also "camera" and the kinds of `motion.tags.pose`.
     """
 
     stamp_ns: int

@@ -14,15 +14,15 @@ from contact_curation.contact.body import Body
 from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.tag_rig import TagRig
 from contact_curation.motion.toss import NANOSECONDS
-from contact_curation.nodes.door import StageNode
 from contact_curation.nodes.messages.camera import camera_info_message, detections_message, image_message
 from contact_curation.nodes.messages.headers import Stamped
 from contact_curation.nodes.messages.tracked import odometry_message, static_transform_message
-from contact_curation.nodes.qos import kept
-from contact_curation.sim.camera import CameraConfig, CameraView
-from contact_curation.sim.tag_detection import DetectorConfig, TagDetector
-from contact_curation.sim.tracker_noise import TrackerNoise, TrackerNoiseConfig
-from contact_curation.storage.tagslam_bag import TagslamRig
+from contact_curation.nodes.ros.node_main import StageNode
+from contact_curation.nodes.ros.qos import kept
+from contact_curation.simulation.camera.camera import CameraConfig, CameraView
+from contact_curation.simulation.camera.tag_detection import DetectorConfig, TagDetector
+from contact_curation.simulation.tracker_noise import TrackerNoise, TrackerNoiseConfig
+from contact_curation.storage.datasets.tagslam_bag import TagslamRig
 
 IMAGES_KEPT = 5
 

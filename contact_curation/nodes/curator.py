@@ -15,21 +15,21 @@ from rclpy.parameter import Parameter
 
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.information.ranker import RankingConfig
-from contact_curation.nodes.buffer_manifest import manifest_of
-from contact_curation.nodes.catch_up import CatchUp, Cursor, Source
-from contact_curation.nodes.complaints import Complaints
-from contact_curation.nodes.curation_stage import Buffer, CurationConfig, CurationStage
-from contact_curation.nodes.door import StageNode, run
-from contact_curation.nodes.health import Health, HealthReport
 from contact_curation.nodes.messages.curated_buffer import buffer_message
 from contact_curation.nodes.messages.headers import stamped_of
 from contact_curation.nodes.messages.toss_information import information_of
-from contact_curation.nodes.parameters import declare, declare_config, with_values
-from contact_curation.nodes.qos import kept
-from contact_curation.nodes.worker import Latest, Worker
-from contact_curation.storage.information_store import InformationStore
-from contact_curation.storage.manifest_file import write_manifest
-from contact_curation.storage.state_store import StateStore
+from contact_curation.nodes.ros.catch_up import CatchUp, Cursor, Source
+from contact_curation.nodes.ros.health import Health, HealthReport
+from contact_curation.nodes.ros.node_main import StageNode, run
+from contact_curation.nodes.ros.parameters import declare, declare_config, with_values
+from contact_curation.nodes.ros.qos import kept
+from contact_curation.nodes.ros.throttled_warnings import Complaints
+from contact_curation.nodes.ros.worker import Latest, Worker
+from contact_curation.stages.buffer_manifest import manifest_of
+from contact_curation.stages.curation import Buffer, CurationConfig, CurationStage
+from contact_curation.storage.manifest.file import write_manifest
+from contact_curation.storage.stores.information import InformationStore
+from contact_curation.storage.stores.state import StateStore
 
 INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
 

@@ -21,26 +21,26 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 
 from contact_curation.contact.loss_config import DEFAULT_LOSS
-from contact_curation.dashboard.health_view import NodeHealth
-from contact_curation.dashboard.layout import live_layout
-from contact_curation.dashboard.live import LiveSession
-from contact_curation.dashboard.serving import ServingConfig, close_screen, open_screen
+from contact_curation.dashboard.live.health_view import NodeHealth
+from contact_curation.dashboard.live.layout import live_layout
+from contact_curation.dashboard.live.serving import ServingConfig, close_screen, open_screen
+from contact_curation.dashboard.live.session import LiveSession
 from contact_curation.errors import ContactCurationError
 from contact_curation.motion.toss import NANOSECONDS
-from contact_curation.nodes.body_parameter import declared_body
-from contact_curation.nodes.catch_up import PERIOD, Source
-from contact_curation.nodes.complaints import Complaints
-from contact_curation.nodes.door import StageNode, run
-from contact_curation.nodes.follow import HELD, Follow
-from contact_curation.nodes.health import Health, HealthReport
 from contact_curation.nodes.messages.headers import nanoseconds_of
 from contact_curation.nodes.messages.shown import first_theta, healths_of, kept_set_of, theta_of, throw_made_of, training_of
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.toss_information import information_of
-from contact_curation.nodes.parameters import declare, declare_config
-from contact_curation.nodes.qos import kept, profile
-from contact_curation.nodes.scoring_stage import checked_body
-from contact_curation.nodes.worker import Latest, Worker
+from contact_curation.nodes.ros.body_parameter import declared_body
+from contact_curation.nodes.ros.catch_up import PERIOD, Source
+from contact_curation.nodes.ros.follow import HELD, Follow
+from contact_curation.nodes.ros.health import Health, HealthReport
+from contact_curation.nodes.ros.node_main import StageNode, run
+from contact_curation.nodes.ros.parameters import declare, declare_config
+from contact_curation.nodes.ros.qos import kept, profile
+from contact_curation.nodes.ros.throttled_warnings import Complaints
+from contact_curation.nodes.ros.worker import Latest, Worker
+from contact_curation.stages.scoring import checked_body
 
 TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16)
 INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)

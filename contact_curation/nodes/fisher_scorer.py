@@ -17,20 +17,20 @@ from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.motion.toss import Toss
-from contact_curation.nodes.body_parameter import declared_body
-from contact_curation.nodes.catch_up import CatchUp, Cursor, Source
-from contact_curation.nodes.complaints import Complaints
-from contact_curation.nodes.door import StageNode, run
-from contact_curation.nodes.health import Health, HealthReport
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.toss_information import information_message
-from contact_curation.nodes.parameters import declare, declare_config
-from contact_curation.nodes.qos import RESULTS_KEPT, kept
-from contact_curation.nodes.scored_theta import ScoredTheta, read_scored_theta, theta_of_geometry
-from contact_curation.nodes.scoring_stage import Announcement, ScoringStage, checked_body
-from contact_curation.nodes.worker import Worker
-from contact_curation.storage.information_store import InformationStore
-from contact_curation.storage.state_store import StateStore
+from contact_curation.nodes.ros.body_parameter import declared_body
+from contact_curation.nodes.ros.catch_up import CatchUp, Cursor, Source
+from contact_curation.nodes.ros.health import Health, HealthReport
+from contact_curation.nodes.ros.node_main import StageNode, run
+from contact_curation.nodes.ros.parameters import declare, declare_config
+from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
+from contact_curation.nodes.ros.throttled_warnings import Complaints
+from contact_curation.nodes.ros.worker import Worker
+from contact_curation.stages.scored_theta import ScoredTheta, read_scored_theta, theta_of_geometry
+from contact_curation.stages.scoring import Announcement, ScoringStage, checked_body
+from contact_curation.storage.stores.information import InformationStore
+from contact_curation.storage.stores.state import StateStore
 
 TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16)
 

@@ -21,15 +21,15 @@ from std_srvs.srv import Trigger
 
 from contact_curation.errors import InvalidValueError, MissingDependencyError, MissingTopicError
 from contact_curation.motion.toss import NANOSECONDS
-from contact_curation.nodes.door import StageNode, run
-from contact_curation.nodes.message_types import message_class
 from contact_curation.nodes.messages.headers import time_message
-from contact_curation.nodes.pace import Pace
-from contact_curation.nodes.parameters import declare
-from contact_curation.nodes.qos import profile
-from contact_curation.nodes.worker import Worker
-from contact_curation.storage.bag_reader import BagReader
-from contact_curation.storage.bag_records import RawMessage
+from contact_curation.nodes.ros.message_types import message_class
+from contact_curation.nodes.ros.node_main import StageNode, run
+from contact_curation.nodes.ros.pace import Pace
+from contact_curation.nodes.ros.parameters import declare
+from contact_curation.nodes.ros.qos import profile
+from contact_curation.nodes.ros.worker import Worker
+from contact_curation.storage.bags.reader import BagReader
+from contact_curation.storage.bags.records import RawMessage
 
 FOREVER = 1e9
 NAP = Duration(seconds=0.1)

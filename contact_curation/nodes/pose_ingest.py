@@ -12,25 +12,25 @@ from contact_curation_msgs.srv import GetTosses
 from rclpy.clock import Clock, ClockType
 
 from contact_curation.contact.body import Body
+from contact_curation.motion.calibration import LEVEL
 from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.ingest import IngestConfig, TossIngest
-from contact_curation.motion.rig import LEVEL
 from contact_curation.motion.segmenter_config import SegmenterConfig
-from contact_curation.nodes.body_parameter import declared_body
-from contact_curation.nodes.complaints import Complaints
-from contact_curation.nodes.door import StageNode, run
-from contact_curation.nodes.health import Health, HealthReport, Rate
-from contact_curation.nodes.inbox import Inbox
-from contact_curation.nodes.ingest_journal import Arrival, IngestJournal
 from contact_curation.nodes.messages.toss import rejected_message, toss_message
-from contact_curation.nodes.parameters import declare, declare_config
-from contact_curation.nodes.pose_topics import PoseTopics, Received
-from contact_curation.nodes.qos import RESULTS_KEPT, kept
-from contact_curation.nodes.worker import Latest, Worker
-from contact_curation.storage.bag_reader import BagReader
-from contact_curation.storage.pose_source import PoseTopicConfig
-from contact_curation.storage.recorded_rules import NOTE, with_recorded_rules
-from contact_curation.storage.toss_store import StoredRejected, StoredToss, TossStore
+from contact_curation.nodes.ros.body_parameter import declared_body
+from contact_curation.nodes.ros.health import Health, HealthReport, Rate
+from contact_curation.nodes.ros.inbox import Inbox
+from contact_curation.nodes.ros.node_main import StageNode, run
+from contact_curation.nodes.ros.parameters import declare, declare_config
+from contact_curation.nodes.ros.pose_topics import PoseTopics, Received
+from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
+from contact_curation.nodes.ros.throttled_warnings import Complaints
+from contact_curation.nodes.ros.worker import Latest, Worker
+from contact_curation.stages.ingest import Arrival, IngestJournal
+from contact_curation.storage.bags.reader import BagReader
+from contact_curation.storage.inputs.pose_source import PoseTopicConfig
+from contact_curation.storage.inputs.recorded_rules import NOTE, with_recorded_rules
+from contact_curation.storage.stores.tosses import StoredRejected, StoredToss, TossStore
 
 LOOK_PERIOD = 0.2
 """[s] between looks at the graph."""

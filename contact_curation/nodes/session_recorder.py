@@ -17,16 +17,16 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from contact_curation.errors import InvalidValueError, MissingDependencyError
-from contact_curation.nodes.complaints import Complaints
-from contact_curation.nodes.door import StageNode, run
-from contact_curation.nodes.health import Health, HealthReport, Rate
-from contact_curation.nodes.message_definition import definition_text
-from contact_curation.nodes.message_types import message_class
-from contact_curation.nodes.parameters import declare
-from contact_curation.nodes.qos import profile
-from contact_curation.nodes.worker import Latest, Worker
-from contact_curation.storage.bag_records import OfferedQos, RawMessage
-from contact_curation.storage.session_bag import SessionBag
+from contact_curation.nodes.ros.health import Health, HealthReport, Rate
+from contact_curation.nodes.ros.message_definition import definition_text
+from contact_curation.nodes.ros.message_types import message_class
+from contact_curation.nodes.ros.node_main import StageNode, run
+from contact_curation.nodes.ros.parameters import declare
+from contact_curation.nodes.ros.qos import profile
+from contact_curation.nodes.ros.throttled_warnings import Complaints
+from contact_curation.nodes.ros.worker import Latest, Worker
+from contact_curation.storage.bags.records import OfferedQos, RawMessage
+from contact_curation.storage.bags.session import SessionBag
 
 LOOK_PERIOD = 0.2
 """[s] between looks at the graph."""

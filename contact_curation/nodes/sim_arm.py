@@ -23,25 +23,25 @@ from std_srvs.srv import Trigger
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.toss import NANOSECONDS
-from contact_curation.nodes.arm_stage import ArmStage, Ending
-from contact_curation.nodes.awake_clock import AwakeClock
-from contact_curation.nodes.body_parameter import declared_body
-from contact_curation.nodes.complaints import Complaints
-from contact_curation.nodes.door import StageNode, run
-from contact_curation.nodes.health import Health, HealthReport
 from contact_curation.nodes.messages.arm_frame import joint_state_message, truth_message
 from contact_curation.nodes.messages.headers import Stamped, time_message
 from contact_curation.nodes.messages.throw import throw_message, throw_of
-from contact_curation.nodes.parameters import declare, declare_config
-from contact_curation.nodes.qos import profile
-from contact_curation.nodes.simulated_time import SimulatedTime
-from contact_curation.nodes.worker import Worker
-from contact_curation.sim.arm import ArmConfig
-from contact_curation.sim.arm_feasibility import ArmFeasibility
-from contact_curation.sim.arm_frame import ArmFrame, Phase
-from contact_curation.sim.arm_simulation import ControlConfig
-from contact_curation.sim.safety import GateConfig, SafetyGate
-from contact_curation.sim.throw_motion import ThrowPlanner
+from contact_curation.nodes.ros.awake_clock import AwakeClock
+from contact_curation.nodes.ros.body_parameter import declared_body
+from contact_curation.nodes.ros.health import Health, HealthReport
+from contact_curation.nodes.ros.node_main import StageNode, run
+from contact_curation.nodes.ros.parameters import declare, declare_config
+from contact_curation.nodes.ros.qos import profile
+from contact_curation.nodes.ros.simulated_time import SimulatedTime
+from contact_curation.nodes.ros.throttled_warnings import Complaints
+from contact_curation.nodes.ros.worker import Worker
+from contact_curation.simulation.arm.feasibility import ArmFeasibility
+from contact_curation.simulation.arm.frame import ArmFrame, Phase
+from contact_curation.simulation.arm.model import ArmConfig
+from contact_curation.simulation.arm.safety import GateConfig, SafetyGate
+from contact_curation.simulation.arm.simulation import ControlConfig
+from contact_curation.simulation.arm.throw_motion import ThrowPlanner
+from contact_curation.stages.arm import ArmStage, Ending
 
 TRUTH_KEPT = 2000
 """Frames that a slow listener may lag behind."""

@@ -17,20 +17,20 @@ from rclpy.clock import Clock, ClockType
 from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.tag_rig import rig_of
 from contact_curation.motion.pose_stream import BadPose
-from contact_curation.nodes.body_parameter import declared_body
 from contact_curation.nodes.camera_modes import RenderedTags, Sight, TrackedPoses, TrueFrame
-from contact_curation.nodes.complaints import Complaints
-from contact_curation.nodes.door import StageNode, run
-from contact_curation.nodes.health import Health, HealthReport, Rate
-from contact_curation.nodes.parameters import declare, declare_config
-from contact_curation.nodes.qos import profile
-from contact_curation.nodes.worker import Worker
-from contact_curation.sim.camera import CameraConfig
-from contact_curation.sim.tag_detection import DetectorConfig
-from contact_curation.sim.tracker_noise import TrackerNoiseConfig
-from contact_curation.storage.pose_messages import ODOMETRY, measured_pose
+from contact_curation.nodes.ros.body_parameter import declared_body
+from contact_curation.nodes.ros.health import Health, HealthReport, Rate
+from contact_curation.nodes.ros.node_main import StageNode, run
+from contact_curation.nodes.ros.parameters import declare, declare_config
+from contact_curation.nodes.ros.qos import profile
+from contact_curation.nodes.ros.throttled_warnings import Complaints
+from contact_curation.nodes.ros.worker import Worker
+from contact_curation.simulation.camera.camera import CameraConfig
+from contact_curation.simulation.camera.tag_detection import DetectorConfig
+from contact_curation.simulation.tracker_noise import TrackerNoiseConfig
+from contact_curation.storage.datasets.tagslam_bag import TagslamRig
+from contact_curation.storage.inputs.pose_messages import ODOMETRY, measured_pose
 from contact_curation.storage.tag_map_file import read_tag_rig
-from contact_curation.storage.tagslam_bag import TagslamRig
 
 TRUTH_KEPT = 2000
 """Frames of the ground truth that may wait until they are taken."""

@@ -15,25 +15,25 @@ from rclpy.clock import Clock, ClockType
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.motion.toss import NANOSECONDS
-from contact_curation.nodes.body_parameter import declared_body
-from contact_curation.nodes.catch_up import CatchUp, Cursor, Source
-from contact_curation.nodes.complaints import Complaints
-from contact_curation.nodes.design_parameters import declared_design, declared_thrower
-from contact_curation.nodes.design_stage import DesignStage
-from contact_curation.nodes.door import StageNode, run
-from contact_curation.nodes.health import Health, HealthReport
 from contact_curation.nodes.messages.headers import Stamped, nanoseconds_of
 from contact_curation.nodes.messages.model_parameters import MODEL, geometry_of_bytes
 from contact_curation.nodes.messages.throw import throw_message, throw_of
 from contact_curation.nodes.messages.toss_information import information_of
-from contact_curation.nodes.parameters import declare
-from contact_curation.nodes.qos import RESULTS_KEPT, kept
-from contact_curation.nodes.scored_theta import read_scored_theta
+from contact_curation.nodes.ros.body_parameter import declared_body
+from contact_curation.nodes.ros.catch_up import CatchUp, Cursor, Source
+from contact_curation.nodes.ros.design_parameters import declared_design, declared_thrower
+from contact_curation.nodes.ros.health import Health, HealthReport
+from contact_curation.nodes.ros.node_main import StageNode, run
+from contact_curation.nodes.ros.parameters import declare
+from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
+from contact_curation.nodes.ros.throttled_warnings import Complaints
+from contact_curation.nodes.ros.worker import Worker
 from contact_curation.nodes.throw_goals import Outcome, ThrowGoals
-from contact_curation.nodes.throw_log import Proposal
 from contact_curation.nodes.throw_reports import ThrowReports
-from contact_curation.nodes.worker import Worker
-from contact_curation.storage.state_store import StateStore
+from contact_curation.stages.design import DesignStage
+from contact_curation.stages.scored_theta import read_scored_theta
+from contact_curation.stages.throw_log import Proposal
+from contact_curation.storage.stores.state import StateStore
 
 INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
 

@@ -7,7 +7,7 @@ from rclpy.node import Node
 
 from contact_curation.design.throw_report import ThrowReport
 from contact_curation.nodes.messages.throw_report import report_message
-from contact_curation.nodes.qos import RESULTS_KEPT, kept
+from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
 
 
 class ThrowReports:

@@ -9,8 +9,8 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 
-from contact_curation.nodes.catch_up import PATIENCE, PERIOD
-from contact_curation.nodes.worker import Worker
+from contact_curation.nodes.ros.catch_up import PATIENCE, PERIOD
+from contact_curation.nodes.ros.worker import Worker
 
 PAGE = 16
 """Tosses in one question."""

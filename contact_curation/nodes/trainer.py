@@ -8,27 +8,27 @@ from typing import Any
 
 from contact_curation_msgs.msg import CuratedBuffer, ModelParameters, TrainingStatus
 
-from contact_curation.contact.model_kind import ModelKind
+from contact_curation.contact.models.kind import ModelKind
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.model_version import model_version
-from contact_curation.learning.progress import TrainingState
-from contact_curation.nodes.body_parameter import declared_body
-from contact_curation.nodes.complaints import Complaints
-from contact_curation.nodes.door import StageNode, run
-from contact_curation.nodes.health import Health, HealthReport
-from contact_curation.nodes.held_out_tosses import declared_held_out
+from contact_curation.learning.training.progress import TrainingState
 from contact_curation.nodes.messages.headers import Stamped, stamped_of
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.trained_model import model_message
 from contact_curation.nodes.messages.training_status import status_message
-from contact_curation.nodes.parameters import declare, declare_config
-from contact_curation.nodes.qos import kept
-from contact_curation.nodes.scoring_stage import checked_body
+from contact_curation.nodes.ros.body_parameter import declared_body
+from contact_curation.nodes.ros.health import Health, HealthReport
+from contact_curation.nodes.ros.node_main import StageNode, run
+from contact_curation.nodes.ros.parameters import declare, declare_config
+from contact_curation.nodes.ros.qos import kept
+from contact_curation.nodes.ros.throttled_warnings import Complaints
+from contact_curation.nodes.ros.training_parameters import declared_first_model, declared_protocol
+from contact_curation.nodes.ros.worker import Latest, Worker
 from contact_curation.nodes.toss_fetch import TossFetch
-from contact_curation.nodes.training_parameters import declared_first_model, declared_protocol
-from contact_curation.nodes.training_stage import KeptSet, Moment, RoundsConfig, TrainingStage
-from contact_curation.nodes.worker import Latest, Worker
-from contact_curation.storage.toss_store import TossStore
+from contact_curation.stages.held_out_tosses import declared_held_out
+from contact_curation.stages.scoring import checked_body
+from contact_curation.stages.training import KeptSet, Moment, RoundsConfig, TrainingStage
+from contact_curation.storage.stores.tosses import TossStore
 
 STATUSES_KEPT = 64
 """Moments of the training that a late listener still gets."""

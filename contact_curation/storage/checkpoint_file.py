@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.model import Model
-from contact_curation.learning.checkpoint import checkpoint_bytes, training_of_bytes
-from contact_curation.learning.safetensors_bytes import LARGEST_BYTES
-from contact_curation.learning.stored_model import model_bytes, model_of_bytes, notes_of_bytes
-from contact_curation.learning.training import Training
+from contact_curation.contact.models.model import Model
+from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes, training_of_bytes
+from contact_curation.learning.checkpoints.safetensors_bytes import LARGEST_BYTES
+from contact_curation.learning.checkpoints.stored_model import model_bytes, model_of_bytes, notes_of_bytes
+from contact_curation.learning.training.training import Training
 from contact_curation.motion.transitions import Transitions
 from contact_curation.storage.atomic_file import write_atomically
 from contact_curation.storage.bounded_file import read_bounded
@@ -32,12 +32,12 @@ def save_model(path: Path, model: Model, notes: dict[str, str] | None = None) ->
 
 
 def resume_training(path: Path, data: Transitions, held_out: Transitions | None, body: Body | None = None) -> Training:
-    """The training of a checkpoint; see `learning.checkpoint.training_of_bytes`."""
+    """The training of a checkpoint; see `learning.checkpoints.checkpoint.training_of_bytes`."""
     return training_of_bytes(_content(path), path, data, held_out, body)
 
 
 def read_model(path: Path, body: Body | None = None, last: bool = False) -> Model:
-    """The model of a checkpoint or of a model's file; see `learning.stored_model.model_of_bytes`."""
+    """The model of a checkpoint or of a model's file; see `learning.checkpoints.stored_model.model_of_bytes`."""
     return model_of_bytes(_content(path), path, body, last)
 
 

@@ -11,7 +11,7 @@ from contact_curation.errors import UnreadableInputError
 from contact_curation.storage.parameters_file import Parameters, read_parameters
 
 if TYPE_CHECKING:
-    from contact_curation.contact.model import Model
+    from contact_curation.contact.models.model import Model
 
 CHECKPOINT = ".safetensors"
 

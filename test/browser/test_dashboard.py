@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contact_curation.cli.free_domain import free_domain
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.dashboard.layout import live_layout
+from contact_curation.dashboard.live.layout import live_layout
+from contact_curation.session.free_domain import free_domain
 from test.browser.viewer import CHROMIUM, Page, opened, regions, settled, share_changed
 from test.conftest import GOLDEN
+from test.dashboard.live.test_serving import free_port
 from test.dashboard.recorded import Recorded
-from test.dashboard.test_serving import free_port
-from test.graph.graph import Graph
-from test.graph.offline import tosses_of
-from test.graph.storyteller import Storyteller
+from test.graph.parts.graph import Graph
+from test.graph.parts.offline import tosses_of
+from test.graph.parts.storyteller import Storyteller
 
 pytest.importorskip("playwright", reason="pip install playwright")
 

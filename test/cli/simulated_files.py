@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from test.simulated import simulated_tosses
-from test.storage.test_tagslam_bag import save_contactnets
+from test.storage.datasets.test_tagslam_bag import save_contactnets
 
 
 def write_simulated(folder: Path, count: int) -> Path:

@@ -9,8 +9,8 @@ import pytest
 import torch
 from rosbags.typesys import Stores, get_typestore
 
-from contact_curation.storage.bag_reader import BagReader
-from contact_curation.storage.bag_writer import BagWriter
+from contact_curation.storage.bags.reader import BagReader
+from contact_curation.storage.bags.writer import BagWriter
 from test.cli.commands import Cli, write_parameters
 
 BRICK = """

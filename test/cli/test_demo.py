@@ -12,8 +12,8 @@ import pytest
 
 from contact_curation.cli import demo
 from contact_curation.cli.demo import GOLDEN_BAG, THROWS, main
-from contact_curation.cli.demo_nodes import Recording, rank_by_nodes
-from contact_curation.cli.supervisor import ProgramFailedError
+from contact_curation.session.replayed_nodes import Recording, rank_by_nodes
+from contact_curation.session.supervisor import ProgramFailedError
 
 COMMAND = [sys.executable, "-m", "contact_curation.cli.demo", "--out"]
 

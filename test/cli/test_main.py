@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from contact_curation.cli import main as door
-from contact_curation.cli import rank
+from contact_curation.cli.rank import command as rank
 from contact_curation.errors import InvalidValueError
 from test.cli.commands import Cli
 

@@ -13,7 +13,7 @@ from urllib.request import urlopen
 
 import pytest
 
-from contact_curation.storage.bag_reader import BagReader
+from contact_curation.storage.bags.reader import BagReader
 from test.cli.test_demo import nodes_of
 
 pytestmark = pytest.mark.slow

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from test.cli.commands import Cli
-from test.storage.test_tagslam_bag import save_contactnets, synthetic_toss
+from test.storage.datasets.test_tagslam_bag import save_contactnets, synthetic_toss
 
 
 @pytest.fixture

@@ -9,21 +9,21 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.evaluation import Estimator
-from contact_curation.contact.model_kind import ModelKind
-from contact_curation.contact.models import initial_model
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.registry import initial_model
 from contact_curation.contact.parameter_form import Form
 from contact_curation.information.model_version import model_version
-from contact_curation.information.network_scoring import NetworkScorer
+from contact_curation.information.network.scoring import NetworkScorer
 from contact_curation.information.ranker import CRITERIA
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.storage.checkpoint_file import save_model
-from contact_curation.storage.inputs import open_inputs
+from contact_curation.storage.inputs.inputs import open_inputs
 from test.cli.commands import Cli, write_parameters
 from test.contact.cases import CUBE
 from test.information.network_cases import NETWORKS, network, rows_of, tosses
-from test.storage.test_inputs import mcap_file
+from test.storage.inputs.test_inputs import mcap_file
 
 
 @pytest.fixture(scope="module")

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from contact_curation.geometry import quaternions
-from contact_curation.motion.rig import Rig, put_right
+from contact_curation.motion.calibration import Rig, put_right
 from contact_curation.motion.segmenter_config import SegmenterConfig
-from contact_curation.storage.bag_writer import BagWriter
-from contact_curation.storage.tagslam_bag import TagslamRig, record
+from contact_curation.storage.bags.writer import BagWriter
+from contact_curation.storage.datasets.tagslam_bag import TagslamRig, record
 from test.cli.commands import Cli
 from test.simulated import simulated_tosses
-from test.storage.test_tagslam_bag import save_contactnets
+from test.storage.datasets.test_tagslam_bag import save_contactnets
 
 LEAN, METRE = np.radians([1.0, 0.0, 0.0]), 0.97
 

@@ -14,8 +14,8 @@ from contact_curation.contact.loss_config import LossConfig
 from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
-from contact_curation.storage.contactnets import read_contactnets
-from contact_curation.storage.inputs import InputsConfig, open_inputs
+from contact_curation.storage.datasets.contactnets import read_contactnets
+from contact_curation.storage.inputs.inputs import InputsConfig, open_inputs
 from test.cli.commands import Cli, write_parameters
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from contact_curation.cli.stop_signals import StopSignals
-from contact_curation.learning.curated_training import CuratedTraining
-from contact_curation.learning.progress import Progress
+from contact_curation.learning.training.curated import CuratedTraining
+from contact_curation.learning.training.progress import Progress
 from test.cli.commands import Cli
 from test.cli.trainings import SHORT, events, numbers
 

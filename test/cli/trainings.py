@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from contact_curation.learning.safetensors_bytes import unpack
+from contact_curation.learning.checkpoints.safetensors_bytes import unpack
 
 SHORT = ("--steps", "12", "--set", "training.evaluation_steps=4", "--held-out", "5,6")
 

@@ -6,9 +6,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from contact_curation.contact.model import ContactModel, Model, Rows
-from contact_curation.contact.model_kind import ModelKind
-from contact_curation.contact.models import initial_model
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.model import ContactModel, Model, Rows
+from contact_curation.contact.models.registry import initial_model
 from contact_curation.contact.parameter_form import Form
 from test.contact.cases import CUBE, DT, rows_of_kind, tracked_transitions
 

@@ -8,16 +8,16 @@ import pytest
 import torch
 from torch import Tensor
 
-from contact_curation.contact.deep_model import DeepModel
-from contact_curation.contact.deepvertex_model import DeepvertexModel
-from contact_curation.contact.end_to_end_model import ImpulseLoss
 from contact_curation.contact.loss_config import LossConfig
-from contact_curation.contact.model import ContactModel, Model, Rows
-from contact_curation.contact.model_kind import ModelKind
-from contact_curation.contact.models import model_of_tensors, tensors_of
+from contact_curation.contact.models.deep import DeepModel
+from contact_curation.contact.models.deepvertex import DeepvertexModel
+from contact_curation.contact.models.end_to_end import ImpulseLoss
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.model import ContactModel, Model, Rows
+from contact_curation.contact.models.polytope import PolytopeModel
+from contact_curation.contact.models.registry import model_of_tensors, tensors_of
+from contact_curation.contact.models.stream_network import StreamNetwork
 from contact_curation.contact.parameter_form import Form
-from contact_curation.contact.polytope_model import PolytopeModel
-from contact_curation.contact.stream_network import StreamNetwork
 from contact_curation.contact.torch_contacts import Frames
 from contact_curation.contact.torch_loss import loss_terms, solve_contacts
 from test.contact.cases import CUBE

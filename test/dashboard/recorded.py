@@ -10,7 +10,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 from rerun.error_utils import RerunWarning
 
-from contact_curation.dashboard.screen import Screen
+from contact_curation.dashboard.live.screen import Screen
 
 ROW_ID = "rerun.controls.RowId"
 

@@ -7,10 +7,10 @@ import numpy as np
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.dashboard.evidence import KeptSet
-from contact_curation.dashboard.learning_view import TrainingMoment
-from contact_curation.dashboard.live import LiveSession
-from contact_curation.dashboard.screen import Screen
-from contact_curation.dashboard.throw_view import ThrowMade
+from contact_curation.dashboard.live.learning_view import TrainingMoment
+from contact_curation.dashboard.live.screen import Screen
+from contact_curation.dashboard.live.session import LiveSession
+from contact_curation.dashboard.live.throw_view import ThrowMade
 from contact_curation.dashboard.toss_motion import ShownTheta
 from contact_curation.design.throw import Throw
 from contact_curation.information.curation import Curation, curate

@@ -8,9 +8,9 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE as BODY
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS
-from contact_curation.contact.model import Rows
-from contact_curation.contact.model_kind import ModelKind
-from contact_curation.contact.models import initial_model
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.model import Rows
+from contact_curation.contact.models.registry import initial_model
 from contact_curation.contact.parameter_form import Form
 from contact_curation.dashboard import toss_motion
 from contact_curation.dashboard.toss_motion import ShownTheta, TossMotion, motion_of

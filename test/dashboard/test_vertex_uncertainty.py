@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.evaluation import Estimator
+from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
-from contact_curation.contact.polytope_model import PolytopeModel
 from contact_curation.dashboard.vertex_uncertainty import PRIOR_DEVIATION, noise_variance, vertex_uncertainty
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.pool import pool_of
-from contact_curation.learning.known import KnownConfig, known
+from contact_curation.learning.uncertainty.parameters import KnownConfig, known
 from contact_curation.motion.transitions import transitions_of
 from test.dashboard.sessions import BODY, Scored, scored
 

@@ -7,11 +7,11 @@ import numpy as np
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
+from contact_curation.design.candidates import OutlookConfig
 from contact_curation.design.execution_noise import ExecutionNoise, NoiseConfig
-from contact_curation.design.forecast import ForecastConfig
-from contact_curation.design.outlook import OutlookConfig
 from contact_curation.design.particle import Particle
 from contact_curation.design.planner import DesignConfig
+from contact_curation.design.predicted_information import ForecastConfig
 from contact_curation.design.refinement import RefinementConfig
 from contact_curation.design.releases import Placement
 from contact_curation.design.safety_set import SafetyConfig

@@ -7,12 +7,12 @@ import pytest
 
 from contact_curation.design.adaptive import AdaptiveDesign, Realised, overall_ratio
 from contact_curation.design.execution_noise import ExecutionNoise
+from contact_curation.design.greedy_batch import gains
 from contact_curation.design.planner import Planner
-from contact_curation.design.planning import gains
 from contact_curation.design.throw import Throw
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.record import TossInformation
-from contact_curation.sim.thrown_toss import executed_throw, thrown_toss
+from contact_curation.simulation.thrown_toss import executed_throw, thrown_toss
 from test.design.cases import CUBE, PARTICLE, SMALL, other_theta
 
 

@@ -7,7 +7,7 @@ import sys
 from typing import Any
 
 from test.conftest import REPOSITORY
-from test.graph.declared_parameters import Declared, all_declared
+from test.graph.parts.declared_parameters import Declared, all_declared
 
 PAGE = REPOSITORY / "docs" / "reference.md"
 MSG_DEFS = REPOSITORY / "msg_defs"

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from contact_curation.cli.free_domain import free_domain
-from contact_curation.storage.state_store import StateStore
+from contact_curation.session.free_domain import free_domain
+from contact_curation.storage.stores.state import StateStore
 from test.conftest import REPOSITORY
 
 BLOCK = re.compile(r"^```(sh[^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from contact_curation.cli.free_domain import free_domain
-from test.graph.graph import Graph
+from contact_curation.session.free_domain import free_domain
+from test.graph.parts.graph import Graph
 
 
 @pytest.fixture

@@ -14,13 +14,13 @@ from contact_curation_msgs.msg import CuratedBuffer, TossInformation, TossReject
 from nav_msgs.msg import Odometry
 
 from contact_curation.nodes.messages.headers import nanoseconds_of
-from contact_curation.nodes.processes import NodeProcess
-from contact_curation.nodes.qos import kept
+from contact_curation.nodes.ros.processes import NodeProcess
+from contact_curation.nodes.ros.qos import kept
+from test.dashboard.live.test_serving import free_port
 from test.dashboard.recorded import Recorded
-from test.dashboard.test_serving import free_port
-from test.graph.graph import Graph
-from test.graph.offline import tosses_of
-from test.graph.storyteller import Storyteller, stamped
+from test.graph.parts.graph import Graph
+from test.graph.parts.offline import tosses_of
+from test.graph.parts.storyteller import Storyteller, stamped
 
 LONG = 90.0
 NODES = ("pose_ingest", "fisher_scorer", "curator", "dashboard")

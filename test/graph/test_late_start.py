@@ -18,9 +18,9 @@ from contact_curation.information.ranker import RankingConfig
 from contact_curation.nodes.messages.model_parameters import MODEL, bytes_of_geometry
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.toss_information import information_of
-from contact_curation.nodes.qos import kept
-from test.graph.graph import Graph
-from test.graph.offline import assert_same_buffer, curated, scored, tosses_of
+from contact_curation.nodes.ros.qos import kept
+from test.graph.parts.graph import Graph
+from test.graph.parts.offline import assert_same_buffer, curated, scored, tosses_of
 
 NODES_YAML = Path(__file__).resolve().parents[2] / "contact_curation" / "config" / "nodes.yaml"
 TOP = 5

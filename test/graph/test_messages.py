@@ -6,18 +6,18 @@ from contact_curation_msgs.msg import ModelParameters
 from rclpy.serialization import deserialize_message, serialize_message
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.deepvertex_model import DeepvertexModel
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.models.deepvertex import DeepvertexModel
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.scoring import ScoringConfig
-from contact_curation.learning.stored_model import model_bytes
+from contact_curation.learning.checkpoints.stored_model import model_bytes
 from contact_curation.nodes.messages.headers import Stamped, stamped_of
 from contact_curation.nodes.messages.model_parameters import bytes_of_geometry, geometry_of_bytes
 from contact_curation.nodes.messages.shown import theta_of
 from contact_curation.nodes.messages.toss import toss_message, toss_of
 from contact_curation.nodes.messages.toss_information import information_message, information_of
-from contact_curation.nodes.scored_theta import ScoredTheta, scorer_of
-from test.graph.offline import scored
+from contact_curation.stages.scored_theta import ScoredTheta, scorer_of
+from test.graph.parts.offline import scored
 from test.simulated import RIG_NOISE, simulated_tosses
 
 DEEPVERTEX = model_bytes(DeepvertexModel(CONTACTNETS_CUBE.scaled_vertices, CONTACTNETS_CUBE))

@@ -10,9 +10,9 @@ import pytest
 import yaml
 
 import contact_curation
-from contact_curation.cli.node_parameters import read_node_parameters, write_node_parameters
-from contact_curation.cli.online_parameters import STAGES
-from test.graph.declared_parameters import nodes_yaml
+from contact_curation.session.node_settings import STAGES
+from contact_curation.session.parameter_files import read_node_parameters, write_node_parameters
+from test.graph.parts.declared_parameters import nodes_yaml
 
 PACKAGE = Path(contact_curation.__file__).parent
 CONFIG = PACKAGE / "config" / "nodes.yaml"
@@ -28,7 +28,7 @@ def declared(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, An
 
 
 def test_the_file_has_every_parameter_with_its_default(declared: dict[str, dict[str, Any]]) -> None:
-    again = "python -m test.graph.declared_parameters contact_curation/config/nodes.yaml"
+    again = "python -m test.graph.parts.declared_parameters contact_curation/config/nodes.yaml"
     found = read_node_parameters(CONFIG)
     assert set(found) == set(declared)
     for node, values in declared.items():

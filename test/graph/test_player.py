@@ -16,10 +16,10 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from contact_curation.nodes.messages.headers import Stamped, header_message, nanoseconds_of
-from contact_curation.nodes.qos import profile
-from contact_curation.storage.bag_records import OfferedQos
-from contact_curation.storage.bag_writer import BagWriter
-from test.graph.graph import Graph
+from contact_curation.nodes.ros.qos import profile
+from contact_curation.storage.bags.records import OfferedQos
+from contact_curation.storage.bags.writer import BagWriter
+from test.graph.parts.graph import Graph
 
 MILLISECOND = 10**6
 RECORDED_NS = 1_600_000_000 * 10**9

@@ -12,12 +12,12 @@ from nav_msgs.msg import Odometry
 from tf2_msgs.msg import TFMessage
 
 from contact_curation.motion.pose_stream import FramePose
-from contact_curation.nodes.qos import kept, profile
-from contact_curation.storage.toss_store import TossStore
+from contact_curation.nodes.ros.qos import kept, profile
+from contact_curation.storage.stores.tosses import TossStore
 from test.conftest import GOLDEN
-from test.graph.graph import Graph
-from test.graph.measured import measured_of, tosses_in
-from test.graph.tracker import Tracker, publish
+from test.graph.parts.graph import Graph
+from test.graph.parts.measured import measured_of, tosses_in
+from test.graph.parts.tracker import Tracker, publish
 
 MESSAGES = 900
 """Two tosses, and what follows until the third."""

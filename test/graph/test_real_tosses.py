@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from contact_curation.storage.tagslam_bag import import_contactnets
-from test.graph.graph import Graph
-from test.graph.offline import assert_same_buffer, curated, tosses_of
+from contact_curation.storage.datasets.tagslam_bag import import_contactnets
+from test.graph.parts.graph import Graph
+from test.graph.parts.offline import assert_same_buffer, curated, tosses_of
 
 
 @pytest.mark.slow

@@ -10,13 +10,13 @@ import pytest
 from contact_curation_msgs.srv import SaveBuffer
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.motion.rig import Rig
+from contact_curation.motion.calibration import Rig
 from contact_curation.motion.toss import Toss
 from contact_curation.nodes.messages.toss import toss_of
-from contact_curation.storage.inputs import InputsConfig, open_inputs
-from contact_curation.storage.manifest_file import read_manifest
-from test.graph.graph import Graph
-from test.graph.offline import assert_same_buffer, curated, tosses_of
+from contact_curation.storage.inputs.inputs import InputsConfig, open_inputs
+from contact_curation.storage.manifest.file import read_manifest
+from test.graph.parts.graph import Graph
+from test.graph.parts.offline import assert_same_buffer, curated, tosses_of
 
 TOP = 6
 RATE = 20.0

@@ -7,9 +7,9 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.qos import QoSProfile
 from tf2_msgs.msg import TFMessage
 
-from contact_curation.nodes.pose_topics import LOOKS_FOR_THE_RIG, PoseTopics
-from contact_curation.nodes.qos import kept, profile
-from contact_curation.storage.pose_source import PoseTopicConfig
+from contact_curation.nodes.ros.pose_topics import LOOKS_FOR_THE_RIG, PoseTopics
+from contact_curation.nodes.ros.qos import kept, profile
+from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 
 POSES, RIG = "/poses", "/tf_static"
 KINDS = {POSES: "geometry_msgs/msg/PoseStamped", RIG: "tf2_msgs/msg/TFMessage"}

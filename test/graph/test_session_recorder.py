@@ -9,10 +9,10 @@ from nav_msgs.msg import Odometry
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from std_msgs.msg import Float64MultiArray, String
 
-from contact_curation.nodes.message_definition import definition_text
-from contact_curation.nodes.qos import kept, profile
-from contact_curation.storage.bag_reader import BagReader
-from test.graph.graph import Graph, until
+from contact_curation.nodes.ros.message_definition import definition_text
+from contact_curation.nodes.ros.qos import kept, profile
+from contact_curation.storage.bags.reader import BagReader
+from test.graph.parts.graph import Graph, until
 
 LONG = 90.0
 TYPES = [
@@ -46,7 +46,7 @@ def test_bounded_strings_and_sequences_keep_their_bounds(monkeypatch: pytest.Mon
                 "f": "sequence<string<8>, 2>",
             }
 
-    monkeypatch.setattr("contact_curation.nodes.message_definition.message_class", lambda _: Made)
+    monkeypatch.setattr("contact_curation.nodes.ros.message_definition.message_class", lambda _: Made)
     lines = definition_text("made_msgs/msg/Made").splitlines()
     assert lines == ["float64[<=3] a", "string<=8 b", "bool[2] c", "string[] d", "byte e", "string<=8[<=2] f"]
 

@@ -18,11 +18,11 @@ from std_msgs.msg import Empty
 
 from contact_curation.nodes.messages.headers import Stamped
 from contact_curation.nodes.messages.throw import throw_message
-from contact_curation.nodes.qos import profile
-from contact_curation.sim.arm import ArmConfig
-from test.graph.graph import Graph
-from test.graph.thrower import STILL, Goal, Thrower, speeds
-from test.sim.throws import PLAIN
+from contact_curation.nodes.ros.qos import profile
+from contact_curation.simulation.arm.model import ArmConfig
+from test.graph.parts.graph import Graph
+from test.graph.parts.thrower import STILL, Goal, Thrower, speeds
+from test.simulation.throws import PLAIN
 
 MID_THROW = 0.3
 """A body this fast [m/s] is on its way to the release."""
@@ -201,7 +201,7 @@ def test_a_designer_that_dies_in_mid_goal_leaves_an_arm_that_ends_at_home_and_ta
     graph.start("sim_arm", rate=SLOWED, armed=True)
     thrower.until_healthy("resting")
     designer = subprocess.Popen(
-        [sys.executable, "-m", "test.graph.lone_designer"], env={**os.environ, "ROS_DOMAIN_ID": str(graph.domain)}
+        [sys.executable, "-m", "test.graph.parts.lone_designer"], env={**os.environ, "ROS_DOMAIN_ID": str(graph.domain)}
     )
     thrower.until_body_moves(MID_THROW)
     designer.kill()

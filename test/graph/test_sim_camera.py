@@ -19,10 +19,10 @@ from contact_curation.motion.body_tracker import BodyPose, BodyTracker, TrackerC
 from contact_curation.nodes.messages.headers import Stamped
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.tracked import odometry_message
-from contact_curation.nodes.qos import profile
-from contact_curation.storage.pose_messages import ODOMETRY, measured_pose, measured_transforms
-from contact_curation.storage.pose_source import PoseTopicConfig
-from test.graph.graph import Graph, until
+from contact_curation.nodes.ros.qos import profile
+from contact_curation.storage.inputs.pose_messages import ODOMETRY, measured_pose, measured_transforms
+from contact_curation.storage.inputs.pose_source import PoseTopicConfig
+from test.graph.parts.graph import Graph, until
 from test.simulated import RIG_NOISE
 from test.storage.test_tag_map_file import SHIPPED
 from test.tagged_tosses import tagged_tosses

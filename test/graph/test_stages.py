@@ -16,15 +16,15 @@ from contact_curation.information.curation import curate
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import ScoringConfig
-from contact_curation.nodes.catch_up import Cursor
-from contact_curation.nodes.curation_stage import CurationConfig, CurationStage
 from contact_curation.nodes.messages.curated_buffer import buffer_message
-from contact_curation.nodes.scored_theta import theta_of_geometry
-from contact_curation.nodes.scoring_stage import ScoringStage, checked_body
-from contact_curation.nodes.selection import StreamingSelection
-from contact_curation.storage.information_store import InformationStore
-from contact_curation.storage.state_store import StateStore
-from test.graph.offline import scored
+from contact_curation.nodes.ros.catch_up import Cursor
+from contact_curation.stages.curation import CurationConfig, CurationStage
+from contact_curation.stages.scored_theta import theta_of_geometry
+from contact_curation.stages.scoring import ScoringStage, checked_body
+from contact_curation.stages.selection import StreamingSelection
+from contact_curation.storage.stores.information import InformationStore
+from contact_curation.storage.stores.state import StateStore
+from test.graph.parts.offline import scored
 from test.simulated import simulated_tosses
 
 TOSSES = simulated_tosses(8, seed=11)

@@ -13,11 +13,11 @@ from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.nodes.messages.camera import camera_info_message, detections_message
 from contact_curation.nodes.messages.headers import Stamped
 from contact_curation.nodes.messages.toss import toss_of
-from contact_curation.nodes.qos import kept, profile
-from contact_curation.sim.tag_detection import Detection
-from contact_curation.storage.inputs import InputsConfig, open_inputs
-from contact_curation.storage.pose_source import PoseTopicConfig
-from test.graph.graph import Graph, until
+from contact_curation.nodes.ros.qos import kept, profile
+from contact_curation.simulation.camera.tag_detection import Detection
+from contact_curation.storage.inputs.inputs import InputsConfig, open_inputs
+from contact_curation.storage.inputs.pose_source import PoseTopicConfig
+from test.graph.parts.graph import Graph, until
 from test.storage.tag_recordings import write_detections
 from test.storage.test_tag_map_file import SHIPPED
 from test.tag_scene import CAMERA

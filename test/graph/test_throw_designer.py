@@ -19,11 +19,11 @@ from contact_curation.design.particle import Particle
 from contact_curation.nodes import throw_goals
 from contact_curation.nodes.messages.headers import time_message
 from contact_curation.nodes.messages.throw import throw_of
-from contact_curation.nodes.qos import RESULTS_KEPT, kept
-from contact_curation.storage.state_store import StateStore
+from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
+from contact_curation.storage.stores.state import StateStore
 from test.cli.commands import write_parameters
-from test.graph.graph import Graph
-from test.graph.instant_thrower import Thrower, settled
+from test.graph.parts.graph import Graph
+from test.graph.parts.instant_thrower import Thrower, settled
 
 LONG = 90.0
 SMALL: dict[str, Any] = {

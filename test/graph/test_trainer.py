@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-from contact_curation.contact.polytope_model import PolytopeModel
+from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.information.model_version import model_version
 from contact_curation.nodes.messages.model_parameters import geometry_of_bytes
 from contact_curation.storage.checkpoint_file import read_model
-from test.graph.graph import Graph
-from test.graph.offline import tosses_of
+from test.graph.parts.graph import Graph
+from test.graph.parts.offline import tosses_of
 
 LONG = 90.0
 TOP = 6

@@ -6,17 +6,17 @@ from functools import cache
 import numpy as np
 import torch
 
-from contact_curation.contact.deep_model import DeepModel
-from contact_curation.contact.deepvertex_model import DeepvertexModel
-from contact_curation.contact.end_to_end_model import EndToEndModel, ImpulseLoss
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
-from contact_curation.contact.model import Rows
-from contact_curation.contact.model_kind import ModelKind
-from contact_curation.contact.models import initial_model
+from contact_curation.contact.models.deep import DeepModel
+from contact_curation.contact.models.deepvertex import DeepvertexModel
+from contact_curation.contact.models.end_to_end import EndToEndModel, ImpulseLoss
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.model import Rows
+from contact_curation.contact.models.registry import initial_model
+from contact_curation.contact.models.stream_network import StreamNetwork
 from contact_curation.contact.parameter_form import Form
-from contact_curation.contact.stream_network import StreamNetwork
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.network_pass import NetworkModel
+from contact_curation.information.network.forward_pass import NetworkModel
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 from test.contact.cases import CUBE

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.model_kind import ModelKind
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
-from contact_curation.contact.polytope_model import PolytopeModel
-from contact_curation.learning.protocols import TrainingConfig, budgeted
-from contact_curation.learning.training import new_training
+from contact_curation.learning.training.protocols import TrainingConfig, budgeted
+from contact_curation.learning.training.training import new_training
 from contact_curation.motion.transitions import transitions_of
 from test.contact.cases import CUBE
 from test.simulated import RIG_NOISE, TrackerNoise, simulated_tosses

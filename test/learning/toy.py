@@ -6,12 +6,12 @@ from torch import Tensor
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.loss_config import LossConfig
-from contact_curation.contact.model import BatchLoss, ContactModel, Rows
-from contact_curation.contact.model_kind import ModelKind
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.model import BatchLoss, ContactModel, Rows
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.torch_contacts import Contacts, Frames
 from contact_curation.geometry.quaternions import Array
-from contact_curation.learning.protocols import Pace, Patience, Schedule, TrainingConfig
+from contact_curation.learning.training.protocols import Pace, Patience, Schedule, TrainingConfig
 from contact_curation.motion.transitions import Transitions
 
 SOLVED, UNSOLVED, DIVERGING, BURSTING, STEEP = 0.0, 1.0, 2.0, 3.0, 4.0

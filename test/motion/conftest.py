@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from contact_curation.motion.toss import Toss
-from contact_curation.storage.contactnets import read_contactnets
+from contact_curation.storage.datasets.contactnets import read_contactnets
 
 
 @pytest.fixture(scope="session")

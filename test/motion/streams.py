@@ -12,7 +12,7 @@ from contact_curation.geometry.scalars import Quaternion, ScalarPose, Vector, co
 from contact_curation.motion.body_tracker import BodyPose
 from contact_curation.motion.pose_stream import FramePose
 from contact_curation.motion.toss import NANOSECONDS
-from contact_curation.sim.tracker_noise import TrackerNoise, TrackerNoiseConfig
+from contact_curation.simulation.tracker_noise import TrackerNoise, TrackerNoiseConfig
 
 CUBE = CONTACTNETS_CUBE.polytope
 HALF_WIDTH = CONTACTNETS_CUBE.length_scale

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from contact_curation.cli.main import main
-from contact_curation.storage.manifest_file import read_manifest
+from contact_curation.storage.manifest.file import read_manifest
 
 pytestmark = pytest.mark.slow
 

@@ -21,7 +21,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from tf2_msgs.msg import TFMessage
 
-from contact_curation.cli.free_domain import free_domain
+from contact_curation.session.free_domain import free_domain
 from test.packaging.type_hash import compiled_hash
 
 MSG_DEFS = Path(__file__).resolve().parents[2] / "msg_defs"

@@ -11,16 +11,16 @@ from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.comparison import spearman, top_overlap
+from contact_curation.information.criteria.modular import NORMALISATIONS, toss_trace
 from contact_curation.information.curation import curate
 from contact_curation.information.diagnostics import smallest_sufficient_k, spectral_distance
 from contact_curation.information.factors import Compression
-from contact_curation.information.modular import NORMALISATIONS, toss_trace
 from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.ranker import CRITERIA, RankingConfig, rank, rank_particles
 from contact_curation.information.ranking import Ranking
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import Scorer, ScoringConfig
-from contact_curation.information.streaming import TraceHeap
+from contact_curation.information.streaming.selector import TraceHeap
 from contact_curation.information.subspace import identifiable_subspace
 from contact_curation.information.toss_fisher import fisher_coherent, fisher_mean, fisher_sum
 from contact_curation.motion.toss import Toss

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.deep_model import DeepModel
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.model_rollout import roll_out_model
+from contact_curation.contact.models.deep import DeepModel
+from contact_curation.contact.models.rollout import roll_out_model
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.rollout import Rollout, rollout
 from contact_curation.contact.time_step import StepStatus
 from contact_curation.geometry.quaternions import Array
-from contact_curation.learning.motion_errors import MotionErrors, motion_errors
+from contact_curation.learning.evaluation.motion_errors import MotionErrors, motion_errors
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of
-from contact_curation.sim.free_motion import free_motion
-from contact_curation.sim.world import DEFAULT_WORLD, MUJOCO_DEFAULTS, WorldConfig
+from contact_curation.simulation.free_motion import free_motion
+from contact_curation.simulation.world import DEFAULT_WORLD, MUJOCO_DEFAULTS, WorldConfig
 from test.simulated import FRAME_PERIOD, length_scales
 
 

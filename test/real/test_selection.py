@@ -9,17 +9,17 @@ import pytest
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.accumulated import Accumulated
-from contact_curation.information.certificate import Certificate
+from contact_curation.information.criteria.certificate import Certificate
 from contact_curation.information.curation import curate
 from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.prior import LogDetPrior, log_det_prior
 from contact_curation.information.ranker import RankingConfig, rank, rank_particles
 from contact_curation.information.ranking import Ranking
-from contact_curation.information.sieve import SieveStreaming
-from contact_curation.information.streaming import Selector
-from contact_curation.information.swap import GuardedSwap
+from contact_curation.information.streaming.selector import Selector
+from contact_curation.information.streaming.sieve import SieveStreaming
+from contact_curation.information.streaming.swap import GuardedSwap
 from contact_curation.motion.toss import Toss
-from contact_curation.nodes.selection import StreamingSelection
+from contact_curation.stages.selection import StreamingSelection
 from test.real.scored_pools import fishers_in, scored_pool
 
 Tosses = tuple[Toss, ...]

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.model_kind import ModelKind
-from contact_curation.contact.polytope_model import PolytopeModel
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.rollout import rollout
-from contact_curation.learning.motion_errors import motion_errors
-from contact_curation.learning.protocols import budgeted
-from contact_curation.learning.training import new_training
+from contact_curation.learning.evaluation.motion_errors import motion_errors
+from contact_curation.learning.training.protocols import budgeted
+from contact_curation.learning.training.training import new_training
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of, transitions_of
 from test.simulated import FRAME_PERIOD

@@ -3,8 +3,8 @@
 from dataclasses import replace
 from typing import Any
 
-from contact_curation.storage.manifest import ManifestRow
-from test.storage.test_manifest import RANKED
+from contact_curation.storage.manifest.manifest import ManifestRow
+from test.storage.manifest.test_manifest import RANKED
 
 
 def row(toss_id: str, **changes: Any) -> ManifestRow:

@@ -8,8 +8,8 @@ from rosbags.typesys import get_types_from_msg
 
 from contact_curation.geometry.scalars import Quaternion, ScalarPose, Vector
 from contact_curation.motion.pose_stream import FramePose
-from contact_curation.storage.pose_messages import ODOMETRY, POSE, POSE_ARRAY, POSE_WITH_COVARIANCE, TF
-from test.storage.bags import JAZZY, NOETIC, Sent
+from contact_curation.storage.inputs.pose_messages import ODOMETRY, POSE, POSE_ARRAY, POSE_WITH_COVARIANCE, TF
+from test.storage.written_bags import JAZZY, NOETIC, Sent
 
 NOETIC.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))  # rosbags' set for ROS 1 lacks it
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from contact_curation.motion.tag_pose import DetectedTag
-from contact_curation.storage.bag_writer import BagWriter
-from contact_curation.storage.tag_detections import CAMERA_INFO, DETECTIONS
+from contact_curation.motion.tags.pose import DetectedTag
+from contact_curation.storage.bags.writer import BagWriter
+from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIONS
 from test.tag_scene import CAMERA
 from test.tagged_tosses import TaggedImage
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact_curation.contact.model_kind import ModelKind
-from contact_curation.contact.models import tensors_of
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.registry import tensors_of
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.learning.protocols import budgeted
-from contact_curation.learning.training import Training, new_training
+from contact_curation.learning.training.protocols import budgeted
+from contact_curation.learning.training.training import Training, new_training
 from contact_curation.storage import checkpoint_file
 from contact_curation.storage.checkpoint_file import read_model, read_notes, resume_training, save_checkpoint, save_model
 from test.contact.cases import CUBE, tracked_transitions

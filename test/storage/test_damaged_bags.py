@@ -13,9 +13,9 @@ from mcap.writer import CompressionType
 from rosbags.rosbag2 import StoragePlugin
 
 from contact_curation.errors import UnreadableInputError
-from contact_curation.storage.bag_reader import BagReader
-from contact_curation.storage.bag_ros1_records import CHUNK, ROS1_MAGIC, Record, read_record
-from test.storage.bags import (
+from contact_curation.storage.bags.formats.ros1_records import CHUNK, ROS1_MAGIC, Record, read_record
+from contact_curation.storage.bags.reader import BagReader
+from test.storage.written_bags import (
     CUBE,
     NOETIC,
     NOTE,

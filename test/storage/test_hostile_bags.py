@@ -17,11 +17,11 @@ from mcap.writer import CompressionType
 from rosbags.rosbag2 import StoragePlugin
 
 from contact_curation.errors import UnreadableInputError
-from contact_curation.storage.bag_errors import DamagedBagError
-from contact_curation.storage.bag_file import BagFile
-from contact_curation.storage.bag_limits import BagLimits
-from contact_curation.storage.bag_reader import BagReader
-from test.storage.bags import (
+from contact_curation.storage.bags.errors import DamagedBagError
+from contact_curation.storage.bags.file import BagFile
+from contact_curation.storage.bags.limits import BagLimits
+from contact_curation.storage.bags.reader import BagReader
+from test.storage.written_bags import (
     NOETIC,
     recording,
     write_mcap,
@@ -39,8 +39,8 @@ LIMITED_READER = """
 import resource, sys
 from pathlib import Path
 from contact_curation.errors import UnreadableInputError
-from contact_curation.storage.bag_reader import BagReader
-from test.storage.bags import NOTE, note, write_ours
+from contact_curation.storage.bags.reader import BagReader
+from test.storage.written_bags import NOTE, note, write_ours
 write_ours(Path(sys.argv[1]) / "warm.mcap", [])
 list(BagReader(Path(sys.argv[1]) / "warm.mcap").messages())
 in_use = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()

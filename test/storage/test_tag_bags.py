@@ -9,8 +9,8 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.geometry import quaternions
 from contact_curation.motion.toss import Rejected, Toss
-from contact_curation.storage.inputs import InputsConfig, Problem, open_inputs
-from contact_curation.storage.pose_source import PoseTopicConfig
+from contact_curation.storage.inputs.inputs import InputsConfig, Problem, open_inputs
+from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 from test.storage.tag_recordings import write_detections
 from test.storage.test_tag_map_file import SHIPPED
 from test.tagged_tosses import TaggedImage, tagged_tosses, without_tags

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from contact_curation.storage.bag_limits import BagLimits
-from contact_curation.storage.bag_reader import BagReader
-from test.storage.bags import CUBE, NOTE, ODOMETRY, Sent, assert_same, read, recording, write_mcap, write_ours
+from contact_curation.storage.bags.limits import BagLimits
+from contact_curation.storage.bags.reader import BagReader
+from test.storage.written_bags import CUBE, NOTE, ODOMETRY, Sent, assert_same, read, recording, write_mcap, write_ours
 
 SENT = recording(700)
 

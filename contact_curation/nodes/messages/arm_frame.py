@@ -5,8 +5,8 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 
 from contact_curation.nodes.messages.headers import Stamped, header_message
-from contact_curation.sim.arm import JOINT_NAMES
-from contact_curation.sim.arm_frame import ArmFrame
+from contact_curation.simulation.arm.frame import ArmFrame
+from contact_curation.simulation.arm.model import JOINT_NAMES
 
 BASE_FRAME = "fr3_link0"
 

@@ -11,8 +11,8 @@ from sensor_msgs.msg import Image as ImageMessage
 
 from contact_curation.geometry.pinhole import Pinhole
 from contact_curation.nodes.messages.headers import Stamped, header_message
-from contact_curation.sim.tag_detection import Detection
-from contact_curation.sim.tag_textures import Image
+from contact_curation.simulation.camera.tag_detection import Detection
+from contact_curation.simulation.camera.tag_textures import Image
 
 FAMILY_NAME = "36h11"
 """As apriltag_ros writes it."""

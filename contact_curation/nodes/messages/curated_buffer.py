@@ -2,8 +2,8 @@
 
 from contact_curation_msgs.msg import CuratedBuffer
 
-from contact_curation.nodes.curation_stage import Buffer
 from contact_curation.nodes.messages.headers import Stamped, header_message
+from contact_curation.stages.curation import Buffer
 
 
 def buffer_message(buffer: Buffer) -> CuratedBuffer:

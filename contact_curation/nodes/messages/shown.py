@@ -7,16 +7,16 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.model_kind import ModelKind
+from contact_curation.contact.models.kind import ModelKind
 from contact_curation.dashboard.evidence import KeptSet
-from contact_curation.dashboard.health_view import NodeHealth
-from contact_curation.dashboard.learning_view import TrainingMoment
-from contact_curation.dashboard.throw_view import ThrowMade
+from contact_curation.dashboard.live.health_view import NodeHealth
+from contact_curation.dashboard.live.learning_view import TrainingMoment
+from contact_curation.dashboard.live.throw_view import ThrowMade
 from contact_curation.dashboard.toss_motion import ShownTheta
 from contact_curation.errors import InvalidValueError
 from contact_curation.nodes.messages.model_parameters import geometry_of_bytes
 from contact_curation.nodes.messages.throw import throw_of
-from contact_curation.nodes.scored_theta import read_scored_theta
+from contact_curation.stages.scored_theta import read_scored_theta
 
 
 def first_theta(parameters: str, body: Body) -> tuple[ShownTheta, Body]:
@@ -49,7 +49,7 @@ def _shown(version: str, model: str, data: bytes, body: Body) -> ShownTheta:
         if geometry.vertex_count != wanted:
             raise InvalidValueError("vertices of the parameters", geometry.vertex_count, f"{wanted}, as the body has")
         return ShownTheta(version, geometry=geometry)
-    from contact_curation.learning.stored_model import model_of_bytes  # torch takes over a second to import
+    from contact_curation.learning.checkpoints.stored_model import model_of_bytes  # torch takes over a second to import
 
     return ShownTheta(version, model=model_of_bytes(data, "model_parameters", body))
 

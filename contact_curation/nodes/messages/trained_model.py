@@ -3,12 +3,12 @@
 from contact_curation_msgs.msg import ModelParameters
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.model import Model
-from contact_curation.contact.polytope_model import PolytopeModel
+from contact_curation.contact.models.model import Model
+from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.information.network_scoring import NetworkScorer
+from contact_curation.information.network.scoring import NetworkScorer
 from contact_curation.information.scoring import ScoringConfig
-from contact_curation.learning.stored_model import model_bytes, model_of_bytes
+from contact_curation.learning.checkpoints.stored_model import model_bytes, model_of_bytes
 from contact_curation.nodes.messages.headers import Stamped, header_message
 from contact_curation.nodes.messages.model_parameters import bytes_of_geometry
 

@@ -2,10 +2,10 @@
 
 from contact_curation_msgs.msg import TrainingStatus
 
-from contact_curation.learning.progress import TrainingState
-from contact_curation.nodes.held_out_tosses import HeldOutErrors
+from contact_curation.learning.training.progress import TrainingState
 from contact_curation.nodes.messages.headers import Stamped, header_message
-from contact_curation.nodes.training_stage import Moment
+from contact_curation.stages.held_out_tosses import HeldOutErrors
+from contact_curation.stages.training import Moment
 
 STATES = {
     TrainingState.RUNNING: "training",

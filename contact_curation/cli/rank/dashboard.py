@@ -1,0 +1,146 @@
+"""`rank --dashboard` and `--recording`: the ranking to look at, in a browser or as a file for Rerun's viewer.
+
+rerun takes most of a second to import: the library's part is imported when one of the two is asked for.
+"""
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from contact_curation.cli.options.types import PathEndingIn
+from contact_curation.cli.rank.options import RankConfig
+from contact_curation.cli.stop_signals import StopSignals
+from contact_curation.information.curation import Curation
+from contact_curation.information.pool import pool_of
+from contact_curation.motion.toss import Toss
+from contact_curation.pipeline.rank_rows import TossPool
+from contact_curation.pipeline.reading import InputReader
+from contact_curation.storage.parameters_file import Parameters
+
+if TYPE_CHECKING:
+    from contact_curation.dashboard.evidence import KeptSet
+    from contact_curation.dashboard.live.ranked import KeptBack
+    from contact_curation.dashboard.live.screen import Screen
+    from contact_curation.dashboard.toss_motion import ShownTheta
+
+POLL = 0.2
+"""[s]"""
+
+
+def add_dashboard_options(parser: argparse.ArgumentParser) -> None:
+    """Adds what says where the ranking is shown."""
+    group = parser.add_argument_group("what is shown")
+    group.add_argument("--dashboard", action="store_true", help="serve the ranking to a browser, until Ctrl-C")
+    group.add_argument("--recording", type=PathEndingIn(".rrd"), metavar="FILE.rrd", help="the same for `rerun FILE.rrd`")
+    group.add_argument("--web-port", type=int, default=9090, metavar="PORT", help="of the page (default 9090)")
+    group.add_argument("--grpc-port", type=int, default=9876, metavar="PORT", help="of its data (default 9876)")
+
+
+class RankDashboard:
+    """A ranking on a screen. To be ended, or to be dropped.
+
+    Args:
+        arguments: of the command.
+        config: of the ranking.
+
+    Raises:
+        InvalidValueError: a port is in use, or the file cannot be written.
+    """
+
+    def __init__(self, arguments: argparse.Namespace, config: RankConfig) -> None:
+        from contact_curation.dashboard.live.layout import ranking_layout
+        from contact_curation.dashboard.live.serving import ServingConfig, open_screen
+
+        self._config = config
+        self._inputs: Sequence[Path] = arguments.inputs
+        port = arguments.web_port if arguments.dashboard else 0
+        self._recording: Path | None = arguments.recording
+        self._partial = self._recording and self._recording.with_name(f".{os.getpid()}-{self._recording.name}")
+        self._serving: ServingConfig = ServingConfig(port, arguments.grpc_port, recording=self._partial)
+        self._screen: Screen = open_screen(self._serving, ranking_layout(config.pool.reading.body))
+
+    def show(self, pool: TossPool, curation: Curation) -> None:
+        """Writes the ranking; while the factors of the pool can be read."""
+        from contact_curation.dashboard.live.ranked import show_ranked
+
+        kept = _kept_set(pool, curation, self._config.ranking.top)
+        show_ranked(
+            screen=self._screen,
+            body=self._config.pool.reading.body,
+            theta=_theta(self._config, kept.version),
+            loss=self._config.pool.scoring.loss,
+            pool=pool_of([toss.informations[0] for toss in pool.rankable]),
+            kept=kept,
+            tosses=self._tosses(set(kept.toss_ids)),
+            kept_back=_kept_back(pool),
+        )
+
+    def end(self) -> None:
+        """Serves until Ctrl-C or SIGTERM where that was asked for, and closes."""
+        from contact_curation.dashboard.live.serving import close_screen
+
+        if self._serving.web_port:
+            with StopSignals() as signals:
+                sys.stdout.flush()
+                print(f"dashboard at {self._serving.address} (Ctrl-C ends it)", file=sys.stderr, flush=True)
+                while not signals.wanted:
+                    time.sleep(POLL)
+        close_screen(self._screen)
+        if self._partial and self._recording:
+            self._partial.replace(self._recording)
+
+    def drop(self) -> None:
+        """Leaves no part of a recording behind that did not come to its end; the one before stays."""
+        if self._partial:
+            self._partial.unlink(missing_ok=True)
+
+    def _tosses(self, wanted: set[str]) -> dict[str, Toss]:
+        """The wanted tosses, read once more: of the others nothing but their information was kept."""
+        found: dict[str, Toss] = {}
+        for path in self._inputs:
+            for toss in InputReader(path, self._config.pool.reading).tosses():
+                if toss.toss_id in wanted:
+                    found.setdefault(toss.toss_id, toss)
+                if len(found) == len(wanted):
+                    return found
+        return found
+
+
+def dashboard_of(arguments: argparse.Namespace, config: RankConfig) -> RankDashboard | None:
+    """The dashboard that the options ask for; errors as in `RankDashboard`."""
+    return RankDashboard(arguments, config) if arguments.dashboard or arguments.recording else None
+
+
+def _theta(config: RankConfig, version: str) -> "ShownTheta":
+    from contact_curation.dashboard.toss_motion import ShownTheta
+
+    theta = config.pool.thetas[0]
+    if isinstance(theta, Parameters):
+        return ShownTheta(version, geometry=theta.geometry)
+    return ShownTheta(version, model=theta.model())
+
+
+def _kept_set(pool: TossPool, curation: Curation, top: int) -> "KeptSet":
+    from contact_curation.dashboard.evidence import KeptSet
+
+    entries = [entry for entry in curation.ranking.entries if entry.kept]
+    certificate = curation.ranking.certificate
+    return KeptSet(
+        criterion=curation.ranking.criterion,
+        capacity=top,
+        toss_ids=tuple(entry.toss_id for entry in entries),
+        gains=tuple(float(entry.marginal_gain) for entry in entries),
+        version=pool.rankable[0].informations[0].parameters_version,
+        seen=len(pool.rankable),
+        bound=certificate.subset if certificate else 0.0,
+    )
+
+
+def _kept_back(pool: TossPool) -> "list[KeptBack]":
+    from contact_curation.dashboard.live.ranked import KeptBack
+
+    return [KeptBack(toss.seen.toss_id, toss.seen.frames, toss.reasons) for toss in pool.tosses if toss.reasons]

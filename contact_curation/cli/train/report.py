@@ -1,0 +1,121 @@
+"""What `train` says of its result: some lines for people, one object for programs."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from contact_curation.cli.report import counted_tosses
+from contact_curation.learning.checkpoints.selection_document import document_of
+from contact_curation.learning.training.curated import CuratedTraining
+from contact_curation.learning.training.plan import TrainingPlan
+from contact_curation.learning.training.progress import Progress
+from contact_curation.learning.training.reranking import Selected, Trigger
+from contact_curation.pipeline.training_tosses import LearningTosses
+
+LISTED = 5
+"""Selections that are told one by one."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrainReport:
+    """A training that came to its end.
+
+    Attributes:
+        plan: what it was.
+        curated: how it ended.
+        tosses: what it learned from.
+        loss_before: held-out loss before the first step; NaN if nothing is held out.
+        seconds: of this run [s].
+        checkpoint: its file.
+        metrics: their file.
+        next_command: what one does next.
+    """
+
+    plan: TrainingPlan
+    curated: CuratedTraining
+    tosses: LearningTosses
+    loss_before: float
+    seconds: float
+    checkpoint: Path
+    metrics: Path
+    next_command: str
+
+    @property
+    def progress(self) -> Progress:
+        return self.curated.training.progress
+
+    @property
+    def loss_after(self) -> float:
+        """Held-out loss of the result: the best one where the protocol stops early, else the last."""
+        progress = self.progress
+        return progress.held_out_loss if self.plan.protocol.patience is None else progress.best_held_out_loss
+
+
+def json_report(report: TrainReport) -> dict[str, Any]:
+    """Everything, as one object."""
+    data = report.curated.training.data
+    return {
+        "model": report.plan.kind.value,
+        "seed": report.plan.seed,
+        **asdict(report.progress),
+        "held_out_loss_before": report.loss_before,
+        "held_out_loss_after": report.loss_after,
+        "training_tosses": list(data.toss_ids),
+        "training_transitions": len(data.dt),
+        "held_out_tosses": [toss.toss_id for toss in report.plan.held_out],
+        "twins": [list(twin) for twin in report.tosses.twins],
+        "kept_back": dict(report.tosses.kept_back),
+        "selections": [document_of(one) for one in report.curated.selections],
+        "seconds": report.seconds,
+        "checkpoint": str(report.checkpoint),
+        "metrics": str(report.metrics),
+        "next": report.next_command,
+        "warnings": report.tosses.warnings,
+    }
+
+
+def print_report(report: TrainReport) -> None:
+    """For people."""
+    data, progress = report.curated.training.data, report.progress
+    out_of = f" of {len(report.plan.tosses)}" if report.plan.selection else ""
+    tosses = f"{len(data.toss_ids)}{out_of} tosses" if out_of else counted_tosses(len(data.toss_ids))
+    print(f"{report.plan.kind.value} trained on {tosses}, {len(data.dt)} transitions")
+    _print_left_out(report)
+    print(f"{report.seconds:.1f} s: {progress.reason}")
+    if report.plan.held_out:
+        held_out = counted_tosses(len(report.plan.held_out))
+        print(f"held-out loss {report.loss_before:.4g} before, {report.loss_after:.4g} after, on {held_out}")
+    else:
+        print("nothing is held out, so nothing is known of tosses that it has not seen")
+    print(f"training loss {progress.training_loss:.4g}")
+    if progress.not_solved:
+        print(f"not solved, and left out of the steps: {progress.not_solved} transitions, each time counted")
+    _print_selections(report.curated.selections)
+    print(f"checkpoint: {report.checkpoint}")
+    print(f"metrics: {report.metrics}")
+    print(f"next: {report.next_command}")
+
+
+def _print_left_out(report: TrainReport) -> None:
+    for name, count in report.tosses.kept_back.most_common():
+        print(f"kept back: {count} ({name})")
+    twins = report.tosses.twins
+    if twins:
+        example = f"{twins[0].left_out} as {twins[0].held_out}"
+        print(f"left out: {counted_tosses(len(twins))} whose motion is held out under another id, e.g. {example}")
+
+
+def _print_selections(selections: tuple[Selected, ...]) -> None:
+    for one in selections[:LISTED]:
+        print(_selection_line(one))
+    if len(selections) > LISTED:
+        print(f"and {len(selections) - LISTED} more; the metrics tell them all")
+
+
+def _selection_line(one: Selected) -> str:
+    kept = f"{counted_tosses(len(one.kept))} selected"
+    if one.trigger is Trigger.FIRST:
+        return f"{kept} before the first step"
+    why = {Trigger.EPOCHS: "after so many epochs", Trigger.OPTIMUM: "at the optimum"}.get(one.trigger, "since canaries moved")
+    moved = f"Spearman {one.spearman:.2f}, overlap {100.0 * one.overlap:.0f} %"
+    return f"{kept} again after step {one.gradient_steps}, {why} ({moved}); {100.0 * one.retained:.0f} % were kept before"

@@ -1,0 +1,1 @@
+"""Calls of the compiled kernel, with its structures field by field."""

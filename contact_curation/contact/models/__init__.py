@@ -1,0 +1,1 @@
+"""The four models of contact, a file each, and their registry."""

@@ -1,0 +1,75 @@
+"""Held-out errors while tosses come in: one panel per error, one colour per way of choosing what is trained on.
+
+Thin lines are single runs, thick ones their median. matplotlib is imported when a picture is drawn.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from contact_curation.dashboard.colours import BLACK, BLUE, GREEN, LEVEL, ORANGE, PURPLE, SKY_BLUE, VERMILION
+from contact_curation.dashboard.figures.file import save_figure
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+
+COLOURS = (BLUE, VERMILION, GREEN, PURPLE, SKY_BLUE, ORANGE, BLACK)
+WIDTH, HEIGHT, DOTS = 14.0, 5.0, 110
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One run.
+
+    Attributes:
+        tosses: (N,) recorded so far, not decreasing.
+        errors: by name of the error with its unit, (N,) values; the same names in all curves of a figure.
+    """
+
+    tosses: Array
+    errors: Mapping[str, Array]
+
+
+def save_learning_curves(
+    runs: Mapping[str, Sequence[Curve]], title: str, path: Path, floors: Mapping[str, float] | None = None
+) -> None:
+    """Draws curves into a PNG file.
+
+    Args:
+        runs: by what chose the tosses, at least one curve each.
+        title: one line.
+        path: of the file.
+        floors: by name of the error, a level to compare with, such as that of the true parameters.
+
+    Raises:
+        InvalidValueError: there is no curve, or the file cannot be written there.
+    """
+    if not runs or not all(runs.values()):
+        raise InvalidValueError("learning curves", "none", "at least one of each kind")
+    from matplotlib.figure import Figure
+
+    names = list(next(iter(runs.values()))[0].errors)
+    figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DOTS, layout="constrained")
+    figure.suptitle(title)
+    panels = figure.subplots(1, len(names), squeeze=False)[0]
+    for panel, name in zip(panels, names):
+        for colour, (label, curves) in zip(COLOURS, runs.items()):
+            for curve in curves:
+                panel.step(curve.tosses, curve.errors[name], where="post", color=colour.web, alpha=0.25, linewidth=1.0)
+            places, middle = _median(curves, name)
+            panel.step(places, middle, where="post", color=colour.web, linewidth=2.4, label=label)
+        if floors and name in floors:
+            panel.axhline(floors[name], color=LEVEL.web, linestyle=":", label="true cube")
+        panel.set(yscale="log", xlabel="tosses recorded", ylabel=name)
+        panel.grid(alpha=0.3, which="both")
+    panels[0].legend(frameon=False)
+    save_figure(figure, path)
+
+
+def _median(curves: Sequence[Curve], name: str) -> tuple[Array, Array]:
+    """Places, and the median over the curves there, of those that have begun."""
+    places = np.unique(np.concatenate([curve.tosses for curve in curves]))
+    at = [np.searchsorted(curve.tosses, places, side="right") - 1 for curve in curves]
+    values = np.stack([np.where(k < 0, np.nan, curve.errors[name][k]) for k, curve in zip(at, curves)])
+    return places, np.nanmedian(values, axis=0)

@@ -1,0 +1,201 @@
+"""One picture of a ranking: what the tosses are worth, what was kept, and how far the kept set stands for the pool.
+
+matplotlib is imported when a picture is drawn.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from contact_curation.dashboard.colours import BLUE, INK, PALE, VERMILION
+from contact_curation.dashboard.figures.file import save_figure
+from contact_curation.geometry.quaternions import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+KEPT, OTHER, WARNING, LINE = BLUE.web, PALE.web, VERMILION.web, INK.web
+WIDTH, HEIGHT, DOTS = 16.0, 10.0, 100
+BINS = 60
+FEWEST_BARS = 5
+"""Room for so many bars, that a few do not become blocks."""
+
+LABEL_WIDTH = 20
+"""Letters in a line of a long label."""
+
+LARGEST_LINEAR_RATIO = 50.0
+"""Scores that differ by more are drawn on a logarithmic axis."""
+
+UNITS = {
+    "log-det": "log-det gain of the toss alone [nats]",
+    "representative": "fall of the expected error by the toss alone [variance of the scores]",
+    "trace": "trace of the toss's Fisher matrix [characteristic units]",
+    "leverage": "leverage of the toss [parameters]",
+    "min-eig": "score of the toss alone",
+    "orthogonal": "length of the toss's score [characteristic units]",
+    "longest": "duration of the toss [s]",
+    "random": "random number",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class RankingPicture:
+    """What the figure shows.
+
+    Attributes:
+        title: one line.
+        criterion: of the ranking.
+        scores: (K,) of all ranked tosses, best first.
+        gains: (K,) marginal gains, likewise.
+        kept: how many are kept.
+        spectrum: (p,) eigenvalues of the kept set's information per toss relative to the pool's.
+        epsilon: how far that spectrum reaches from 1 (METHOD 1.9).
+        shares: by block of parameters, its share of the trace in the pool and in the kept set.
+        outcomes: how many tosses went which way, in the order they are listed; only the first is drawn as kept.
+    """
+
+    title: str
+    criterion: str
+    scores: Array
+    gains: Array
+    kept: int
+    spectrum: Array
+    epsilon: float
+    shares: Mapping[str, tuple[float, float]]
+    outcomes: Sequence[tuple[str, int]]
+
+
+def save_ranking_figure(picture: RankingPicture, path: Path) -> None:
+    """Draws the picture into a PNG file of 1600 x 1000 dots.
+
+    Raises:
+        InvalidValueError: `path` cannot be written.
+    """
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with rc_context({
+        "font.size": 12, "text.parse_math": False,
+        "axes.spines.top": False, "axes.spines.right": False, "axes.titleweight": "bold",
+    }):  # fmt: skip
+        figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DOTS, layout="constrained")
+        FigureCanvasAgg(figure)
+        figure.get_layout_engine().set(w_pad=0.12, h_pad=0.14, wspace=0.03, hspace=0.04)  # type: ignore[union-attr, call-arg]
+        figure.suptitle(picture.title, fontsize=15)
+        rows: Any = figure.subfigures(2, 1)  # figures of their own, so that long labels below take no room above
+        scores, gains = _row(rows[0], [1.5, 1.0])
+        spectrum, shares, outcomes = _row(rows[1], [1.1, 1.0, 0.9])
+        _draw_scores(scores, picture)
+        _draw_gains(gains, picture)
+        _draw_spectrum(spectrum, picture)
+        _draw_shares(shares, picture)
+        _draw_outcomes(outcomes, picture)
+        save_figure(figure, path)
+
+
+def _row(figure: Any, widths: list[float]) -> "list[Axes]":
+    return list(figure.subplots(1, len(widths), width_ratios=widths))
+
+
+def _draw_scores(axes: "Axes", picture: RankingPicture) -> None:
+    """A histogram; the kept tosses' part of each bar in colour."""
+    scores = picture.scores
+    width = _linear_width(scores)
+    low, high = float(scores.min()), float(scores.max())
+    if low == high:
+        low, high = low - 0.5, high + 0.5
+    if low > 0.0 and high > LARGEST_LINEAR_RATIO * low:
+        edges = np.geomspace(low, high, BINS + 1)
+        axes.set_xscale("log")
+    elif width:
+        edges = width * np.sinh(np.linspace(np.arcsinh(low / width), np.arcsinh(high / width), BINS + 1))
+        axes.set_xscale("asinh", linear_width=width)
+    else:
+        edges = np.linspace(low, high, BINS + 1)
+    edges[0], edges[-1] = low, high
+    parts = [scores[: picture.kept], scores[picture.kept :]]
+    axes.hist(parts, bins=edges.tolist(), stacked=True, color=[KEPT, OTHER], label=["kept", "not kept"])
+    axes.set(title="Scores", xlabel=UNITS[picture.criterion], ylabel="tosses")
+    axes.legend(frameon=False)
+
+
+def _linear_width(scores: Array) -> float:
+    """About zero, where scores of both signs are drawn by their logarithms outside of it; 0 where they need not be."""
+    sizes = np.abs(scores)
+    typical = float(np.median(sizes))
+    return typical if scores.min() < 0.0 and float(sizes.max()) > LARGEST_LINEAR_RATIO * typical else 0.0
+
+
+def _draw_gains(axes: "Axes", picture: RankingPicture) -> None:
+    """What each kept toss added when it was picked, and what the best of the others would still add."""
+    kept, others = picture.gains[: picture.kept], picture.gains[picture.kept :]
+    axes.bar(np.arange(1, kept.size + 1), kept, color=KEPT, width=0.85, label="kept, when it was picked")
+    if others.size:
+        axes.axhline(float(others.max()), color=WARNING, linestyle="--", label="best of the others, now")
+    axes.set(
+        title="Marginal gains",
+        xlabel="place in the kept set",
+        ylabel=_gain_unit(picture.criterion),
+        xlim=(0.3, kept.size + 0.7),
+    )
+    if kept.min() > 0.0 and kept.max() > LARGEST_LINEAR_RATIO * kept.min():
+        axes.set_yscale("log")
+    else:
+        axes.set_ylim(top=1.18 * max(float(picture.gains.max()), 1e-12))
+    axes.locator_params(axis="x", integer=True)
+    axes.legend(frameon=False, loc="upper right")
+
+
+def _gain_unit(criterion: str) -> str:
+    return "gain [nats]" if criterion in ("log-det", "min-eig") else "gain [unit of the score]"
+
+
+def _draw_outcomes(axes: "Axes", picture: RankingPicture) -> None:
+    """Where all the recorded motions went."""
+    names = [fill(name, LABEL_WIDTH) for name, _ in picture.outcomes]
+    counts = [count for _, count in picture.outcomes]
+    colours = [KEPT, OTHER, *[WARNING] * len(names)][: len(names)]
+    bars = axes.barh(names, counts, color=colours)
+    axes.bar_label(bars, padding=4)
+    axes.set_ylim(max(len(names), FEWEST_BARS) - 0.5, -0.5)
+    axes.set(title="Where the tosses went", xlabel="tosses", xlim=(0, 1.15 * max([*counts, 1])))
+    axes.locator_params(axis="x", integer=True)
+
+
+def _draw_spectrum(axes: "Axes", picture: RankingPicture) -> None:
+    """How much a kept toss knows of each direction, an average toss of the pool knowing 1."""
+    values = np.sort(picture.spectrum)
+    shown = values[values > 0.0]  # a logarithmic axis has no place for nothing
+    axes.semilogy(np.arange(values.size - shown.size, values.size) + 1, shown, "o-", color=KEPT, markersize=4, label="kept")
+    axes.axhline(1.0, color=LINE, linewidth=1.0, linestyle="--", label="pool")
+    axes.set(
+        title=f"Information per toss, ε = {picture.epsilon:.3g}",
+        xlabel="direction of theta, worst first",
+        ylabel="relative to the pool",
+    )
+    axes.legend(frameon=False, loc="upper left")
+
+
+def _draw_shares(axes: "Axes", picture: RankingPicture) -> None:
+    """Which parameters the information is about; one block over one half is a warning."""
+    names = [name.replace("_", " ") for name in picture.shares]
+    places = np.arange(len(names))
+    pool, kept = (100.0 * np.array([share[i] for share in picture.shares.values()]) for i in (0, 1))
+    bars = [
+        axes.barh(places - 0.2, pool, 0.38, color=OTHER, label="pool"),
+        axes.barh(places + 0.2, kept, 0.38, color=KEPT, label="kept"),
+    ]
+    for each in bars:
+        axes.bar_label(each, fmt="%.1f", padding=3, fontsize=10)
+    axes.axvline(50.0, color=WARNING, linestyle="--")
+    axes.set_yticks(places, names)
+    axes.invert_yaxis()
+    axes.set(
+        title="What the information is about", xlabel="share of the trace [%] (over 50: one block dominates)", xlim=(0, 112)
+    )
+    axes.legend(frameon=False, loc="lower right")

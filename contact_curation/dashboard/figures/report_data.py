@@ -1,0 +1,211 @@
+"""What is told of a session, and its figures: what was learned, gained and kept, and what happened on the way.
+
+matplotlib is imported when a figure is drawn.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from contact_curation.dashboard.colours import BLUE, GREEN, INK, PALE, VERMILION
+from contact_curation.dashboard.figures.file import save_figure
+from contact_curation.geometry.quaternions import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+WIDTH, DOTS = 10.0, 110
+GONE = ("died", "given up", "stopped")
+"""Events that end a run of a node."""
+
+
+@dataclass(frozen=True)
+class ToldThrow:
+    """A throw and what came of it.
+
+    Attributes:
+        number: from 1.
+        kind: designed or warm-up.
+        planned: gain in log-det; None in warm-up.
+        realised: gain of its toss; None where it is not known.
+        outcome: of its toss, in words.
+    """
+
+    number: int
+    kind: str
+    planned: float | None
+    realised: float | None
+    outcome: str
+
+
+@dataclass(frozen=True)
+class ToldToss:
+    """A toss of the final ranking.
+
+    Attributes:
+        rank: from 1.
+        toss_id: unique.
+        score, gain, trace: as ranked.
+        kept: whether it is in the buffer.
+    """
+
+    rank: int
+    toss_id: str
+    score: float
+    gain: float
+    trace: float
+    kept: bool
+
+
+@dataclass(frozen=True)
+class ToldEvent:
+    """Something that happened to a node.
+
+    Attributes:
+        seconds: since the session began.
+        event: started, died, restarted, given up or stopped.
+        node: its name.
+        detail: how.
+    """
+
+    seconds: float
+    event: str
+    node: str
+    detail: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class SessionStory:
+    """All that the report tells.
+
+    Attributes:
+        title: one line.
+        facts: name and text of each line of the summary.
+        throws: in order.
+        ranking: best first.
+        rejected: motions that the gates kept back: id and reasons.
+        events: of the nodes, in order.
+        seconds: how long the session took.
+        errors: by name with its unit, (N,) held-out errors at the end of the rounds of training; none without held-out tosses.
+        throws_then: (N,) throws that had been scored then.
+        spectrum: (p,) eigenvalues of the kept set's information per toss relative to the pool's.
+        epsilon: how far that spectrum reaches from 1.
+    """
+
+    title: str
+    facts: Sequence[tuple[str, str]]
+    throws: Sequence[ToldThrow]
+    ranking: Sequence[ToldToss]
+    rejected: Sequence[tuple[str, Sequence[str]]]
+    events: Sequence[ToldEvent]
+    seconds: float
+    errors: dict[str, Array] = field(default_factory=dict)
+    throws_then: Array = field(default_factory=lambda: np.zeros(0))
+    spectrum: Array = field(default_factory=lambda: np.zeros(0))
+    epsilon: float = np.nan
+
+
+def save_figures(story: SessionStory, folder: Path) -> dict[str, Path]:
+    """Draws what there is to draw.
+
+    Args:
+        story: of the session.
+        folder: for the PNG files.
+
+    Returns:
+        Title and file of each figure.
+
+    Raises:
+        InvalidValueError: a file cannot be written there.
+    """
+    drawn: dict[str, tuple[str, Callable[[SessionStory], Figure]]] = {}
+    if story.errors and story.throws_then.size:
+        drawn["Errors on held-out tosses"] = "held_out", learning_figure
+    if story.throws:
+        drawn["Planned and realised gains"] = "gains", gains_figure
+    if story.spectrum.size:
+        drawn["What the kept set knows"] = "spectrum", spectrum_figure
+    if story.events:
+        drawn["Nodes"] = "nodes", nodes_figure
+    return {title: save_figure(draw(story), folder / f"{name}.png") for title, (name, draw) in drawn.items()}
+
+
+def learning_figure(story: SessionStory) -> "Figure":
+    """A panel per error, over the throws that had been scored."""
+    figure = _figure(3.2)
+    panels = figure.subplots(1, len(story.errors), squeeze=False)[0]
+    for panel, (name, values) in zip(panels, story.errors.items()):
+        panel.plot(story.throws_then, values, color=BLUE.web, marker="o", markersize=4)
+        panel.set(yscale="log", xlabel="throws scored", ylabel=name)
+        panel.grid(alpha=0.3, which="both")
+    return figure
+
+
+def gains_figure(story: SessionStory) -> "Figure":
+    """Two bars per designed throw; warm-up throws are marked."""
+    figure = _figure(3.2)
+    panel = figure.subplots()
+    places = np.array([throw.number for throw in story.throws], dtype=float)
+    for shift, colour, label, values in (
+        (-0.2, PALE.web, "planned", [throw.planned for throw in story.throws]),
+        (0.2, BLUE.web, "realised", [throw.realised for throw in story.throws]),
+    ):
+        panel.bar(places + shift, [value or 0.0 for value in values], width=0.4, color=colour, label=label)
+    warm_up = [throw.number for throw in story.throws if throw.kind == "warm-up"]
+    panel.plot(warm_up, [0.0] * len(warm_up), linestyle="", marker="^", color=VERMILION.web, label="warm-up", clip_on=False)
+    panel.set(xlabel="throw", ylabel="gain in log-det [nats]")
+    panel.legend(frameon=False)
+    panel.grid(alpha=0.3, axis="y")
+    return figure
+
+
+def spectrum_figure(story: SessionStory) -> "Figure":
+    """Eigenvalues of the kept set's information per toss, relative to the pool's."""
+    figure = _figure(3.2)
+    panel = figure.subplots()
+    panel.plot(np.arange(1, story.spectrum.size + 1), np.sort(story.spectrum)[::-1], color=BLUE.web, marker="o", markersize=4)
+    panel.axhline(1.0, color=INK.web, linestyle=":", label="as the pool")
+    panel.set(
+        xlabel="direction of theta", ylabel="information per toss,\nkept set / pool", title=f"epsilon {story.epsilon:.3g}"
+    )
+    panel.legend(frameon=False)
+    panel.grid(alpha=0.3)
+    return figure
+
+
+def nodes_figure(story: SessionStory) -> "Figure":
+    """When each node ran, and when it was started again."""
+    nodes = list(dict.fromkeys(event.node for event in story.events))
+    figure = _figure(0.9 + 0.28 * len(nodes))
+    panel = figure.subplots()
+    for row, node in enumerate(nodes):
+        for begin, end in _runs([event for event in story.events if event.node == node], story.seconds):
+            panel.barh(row, end - begin, left=begin, height=0.5, color=GREEN.web)
+        deaths = [event.seconds for event in story.events if event.node == node and event.event == "died"]
+        panel.plot(deaths, [row] * len(deaths), linestyle="", marker="x", color=INK.web, markersize=8, markeredgewidth=2)
+    panel.set(yticks=range(len(nodes)), yticklabels=nodes, xlabel="time [s]", xlim=(0.0, max(story.seconds, 1.0)))
+    panel.invert_yaxis()
+    panel.grid(alpha=0.3, axis="x")
+    return figure
+
+
+def _runs(events: Sequence[ToldEvent], end: float) -> list[tuple[float, float]]:
+    """Begin and end of each run of a node."""
+    runs: list[tuple[float, float]] = []
+    began: float | None = None
+    for event in events:
+        if event.event in GONE:
+            runs += [(began, event.seconds)] if began is not None else []
+            began = None
+        else:
+            began = event.seconds
+    return runs + ([(began, end)] if began is not None else [])
+
+
+def _figure(height: float) -> "Figure":
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(WIDTH, height), dpi=DOTS, layout="constrained")

@@ -1,0 +1,85 @@
+"""View: the body at its learned vertices, each with the ellipsoid that it is known within."""
+
+import numpy as np
+import rerun as rr
+from scipy.spatial.transform import Rotation
+
+from contact_curation.contact.body import Body
+from contact_curation.dashboard.colours import BLUE, GREEN, VERMILION, Colour
+from contact_curation.dashboard.live.screen import Screen
+from contact_curation.dashboard.live.wireframe import wireframe_of
+from contact_curation.dashboard.vertex_uncertainty import VertexUncertainty
+from contact_curation.geometry.quaternions import Array
+
+BODY, KNOWN = "body", "known"
+
+DESCRIBED, LEARNED, SURE, UNSURE, TEXT = Colour(150, 150, 150), BLUE, GREEN, VERMILION, Colour(20, 20, 20)
+SMALL = 0.0005
+"""[m] A point that a label hangs on."""
+
+MAGNIFIED = 10.0
+"""Ellipsoids are drawn so many times as large, to be seen beside the body."""
+
+LARGEST_SHARE = 0.5
+"""Of a characteristic length: no ellipsoid is drawn larger, however little is known; its label tells the truth."""
+
+SURE_MM, UNSURE_MM = 0.5, 10.0
+"""One standard deviation at the ends of the colours."""
+
+MILLIMETRES = 1e3
+
+
+class BodyView:
+    """Writes what is known of a body.
+
+    Args:
+        screen: to write to.
+        body: as it was described.
+    """
+
+    def __init__(self, screen: Screen, body: Body) -> None:
+        self._screen = screen
+        self._body = body
+        self._wireframe = wireframe_of(body.vertices)
+        edges = self._wireframe.strips(body.vertices)
+        screen.always(BODY, rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+        screen.always(f"{BODY}/described", rr.LineStrips3D(edges, colors=[DESCRIBED], radii=rr.Radius.ui_points(1.0)))
+        screen.curve(f"{KNOWN}/worst", "worst vertex [mm]", UNSURE)
+        screen.curve(f"{KNOWN}/median", "median vertex [mm]", LEARNED)
+
+    def show(self, vertices: Array, uncertainty: VertexUncertainty | None) -> None:
+        """Writes the body at vertices (V, 3) [m], and where it is known how well they are known, that."""
+        edges = self._wireframe.strips(vertices)
+        self._screen.log(f"{BODY}/learned/edges", rr.LineStrips3D(edges, colors=[LEARNED], radii=rr.Radius.ui_points(2.0)))
+        faces = rr.Mesh3D(vertex_positions=vertices, triangle_indices=self._wireframe.triangles, albedo_factor=(*LEARNED, 40))
+        self._screen.log(f"{BODY}/learned/faces", faces)
+        if uncertainty is None:
+            self._screen.log(f"{BODY}/uncertainty", rr.Clear(recursive=True))
+            return
+        self._screen.log(f"{BODY}/uncertainty", ellipsoids_of(vertices, uncertainty, self._body.length_scale))
+        largest = MILLIMETRES * self._body.length_scale * uncertainty.largest
+        labels = rr.Points3D(
+            vertices, labels=[f"{one:.1f} mm" for one in largest], colors=[TEXT], radii=SMALL, show_labels=True
+        )
+        self._screen.log(f"{BODY}/uncertainty/labels", labels)
+        self._screen.values(KNOWN, {"worst": float(largest.max()), "median": float(np.median(largest))})
+
+
+def ellipsoids_of(vertices: Array, uncertainty: VertexUncertainty, length_scale: float) -> rr.Ellipsoids3D:
+    """Ellipsoids about vertices (V, 3) [m], drawn larger than they are."""
+    drawn = np.minimum(MAGNIFIED * uncertainty.half_axes, LARGEST_SHARE) * length_scale
+    millimetres = MILLIMETRES * length_scale * uncertainty.largest
+    return rr.Ellipsoids3D(
+        centers=vertices,
+        half_sizes=drawn,
+        quaternions=Rotation.from_matrix(uncertainty.directions).as_quat(),
+        colors=[colour_of(one) for one in millimetres],
+        fill_mode="solid",
+    )
+
+
+def colour_of(millimetres: float) -> Colour:
+    """From sure to unsure by the logarithm of a standard deviation."""
+    share = np.log(max(millimetres, SURE_MM) / SURE_MM) / np.log(UNSURE_MM / SURE_MM)
+    mixed = np.array(SURE) + min(float(share), 1.0) * (np.array(UNSURE) - np.array(SURE))
+    return Colour(*mixed.astype(int).tolist())

@@ -1,0 +1,69 @@
+"""A finished ranking as a session: the timeline `toss` goes down the ranking, and shows what is known by the first k tosses."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.loss_config import LossConfig
+from contact_curation.dashboard.evidence import DEFAULT, KeptSet, evidence_of, kept_spectrum
+from contact_curation.dashboard.live.body_view import BodyView
+from contact_curation.dashboard.live.gate_view import GateView
+from contact_curation.dashboard.live.motion_view import MotionView
+from contact_curation.dashboard.live.ranking_view import RankingView
+from contact_curation.dashboard.live.screen import Moment, Screen
+from contact_curation.dashboard.toss_motion import ShownTheta, motion_of
+from contact_curation.dashboard.vertex_uncertainty import uncertainty_if_told
+from contact_curation.information.pool import Pool
+from contact_curation.information.pool_subspace import pool_subspace
+from contact_curation.motion.toss import Toss
+
+
+@dataclass(frozen=True)
+class KeptBack:
+    """A motion that the gates kept back: its id, its number of frames, and why."""
+
+    toss_id: str
+    frames: int
+    reasons: tuple[str, ...]
+
+
+def show_ranked(
+    screen: Screen,
+    body: Body,
+    theta: ShownTheta,
+    loss: LossConfig,
+    pool: Pool,
+    kept: KeptSet,
+    tosses: Mapping[str, Toss],
+    kept_back: Sequence[KeptBack],
+) -> None:
+    """Writes a ranking's views.
+
+    Args:
+        screen: to write to.
+        body: as it was described.
+        theta: that the tosses were scored at.
+        loss: that impulses are found with.
+        pool: all tosses that were ranked.
+        kept: those that are kept.
+        tosses: the kept ones, by id.
+        kept_back: what the gates kept back.
+
+    Raises:
+        InvalidValueError: theta cannot be rolled out.
+    """
+    bodies, motions = BodyView(screen, body), MotionView(screen, body)
+    rankings, gates = RankingView(screen), GateView(screen)
+    screen.at(Moment())
+    for one in kept_back:
+        gates.show(one.toss_id, one.frames, one.reasons)
+    rankings.show_page(kept, evidence_of(pool, kept))
+    subspace = pool_subspace(pool, DEFAULT.cut)
+    vertices = body.vertices if theta.geometry is None else theta.geometry.vertices_normal * body.length_scale
+    bodies.show(vertices, uncertainty_if_told(pool, ()))
+    for place, toss_id in enumerate(kept.toss_ids, start=1):
+        screen.at(Moment(place))
+        rankings.show_spectrum(kept_spectrum(pool, subspace, kept.toss_ids[:place]))
+        bodies.show(vertices, uncertainty_if_told(pool, kept.toss_ids[:place]))
+        if toss_id in tosses:
+            motions.show(motion_of(tosses[toss_id], body, theta, loss), place)

@@ -1,0 +1,174 @@
+"""A session as it goes: records in, views out.
+
+Cheap views are written as their records come. What follows from many records (the ranking with its evidence and the ellipsoids,
+the newest toss at the newest theta) is written when it is asked for, so that whoever feeds the session can leave out what is
+overtaken already. Everything may come twice, late, or in another order; what does not fit together yet waits.
+"""
+
+from collections.abc import Mapping, Sequence
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.loss_config import LossConfig
+from contact_curation.dashboard.evidence import KeptSet, evidence_of
+from contact_curation.dashboard.live.body_view import BodyView
+from contact_curation.dashboard.live.gate_view import GateView
+from contact_curation.dashboard.live.health_view import HealthView, NodeHealth
+from contact_curation.dashboard.live.learning_view import LearningView, TrainingMoment
+from contact_curation.dashboard.live.motion_view import MotionView
+from contact_curation.dashboard.live.ranking_view import RankingView
+from contact_curation.dashboard.live.screen import Moment, Screen
+from contact_curation.dashboard.live.throw_view import NEXT_STATE, ThrowMade, ThrowView
+from contact_curation.dashboard.toss_motion import ShownTheta, motion_of
+from contact_curation.dashboard.vertex_uncertainty import uncertainty_if_told
+from contact_curation.information.pool import Pool, pool_of
+from contact_curation.information.record import TossInformation
+from contact_curation.motion.toss import Toss
+
+VERSIONS_KEPT = 1
+"""Newest thetas that are remembered, with their information, beside that of the kept set."""
+
+
+class LiveSession:
+    """Writes a session's views; everything on one thread.
+
+    Args:
+        screen: to write to.
+        body: as it was described.
+        theta: to begin with.
+        loss: that impulses are found with.
+    """
+
+    def __init__(self, screen: Screen, body: Body, theta: ShownTheta, loss: LossConfig) -> None:
+        self._screen = screen
+        self._body = body
+        self._loss = loss
+        self._thetas = {theta.version: theta}
+        self._theta = theta
+        self._informations: dict[str, dict[str, TossInformation]] = {}
+        self._numbers: dict[str, int] = {}
+        self._newest: Toss | None = None
+        self._stamp_ns = 0
+        self._kept: KeptSet | None = None
+        self._throws: dict[str, ThrowMade] = {}
+        screen.at(Moment())
+        self._bodies = BodyView(screen, body)
+        self._motions = MotionView(screen, body)
+        self._rankings = RankingView(screen)
+        self._learning = LearningView(screen)
+        self._flights = ThrowView(screen)
+        self._gates = GateView(screen)
+        self._healths = HealthView(screen)
+
+    @property
+    def tosses(self) -> int:
+        """How many tosses there were so far."""
+        return len(self._numbers)
+
+    def add_toss(self, toss: Toss) -> None:
+        """A toss that passed the gates.
+
+        Raises:
+            InvalidValueError: it cannot be predicted at the newest theta.
+        """
+        if toss.toss_id in self._numbers:
+            return
+        self._numbers[toss.toss_id] = len(self._numbers) + 1
+        self._passed(int(toss.stamps_ns[-1]))
+        self._show_motion(toss)
+        if self._newest is None or toss.stamps_ns[-1] > self._newest.stamps_ns[-1]:
+            self._newest = toss
+
+    def add_rejected(self, toss_id: str, frames: int, reasons: Sequence[str], stamp_ns: int) -> None:
+        """A motion that the gates kept back."""
+        self._passed(stamp_ns)
+        self._screen.at(Moment(len(self._numbers), stamp_ns))
+        self._gates.show(toss_id, frames, reasons)
+
+    def add_information(self, information: TossInformation) -> None:
+        """What a toss teaches, at any theta."""
+        version = information.parameters_version
+        self._informations[version] = self._informations.pop(version, {})  # the newest last
+        self._informations[version][information.toss_id] = information
+        needed = self._kept.version if self._kept else version
+        for old in [one for one in self._informations if one != needed][:-VERSIONS_KEPT]:
+            del self._informations[old]
+
+    def set_kept(self, kept: KeptSet, stamp_ns: int) -> None:
+        """The kept set that `show_ranking` is about from now on."""
+        self._passed(stamp_ns)
+        self._kept = kept
+
+    def set_theta(self, theta: ShownTheta) -> None:
+        """The newest theta: what `show_motion` and all tosses to come are predicted with."""
+        self._theta = theta
+        self._thetas.pop(theta.version, None)
+        self._thetas[theta.version] = theta  # the newest last
+        needed = self._kept.version if self._kept else theta.version
+        for old in [one for one in self._thetas if one != needed][:-VERSIONS_KEPT]:
+            del self._thetas[old]
+
+    def add_training(self, moment: TrainingMoment, stamp_ns: int) -> None:
+        """Where the training stands."""
+        self._passed(stamp_ns)
+        self._now()
+        self._learning.show(moment)
+
+    def add_throw(self, throw: ThrowMade) -> None:
+        """A throw, or what became of one."""
+        self._throws[throw.commanded.throw_id] = throw
+        self._now()
+        throws = tuple(self._throws.values())
+        self._flights.show(throws, throw)
+        waiting = throws[-1].state == NEXT_STATE
+        self._motions.show_throw(throws[-1].commanded if waiting else None)
+
+    def show_health(self, nodes: Mapping[str, NodeHealth], dropped: Mapping[str, int], now: float) -> None:
+        """Writes the nodes' health; arguments as in `HealthView.show`."""
+        self._now()
+        self._healths.show(nodes, dropped, now)
+
+    def show_motion(self) -> None:
+        """Writes the newest toss once more, at the newest theta; errors as in `add_toss`."""
+        if self._newest is not None:
+            self._show_motion(self._newest)
+
+    def show_ranking(self) -> bool:
+        """Writes the kept set's evidence and what is known by it, once all of the kept tosses' information has come.
+
+        Returns:
+            Whether the information of all tosses that it was chosen from has come; else it should be shown again later.
+
+        Raises:
+            InvalidValueError: information that does not go together.
+        """
+        kept = self._kept
+        if kept is None or not kept.toss_ids:
+            return True
+        informations = self._informations.get(kept.version, {})
+        if not set(kept.toss_ids) <= set(informations):
+            return False
+        pool = pool_of(informations.values())
+        self._now()
+        self._rankings.show(kept, evidence_of(pool, kept))
+        self._show_body(pool, kept)
+        return len(pool) >= kept.seen
+
+    def _show_body(self, pool: Pool, kept: KeptSet) -> None:
+        geometry = self._thetas.get(kept.version, self._theta).geometry
+        if geometry is None:
+            self._bodies.show(self._body.vertices, None)
+            return
+        uncertainty = uncertainty_if_told(pool, kept.toss_ids)
+        self._bodies.show(geometry.vertices_normal * self._body.length_scale, uncertainty)
+
+    def _show_motion(self, toss: Toss) -> None:
+        number = self._numbers[toss.toss_id]
+        motion = motion_of(toss, self._body, self._theta, self._loss)
+        self._screen.at(Moment(number, int(toss.stamps_ns[0])))
+        self._motions.show(motion, number)
+
+    def _passed(self, stamp_ns: int) -> None:
+        self._stamp_ns = max(self._stamp_ns, stamp_ns)
+
+    def _now(self) -> None:
+        self._screen.at(Moment(len(self._numbers), self._stamp_ns))

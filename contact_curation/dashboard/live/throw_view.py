@@ -1,0 +1,87 @@
+"""Views: throws as planned and as made, and what they were planned to teach against what they taught."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_curation.dashboard.colours import BLUE, PURPLE
+from contact_curation.dashboard.live.pages import number, table
+from contact_curation.dashboard.live.screen import Screen
+from contact_curation.design.throw import Throw
+
+TABLE, GAINS = "throws", "gains"
+PLANNED, REALISED = PURPLE, BLUE
+NEXT_STATE, DONE_STATE = "commanded", "scored"
+LISTED = 12
+"""Throws on the page, newest first."""
+
+HEADER = ("throw", "kind", "state", "speed", "spin", "planned", "realised", "note")
+
+
+@dataclass(frozen=True, eq=False)
+class ThrowMade:
+    """A throw and what became of it.
+
+    Attributes:
+        kind: designed or warm-up.
+        state: commanded, not made, executed or scored.
+        commanded: the throw.
+        planned: gain in log-det; 0 in warm-up.
+        realised: the same, by its toss; NaN until that was scored.
+        detail: why it is for warm-up, or was not made.
+    """
+
+    kind: str
+    state: str
+    commanded: Throw
+    planned: float
+    realised: float
+    detail: str
+
+
+class ThrowView:
+    """Writes throws.
+
+    Args:
+        screen: to write to.
+    """
+
+    def __init__(self, screen: Screen) -> None:
+        self._screen = screen
+        screen.curve(f"{GAINS}/planned", "planned gain [nats]", PLANNED)
+        screen.curve(f"{GAINS}/realised", "realised gain [nats]", REALISED)
+
+    def show(self, throws: Sequence[ThrowMade], newest: ThrowMade) -> None:
+        """Writes all throws so far, oldest first, of which one is news."""
+        self._screen.text(TABLE, throws_page(throws))
+        if newest.state == DONE_STATE and np.isfinite(newest.realised):
+            planned = {"planned": newest.planned} if newest.planned > 0.0 else {}
+            self._screen.values(GAINS, {**planned, "realised": newest.realised})
+
+
+def throws_page(throws: Sequence[ThrowMade]) -> str:
+    """Throws as a page, the newest first."""
+    waiting = next((one for one in reversed(throws) if one.state == NEXT_STATE), None)
+    title = f"**next throw: {_in_words(waiting)}**" if waiting else "no throw is under way"
+    numbered = list(enumerate(throws, start=1))[-LISTED:]
+    return f"{title}\n\n{table(HEADER, (_cells(place, one) for place, one in reversed(numbered)))}"
+
+
+def _in_words(throw: ThrowMade) -> str:
+    expected = f", planned to add {throw.planned:.2f} nats" if throw.planned > 0.0 else ""
+    return f"{throw.kind}, {_speed(throw.commanded)} m/s, {_spin(throw.commanded)} rad/s{expected}"
+
+
+def _cells(place: int, throw: ThrowMade) -> tuple[str, ...]:
+    planned = number(throw.planned) if throw.planned > 0.0 else "-"
+    speed, spin = _speed(throw.commanded), _spin(throw.commanded)
+    return (str(place), throw.kind, throw.state, speed, spin, planned, number(throw.realised), throw.detail)
+
+
+def _speed(throw: Throw) -> str:
+    return f"{np.linalg.norm(throw.linear_velocity):.2f}"
+
+
+def _spin(throw: Throw) -> str:
+    return f"{np.linalg.norm(throw.angular_velocity):.1f}"

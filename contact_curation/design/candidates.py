@@ -1,0 +1,213 @@
+"""What releases are expected to teach, and whether they may be made, before anybody throws."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.design.execution_noise import DEFAULT_NOISE, ExecutionNoise, NoiseConfig, balanced_draws
+from contact_curation.design.particle import Particle
+from contact_curation.design.predicted_information import (
+    DEFAULT_FORECAST,
+    Forecast,
+    ForecastConfig,
+    expected,
+    predicted_motions,
+)
+from contact_curation.design.releases import Placement, Releases
+from contact_curation.design.safety_set import DEFAULT_SAFETY, Feasible, SafetyConfig, SafetySet
+from contact_curation.design.throw import throw_of_state
+from contact_curation.design.throw_prior import ReleasePrior
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+
+MOST_DRAWS = 64
+"""Times the wanted number of releases that are drawn to find enough safe ones."""
+
+PIECE = 64
+"""Releases whose executions are predicted together."""
+
+Refusals = tuple[str | None, ...]
+
+
+@dataclass(frozen=True)
+class OutlookConfig:
+    """How throws are judged.
+
+    Attributes:
+        forecast: how their motions are predicted.
+        safety: limits.
+        noise: of executions, before any was measured.
+        placement: where they are made.
+        seed: of the executions over which information is averaged.
+    """
+
+    forecast: ForecastConfig = DEFAULT_FORECAST
+    safety: SafetyConfig = DEFAULT_SAFETY
+    noise: NoiseConfig = DEFAULT_NOISE
+    placement: Placement = field(default_factory=Placement)
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """K releases and what they teach.
+
+    Attributes:
+        releases: themselves.
+        states: (K, 13) in SI units, at their place.
+        fishers: per particle (K, P, P), expected over executions.
+        refusals: why a release may not be thrown; None where it may.
+    """
+
+    releases: Releases
+    states: Array
+    fishers: tuple[Array, ...]
+    refusals: Refusals
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """(K,) which may be thrown."""
+        return np.array([refusal is None for refusal in self.refusals])
+
+    def taken(self, indices: Sequence[int] | NDArray[np.int64]) -> "Candidates":
+        """Some of them."""
+        chosen = np.asarray(indices, dtype=np.int64)
+        return Candidates(
+            self.releases.taken(chosen),
+            self.states[chosen],
+            tuple(one[chosen] for one in self.fishers),
+            tuple(self.refusals[index] for index in chosen),
+        )
+
+    @staticmethod
+    def joined(parts: Sequence["Candidates"]) -> "Candidates":
+        """One after the other."""
+        return Candidates(
+            Releases.joined([part.releases for part in parts]),
+            np.concatenate([part.states for part in parts]),
+            tuple(np.concatenate(each) for each in zip(*(part.fishers for part in parts), strict=True)),
+            tuple(refusal for part in parts for refusal in part.refusals),
+        )
+
+
+class Outlook:
+    """Judges releases at one or several thetas, with the executions' noise as it is known.
+
+    Args:
+        particles: thetas of one body and form, at least one.
+        noise: of executions.
+        config: how.
+        feasible: what the thrower says; None where it can throw anything.
+
+    Raises:
+        InvalidValueError: no theta, or thetas of different bodies or forms.
+    """
+
+    def __init__(
+        self, particles: Sequence[Particle], noise: ExecutionNoise, config: OutlookConfig, feasible: Feasible | None = None
+    ) -> None:
+        self.particles = tuple(_alike(particles))
+        self.config = config
+        self.noise = noise
+        self.safety = SafetySet(self.particles[0].body, config.safety, noise, feasible)
+        self._draws = balanced_draws(config.forecast.executions, np.random.default_rng(config.seed))
+
+    def with_noise(self, noise: ExecutionNoise) -> "Outlook":
+        """The same with other noise of executions."""
+        return Outlook(self.particles, noise, self.config, self.safety.feasible)
+
+    def safe(self, prior: ReleasePrior, count: int, rng: np.random.Generator) -> Releases:
+        """Draws releases until so many may be thrown, by what they show themselves.
+
+        Raises:
+            InvalidValueError: hardly any may be; the limit that refused most is named.
+        """
+        kept: list[Releases] = []
+        found, refused = 0, Counter[str]()
+        for _ in range(MOST_DRAWS):
+            drawn = prior.draw(max(count - found, 32), rng)
+            refusals = self.refusals(drawn)
+            good = [index for index, refusal in enumerate(refusals) if refusal is None]
+            refused.update(refusal.partition(":")[0] for refusal in refusals if refusal)
+            kept.append(drawn.taken(good))
+            found += len(good)
+            if found >= count:
+                return Releases.joined(kept).taken(np.arange(count))
+        limits = ", ".join(f"{name} {times} times" for name, times in refused.most_common(3))
+        raise InvalidValueError("safe releases", f"{found} of {found + refused.total()} (refused by {limits})", f"{count}")
+
+    def refusals(self, releases: Releases) -> Refusals:
+        """Why releases may not be thrown, by what they show themselves."""
+        return self.safety.refusals(releases.states(self.config.placement))
+
+    def thrower_refusals(self, states: Array) -> Refusals:
+        """Why the thrower cannot make releases (K, 13). It may take its time, so that only those that are wanted are asked."""
+        name = self.particles[0].body.name
+        return self.safety.thrower_refusals([throw_of_state(f"candidate-{k}", name, state) for k, state in enumerate(states)])
+
+    def last_refusals(self, states: Array) -> Refusals:
+        """Why releases (K, 13) that are wanted may not be thrown, by many executions of each and by what the thrower says."""
+        found = list(self.motion_refusals(states))
+        sound = [index for index, refusal in enumerate(found) if refusal is None]
+        for index, answer in zip(sound, self.thrower_refusals(states[sound])):
+            found[index] = answer
+        return tuple(found)
+
+    def candidates(self, releases: Releases, executions: int | None = None) -> Candidates:
+        """What releases teach; refused are those whose executions lead where they should not, or nowhere.
+
+        Args:
+            releases: to judge.
+            executions: of each, the first of all that are looked at by default; an even number.
+        """
+        draws = self._draws[:executions]
+        states = releases.states(self.config.placement)
+        pieces = [states[first : first + PIECE] for first in range(0, len(states), PIECE)]
+        refusals: list[str | None] = []
+        fishers: list[list[Array]] = [[] for _ in self.particles]
+        for piece in pieces:
+            parts = self._judged(piece, draws)
+            refusals += parts[1]
+            for whole, part in zip(fishers, parts[0]):
+                whole.append(part.fishers)
+        return Candidates(releases, states, tuple(np.concatenate(parts) for parts in fishers), tuple(refusals))
+
+    def _judged(self, states: Array, draws: Array) -> tuple[list[Forecast], list[str | None]]:
+        """Per particle what a handful of releases (K, 13) teaches, and why each may not be thrown."""
+        config, executions = self.config.forecast, len(draws)
+        executed = self.noise.executions(states, draws).reshape(-1, 13)
+        forecasts: list[Forecast] = []
+        refusals: list[str | None] = [None] * len(states)
+        for particle in self.particles:
+            motions = predicted_motions(particle, executed, config)
+            forecasts.append(expected(particle, motions, executions, config))
+            found = self.safety.of_motions(particle, motions, executions, config)
+            unknown = (None if known else "motion: cannot be predicted" for known in forecasts[-1].known)
+            refusals = [first or second or third for first, second, third in zip(refusals, found, unknown)]
+        return forecasts, refusals
+
+    def described_refusals(self, states: Array) -> Refusals:
+        """Why releases (K, 13) may not be thrown, by where they lead if the body is as described; theta is not asked."""
+        body, config = self.particles[0].body, self.config.forecast
+        described = Particle(ContactGeometry.of_body(body), body, self.particles[0].loss)
+        executed = self.noise.executions(states, self._draws).reshape(-1, 13)
+        motions = predicted_motions(described, executed, config)
+        return self.safety.of_motions(described, motions, config.executions, config)
+
+    def motion_refusals(self, states: Array) -> Refusals:
+        """Why releases (K, 13) may not be thrown, by many executions of each."""
+        each = [self.safety.motion_refusals(particle, states, self.config.forecast) for particle in self.particles]
+        return tuple(next((refusal for refusal in column if refusal), None) for column in zip(*each))
+
+
+def _alike(particles: Sequence[Particle]) -> Sequence[Particle]:
+    if not particles:
+        raise InvalidValueError("thetas to design at", "none", "at least one")
+    kinds = {(one.body.name, one.scorer.form.form.value, one.scorer.form.size) for one in particles}
+    if len(kinds) > 1:
+        raise InvalidValueError("thetas to design at", sorted(kinds), "one body, form and number of parameters")
+    return particles

@@ -1,0 +1,1 @@
+"""Experiments of the paper and of this project, and the verb `reproduce`."""

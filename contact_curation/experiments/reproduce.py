@@ -1,0 +1,76 @@
+"""`reproduce EXPERIMENT INPUT... --out DIR`: an experiment of the paper's or ours, from its tosses to tables and figures."""
+
+import argparse
+import os
+from pathlib import Path
+
+from contact_curation.cli.options.held_out import add_held_out_option
+from contact_curation.cli.options.reading import SHARED_STAGES, add_reading_options
+from contact_curation.cli.options.types import natural_number, number_from_zero, positive_integer
+from contact_curation.cli.report import add_json_option
+from contact_curation.errors import InvalidValueError
+
+EXPERIMENTS = ("dataset-quality", "functionals", "robustness", "designed-throws", "theorem", "calibration")
+PUBLIC_DATA, TOSSES, PUBLIC_HELD_OUT = "CONTACTNETS_DATA", "tosses_processed", "400-569"
+"""Where ContactNets' tosses are, and which of them are for evaluation only."""
+
+BUDGET = 400
+"""Gradient steps of the budgeted protocol (METHOD, appendix A)."""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the verb's options to its parser."""
+    parser.description = (
+        "Runs an experiment cell by cell: a rule keeps some tosses, a model learns from them, held-out motion judges it. Every "
+        "finished cell is a line of DIR/cells.jsonl; the same command goes on where it was stopped. Ends with rows.csv, "
+        "summary.csv (medians over seeds, differences to random and longest, 95 % bootstrap intervals) and figure.png. Of "
+        "designed-throws the rules are ways of choosing what a simulated arm throws, and the sizes numbers of throws. Without "
+        f"INPUT it takes ContactNets' tosses, from the folder {TOSSES}/ in the one that {PUBLIC_DATA} names."
+    )
+    parser.add_argument("experiment", choices=EXPERIMENTS, metavar="EXPERIMENT", help=", ".join(EXPERIMENTS))
+    add_reading_options(parser, SHARED_STAGES, needed=False)
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the results")
+    group = parser.add_argument_group("what is run (defaults: docs/results.md)")
+    add_held_out_option(group, f"default {PUBLIC_HELD_OUT}")
+    group.add_argument(
+        "--as-recorded", action="store_true", help="do not put tosses right by what they say of their rig (docs/results.md)"
+    )
+    group.add_argument("--rules", nargs="+", metavar="RULE", help="that are compared")
+    group.add_argument("--sizes", nargs="+", type=natural_number, metavar="K", help="of the kept sets; 0 for all")
+    group.add_argument("--seeds", type=positive_integer, metavar="N", help="how many")
+    group.add_argument("--model", default="polytope", help="what learns (default polytope)")
+    group.add_argument(
+        "--protocol",
+        choices=("exact", "budgeted", "published"),
+        help="to the optimum (polytope only, and its default), equal gradient steps, or ContactNets' protocol",
+    )
+    group.add_argument("--steps", type=positive_integer, metavar="N", help=f"of protocol budgeted (default {BUDGET})")
+    group.add_argument("--shares", nargs="+", type=number_from_zero, metavar="X", help="of bad tosses (robustness)")
+    group.add_argument("--resamples", type=positive_integer, metavar="N", help="of the bootstrap (calibration)")
+    group.add_argument("--quick", action="store_true", help="sets of two tosses and two seeds, to see that it works")
+    group.add_argument("--jobs", type=positive_integer, default=1, metavar="N", help="cells at once (default 1)")
+    add_json_option(parser)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Reads, runs what is not finished, and writes tables and figures.
+
+    Raises:
+        ContactCurationError: the tosses or the options cannot be used, or the folder belongs to another experiment.
+    """
+    if not arguments.inputs:
+        arguments.inputs = [_public_tosses()]
+    from contact_curation.experiments.run import run_experiment  # torch takes over a second, which --help need not wait for
+
+    return run_experiment(arguments)
+
+
+def _public_tosses() -> Path:
+    """The folder that the environment names."""
+    folder = os.environ.get(PUBLIC_DATA, "")
+    if not folder:
+        raise InvalidValueError(
+            "INPUT", f"none, and no {PUBLIC_DATA}", f"recordings, or {PUBLIC_DATA}: a folder with {TOSSES}/"
+        )
+    return Path(folder) / TOSSES

@@ -1,0 +1,183 @@
+"""The run of an experiment: tosses in, finished cells into the ledger one by one, tables and a figure out."""
+
+import argparse
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from hashlib import sha256
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+
+from contact_curation import __version__
+from contact_curation.cli.options.body import chosen_body
+from contact_curation.cli.options.held_out import held_out_rule
+from contact_curation.cli.options.reading import inputs_of, stages_of
+from contact_curation.cli.progress import Progress
+from contact_curation.cli.report import counted, print_json, warn
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.errors import ContactCurationError, InvalidValueError
+from contact_curation.experiments.catalogue import (
+    DEFAULTS,
+    AnyCell,
+    Experiment,
+    ExperimentConfig,
+    cells_of,
+    quick,
+    rows_of_cell,
+)
+from contact_curation.experiments.cell import Protocol
+from contact_curation.experiments.cell_run import Bench, Row
+from contact_curation.experiments.ledger import Ledger
+from contact_curation.experiments.reproduce import BUDGET, PUBLIC_HELD_OUT
+from contact_curation.experiments.tables import write_tables
+from contact_curation.experiments.throws import ThrowsCell
+from contact_curation.motion.calibration import rig_of
+from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.training_tosses import TossesConfig, learning_tosses
+from contact_curation.pipeline.workers import Advance, each
+
+
+class Finished(NamedTuple):
+    """What became of a cell: its rows, or one line on why there are none."""
+
+    cell: AnyCell
+    rows: tuple[Row, ...]
+    error: str
+    seconds: float
+
+
+def run_experiment(arguments: argparse.Namespace) -> int:
+    """What `reproduce` does; see there."""
+    torch.set_num_threads(1)
+    began = time.monotonic()
+    experiment, config = Experiment(arguments.experiment), experiment_config(arguments)
+    cells = cells_of(experiment, config)
+    _make_folder(arguments.out)
+    bench = _bench(arguments)
+    ledger = Ledger(arguments.out / "cells.jsonl", _identity(experiment, bench))
+    left = [cell for cell in cells if cell.key not in ledger]
+    failed = _run(left, bench, ledger, arguments.jobs, len(cells))
+    rows = [{**cell.fields, **row} for cell in cells if cell.key in ledger for row in ledger.rows(cell.key)]
+    if not rows:
+        raise InvalidValueError("finished cells", "none", f"at least one ({failed[0] if failed else 'no cell'})")
+    written = write_tables(experiment, rows, arguments.out)
+    warn(failed)
+    report = {
+        "experiment": experiment.value,
+        "cells": len(cells),
+        "run": len(left) - len(failed),
+        "failed": len(failed),
+        "seconds": round(time.monotonic() - began, 1),
+        "files": [str(path) for path in written],
+    }
+    if arguments.json:
+        print_json(report)
+    else:
+        print(f"{experiment.value}: {counted(len(cells), 'cell')}, {report['run']} run now in {report['seconds']} s")
+        print("\n".join(str(path) for path in written))
+    return 1 if failed else 0
+
+
+def experiment_config(arguments: argparse.Namespace) -> ExperimentConfig:
+    """What the options ask for.
+
+    Raises:
+        InvalidValueError: a value that is not accepted.
+    """
+    default = DEFAULTS[Experiment(arguments.experiment)]
+    protocol = Protocol(arguments.protocol or (Protocol.EXACT if arguments.model == ModelKind.POLYTOPE else Protocol.BUDGETED))
+    if arguments.steps and protocol is not Protocol.BUDGETED:
+        raise InvalidValueError("--steps", f"protocol {protocol.value}", "protocol budgeted, which it belongs to")
+    given = {name: getattr(arguments, name) for name in ("rules", "sizes", "shares") if getattr(arguments, name)}
+    config = replace(
+        default,
+        model=arguments.model,
+        protocol=protocol.value,
+        steps=(arguments.steps or BUDGET) if protocol is Protocol.BUDGETED else 0,
+        seeds=arguments.seeds or default.seeds,
+        resamples=arguments.resamples or default.resamples,
+        **{name: tuple(dict.fromkeys(values)) for name, values in given.items()},
+    )
+    return quick(config) if arguments.quick else config
+
+
+def _bench(arguments: argparse.Namespace) -> Bench:
+    """Tosses that pass the gates, put right by what the training tosses say of their rig.
+
+    The gates see a pool again once faults are put into it.
+    """
+    body = chosen_body(arguments)
+    stages = stages_of(arguments, {})
+    reading = ReadingConfig(body, inputs_of(stages))
+    rule = held_out_rule(arguments.held_out or PUBLIC_HELD_OUT)
+    with Progress("reading", "tosses") as bar:
+        tosses = learning_tosses(arguments.inputs, TossesConfig(reading, rule, said=True), bar.advance)
+    warn(tosses.warnings)
+    bench = Bench(body, tosses.training, tosses.held_out, stages["gates"])
+    return bench if arguments.as_recorded else _put_right(bench)
+
+
+def _put_right(bench: Bench) -> Bench:
+    try:
+        rig = rig_of(bench.training, bench.body.polytope)
+    except InvalidValueError as error:
+        warn([f"tosses are taken as recorded: {error}"])
+        return bench
+    lean, off = np.degrees(rig.lean), 100.0 * (rig.scale - 1.0)
+    warn([f"the rig's board leans by {lean:.2f} degrees and its metre is {off:.1f} % short: put right; --as-recorded does not"])
+    return bench.on(rig)
+
+
+def _run(left: list[AnyCell], bench: Bench, ledger: Ledger, jobs: int, cells: int) -> list[str]:
+    """Runs cells; returns a line for each that has no result."""
+    failed = []
+    if not all(isinstance(cell, ThrowsCell) for cell in left):
+        _ = bench.reference  # once here, and not again in every process
+    with Progress("running", "cells", cells, cells - len(left)) as bar:
+        for done in each(partial(finished, bench), left, jobs, lambda count: None):
+            if done.error:
+                failed.append(done.error)
+            else:
+                ledger.add(done.cell.key, done.rows, done.seconds)
+            bar.advance()
+    return failed
+
+
+def finished(bench: Bench, cell: AnyCell, advance: Advance) -> Finished:
+    """Runs one cell; in a process of its own."""
+    torch.set_num_threads(1)
+    began = time.monotonic()
+    try:
+        rows, error = _rows(cell, bench), ""
+    except ContactCurationError as problem:
+        rows, error = (), str(problem)
+    return Finished(cell, rows, error, time.monotonic() - began)
+
+
+def _rows(cell: AnyCell, bench: Bench) -> tuple[Row, ...]:
+    if not isinstance(cell, ThrowsCell):
+        return rows_of_cell(cell, bench)
+    from contact_curation.experiments.designed_throws import throws_rows  # the arm takes a second to import
+
+    return throws_rows(cell, bench)
+
+
+def _identity(experiment: Experiment, bench: Bench) -> Mapping[str, str]:
+    """What must be the same for rows to stand in one table."""
+    state = sha256(repr(bench.gates).encode())
+    for side in (bench.training, bench.held_out):
+        state.update(f"{len(side)}".encode())
+        for toss in side:
+            state.update(toss.digest().encode())
+    return {"experiment": experiment.value, "tosses": state.hexdigest()[:16], "package version": __version__}
+
+
+def _make_folder(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidValueError("--out", path, f"a folder that can be made ({error.strerror})") from error

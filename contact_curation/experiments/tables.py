@@ -1,0 +1,190 @@
+"""The tables and the figure of an experiment's rows."""
+
+import csv
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+
+from contact_curation.dashboard.figures.experiment import Panel, Series, save_experiment_figure
+from contact_curation.experiments.catalogue import Experiment
+from contact_curation.experiments.cell_run import Row
+from contact_curation.experiments.rules import BASELINES, OURS
+from contact_curation.experiments.summary import Summary, summarised
+from contact_curation.experiments.throws import RANDOM, RAW
+from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
+from contact_curation.storage.atomic_file import write_atomically
+
+LEARNING = ("model", "protocol", "steps", "rule", "size", "fault", "share", "gated")
+ERRORS = {
+    "position": "position error [% of width]",
+    "rotation": "rotation error [deg]",
+    "penetration": "penetration [% of width]",
+    "vertices": "vertices from the body as described [mm RMS]",
+    "vertices_from_all": "vertices from those of all tosses [mm RMS]",
+    "friction_from_all": "friction from that of all tosses",
+}
+RIGID = ("rigid_position", "rigid_rotation", "rigid_penetration")
+"""Errors of a polytope whose friction acts at the vertices of the gaps."""
+
+KEPT = ("kept_seconds", "kept_frames", "kept_bad", "gate_hits", "gate_false_alarms", "not_finite")
+LEARNED = (*ERRORS, *RIGID, "position_median", "rotation_median", "friction", *KEPT)
+THROWN = {
+    **{name: ERRORS[name] for name in ("position", "rotation", "penetration", "vertices")},
+    "friction_from_described": "friction from the body as described",
+}
+TAUGHT = (
+    *RIGID,
+    "position_median",
+    "rotation_median",
+    "friction",
+    "designed",
+    "toss",
+    "seconds",
+    "planned",
+    "realised",
+    "not_finite",
+)
+RATIOS = {"sandwich": "sandwich", "cramer_rao": "Cramér-Rao", "naive": "naive"}
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How an experiment's rows are told.
+
+    Attributes:
+        fields: what makes a group of rows.
+        measures: told of each.
+        panels: draws them.
+        places: what stands along the figure's horizontal axis.
+        baselines: rules that groups are compared with.
+    """
+
+    fields: tuple[str, ...]
+    measures: tuple[str, ...]
+    panels: Callable[[Sequence[Summary]], list[Panel]]
+    places: str
+    baselines: tuple[str, ...] = BASELINES
+
+
+def write_tables(experiment: Experiment, rows: Sequence[Row], folder: Path) -> tuple[Path, ...]:
+    """Writes rows.csv, summary.csv and figure.png; returns their paths."""
+    layout = LAYOUTS[experiment]
+    summaries = summarised(rows, layout.fields, layout.measures, layout.baselines, BootstrapConfig())
+    paths = (folder / "rows.csv", folder / "summary.csv", folder / "figure.png")
+    write_atomically(paths[0], _csv(rows))
+    write_atomically(paths[1], _csv([summary.as_row() for summary in summaries]))
+    save_experiment_figure(layout.panels(summaries), f"{experiment.value}: medians over seeds", layout.places, paths[2])
+    return paths
+
+
+def _csv(rows: Sequence[Mapping[str, float | str]]) -> bytes:
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    text = StringIO(newline="")
+    writer = csv.DictWriter(text, names, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue().encode()
+
+
+def _over_sizes(summaries: Sequence[Summary], measures: Mapping[str, str]) -> list[Panel]:
+    """A line per rule; a set of all tosses, whose size is 0, is a level."""
+    panels = []
+    for measure, label in measures.items():
+        own = [summary for summary in summaries if summary.measure == measure]
+        whole = [summary.median.value for summary in own if not dict(summary.group)["size"]]
+        lines = _series([summary for summary in own if dict(summary.group)["size"]], _line_name, "size")
+        if lines:
+            level = whole[0] if whole else None
+            panels.append(Panel(label, lines, logarithmic=measure != "penetration", level=level))
+    return panels
+
+
+def _quality(summaries: Sequence[Summary]) -> list[Panel]:
+    return _over_sizes(summaries, ERRORS)
+
+
+def _theorem(summaries: Sequence[Summary]) -> list[Panel]:
+    names = {"epsilon": "epsilon", "smallest": "smallest eigenvalue", "largest": "largest eigenvalue"}
+    return _over_sizes(summaries, names)
+
+
+def _line_name(summary: Summary) -> str:
+    group = dict(summary.group)
+    return ", ".join(str(group[name]) for name in ("rule", "weights") if name in group)
+
+
+def _throws(summaries: Sequence[Summary]) -> list[Panel]:
+    """A line per way of choosing throws."""
+    panels = []
+    for measure, label in THROWN.items():
+        lines = _series([summary for summary in summaries if summary.measure == measure], _line_name, "throws")
+        if lines:
+            panels.append(Panel(label, lines, logarithmic=measure != "penetration"))
+    return panels
+
+
+def _robustness(summaries: Sequence[Summary]) -> list[Panel]:
+    """Gated pools: the clean one, then every fault; and how many of the kept are bad without the gates."""
+    names = {**ERRORS, "kept_bad": "share of bad tosses among the kept"}
+    panels = []
+    for measure, label in names.items():
+        gated = measure != "kept_bad"
+        own = [s for s in summaries if s.measure == measure and (bool(dict(s.group)["gated"]) is gated or not _fault(s))]
+        own = [s for s in own if gated or _fault(s)]
+        lines = _series(own, lambda summary: str(dict(summary.group)["rule"]), _fault_name)
+        if lines:
+            panels.append(Panel(label if gated else f"{label}, no gates", lines))
+    return panels
+
+
+def _fault(summary: Summary) -> str:
+    return str(dict(summary.group)["fault"])
+
+
+def _fault_name(summary: Summary) -> str:
+    share = float(dict(summary.group)["share"])
+    return f"{_fault(summary)} {100.0 * share:g} %" if _fault(summary) else "clean"
+
+
+def _calibration(summaries: Sequence[Summary]) -> list[Panel]:
+    own = [summary for summary in summaries if summary.measure in RATIOS]
+    lines = _series(own, lambda summary: RATIOS[summary.measure], lambda summary: str(dict(summary.group)["parameters"]))
+    return [Panel("standard deviation found over the one said", lines, logarithmic=True, level=1.0)]
+
+
+def _series(
+    summaries: Sequence[Summary], name: Callable[[Summary], str], place: str | Callable[[Summary], str]
+) -> tuple[Series, ...]:
+    """Summaries of one name in a line each, along their places."""
+    named: dict[str, list[Summary]] = {}
+    for summary in summaries:
+        named.setdefault(name(summary), []).append(summary)
+    return tuple(_one_series(each, own, place) for each, own in named.items())
+
+
+def _one_series(name: str, own: Sequence[Summary], place: str | Callable[[Summary], str]) -> Series:
+    middle, low, high = (np.array([getattr(summary.median, end) for summary in own]) for end in ("value", "low", "high"))
+    ours = name.startswith(OURS)
+    if callable(place):
+        return Series(name, [place(summary) for summary in own], middle, low, high, ours)
+    return Series(name, [float(dict(summary.group)[place]) for summary in own], middle, low, high, ours)
+
+
+LAYOUTS: dict[Experiment, Layout] = {
+    Experiment.DATASET_QUALITY: Layout(LEARNING, LEARNED, _quality, "tosses kept (dotted: all)"),
+    Experiment.FUNCTIONALS: Layout(LEARNING, LEARNED, _quality, "tosses kept"),
+    Experiment.ROBUSTNESS: Layout(LEARNING, LEARNED, _robustness, "fault and share of bad tosses in the pool"),
+    Experiment.DESIGNED_THROWS: Layout(
+        ("model", "protocol", "steps", "rule", "throws"), (*THROWN, *TAUGHT), _throws, "throws", (RANDOM, RAW)
+    ),
+    Experiment.THEOREM: Layout(("rule", "weights", "size"), ("smallest", "largest", "epsilon"), _theorem, "tosses kept"),
+    Experiment.CALIBRATION: Layout(
+        ("size", "parameters", "unit"),
+        ("found", *(name + end for name in RATIOS for end in ("", "_within"))),
+        _calibration,
+        "parameters",
+    ),
+}

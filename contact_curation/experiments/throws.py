@@ -1,0 +1,59 @@
+"""One cell of `designed-throws`: one way of choosing throws, and one learner (METHOD 1.12).
+
+The throws themselves are made in `sim/thrown_experiment.py`.
+"""
+
+import json
+from dataclasses import asdict, dataclass
+
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.errors import InvalidValueError
+from contact_curation.experiments.cell import Protocol
+
+RANDOM, RAW = "random", "raw"
+ARMS = (RANDOM, RAW, "warm-up", "designed")
+"""Ways of choosing throws: at random from the prior fitted to real ones, at random from the paper's normal, spread over first
+impacts all the time, and designed as soon as theta is trusted."""
+
+PROTOCOLS = (Protocol.EXACT.value, Protocol.BUDGETED.value)
+
+
+@dataclass(frozen=True)
+class ThrowsCell:
+    """One learner, from its first throw to its last.
+
+    Attributes:
+        rule: one of `ARMS`.
+        judged: numbers of throws after which held-out motion judges; the last is how many are made.
+        seed: of the initial parameters, the arm, the tracker and the pools: the same for all arms.
+        protocol, steps: how it learns after each throw, a round of the trainer's exact protocol or of its budgeted one with so
+            many steps.
+        model: that learns; a polytope.
+    """
+
+    rule: str
+    judged: tuple[int, ...]
+    seed: int
+    protocol: str = Protocol.EXACT.value
+    steps: int = 0
+    model: str = ModelKind.POLYTOPE.value
+
+    def __post_init__(self) -> None:
+        choices = {"rule": ARMS, "protocol": PROTOCOLS, "model": (ModelKind.POLYTOPE.value,)}
+        for name, accepted in choices.items():
+            if getattr(self, name) not in accepted:
+                raise InvalidValueError(f"{name} of designed-throws", getattr(self, name), f"one of {', '.join(accepted)}")
+        if not self.judged or min(self.judged) < 1 or list(self.judged) != sorted(set(self.judged)):
+            raise InvalidValueError("numbers of throws", self.judged, "rising numbers from 1 on")
+        if (self.steps > 0) != (self.protocol == Protocol.BUDGETED):
+            raise InvalidValueError("steps", self.steps, "some for the budgeted protocol, 0 for the exact one")
+
+    @property
+    def key(self) -> str:
+        """The same for equal cells only."""
+        return json.dumps({"throws": asdict(self)}, sort_keys=True)
+
+    @property
+    def fields(self) -> dict[str, float | str]:
+        """What its rows begin with."""
+        return {name: value for name, value in asdict(self).items() if name != "judged"}

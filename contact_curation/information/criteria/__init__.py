@@ -1,0 +1,1 @@
+"""Selection criteria, a file each, with their bounds."""

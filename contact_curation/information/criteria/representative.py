@@ -1,0 +1,161 @@
+"""The kept set whose own answer is the pool's.
+
+Kept is the set of which `expected_error` is small: what the pool's loss is expected to be above its lowest at what the set
+teaches. Where theta is far off the scores are as good as noise and the set is chosen for what it knows (A-optimality); near the
+optimum they are known, and the set is chosen so that they cancel as the pool's do.
+
+Why not for what it knows alone: how much a toss knows goes with how it came out. A toss in which the body happened to slide
+easily lasts longer and knows more, so that the most informative tosses, and the longest ones, agree on too low a friction
+(docs/rule.md). Here they are balanced by tosses that pull the other way.
+
+The set is built greedily and then improved by exchanges of one toss for another, until none helps or two rounds are over. There
+is no guarantee: the sum is not submodular. At last its tosses are put in the order in which greedy picks would take them.
+
+In each step the tosses are looked at from the lowest bound up, until no bound reaches down to the best value found: the result
+is that of looking at all of them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+
+import numpy as np
+
+from contact_curation.geometry.quaternions import Array
+from contact_curation.information.criteria.expected_error import ExpectedError, Sums
+from contact_curation.information.criteria.ties import ABSOLUTE, first_of_the_best
+from contact_curation.information.pool import CHUNK, Indices, Pool
+from contact_curation.information.ranking import Selection, greedy_selection
+
+EXCHANGES = 2
+"""Rounds over the kept tosses, each of which may give way to a better one."""
+
+FIRST_BLOCK = 32
+"""Tosses looked at closely at first in a step; twice as many at each further try."""
+
+SLACK = 1e-6
+"""Share of a value by which its bound may be too high from rounding, and more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """How a kept set stands; errors as in `expected_error`, averaged over the particles.
+
+    Attributes:
+        error: of the set.
+        without: (k,) of the set without each of its tosses.
+        joined: (K,) of the set with each toss of the pool added; of the kept ones the set's.
+    """
+
+    error: float
+    without: Array
+    joined: Array
+
+
+def select_representative(pools: Sequence[Pool], coordinates: Sequence[Array], top: int, prior: float) -> Selection:
+    """The set of up to `top` tosses; what a toss gains is by how much it lowers the expected error.
+
+    Args:
+        pools: the same tosses, once per parameter particle; errors are averaged over them.
+        coordinates: per particle (P, p) in which the pool's mean toss is the identity.
+        top: how many tosses to keep.
+        prior: delta > 0: A0 is this share of the mean toss.
+    """
+    errors = _Errors.of(pools, coordinates, prior)
+    picks = _in_order(errors, _exchanged(errors, _greedy(errors, min(top, len(pools[0])))))
+    states = list(accumulate(picks, errors.with_toss, initial=errors.sums([])))
+    values = [errors.value(state) for state in states]
+    singles = values[0] - errors.all_joined(states[0])
+    final = values[-1] - errors.all_joined(states[-1])
+    return greedy_selection(np.array(picks), -np.diff(values), singles, final)
+
+
+def standing_of(pools: Sequence[Pool], coordinates: Sequence[Array], kept: Sequence[int], prior: float) -> Standing:
+    """How k >= 1 tosses of a pool stand; the other arguments as in `select_representative`."""
+    errors = _Errors.of(pools, coordinates, prior)
+    sums = errors.sums(kept)
+    error, joined = errors.value(sums), errors.all_joined(sums)
+    joined[list(kept)] = error
+    without = [errors.value(errors.sums([*kept[:place], *kept[place + 1 :]])) for place in range(len(kept))]
+    return Standing(error, np.array(without), joined)
+
+
+def _greedy(errors: "_Errors", count: int) -> list[int]:
+    """Each the best beside those before."""
+    picks: list[int] = []
+    sums = errors.sums([])
+    while len(picks) < count:
+        picks.append(errors.best(sums, picks))
+        sums = errors.with_toss(sums, picks[-1])
+    return picks
+
+
+def _exchanged(errors: "_Errors", picks: list[int]) -> list[int]:
+    """The set after exchanges of one toss for another; a round in which none helped is the last."""
+    kept, unmoved = list(picks), 0
+    if len(kept) == errors.tosses:
+        return kept
+    for place in (*range(len(kept)),) * EXCHANGES:
+        others = kept[:place] + kept[place + 1 :]
+        best = errors.best(errors.sums(others), others)
+        unmoved = unmoved + 1 if best == kept[place] else 0
+        kept[place] = best
+        if unmoved == len(kept):
+            break
+    return kept
+
+
+def _in_order(errors: "_Errors", kept: Sequence[int]) -> list[int]:
+    """The same tosses, each the best of those left beside those before; ties go to the smaller id."""
+    left, picks, sums = sorted(kept), list[int](), errors.sums([])
+    while left:
+        picks.append(left.pop(first_of_the_best(-errors.joined(sums, np.array(left)))))
+        sums = errors.with_toss(sums, picks[-1])
+    return picks
+
+
+@dataclass(frozen=True, eq=False)
+class _Errors:
+    """The expected error under every particle; each value is the mean over them."""
+
+    particles: tuple[ExpectedError, ...]
+
+    @staticmethod
+    def of(pools: Sequence[Pool], coordinates: Sequence[Array], prior: float) -> "_Errors":
+        return _Errors(tuple(ExpectedError.of(pool, c, prior) for pool, c in zip(pools, coordinates, strict=True)))
+
+    @property
+    def tosses(self) -> int:
+        """K."""
+        return len(self.particles[0].pool)
+
+    def sums(self, kept: Sequence[int]) -> tuple[Sums, ...]:
+        return tuple(particle.sums(kept) for particle in self.particles)
+
+    def with_toss(self, sums: Sequence[Sums], index: int) -> tuple[Sums, ...]:
+        return tuple(particle.with_toss(one, index) for particle, one in zip(self.particles, sums, strict=True))
+
+    def value(self, sums: Sequence[Sums]) -> float:
+        return float(np.mean([particle.value(one) for particle, one in zip(self.particles, sums, strict=True)]))
+
+    def joined(self, sums: Sequence[Sums], indices: Indices) -> Array:
+        return _mean([particle.joined(one, indices) for particle, one in zip(self.particles, sums, strict=True)])
+
+    def all_joined(self, sums: Sequence[Sums]) -> Array:
+        """(K,) with each toss added."""
+        return np.concatenate([self.joined(sums, chunk) for chunk in self.particles[0].pool.chunks()])
+
+    def best(self, sums: Sequence[Sums], kept: Sequence[int]) -> int:
+        """The toss that is best added to the kept ones; ties go to the smaller id."""
+        bounds = _mean([particle.bounds(one) for particle, one in zip(self.particles, sums, strict=True)])
+        bounds[list(kept)] = np.inf
+        values = np.full(self.tosses, np.inf)
+        left, block = np.argsort(bounds, kind="stable")[: self.tosses - len(kept)], FIRST_BLOCK
+        while left.size and bounds[left[0]] <= float(values.min()) * (1.0 + SLACK) + ABSOLUTE:
+            values[left[:block]] = self.joined(sums, left[:block])
+            left, block = left[block:], min(2 * block, CHUNK)
+        return first_of_the_best(-values)
+
+
+def _mean(values: Sequence[Array]) -> Array:
+    return np.asarray(np.mean(values, axis=0))

@@ -1,0 +1,1 @@
+"""Information about networks, without forming their gradients."""

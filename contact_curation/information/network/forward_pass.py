@@ -1,0 +1,181 @@
+"""One forward pass of a network model over transitions, and what one backward pass makes of it (METHOD 1.4, 1.5, 2.7).
+
+Whatever the estimator, a score is a backward pass from some slopes by what the model says of a transition (its contacts, or the
+velocity that it misses) to the slopes by every layer's outputs, and no gradient by a weight is ever formed:
+
+    empirical      g = -1/2 dL/dtheta                                      from the loss L at impulses that stay fixed
+    Gauss-Newton   g = d(r . rtilde)/dtheta, rtilde = P xi, xi ~ N(0, I)   from its residuals r, |r|^2 = L; E[g g^T] = F
+
+For an end-to-end model r is the missed velocity itself and there is no impulse to take out: its information is that of the
+squared loss, whatever it is trained on, and r's six components give the Gauss-Newton matrix exactly.
+"""
+
+import copy
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from contact_curation.contact.loss_config import LossConfig
+from contact_curation.contact.models.deep import DeepModel
+from contact_curation.contact.models.deepvertex import DeepvertexModel
+from contact_curation.contact.models.end_to_end import EndToEndModel
+from contact_curation.contact.models.model import Rows
+from contact_curation.contact.models.stream_network import LayerTrace, StreamNetwork
+from contact_curation.contact.torch_contacts import Contacts, Frames
+from contact_curation.contact.torch_fisher import free_directions
+from contact_curation.contact.torch_loss import cone_problems, residuals, solve_contacts
+from contact_curation.geometry.quaternions import Array
+from contact_curation.solver.certificate import objectives
+from contact_curation.solver.cone_problem import SolveStatus
+
+type NetworkModel = DeepModel | DeepvertexModel | EndToEndModel
+"""The models whose parameters are weights of networks."""
+
+Slopes = tuple[Tensor, ...]
+"""Of one number per transition, by each of the things that a model says: its outputs, or its layers'."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForwardPass:
+    """What a model says of B transitions.
+
+    Attributes:
+        frames: what was measured.
+        tape: every layer's streams.
+        outputs: contacts, or the missed velocities (B, 6); in the graph that leads back to the tape.
+        losses: (B,) NaN where not solved.
+        solved: (B,) whether the impulses carry a certificate.
+        misfits: (B,) natural residual of the impulses.
+        impulses: (B, K, 3), which stay fixed; None for a model that has none to solve for.
+        config: weights of the loss, and its cone.
+    """
+
+    frames: Frames
+    tape: tuple[LayerTrace, ...]
+    outputs: tuple[Tensor, ...]
+    losses: Array
+    solved: NDArray[np.bool_]
+    misfits: Array
+    impulses: Tensor | None
+    config: LossConfig
+
+    def score_slopes(self, influence: Array) -> Slopes:
+        """Slopes (1, B, ...) of the log-likelihood -L/2 by the outputs, times `influence` (B,)."""
+        leaves = self._leaves()
+        squares = self._residuals(leaves).square().sum(dim=1)
+        return tuple(slope[None] for slope in torch.autograd.grad(squares, leaves, -0.5 * torch.as_tensor(influence)))
+
+    def profile_slopes(self, directions: Tensor, influence: Array) -> Slopes:
+        """Slopes (n, B, ...) of r . rtilde by the outputs, times `influence` (B,), for n directions.
+
+        Args:
+            directions: (n, B, `directions_size`) xi; the second moment of rtilde is P times that of xi.
+            influence: of each transition.
+        """
+        leaves = self._leaves()
+        profiled = directions if self.impulses is None else self._profiled(directions, self.impulses)
+        weighted = torch.as_tensor(influence)[:, None] * profiled
+        return torch.autograd.grad(self._residuals(leaves), leaves, weighted, is_grads_batched=True)
+
+    @property
+    def directions_size(self) -> int:
+        """Numbers in a xi: one per residual, and one per impulse for what the regularisation leaves of it."""
+        return 6 if self.impulses is None else 6 + 9 * self.impulses.shape[1]
+
+    def deltas(self, slopes: Slopes) -> Slopes:
+        """Slopes (B, S + R, H) by the outputs of every layer on the tape, from slopes (B, ...) by the model's outputs."""
+        return torch.autograd.grad(self.outputs, [trace.outputs for trace in self.tape], slopes, retain_graph=True)
+
+    def _leaves(self) -> tuple[Tensor, ...]:
+        return tuple(value.detach().requires_grad_() for value in self.outputs)
+
+    def _residuals(self, outputs: tuple[Tensor, ...]) -> Tensor:
+        """(B, R)."""
+        if self.impulses is None:
+            return outputs[0].clone()  # a tensor by itself has no batched gradient
+        return contact_residuals(Contacts(*outputs), self.frames, self.impulses, self.config)
+
+    def _profiled(self, directions: Tensor, impulses: Tensor) -> Tensor:
+        """P's share of each direction, (n, B, R): xi - J S^-1 (J^T xi + sqrt(eps) eta) with S = J^T J + eps I.
+
+        J is by the free directions of the impulses, eta the last 3K numbers of a direction. The second moment of what comes out
+        is P = I - J S^-1 J^T exactly, with the regularisation.
+        """
+        free = self._by_free_impulses(Contacts(*(value.detach() for value in self.outputs)), impulses)
+        plain, extra = directions[..., : free.shape[1]], directions[..., free.shape[1] :]
+        eps = self.config.regularization
+        matrix = free.mT @ free + eps * torch.eye(free.shape[2], dtype=free.dtype)
+        pulled = torch.einsum("brf,nbr->bfn", free, plain) + eps**0.5 * extra.permute(1, 2, 0)
+        spent: Tensor = free @ torch.linalg.solve(matrix, pulled)  # (B, R, n)
+        return plain - spent.permute(2, 0, 1)
+
+    def _by_free_impulses(self, contacts: Contacts, impulses: Tensor) -> Tensor:
+        """Derivatives (B, R, 3K) of the residuals along the directions in which the impulses are free to move."""
+        problems = cone_problems(contacts, self.frames, self.config)
+        gradients = objectives(problems, impulses.numpy()).gradients
+        bases = torch.as_tensor(free_directions(impulses.numpy(), gradients, self.config.cone))
+        by_impulse = residuals_by_impulses(contacts, self.frames, impulses, self.config)
+        free: Tensor = torch.einsum("brkc,bkcd->brkd", by_impulse, bases).flatten(-2)
+        return free
+
+
+def frozen_copy(model: NetworkModel) -> NetworkModel:
+    """A model of its own whose backward pass stops at the layers' outputs, without any gradient by a weight."""
+    own = copy.deepcopy(model).requires_grad_(False)
+    for module in own.modules():
+        if isinstance(module, StreamNetwork):
+            module.linear[0].bias.requires_grad_()  # without it there would be no graph
+    return own
+
+
+def said_of(model: NetworkModel, rows: Rows, tape: list[LayerTrace]) -> tuple[Tensor, ...]:
+    """What a `frozen_copy` says of B transitions: contacts, or missed velocities (B, 6); the tape takes its layers."""
+    if isinstance(model, EndToEndModel):
+        return (model.missed_velocities(rows, tape),)
+    return model.contacts(Frames.of(model.body, *rows), tape)
+
+
+def forward_pass(model: NetworkModel, rows: Rows, config: LossConfig) -> ForwardPass:
+    """The forward pass of a `frozen_copy` over B transitions."""
+    tape: list[LayerTrace] = []
+    frames, said = Frames.of(model.body, *rows), said_of(model, rows, tape)
+    known = tuple(value.detach() for value in said)
+    if isinstance(model, EndToEndModel):
+        losses = known[0].square().sum(dim=1).numpy()
+        solved = np.isfinite(losses)
+        return ForwardPass(frames, tuple(tape), said, losses, solved, np.where(solved, 0.0, np.inf), None, config)
+    contacts = Contacts(*known)
+    solutions = solve_contacts(contacts, frames, config)
+    solved = solutions.status == SolveStatus.SOLVED
+    impulses = torch.as_tensor(np.where(solved[:, None, None], solutions.impulses, 0.0))
+    squares = contact_residuals(contacts, frames, impulses, config).square().sum(dim=1).numpy()
+    losses = np.where(solved, squares, np.nan)
+    return ForwardPass(frames, tuple(tape), said, losses, solved, solutions.residuals, impulses, config)
+
+
+def contact_residuals(contacts: Contacts, frames: Frames, impulses: Tensor, config: LossConfig) -> Tensor:
+    """All residuals (B, 6 + 6K) side by side."""
+    return torch.cat(residuals(contacts, frames, impulses, config.weights), dim=-1)
+
+
+def residuals_by_impulses(contacts: Contacts, frames: Frames, impulses: Tensor, config: LossConfig) -> Tensor:
+    """Derivatives (B, 6 + 6K, K, 3) of all residuals by the impulses; in them residuals are linear, but for the penetration."""
+    weights, jacobians = config.weights, contacts.jacobians
+    batch, count = contacts.gaps.shape
+    change = torch.einsum("bac,bkic->baki", frames.inverse_mass, jacobians)  # (B, 6, K, 3)
+    slip = torch.einsum("bkta,ba->bkt", jacobians[:, :, 1:], frames.velocities_next)
+    speed = torch.linalg.vector_norm(slip, dim=-1)
+    own = contacts.gaps.new_zeros(batch, count, 6, 3)  # of each contact by its own impulse
+    own[..., 0, 0] = weights.complementarity_normal**0.5 * contacts.gaps_next
+    own[..., 1:3, 1:] = weights.complementarity_tangent**0.5 * contacts.gaps_next[..., None, None] * torch.eye(2)
+    own[..., 3:5, 0] = weights.dissipation**0.5 * slip
+    own[..., 3:5, 1:] = weights.dissipation**0.5 * speed[..., None, None] * torch.eye(2)
+    apart = torch.einsum("bkfi,kj->bfkji", own, torch.eye(count, dtype=own.dtype))  # (B, 6, K, K, 3)
+    *_, predicted = residuals(contacts, frames, impulses, weights)
+    touching = weights.penetration**0.5 * frames.dt[:, None] * (predicted < 0.0)
+    pressing = torch.einsum("bk,bka,baji->bkji", touching, jacobians[:, :, 0], change)
+    sideways, against = (apart[:, part].transpose(1, 2).flatten(1, 2) for part in (slice(1, 3), slice(3, 5)))
+    return torch.cat([weights.match**0.5 * change, apart[:, 0], sideways, against, pressing], dim=1)

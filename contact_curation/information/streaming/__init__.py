@@ -1,0 +1,1 @@
+"""Selection from a stream of scored tosses, one toss at a time."""

@@ -1,0 +1,131 @@
+"""A training as bytes and back, so that it goes on bit for bit as if it had never stopped."""
+
+from dataclasses import asdict
+from math import inf, isfinite, nan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.models.registry import tensors_of
+from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.learning.checkpoints.config_document import config_of, document_of
+from contact_curation.learning.checkpoints.safetensors_bytes import Packed, pack, unpack
+from contact_curation.learning.checkpoints.stored_model import (
+    BEST,
+    LAST,
+    MALFORMED,
+    description,
+    model_of_packed,
+    named,
+    named_back,
+)
+from contact_curation.learning.training.early_stop import EarlyStop
+from contact_curation.learning.training.memory import Counters, TrainingMemory
+from contact_curation.learning.training.progress import Evaluated, TrainingState
+from contact_curation.learning.training.protocols import TrainingConfig
+from contact_curation.learning.training.training import Training
+from contact_curation.motion.transitions import Transitions
+
+MOMENTS, ORDER, ORIGIN = "moments/", "order", "origin/"
+HISTORY = 1000
+"""Evaluations that are kept, the last ones."""
+
+
+def checkpoint_bytes(training: Training, notes: dict[str, str] | None = None) -> bytes:
+    """All of a training but its data.
+
+    Args:
+        training: of any model.
+        notes: whatever else the reader should know, such as which buffer the data are.
+    """
+    memory = training.memory
+    best = {} if memory.best_tensors is None else memory.best_tensors
+    moments = {name: value.numpy() for name, value in memory.moments.items()}
+    arrays = {**named(LAST, tensors_of(training.model)), **named(BEST, best), **named(MOMENTS, moments), ORDER: memory.order}
+    arrays |= named(ORIGIN, memory.origin or {})
+    documents = {
+        "model": description(training.model),
+        "training": {"config": document_of(training.config), **_document_of(memory)},
+        "notes": notes or {},
+    }
+    return pack(arrays, documents)
+
+
+def training_of_bytes(
+    data: bytes, source: Path | str, transitions: Transitions, held_out: Transitions | None, body: Body | None = None
+) -> Training:
+    """The training in the bytes of a checkpoint, to go on with.
+
+    Args:
+        data: untrusted.
+        source: where they come from, for the message.
+        transitions: the same as it had, or others, which then replace them.
+        held_out: likewise.
+        body: which the model must be for; None takes the body as stored.
+
+    Raises:
+        UnreadableInputError: no such bytes, a model without a training, or one for another body.
+        InvalidValueError: transitions that a training refuses.
+    """
+    packed = unpack(data, source)
+    if "training" not in packed.documents:
+        raise UnreadableInputError(source, "holds a model without its training, expected a checkpoint")
+    model = model_of_packed(packed, source, body, last=True)
+    try:
+        config, memory = _memory_of(packed)
+    except MALFORMED as error:
+        raise UnreadableInputError(source, f"holds no training ({type(error).__name__}: {error})") from error
+    return Training.resumed(model, transitions, held_out, config, memory)
+
+
+def _document_of(memory: TrainingMemory) -> dict[str, Any]:
+    """JSON has no numbers that are not finite: they are null."""
+    return {
+        "counters": asdict(memory.counters),
+        "best": memory.early_stop.best if isfinite(memory.early_stop.best) else None,
+        "waited": memory.early_stop.waited,
+        "history": [_finite_or_null(entry) for entry in memory.history[-HISTORY:]],
+        "batches": memory.batches,
+        "data": memory.data,
+        "held_out": memory.held_out,
+    }
+
+
+def _memory_of(packed: Packed) -> tuple[TrainingConfig, TrainingMemory]:
+    told = packed.documents["training"]
+    np.random.PCG64().state = told["batches"]["generator"]  # refuses what is none
+    moments = named_back(MOMENTS, packed.arrays)
+    memory = TrainingMemory(
+        counters=_counters(told["counters"]),
+        early_stop=EarlyStop(inf if told["best"] is None else float(told["best"]), int(told["waited"])),
+        history=tuple(_evaluated(entry) for entry in told["history"]),
+        best_tensors=named_back(BEST, packed.arrays) or None,
+        moments={name: torch.tensor(value) for name, value in moments.items()},
+        order=packed.arrays[ORDER].copy(),
+        batches=dict(told["batches"]),
+        data=str(told["data"]),
+        held_out=str(told["held_out"]),
+        origin=named_back(ORIGIN, packed.arrays) or None,
+    )
+    return config_of(told["config"]), memory
+
+
+def _counters(told: dict[str, Any]) -> Counters:
+    counters = Counters(**{**told, "state": TrainingState(told["state"])})
+    for name, default in asdict(Counters()).items():
+        value = getattr(counters, name)
+        if type(value) is not type(default) or (type(value) is int and value < 0):
+            raise InvalidValueError(name, value, f"a {type(default).__name__} of at least 0")
+    return counters
+
+
+def _finite_or_null(entry: Evaluated) -> dict[str, Any]:
+    return {name: value if isfinite(value) else None for name, value in asdict(entry).items()}
+
+
+def _evaluated(entry: dict[str, Any]) -> Evaluated:
+    losses = {name: nan if entry[name] is None else float(entry[name]) for name in ("training_loss", "held_out_loss")}
+    return Evaluated(gradient_steps=int(entry["gradient_steps"]), epochs=int(entry["epochs"]), **losses)

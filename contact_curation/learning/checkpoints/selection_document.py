@@ -1,0 +1,45 @@
+"""Selections as JSON and back."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from math import isnan, nan
+from typing import Any
+
+from contact_curation.learning.training.reranking import Selected, Trigger
+
+
+def document_of(selected: Selected) -> dict[str, Any]:
+    """What JSON takes: it has no NaN, which is null."""
+    values = asdict(selected)
+    return {name: None if isinstance(value, float) and isnan(value) else value for name, value in values.items()}
+
+
+def document_of_selections(selections: Sequence[Selected]) -> str:
+    """Several of them as text."""
+    return json.dumps([document_of(one) for one in selections])
+
+
+def selections_of(text: str) -> tuple[Selected, ...]:
+    """The inverse of `document_of_selections`.
+
+    Raises:
+        ValueError, KeyError, TypeError, AttributeError: a text of another form.
+    """
+    return tuple(_selected_of(entry) for entry in json.loads(text))
+
+
+def _selected_of(entry: dict[str, Any]) -> Selected:
+    ids = {name: tuple(str(toss_id) for toss_id in entry[name]) for name in ("kept", "canaries", "not_scored")}
+    shares = {name: nan if entry[name] is None else float(entry[name]) for name in ("spearman", "overlap", "retained")}
+    return Selected(
+        gradient_steps=int(entry["gradient_steps"]),
+        epochs=int(entry["epochs"]),
+        trigger=Trigger(entry["trigger"]),
+        kept=ids["kept"],
+        canaries=ids["canaries"],
+        spearman=shares["spearman"],
+        overlap=shares["overlap"],
+        retained=shares["retained"],
+        not_scored=ids["not_scored"],
+    )

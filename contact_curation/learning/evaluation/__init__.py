@@ -1,0 +1,1 @@
+"""Prediction errors of a model on held-out tosses."""

@@ -1,0 +1,1 @@
+"""Exact fits of a polytope to tosses."""

@@ -1,0 +1,1 @@
+"""Gradient training of a model on tosses."""

@@ -1,0 +1,191 @@
+"""Everything that decides how a training goes: one plan, one result, bit for bit, however often it was stopped and resumed.
+
+A checkpoint says which plan it belongs to, and goes on with no other.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.model import Model
+from contact_curation.contact.models.registry import initial_model, model_of_tensors, tensors_of
+from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.information.scoring import ScoringConfig
+from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes, training_of_bytes
+from contact_curation.learning.checkpoints.config_document import document_of
+from contact_curation.learning.checkpoints.selection_document import document_of_selections, selections_of
+from contact_curation.learning.checkpoints.stored_model import MALFORMED, notes_of_bytes
+from contact_curation.learning.fits.exact_fit import theta_0
+from contact_curation.learning.training.curated import CuratedTraining, kept_transitions
+from contact_curation.learning.training.data import rows_of
+from contact_curation.learning.training.model_scoring import toss_scorer
+from contact_curation.learning.training.protocols import TrainingConfig
+from contact_curation.learning.training.reranking import Reranking, RerankingConfig, Selected
+from contact_curation.learning.training.training import Training
+from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import Transitions, transitions_of
+
+SELECTIONS = "selections"
+"""The note that says what was selected."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingPlan:
+    """A training before it begins.
+
+    Attributes:
+        kind: of the model.
+        body: what is known of the object.
+        protocol: how it is trained.
+        tosses: what it may learn from, at least one.
+        held_out: what it never learns from.
+        seed: of the initialisation and the shuffles.
+        start: the model to begin with, left as it is; None for the published random initialisation.
+        selection: which of the tosses it learns from; None for all.
+        scoring: how tosses are scored for that.
+    """
+
+    kind: ModelKind
+    body: Body
+    protocol: TrainingConfig
+    tosses: tuple[Toss, ...]
+    held_out: tuple[Toss, ...]
+    seed: int = 0
+    start: Model | None = None
+    selection: RerankingConfig | None = None
+    scoring: ScoringConfig = field(default_factory=ScoringConfig)
+
+    @cached_property
+    def length_scale(self) -> float:
+        """The unit of length of the model."""
+        return (self.start.body if self.start else self.body).length_scale
+
+    @cached_property
+    def held_out_transitions(self) -> Transitions | None:
+        """None if nothing is held out."""
+        return transitions_of(self.held_out, self.length_scale) if self.held_out else None
+
+    @cached_property
+    def identity(self) -> dict[str, str]:
+        """What must be the same to go on, by name, in words for people; the values of a digest stand for the numbers."""
+        body = {name: np.asarray(getattr(self.body, name)).tolist() for name in self.body.__dataclass_fields__}
+        selection = None if self.selection is None else {**asdict(self.selection), "scoring": asdict(self.scoring)}
+        return {
+            "model": self.kind.value,
+            "body": f"{self.body.name}, digest {_digest(body)}",
+            "protocol": json.dumps(document_of(self.protocol), sort_keys=True),
+            "seed": str(self.seed),
+            "tosses": _described(self.tosses),
+            "held-out tosses": _described(self.held_out),
+            "selection": json.dumps(selection, sort_keys=True),
+            "start": _start_described(self.start),
+        }
+
+
+def begin(plan: TrainingPlan) -> CuratedTraining:
+    """The training of a plan before its first step; its first selection is made at the theta that it begins at.
+
+    Raises:
+        InvalidValueError: nothing to learn from, or nothing held out where the protocol needs it.
+    """
+    noise, shuffles = np.random.SeedSequence(plan.seed).generate_state(2)
+    everything = transitions_of(plan.tosses, plan.length_scale)
+    model = _copy_of(plan.start) if plan.start else initial_model(
+        plan.kind, plan.body, plan.protocol.form, rows_of(everything), np.random.default_rng(noise)
+    )  # fmt: skip
+    reranking = _reranking(plan)
+    first = reranking.select(theta_0(model) if plan.protocol.exact else model) if reranking else None
+    data = kept_transitions(plan.tosses, first.kept, plan.length_scale) if first else everything
+    training = Training(model, data, plan.held_out_transitions, plan.protocol, int(shuffles))
+    return CuratedTraining(training, plan.tosses, reranking, (first,) if first else ())
+
+
+def stored(plan: TrainingPlan, curated: CuratedTraining, notes: Mapping[str, str] | None = None) -> bytes:
+    """A training of the plan as the bytes of a checkpoint, with `notes` of one's own."""
+    selections = document_of_selections(curated.selections)
+    return checkpoint_bytes(curated.training, {**(notes or {}), **plan.identity, SELECTIONS: selections})
+
+
+def resume(plan: TrainingPlan, data: bytes, source: Path | str) -> CuratedTraining:
+    """Goes on where the training in the bytes of a checkpoint was.
+
+    Args:
+        plan: the one it was begun with.
+        data: untrusted.
+        source: where they come from, for the message.
+
+    Raises:
+        UnreadableInputError: no such bytes.
+        InvalidValueError: they belong to another plan; the line says in what it differs.
+    """
+    notes = notes_of_bytes(data, source)
+    _check_identity(plan.identity, notes, source)
+    try:
+        selections = selections_of(notes[SELECTIONS])
+    except MALFORMED as error:
+        raise UnreadableInputError(source, f"says not what was selected ({type(error).__name__}: {error})") from error
+    last = selections[-1] if selections else None
+    reranking = _reranking(plan, last)
+    ids = last.kept if last else [toss.toss_id for toss in plan.tosses]
+    transitions = kept_transitions(plan.tosses, ids, plan.length_scale)
+    body = plan.start.body if plan.start else plan.body
+    training = training_of_bytes(data, source, transitions, plan.held_out_transitions, body)
+    return CuratedTraining(training, plan.tosses, reranking, selections)
+
+
+def _reranking(plan: TrainingPlan, last: Selected | None = None) -> Reranking | None:
+    if plan.selection is None:
+        return None
+    scorer = toss_scorer(plan.scoring, plan.selection.ranking.criterion)
+    return Reranking(plan.tosses, scorer, plan.selection, last)
+
+
+def _copy_of(model: Model) -> Model:
+    """Training changes a model in place."""
+    return model_of_tensors(model.kind, model.settings(), tensors_of(model), model.body)
+
+
+def _check_identity(expected: Mapping[str, str], notes: Mapping[str, str], source: Path | str) -> None:
+    for name, value in expected.items():
+        if name not in notes:
+            raise UnreadableInputError(source, f"says not which {name} it belongs to, expected a checkpoint of `train`")
+        if notes[name] != value:
+            found, wanted = _difference(value, notes[name])
+            raise InvalidValueError(f"{name} of the training to go on with", found, f"{wanted} as in {source}")
+
+
+def _difference(found: str, expected: str) -> tuple[str, str]:
+    """Two texts; of JSON objects only the first field that differs."""
+    try:
+        one, other = json.loads(found), json.loads(expected)
+    except ValueError:
+        return found, expected
+    if not (isinstance(one, dict) and isinstance(other, dict)):
+        return found, expected
+    name = next(name for name in sorted({*one, *other}) if one.get(name) != other.get(name))
+    inner = _difference(json.dumps(one.get(name)), json.dumps(other.get(name)))
+    return f"{name} {inner[0]}", f"{name} {inner[1]}"
+
+
+def _described(tosses: Sequence[Toss]) -> str:
+    return f"{len(tosses)} tosses, digest {_digest([toss.digest() for toss in tosses])}"
+
+
+def _start_described(start: Model | None) -> str:
+    if start is None:
+        return "the published initialisation"
+    body = {name: np.asarray(getattr(start.body, name)).tolist() for name in ("mass", "inertia", "length_scale")}
+    tensors = {name: value.tolist() for name, value in tensors_of(start).items()}
+    return f"a {start.kind.value}, digest {_digest([start.settings(), body, tensors])}"
+
+
+def _digest(content: Any) -> str:
+    return sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]

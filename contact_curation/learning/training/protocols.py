@@ -1,0 +1,180 @@
+"""How a model is trained: ContactNets' published protocol, and ours with a budget of gradient steps (METHOD 1.12, appendix A).
+
+Published: one transition a step, AdamW at a small constant rate, epochs until the held-out loss has not fallen for
+int(500 / total) + 12 of them, where total = 2 * training tosses, since half of ContactNets' tosses were for training.
+Budgeted: steps of 128 transitions at a large rate that falls to zero along a cosine, the influence of large losses bounded. A
+longer selection of tosses gets no more steps than a short one.
+Exact: no such steps, but a polytope's optimum at once (learning/exact_fit.py).
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.parameter_form import Form
+from contact_curation.errors import InvalidValueError
+from contact_curation.learning.training.bounded_influence import InfluenceBound, InfluenceShape
+
+PUBLISHED_REGULARIZER = 0.3
+"""Weight of the regulariser that keeps theta's scale in place (METHOD 1.2)."""
+
+PUBLISHED_EPOCHS = 500
+"""At most so many, as in METHOD 1.13."""
+
+
+class Schedule(StrEnum):
+    """What the learning rate does: stay, or fall to zero over the budget like half a cosine."""
+
+    CONSTANT = "constant"
+    COSINE = "cosine"
+
+
+@dataclass(frozen=True)
+class Pace:
+    """AdamW for one group of parameters.
+
+    Attributes:
+        learning_rate: at the start.
+        weight_decay: decoupled from the gradient.
+    """
+
+    learning_rate: float
+    weight_decay: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.learning_rate) and self.learning_rate > 0.0):
+            raise InvalidValueError("learning_rate", self.learning_rate, "a positive number")
+        if not (math.isfinite(self.weight_decay) and self.weight_decay >= 0.0):
+            raise InvalidValueError("weight_decay", self.weight_decay, "a number of at least 0")
+
+
+@dataclass(frozen=True)
+class Patience:
+    """How many evaluations in a row may bring no lower held-out loss: more for few tosses, which make short epochs.
+
+    Attributes:
+        least: evaluations.
+        tosses: a further int(tosses / (2 * training tosses)) evaluations.
+    """
+
+    least: int = 12
+    tosses: int = 500
+
+    def __post_init__(self) -> None:
+        for name, smallest in (("least", 1), ("tosses", 0)):
+            if getattr(self, name) < smallest:
+                raise InvalidValueError(f"patience.{name}", getattr(self, name), f"at least {smallest}")
+
+    def evaluations(self, training_tosses: int) -> int:
+        """For this many tosses."""
+        return int(self.tosses / (2 * training_tosses)) + self.least
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """How a model is trained.
+
+    Attributes:
+        form: of the polytope in the model, where there is one that is trained.
+        batch: transitions of a gradient step at most.
+        polytope: optimizer of the polytope's parameters.
+        network: optimizer of the networks' parameters.
+        schedule: of both learning rates.
+        steps: budget of gradient steps; None for no limit.
+        epochs: at most so many passes over the data; None for no limit.
+        evaluation_steps: gradient steps between two evaluations; None for an evaluation after each epoch.
+        patience: when to stop early; None for never. Without it, too, the last parameters count as the result, not the best.
+        regularizer: weight of the model's own, that keeps theta's scale in place.
+        ground: weight of the squared height of the ground, where one is learned (learning/known_ground.py).
+        influence: bound on the influence of large losses.
+        loss: weights, cone and solver.
+        exact: whether a polytope's optimum is taken at once; then form, loss and `trimmed` are all of this that counts.
+        trimmed: share of the transitions that an exact fit leaves out, those that it explains worst.
+    """
+
+    form: Form
+    batch: int
+    polytope: Pace
+    network: Pace
+    schedule: Schedule
+    steps: int | None
+    epochs: int | None
+    evaluation_steps: int | None
+    patience: Patience | None
+    regularizer: float = PUBLISHED_REGULARIZER
+    ground: float = 0.0
+    influence: InfluenceBound = field(default_factory=InfluenceBound)
+    loss: LossConfig = DEFAULT_LOSS
+    exact: bool = False
+    trimmed: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("batch", "steps", "epochs", "evaluation_steps"):
+            value = getattr(self, name)
+            if value is not None and value < 1:
+                raise InvalidValueError(name, value, "at least 1")
+        if self.steps is None and self.epochs is None:
+            raise InvalidValueError("steps and epochs", "neither", "a limit on one of them")
+        if self.schedule is Schedule.COSINE and self.steps is None:
+            raise InvalidValueError("steps", "none", "a number of them, along which the cosine falls")
+        for name in ("regularizer", "ground"):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
+                raise InvalidValueError(name, getattr(self, name), "a number of at least 0")
+        if not 0.0 <= self.trimmed < 1.0:
+            raise InvalidValueError("trimmed", self.trimmed, "a share from 0 on, less than 1")
+
+    def rate(self, step: int) -> float:
+        """Share of the learning rates that gradient step number `step` of the budget, from 0 on, is taken with."""
+        if self.schedule is Schedule.CONSTANT or self.steps is None:
+            return 1.0
+        return 0.5 * (1.0 + math.cos(math.pi * min(step / self.steps, 1.0)))
+
+
+def published(kind: ModelKind) -> TrainingConfig:
+    """ContactNets' protocol for a model (METHOD 1.12)."""
+    pace = Pace(3e-5, 1e-3) if kind is ModelKind.END_TO_END else Pace(1e-4, 1e-2)
+    return TrainingConfig(
+        form=Form.CONTACTNETS,
+        batch=1,
+        polytope=pace,
+        network=pace,
+        schedule=Schedule.CONSTANT,
+        steps=None,
+        epochs=PUBLISHED_EPOCHS,
+        evaluation_steps=None,
+        patience=Patience(),
+    )
+
+
+def budgeted(kind: ModelKind) -> TrainingConfig:
+    """Our protocol for a model (METHOD 2.1, appendix A).
+
+    Networks on top of a polytope learn slowly beside it: what it can explain, it shall. End to end, the loss is a norm, whose
+    slope is bounded already.
+    """
+    end_to_end = kind is ModelKind.END_TO_END
+    alone = kind in (ModelKind.END_TO_END, ModelKind.DEEPVERTEX)
+    return TrainingConfig(
+        form=Form.PHYSICAL,
+        batch=64 if kind in (ModelKind.DEEP, ModelKind.DEEPVERTEX) else 128,
+        polytope=Pace(3e-2),
+        network=Pace(1e-3 if alone else 1e-4, 1e-2),
+        schedule=Schedule.COSINE,
+        steps=4000 if end_to_end else 1500,
+        epochs=None,
+        evaluation_steps=100,
+        patience=None,
+        ground=2.4,
+        influence=InfluenceBound() if end_to_end else InfluenceBound(0.95, 20.0, 1.0, InfluenceShape.GEMAN),
+    )
+
+
+ROUND_TRIMMED = 0.005
+"""Share that rounds leave out by default, which learn from designed throws, too (docs/learning.md)."""
+
+
+def exact(trimmed: float = 0.0) -> TrainingConfig:
+    """The protocol that takes a polytope's optimum at once; with a share of the transitions to leave out."""
+    return replace(budgeted(ModelKind.POLYTOPE), exact=True, trimmed=trimmed)

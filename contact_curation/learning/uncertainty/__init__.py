@@ -1,0 +1,1 @@
+"""Uncertainty of fitted parameters, and its empirical coverage."""

@@ -1,0 +1,226 @@
+"""What is known of a polytope after it was fitted to tosses: per parameter in mm, friction and degrees (METHOD 2.8).
+
+Three standard deviations, with H the Gauss-Newton information and s the scores at theta, k counting tosses and t transitions:
+
+    Cramer-Rao  (A0 + H / sigma^2)^-1                        if all residuals were independent and of one variance sigma^2
+    sandwich    B (sum_k s_k s_k^T + sigma^4 A0) B           if only tosses are independent (Huber 1967): the one to trust
+                with B = (H + sigma^2 A0)^-1
+    naive       (sum_t s_t s_t^T)^-1                         the inverse of the empirical Fisher matrix, as often taken
+
+sigma^2 comes from tosses that theta was not fitted to: the mean, over the directions that they measure, of their scores'
+variance relative to what H says it is for sigma = 1,
+
+    sigma^2 = tr(H_o^+ sum_t s_t s_t^T) / rank H_o .
+
+One sigma^2, not one per kind of residual: the loss weighs the kinds once and for all, so that theta is fitted as if the
+weighted residuals were alike, and what breaks this most is not their kind but impacts, a few frames with most of the loss and
+of the information. This figure weighs every residual by what it tells of theta, and does not depend on theta's coordinates.
+
+The s_k are taken about their mean, which is zero where theta is the optimum of the tosses, so that the sandwich means something
+next to it, too. With fewer tosses than parameters it cannot see all directions and says too little; Cramer-Rao does not.
+
+A0 is what was known before the first toss: the spread of the published initialisation. In the sandwich it enters as if it were
+one more toss, with score variance sigma^4 A0, so that a vertex that nothing touched is known as well as before, and no better.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from contact_curation.contact.evaluation import Estimator
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
+from contact_curation.contact.models.polytope import INITIAL_NOISE, PolytopeModel
+from contact_curation.contact.parameter_form import Form, parameter_form
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.information.covariance import model_covariance, sandwich_covariance
+from contact_curation.information.subspace import identifiable_subspace
+from contact_curation.learning.fits.polytope_sums import PolytopeSums, polytope_sums
+from contact_curation.motion.transitions import Transitions
+
+
+@dataclass(frozen=True)
+class KnownConfig:
+    """How it is found out what is known.
+
+    Attributes:
+        loss: weights and solver.
+        vertices, height: what was known before [characteristic lengths].
+        friction: the same, as a share.
+        tilt: the same [rad].
+    """
+
+    loss: LossConfig = field(default_factory=lambda: DEFAULT_LOSS)
+    vertices: float = INITIAL_NOISE
+    friction: float = INITIAL_NOISE
+    tilt: float = INITIAL_NOISE
+    height: float = INITIAL_NOISE
+
+    def __post_init__(self) -> None:
+        for name in ("vertices", "friction", "tilt", "height"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+                raise InvalidValueError(f"known.{name}", getattr(self, name), "a positive number")
+
+
+class KnownParameter(NamedTuple):
+    """One parameter and its standard deviations.
+
+    Attributes:
+        name: as in `ParameterForm.names`.
+        unit: "mm", "deg" or "" for friction.
+        value: of the model; a tilt is measured from its own normal and is zero, the height is the ground's amid the tosses.
+        cramer_rao, sandwich, naive: see above; inf where the empirical Fisher matrix is singular.
+    """
+
+    name: str
+    unit: str
+    value: float
+    cramer_rao: float
+    sandwich: float
+    naive: float
+
+
+class KnownVertex(NamedTuple):
+    """Where a vertex is, and the ellipsoid of one standard deviation about it, by the sandwich.
+
+    Attributes:
+        position_mm: (3,) in the body's frame.
+        axes_mm: (3,) half axes, longest first.
+        directions: (3, 3) rows: unit vectors along them.
+    """
+
+    position_mm: Array
+    axes_mm: Array
+    directions: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What is known of a polytope.
+
+    Attributes:
+        parameters: in the order of theta, physical form.
+        vertices: V of them, those of the gaps.
+        noise_variance: sigma^2 [characteristic units of the loss].
+        directions: how many directions of theta the tosses themselves measure, of as many as there are parameters.
+        to_optimum: largest distance of a parameter from where a Newton step on these tosses takes it, in its Cramer-Rao
+            standard deviations; where it is above one, theta was not fitted to these tosses, or not to the end.
+        tosses: that theta was fitted to.
+        not_solved: transitions of these that were left out.
+    """
+
+    parameters: tuple[KnownParameter, ...]
+    vertices: tuple[KnownVertex, ...]
+    noise_variance: float
+    directions: int
+    to_optimum: float
+    tosses: int
+    not_solved: int
+
+
+def known(model: PolytopeModel, fitted: Transitions, others: Transitions, config: KnownConfig) -> Known:
+    """What is known.
+
+    Args:
+        model: fitted; its geometry is physical.
+        fitted: the tosses that it was fitted to.
+        others: tosses that it was not fitted to, for sigma^2.
+        config: loss and prior.
+
+    Raises:
+        InvalidValueError: the geometry has no physical form, or no toss says anything of theta.
+    """
+    model = _about_the_middle(model, fitted)
+    sums = polytope_sums(model, fitted, Estimator.GAUSS_NEWTON, config.loss)
+    information = sums.fishers.sum(axis=0)
+    variance = noise_variance(model, others, config.loss)
+    prior = np.diag(_prior_deviations(model, config) ** -2)  # (P, P) A0
+    cramer_rao = model_covariance(identifiable_subspace(prior + information / variance), 1.0)
+    sandwich = _sandwich(sums, variance, prior)
+    naive = _inverse(polytope_sums(model, fitted, Estimator.EMPIRICAL, config.loss).fishers.sum(axis=0))
+    deviations = tuple(np.sqrt(np.diagonal(each)) for each in (cramer_rao, sandwich, naive))
+    newton = np.linalg.solve(variance * prior + information, sums.scores.sum(axis=0))
+    return Known(
+        parameters=_parameters(model, *deviations),
+        vertices=_vertices(model, sandwich),
+        noise_variance=variance,
+        directions=identifiable_subspace(information).dimension,
+        to_optimum=float(np.abs(newton / deviations[0]).max()),
+        tosses=len(fitted.toss_ids),
+        not_solved=int(sums.not_solved.sum()),
+    )
+
+
+def noise_variance(model: PolytopeModel, others: Transitions, loss: LossConfig) -> float:
+    """Sigma^2 of the residuals, by tosses that the model was not fitted to."""
+    information = polytope_sums(model, others, Estimator.GAUSS_NEWTON, loss).fishers.sum(axis=0)
+    empirical = polytope_sums(model, others, Estimator.EMPIRICAL, loss).fishers.sum(axis=0)
+    whitening = identifiable_subspace(information).whitening
+    return float(np.einsum("pa,pq,qa->", whitening, empirical, whitening) / whitening.shape[1])
+
+
+def _sandwich(sums: PolytopeSums, variance: float, prior: Array) -> Array:
+    bread = identifiable_subspace(sums.fishers.sum(axis=0) + variance * prior)
+    centred = sums.scores if len(sums.scores) < 2 else sums.scores - sums.scores.mean(axis=0)
+    return sandwich_covariance(bread, np.concatenate([centred, variance * np.sqrt(prior)]))
+
+
+def _inverse(matrix: Array) -> Array:
+    """Its inverse; infinite where it has none."""
+    subspace = identifiable_subspace(matrix)
+    if subspace.dimension < len(matrix):
+        return np.full(matrix.shape, np.inf)
+    return model_covariance(subspace, 1.0)
+
+
+def _about_the_middle(model: PolytopeModel, data: Transitions) -> PolytopeModel:
+    """The same ground, its height told where the tosses were; tilt and height then keep apart as well as they can."""
+    geometry = model.geometry()
+    pivot = np.array([*data.before[:, :2].mean(axis=0), 0.0])
+    height = geometry.height + float(geometry.normal @ (geometry.pivot - pivot))
+    return PolytopeModel(replace(geometry, pivot=pivot, height=height), model.body, Form.PHYSICAL)
+
+
+def _by_block(model: PolytopeModel, values: dict[str, float]) -> Array:
+    """(P,) one value per block, for each of its parameters."""
+    return np.concatenate([np.full(b.size, values[b.name]) for b in parameter_form(model.geometry(), Form.PHYSICAL).blocks])
+
+
+def _prior_deviations(model: PolytopeModel, config: KnownConfig) -> Array:
+    deviations = {"friction": config.friction, "tilt": config.tilt, "height": config.height}
+    return _by_block(model, {"vertices_normal": config.vertices, "vertices_tangent": config.vertices, **deviations})
+
+
+def unit_sizes(model: PolytopeModel) -> Array:
+    """(P,) what a small change of theta is multiplied with to be in mm, friction (theta has its logarithm) and degrees."""
+    millimetres = 1e3 * model.body.length_scale
+    others = {"friction": _friction(model), "tilt": float(np.degrees(1.0)), "height": millimetres}
+    return _by_block(model, {"vertices_normal": millimetres, "vertices_tangent": millimetres, **others})
+
+
+def _friction(model: PolytopeModel) -> float:
+    return float(np.linalg.norm(model.geometry().tangents[0]))
+
+
+def _parameters(model: PolytopeModel, cramer_rao: Array, sandwich: Array, naive: Array) -> tuple[KnownParameter, ...]:
+    geometry, scales = model.geometry(), unit_sizes(model)
+    vertices = (geometry.vertices_normal.ravel(), geometry.vertices_tangent.ravel())
+    values = scales * np.concatenate([*vertices, [1.0, 0.0, 0.0, geometry.height]])
+    names = parameter_form(geometry, Form.PHYSICAL).names()
+    units = [{"friction": "", "tilt": "deg"}.get(name.partition("[")[0], "mm") for name in names]
+    columns = (values, *(scales * each for each in (cramer_rao, sandwich, naive)))
+    return tuple(KnownParameter(*row) for row in zip(names, units, *(column.tolist() for column in columns), strict=True))
+
+
+def _vertices(model: PolytopeModel, covariance: Array) -> tuple[KnownVertex, ...]:
+    millimetres = 1e3 * model.body.length_scale
+    return tuple(
+        _vertex(millimetres * place, millimetres**2 * covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3])
+        for k, place in enumerate(model.geometry().vertices_normal)
+    )
+
+
+def _vertex(position_mm: Array, covariance: Array) -> KnownVertex:
+    variances, directions = np.linalg.eigh(covariance)
+    return KnownVertex(position_mm, np.sqrt(np.maximum(variances[::-1], 0.0)), directions.T[::-1])

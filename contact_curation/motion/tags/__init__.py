@@ -1,0 +1,1 @@
+"""Poses of a body and of the board from detected AprilTags."""

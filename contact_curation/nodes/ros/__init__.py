@@ -1,0 +1,1 @@
+"""What all nodes share: parameters, quality of service, workers, delivery of numbered messages."""

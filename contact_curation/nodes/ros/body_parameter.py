@@ -1,0 +1,19 @@
+"""The parameter that says which body a node works on."""
+
+from pathlib import Path
+
+from rclpy.node import Node
+
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
+from contact_curation.nodes.ros.parameters import declare
+from contact_curation.storage.body_file import read_body
+
+
+def declared_body(node: Node) -> Body:
+    """The body that parameter `body_file` describes; ContactNets' cube where it is empty.
+
+    Raises:
+        UnreadableInputError: the file describes no body.
+    """
+    path = declare(node, "body_file", "", "YAML file that describes the body; empty: ContactNets' cube")
+    return read_body(Path(path)) if path else CONTACTNETS_CUBE

@@ -1,0 +1,166 @@
+"""Numbered messages, each once and in order, from a topic and the service behind it.
+
+What a node publishes it has stored, numbered from 1. The topic is quick, the service complete: whoever comes late, was killed,
+or finds a number missing asks the service for what follows the last one it has. Asking once a second as well costs little
+and also finds what was stored and never announced. A store that was made anew counts from 1 again: then everything is taken.
+"""
+
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.task import Future
+
+from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
+from contact_curation.nodes.ros.worker import Worker
+
+PERIOD = 1.0
+"""[s] between questions when nothing is missing."""
+
+PATIENCE = 5
+"""Periods until a question without an answer is asked again: the server was killed meanwhile."""
+
+
+class Cursor(NamedTuple):
+    """The last message that was taken: its number and its toss; zero and empty before the first."""
+
+    sequence: int = 0
+    toss_id: str = ""
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where numbered messages come from.
+
+    Attributes:
+        message: type of the messages; with fields `sequence` and `toss_id`.
+        topic: that announces them.
+        service: type of the service; its request has `after_sequence` and `limit`, its response `last_sequence`.
+        service_name: that gives them on demand.
+        field: of the response, with the messages.
+        page: how many are asked for at a time.
+    """
+
+    message: Any
+    topic: str
+    service: Any
+    service_name: str
+    field: str
+    page: int
+
+
+class CatchUp:
+    """Follows a source from a cursor on.
+
+    Args:
+        node: that listens.
+        worker: that handles what comes.
+        source: what to follow.
+        cursor: where an earlier run stopped; checked against the source before it is believed.
+        handle: called on the worker with messages in order, and the cursor behind them.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        worker: Worker,
+        source: Source,
+        cursor: Cursor,
+        handle: Callable[[Sequence[Any], Cursor], None],
+    ) -> None:
+        self._worker = worker
+        self._source = source
+        self._handle = handle
+        self._cursor = cursor
+        self._confirmed = cursor.sequence == 0
+        self._generation = 0
+        self._lock = threading.RLock()
+        self._asked: Future | None = None
+        self._silent = 0
+        self._client = node.create_client(source.service, source.service_name)
+        node.create_subscription(source.message, source.topic, self._heard, kept(RESULTS_KEPT))
+        node.create_timer(PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    @property
+    def cursor(self) -> Cursor:
+        """Behind the last message that was given to the worker."""
+        return self._cursor
+
+    def restart(self) -> None:
+        """Takes everything once more, from the first message on; what waits for the worker now is forgotten."""
+        with self._lock:
+            self._generation += 1
+            self._cursor, self._confirmed = Cursor(), True
+            self._drop_question()
+        self._ask()
+
+    def _heard(self, message: Any) -> None:
+        """A message of the topic: taken when it is the next one, otherwise a reason to ask."""
+        with self._lock:
+            if self._confirmed and message.sequence == self._cursor.sequence + 1:
+                self._take([message])
+                return
+            missing = not self._confirmed or message.sequence > self._cursor.sequence
+        if missing:
+            self._ask()
+
+    def _tick(self) -> None:
+        with self._lock:
+            self._silent = self._silent + 1 if self._asked is not None else 0
+            if self._silent > PATIENCE:
+                self._drop_question()
+        if self._worker.waiting == 0:
+            self._ask()
+
+    def _ask(self) -> None:
+        """Asks for the next page, unless an answer is due already or there is nobody to ask."""
+        with self._lock:
+            if self._asked is not None or not self._client.service_is_ready():
+                return
+            after = self._cursor.sequence if self._confirmed else self._cursor.sequence - 1
+            request = self._source.service.Request(after_sequence=after, limit=self._source.page)
+            self._silent = 0
+            self._asked = self._client.call_async(request)
+            self._asked.add_done_callback(self._answered)
+
+    def _answered(self, future: Future) -> None:
+        with self._lock:
+            if self._asked is None or future is not self._asked:
+                return
+            self._asked = None
+            response = future.result()
+            messages = list(getattr(response, self._source.field))
+            if not self._same_source(messages, response.last_sequence):
+                self._cursor, self._confirmed, more = Cursor(), True, True
+            else:
+                fresh = [message for message in messages if message.sequence > self._cursor.sequence]
+                self._take(fresh)
+                more = bool(fresh) and self._cursor.sequence < response.last_sequence
+        if more:
+            self._worker.do(self._ask)  # behind the messages of this page, so that pages do not pile up
+
+    def _same_source(self, messages: Sequence[Any], last_sequence: int) -> bool:
+        """Whether the cursor belongs to this source; a new store knows neither its number nor its toss."""
+        if not self._confirmed:
+            first = messages[0] if messages else None
+            self._confirmed = first is not None and Cursor(first.sequence, first.toss_id) == self._cursor
+            return self._confirmed
+        return last_sequence >= self._cursor.sequence
+
+    def _take(self, messages: Sequence[Any]) -> None:
+        if messages:
+            self._cursor = Cursor(messages[-1].sequence, messages[-1].toss_id)
+            self._worker.do(partial(self._hand_over, self._generation, messages, self._cursor))
+
+    def _hand_over(self, generation: int, messages: Sequence[Any], cursor: Cursor) -> None:
+        if generation == self._generation:
+            self._handle(messages, cursor)
+
+    def _drop_question(self) -> None:
+        if self._asked is not None:
+            self._client.remove_pending_request(self._asked)
+            self._asked = None

@@ -1,0 +1,60 @@
+"""The parameters of a design, by the names that `--set` of `contact-curation design` has for them."""
+
+from dataclasses import replace
+
+from rclpy.node import Node
+
+from contact_curation.contact.body import Body
+from contact_curation.design.candidates import OutlookConfig
+from contact_curation.design.designer import ONE_THREAD, DesignerConfig
+from contact_curation.design.planner import DesignConfig
+from contact_curation.design.readiness import CanaryConfig
+from contact_curation.design.safety_set import Feasible
+from contact_curation.nodes.ros.parameters import declare, declare_config
+
+JUDGED = ("forecast", "safety", "noise", "placement")
+
+
+def declared_thrower(node: Node, body: Body) -> Feasible | None:
+    """What the thrower says of throws; None where parameter `thrower` is empty.
+
+    Raises:
+        InvalidValueError: an arm that there cannot be.
+    """
+    if not declare(
+        node, "thrower", "", "arm: only throws that sim_arm can make, with its parameters arm.*", choices=("", "arm")
+    ):
+        return None
+    from contact_curation.simulation.arm.feasibility import ArmFeasibility
+    from contact_curation.simulation.arm.model import ArmConfig  # MuJoCo takes a while to import
+    from contact_curation.simulation.arm.safety import GateConfig
+    from contact_curation.simulation.arm.throw_motion import ThrowPlanner
+
+    arm = declare_config(node, ArmConfig(), "arm.")
+    return ArmFeasibility(ThrowPlanner(body, arm), GateConfig(keep_out_place=(arm.base[0], arm.base[1])))
+
+
+def declared_design(node: Node) -> DesignerConfig:
+    """How throws are designed.
+
+    Raises:
+        InvalidValueError: a value that is not accepted.
+        rclpy.exceptions.ParameterException: a value of another type.
+    """
+    default = DesignConfig()
+    described = {
+        "pool": "safe releases that throws are picked from",
+        "sieve": "executions of each release of the pool by which the finalists are found",
+        "finalists": "releases of the pool that are looked at with all executions",
+        "reference": "releases that make the prior information, and that the canary asks about",
+        "share": "of their mean information that is the prior information",
+    }
+    own = {name: declare(node, f"design.{name}", getattr(default, name), text) for name, text in described.items()}
+    outlook = OutlookConfig()
+    judged = {name: declare_config(node, getattr(outlook, name), f"{name}.") for name in JUDGED}
+    refinement = declare_config(node, default.refinement, "refinement.")
+    return DesignerConfig(
+        planner=replace(default, **own, outlook=replace(outlook, **judged), refinement=refinement),
+        canary=declare_config(node, CanaryConfig(), "canary."),
+        loss=declare_config(node, ONE_THREAD, "loss."),
+    )

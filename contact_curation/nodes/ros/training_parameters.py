@@ -1,0 +1,81 @@
+"""The parameters that say what the trainer trains, from where, and how."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from rclpy.node import Node
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.loss_config import DEFAULT_LOSS
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.model import Model, Rows
+from contact_curation.contact.models.polytope import PolytopeModel
+from contact_curation.contact.models.registry import initial_model
+from contact_curation.contact.parameter_form import Form
+from contact_curation.errors import InvalidValueError
+from contact_curation.learning.training.protocols import ROUND_TRIMMED, TrainingConfig, budgeted, exact
+from contact_curation.nodes.ros.parameters import declare, declare_config
+from contact_curation.storage.parameters_file import Parameters
+from contact_curation.storage.theta_file import read_theta
+
+ROUND_STEPS = 400
+"""A round begins where the last one ended, so that it needs fewer steps than a training of its own."""
+
+
+PROTOCOLS = ("auto", "exact", "budgeted")
+PROTOCOLS_EXPLAINED = (
+    "budgeted: a round is `steps` gradient steps; exact: a polytope's optimum at once, whatever the steps, batch, paces and "
+    "influence; auto: exact where there is one, that is for a polytope in the physical form"
+)
+
+
+def declared_protocol(node: Node, kind: ModelKind) -> TrainingConfig:
+    """The protocol of a round: ours for this kind of model, with what the parameters change.
+
+    Raises:
+        InvalidValueError: an exact one for what has none.
+    """
+    ours = budgeted(kind)
+    protocol = declare(node, "protocol", PROTOCOLS[0], PROTOCOLS_EXPLAINED, choices=PROTOCOLS)
+    form = Form(declare(node, "form", ours.form.value, "of theta", choices=[form.value for form in Form]))
+    has_optimum = kind is ModelKind.POLYTOPE and form is Form.PHYSICAL
+    if protocol == "exact" and not has_optimum:
+        raise InvalidValueError("protocol", f"exact for {kind.value}, {form.value}", "budgeted, or a polytope, physical")
+    if protocol != "budgeted" and has_optimum:
+        ours = exact(ROUND_TRIMMED)
+    trimmed = declare(node, "trimmed", ours.trimmed, "share of the transitions that an exact fit leaves out", bounds=(0.0, 0.5))
+    steps = declare(node, "steps", ROUND_STEPS, "gradient steps of a round", bounds=(1, 1 << 31))
+    return replace(
+        ours,
+        form=form,
+        trimmed=trimmed,
+        batch=declare(node, "batch", ours.batch, "transitions of a gradient step", bounds=(1, 1 << 20)),
+        steps=steps,
+        evaluation_steps=steps,
+        polytope=declare_config(node, ours.polytope, "polytope."),
+        network=declare_config(node, ours.network, "network."),
+        influence=declare_config(node, ours.influence, "influence."),
+        loss=declare_config(node, replace(DEFAULT_LOSS, threads=1), "loss."),
+    )
+
+
+def declared_first_model(node: Node, kind: ModelKind, body: Body, form: Form, seed: int) -> Callable[[Rows], Model]:
+    """What gives the model before the first round: a file, or the published random initialisation.
+
+    Raises:
+        ContactCurationError: the file holds no such model.
+    """
+    path = declare(node, "params", "", "theta to begin with: a JSON file or a checkpoint; empty: the random initialisation")
+    if not path:
+        return lambda data: initial_model(kind, body, form, data, np.random.default_rng(seed))
+    model = _stored_model(Path(path), body, form)
+    if model.kind is not kind:
+        raise InvalidValueError(f"model in {path}", model.kind.value, kind.value)
+    return lambda _: model
+
+
+def _stored_model(path: Path, body: Body, form: Form) -> Model:
+    theta = read_theta(path, body)
+    return PolytopeModel(theta.geometry, theta.body, form) if isinstance(theta, Parameters) else theta

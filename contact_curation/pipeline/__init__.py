@@ -1,0 +1,1 @@
+"""Recordings to tosses, scored pool, ranking and manifest: one way for all callers."""

@@ -1,0 +1,1 @@
+"""The closed loop as processes: supervision, records, report."""

@@ -1,0 +1,1 @@
+"""The simulated arm: model, limits, motion planning, safety, simulation."""

@@ -1,0 +1,109 @@
+"""A body leaves the gripper, flies, lands and bounces while the arm slows down behind it: whether the two would meet.
+
+The planned release is simulated without the arm, in the world that throws land in, until the body rests. Along that motion the
+arm is put where its plan has it: slowing down, then waiting. The gap between the two has to open and to stay open.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from contact_curation.contact.body import Body
+from contact_curation.geometry.quaternions import Array
+from contact_curation.simulation.arm.model import JOINT_NAMES, ArmConfig, free_model
+from contact_curation.simulation.arm.path import JointPath
+from contact_curation.simulation.world import world_of
+
+
+@dataclass(frozen=True)
+class DepartureConfig:
+    """How far arm and body stay apart.
+
+    Attributes:
+        at_first: gap that the release begins with at least; the pad is soft [m].
+        opening: by which the gap grows at least [m/s].
+        apart: gap that is enough at any time; the body's bounces are not known better [m].
+        longest: a body that does not rest by then is not followed further [s].
+        rest_speed: a body slower than this rests [m/s].
+        rest_spin: and turning slower than this [rad/s].
+        rest_frames: so many times in a row.
+    """
+
+    at_first: float = 0.001
+    opening: float = 0.15
+    apart: float = 0.02
+    longest: float = 3.0
+    rest_speed: float = 5e-3
+    rest_spin: float = 5e-2
+    rest_frames: int = 10
+
+
+DEFAULT_DEPARTURE = DepartureConfig()
+
+
+class Gap(NamedTuple):
+    """Where arm and body come too near: the gap that is found and the one that is wanted [m]."""
+
+    found: float
+    wanted: float
+
+
+class Departure:
+    """Says of planned motions whether the arm meets the body it has released.
+
+    Args:
+        body: that is thrown.
+        arm: that throws it.
+        step: between samples of a motion, and of the simulation [s].
+        every: samples from one look to the next.
+        config: how far they stay apart.
+    """
+
+    def __init__(
+        self, body: Body, arm: ArmConfig, step: float, every: int, config: DepartureConfig = DEFAULT_DEPARTURE
+    ) -> None:
+        self._config, self._step, self._every = config, step, every
+        self._model = free_model(body, arm, step)
+        self._data = mujoco.MjData(self._model)
+        self._flight = world_of(body, step).compile()
+        self._flight_data = mujoco.MjData(self._flight)
+        geom = self._model.geom(body.name)
+        geom.margin[:] = config.apart
+        self._board = self._model.geom("board").id
+        self._place = int(self._model.joint(body.name).qposadr[0])
+        self._joints = np.array([self._model.joint(name).qposadr[0] for name in JOINT_NAMES])
+
+    def flight(self, release: Array) -> Array:
+        """The body's states (T, 13), one every so many samples, from its release (13,) to its rest."""
+        model, data, config = self._flight, self._flight_data, self._config
+        mujoco.mj_resetData(model, data)
+        data.qpos[:], data.qvel[:] = release[:7], release[7:]
+        states, still, slow = [release], 0, np.repeat([config.rest_speed, config.rest_spin], 3)
+        for _ in range(int(config.longest / (self._every * self._step))):
+            mujoco.mj_step(model, data, self._every)
+            states.append(np.concatenate([data.qpos, data.qvel]))
+            still = still + 1 if (np.abs(data.qvel) < slow).all() else 0
+            if still == config.rest_frames:
+                break
+        return np.array(states)
+
+    def too_near(self, flight: Array, stopping: JointPath) -> Gap | None:
+        """Where the arm, on its way from the release to rest and waiting there, comes too near to the body; None if nowhere."""
+        worst: Gap | None = None
+        for frame, state in enumerate(flight):
+            wanted = min(self._config.at_first + self._config.opening * frame * self._every * self._step, self._config.apart)
+            found = self._gap(state, stopping.positions[min(frame * self._every, len(stopping) - 1)])
+            if found < wanted and (worst is None or found - wanted < worst.found - worst.wanted):
+                worst = Gap(found, wanted)
+        return worst
+
+    def _gap(self, state: Array, posture: Array) -> float:
+        """Between body and arm, or the largest that matters."""
+        model, data = self._model, self._data
+        data.qpos[self._place : self._place + 7], data.qpos[self._joints] = state[:7], posture
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_collision(model, data)
+        gaps = data.contact.dist[(data.contact.geom != self._board).all(axis=1)]
+        return float(gaps.min(initial=self._config.apart))

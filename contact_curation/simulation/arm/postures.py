@@ -1,0 +1,244 @@
+"""Postures to release a body in: the pad on one of its faces, and joint speeds that give it the wanted twist.
+
+The pad's place and axis are five conditions on seven joints, and the face is free too: a large family. It is searched through a
+table of postures (which is as good at every turn of the first joint, so it only has to cover a slice), the best few are brought
+onto the release pose by differential inverse kinematics (mink), and joint speeds are found on the line of those that give the
+twist, so that the largest share of a limit is the smallest.
+"""
+
+from dataclasses import dataclass
+
+import mink
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from contact_curation.geometry.quaternions import Array
+from contact_curation.simulation.arm.grasps import Grasps
+from contact_curation.simulation.arm.kinematics import Postures, about_z, postures_of
+from contact_curation.simulation.arm.limits import JOINTS, JointLimits
+from contact_curation.simulation.arm.model import GRIPPER_LENGTH, PAD, ArmConfig
+from contact_curation.simulation.arm.path import RampConfig, ramp_way
+
+Indices = NDArray[np.int64]
+
+REACHED = 1e-6
+"""A posture is on the release pose within this [m, rad]."""
+
+
+@dataclass(frozen=True)
+class SearchConfig:
+    """How hard postures are looked for.
+
+    Attributes:
+        table: postures that are tried for the table.
+        neighbours: taken from the table for each face.
+        refined: how many of them are brought onto the pose.
+        iterations: of the inverse kinematics at most.
+        place_scale: a difference in place that counts like a turn by `turn_scale` [m].
+        turn_scale: [rad].
+        seed: of the table.
+    """
+
+    table: int = 120_000
+    neighbours: int = 80
+    refined: int = 10
+    iterations: int = 12
+    place_scale: float = 0.10
+    turn_scale: float = 0.35
+    seed: int = 0
+
+
+DEFAULT_SEARCH = SearchConfig()
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One way to release a body.
+
+    Attributes:
+        joints: (7,) posture [rad].
+        speeds: (7,) [rad/s].
+        grasp: index of the face that is held.
+        miss: how far the pad is from its place and axis [m + rad].
+        speed_use: (7,) share of the joints' speed limits.
+        range_use: (7,) share of the joints' ranges that is used on the way from rest to release and to rest again.
+    """
+
+    joints: Array
+    speeds: Array
+    grasp: int
+    miss: float
+    speed_use: Array
+    range_use: Array
+
+    @property
+    def cost(self) -> float:
+        """The largest share of any limit; at most 1 if there is nothing against it."""
+        return float(max(self.speed_use.max(), self.range_use.max()))
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """The pad at release, in the frame of the arm's base, for each of G faces.
+
+    Attributes:
+        grasps: (G,) indices of faces, integers.
+        places: (G, 3) [m].
+        axes: (G, 3) into the body.
+        twists: (G, 6) velocity [m/s] and angular velocity [rad/s].
+    """
+
+    grasps: Indices
+    places: Array
+    axes: Array
+    twists: Array
+
+
+def pad_targets(release: Array, grasps: Grasps, config: ArmConfig) -> Target:
+    """Where the pad has to be, and how it has to move, to release a body in state (13,)."""
+    turned = Rotation.from_quat(release[3:7], scalar_first=True)
+    home = Rotation.from_euler("z", -config.yaw)
+    arms, axes = turned.apply(grasps.places), -turned.apply(grasps.normals)
+    spin = turned.apply(release[10:])
+    velocities = release[7:10] + np.cross(spin, arms)
+    twists = np.hstack([home.apply(velocities), np.tile(home.apply(spin), (len(grasps), 1))])
+    return Target(np.arange(len(grasps)), home.apply(release[:3] + arms - config.base), home.apply(axes), twists)
+
+
+class PostureSearch:
+    """Finds release postures of an arm; made once, for the table takes a while.
+
+    Args:
+        model: the arm with a body in its gripper, see `arm.planning_model`.
+        config: of the arm.
+        ramp: how its joints speed up.
+        search: how hard to look.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, config: ArmConfig, ramp: RampConfig, search: SearchConfig = DEFAULT_SEARCH
+    ) -> None:
+        self._limits, self._ramp, self._search, self._margin = config.limits, ramp, search, config.margin
+        self._yaw, self._base = config.yaw, np.asarray(config.base)
+        self._configuration = mink.Configuration(model)
+        self._bounds = [mink.ConfigurationLimit(model)]
+        self._table = _table(config, search)
+        self._azimuths = np.arctan2(self._table.places[:, 1], self._table.places[:, 0])
+        back = about_z(-self._azimuths)
+        self._jacobians = np.concatenate([back @ self._table.jacobians[:, :3], back @ self._table.jacobians[:, 3:]], axis=1)
+        axes = np.einsum("nij,nj->ni", back, self._table.frames[:, :, 2])
+        radii = np.hypot(self._table.places[:, 0], self._table.places[:, 1])
+        self._tree = cKDTree(self._features(radii, self._table.places[:, 2], axes))
+
+    def candidates(self, target: Target) -> list[Candidate]:
+        """Ways to release, the best first; of those that reach the pose, or of the nearest where none does."""
+        seeds, faces = self._seeds(target)
+        refined = np.array([self._refined(seed, target.places[face], target.axes[face]) for seed, face in zip(seeds, faces)])
+        exact = postures_of(refined, GRIPPER_LENGTH)
+        off = np.linalg.norm(exact.places - target.places[faces], axis=1)
+        off += np.arccos(np.clip((exact.frames[:, :, 2] * target.axes[faces]).sum(axis=1), -1.0, 1.0))
+        speeds = least_speeds(exact.jacobians, target.twists[faces], self._limits)
+        use, ranges = self._use(refined, speeds)
+        found = [
+            Candidate(refined[k], speeds[k], int(target.grasps[faces[k]]), float(off[k]), use[k], ranges[k])
+            for k in range(len(refined))
+        ]
+        reached = [one for one in found if one.miss <= 1e3 * REACHED]
+        return sorted(reached, key=lambda one: one.cost) or sorted(found, key=lambda one: one.miss)[:1]
+
+    def _seeds(self, target: Target) -> tuple[Array, Indices]:
+        """Postures (R, 7) from the table that promise most, and for which face each (R,)."""
+        azimuths = np.arctan2(target.places[:, 1], target.places[:, 0])
+        back = about_z(-azimuths)
+        axes = np.einsum("gij,gj->gi", back, target.axes)
+        radii = np.hypot(target.places[:, 0], target.places[:, 1])
+        distances, rows = self._tree.query(self._features(radii, target.places[:, 2], axes), k=self._search.neighbours)
+        faces = np.repeat(np.arange(len(radii)), self._search.neighbours)
+        rows, distances = rows.ravel(), distances.ravel()
+        joints = self._table.joints[rows].copy()
+        joints[:, 0] = _wrapped(azimuths[faces] - self._azimuths[rows])
+        twists = np.concatenate([np.einsum("gij,gj->gi", back, target.twists[:, part]) for part in (slice(3), slice(3, 6))], 1)
+        speeds = least_speeds(self._jacobians[rows], twists[faces], self._limits)
+        use, ranges = self._use(joints, speeds)
+        cost = np.maximum(use.max(axis=1), ranges.max(axis=1)) + 0.1 * distances
+        best = np.argsort(cost, kind="stable")[: self._search.refined]
+        return np.clip(joints[best], self._limits.lowest + 1e-3, self._limits.highest - 1e-3), faces[best]
+
+    def _refined(self, seed: Array, place: Array, axis: Array) -> Array:
+        """The posture (7,) near `seed` that has the pad at `place` along `axis` (base frame), as far as limits let it."""
+        configuration = self._configuration
+        configuration.update(seed)
+        turn = Rotation.from_euler("z", self._yaw)
+        wanted, there = self._base + turn.apply(place), turn.apply(axis)
+        frame = configuration.get_transform_frame_to_world(PAD, "site").rotation().as_matrix()
+        task = mink.FrameTask(PAD, "site", position_cost=1.0, orientation_cost=1.0)
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = _swung(frame[:, 2], there) @ frame, wanted
+        task.set_target(mink.SE3.from_matrix(pose))
+        for _ in range(self._search.iterations):
+            step = mink.solve_ik(configuration, [task], 1.0, "daqp", damping=1e-9, limits=self._bounds)
+            configuration.integrate_inplace(step, 1.0)
+            if np.linalg.norm(task.compute_error(configuration)) < REACHED:
+                break
+        return np.array(configuration.q)
+
+    def _use(self, joints: Array, speeds: Array) -> tuple[Array, Array]:
+        """Shares of the speed limits and of the ranges (N, 7), for postures passed at speeds."""
+        limits = self._limits
+        use = limits.speed_use(joints, speeds) / self._margin
+        way = np.abs(ramp_way(speeds, self._ramp))
+        middle, half = 0.5 * (limits.highest + limits.lowest), 0.5 * (limits.highest - limits.lowest)
+        return use, (np.abs(joints - middle) + way) / half
+
+    def _features(self, radii: Array, heights: Array, axes: Array) -> Array:
+        place, turn = self._search.place_scale, self._search.turn_scale
+        return np.column_stack([radii / place, heights / place, axes / turn])
+
+
+def least_speeds(jacobians: Array, twists: Array, limits: JointLimits) -> Array:
+    """Joint speeds (N, 7) that give twists (N, 6), the largest share of a speed limit as small as possible.
+
+    They lie on a line, the least one plus any multiple of the motion that leaves the pad where it is; along it the largest
+    share is convex.
+    """
+    scaled = jacobians * limits.speed  # (N, 6, 7)
+    transposed = scaled.transpose(0, 2, 1)
+    gram = scaled @ transposed + 1e-9 * np.eye(6)
+    probe = np.random.default_rng(0).standard_normal(JOINTS)
+    solved = np.linalg.solve(gram, np.stack([twists, scaled @ probe], axis=2))  # (N, 6, 2)
+    both = transposed @ solved
+    least, idle = both[:, :, 0], probe - both[:, :, 1]
+    idle /= np.maximum(np.linalg.norm(idle, axis=1, keepdims=True), 1e-12)
+    low = -np.full(len(least), 2.0) * (1.0 + np.abs(least).max(axis=1))
+    high = -low
+    for _ in range(40):  # by thirds
+        third = (high - low) / 3.0
+        left = np.abs(least + (low + third)[:, None] * idle).max(axis=1)
+        right = np.abs(least + (high - third)[:, None] * idle).max(axis=1)
+        low, high = np.where(left > right, low + third, low), np.where(left > right, high, high - third)
+    return np.asarray((least + (0.5 * (low + high))[:, None] * idle) * limits.speed)
+
+
+def _table(config: ArmConfig, search: SearchConfig) -> Postures:
+    """Postures with the pad over the board, the first joint at 0."""
+    rng = np.random.default_rng(search.seed)
+    joints = rng.uniform(config.limits.lowest, config.limits.highest, (search.table, JOINTS))
+    joints[:, 0] = 0.0
+    postures = postures_of(joints, GRIPPER_LENGTH)
+    heights = postures.places[:, 2] + config.base[2]
+    kept = np.flatnonzero((heights > 0.0) & (heights < 0.5))
+    return Postures(postures.joints[kept], postures.places[kept], postures.frames[kept], postures.jacobians[kept])
+
+
+def _swung(axis: Array, wanted: Array) -> Array:
+    """The smallest rotation (3, 3) that takes one unit vector to another."""
+    normal, angle = np.cross(axis, wanted), np.arccos(np.clip(axis @ wanted, -1.0, 1.0))
+    length = np.linalg.norm(normal)
+    return np.asarray(Rotation.from_rotvec(normal / max(length, 1e-12) * angle).as_matrix())
+
+
+def _wrapped(angles: Array) -> Array:
+    return np.asarray((angles + np.pi) % (2.0 * np.pi) - np.pi)

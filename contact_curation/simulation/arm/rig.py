@@ -1,0 +1,95 @@
+"""A throw and its toss in one process: the simulated arm throws, a tracker looks on, and its poses become a toss.
+
+The tracker has the real rig's noise, and the tosses pass the segmenter and the gates of `pose_ingest`.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from contact_curation.contact.body import Body
+from contact_curation.design.planner import Planner
+from contact_curation.design.throw import Throw, throw_of_state
+from contact_curation.geometry.poses import Pose
+from contact_curation.geometry.scalars import ScalarPose
+from contact_curation.motion.body_tracker import TrackerConfig
+from contact_curation.motion.ingest import IngestConfig, TossIngest
+from contact_curation.motion.pose_stream import FramePose
+from contact_curation.motion.toss import NANOSECONDS, Toss
+from contact_curation.simulation.arm.feasibility import ArmFeasibility
+from contact_curation.simulation.arm.safety import GateConfig
+from contact_curation.simulation.arm.throw import ArmThrower, ExecutedThrow
+from contact_curation.simulation.arm.throw_motion import ThrowPlanner
+from contact_curation.simulation.tracker_noise import TrackerNoise, TrackerNoiseConfig
+
+BOARD = "body_surface"
+PAUSE_NS = 10 * NANOSECONDS
+"""Between throws."""
+
+
+class Seen(NamedTuple):
+    """A throw as it was made, and its toss; None where the tracker's poses made none."""
+
+    commanded: Throw
+    executed: Throw
+    toss: Toss | None
+
+
+class ArmRig:
+    """Throws one body with the simulated arm.
+
+    Args:
+        body: that is thrown.
+        seed: of the gripper's delays and the tracker's noise.
+        tracker: its faults.
+    """
+
+    def __init__(self, body: Body, seed: int, tracker: TrackerNoiseConfig | None = None) -> None:
+        self.body = body
+        self.feasibility = ArmFeasibility(ThrowPlanner(body), GateConfig())
+        self._thrower = ArmThrower(self.feasibility.planner, seed=seed)
+        self._noise = TrackerNoise(tracker or TrackerNoiseConfig(), seed)
+        self._now_ns = PAUSE_NS
+
+    def throw(self, throw: Throw) -> Seen:
+        """Makes a throw.
+
+        Raises:
+            InvalidValueError: the arm cannot.
+        """
+        made = self._thrower.execute(throw)
+        executed = throw_of_state(
+            throw.throw_id, throw.body, made.release, throw.expected_information, throw.parameters_version
+        )
+        return Seen(throw, executed, self._toss(made))
+
+    def random_throws(self, planner: Planner, count: int, seed: int, name: str) -> list[Throw]:
+        """Throws at random from a planner's prior that are safe by themselves and that the arm can make."""
+        rng, throws = np.random.default_rng([seed, 7]), list[Throw]()
+        while len(throws) < count:
+            for state in planner.outlook.safe(planner.prior, 32, rng).states(planner.config.outlook.placement):
+                throw = throw_of_state(f"{name}-{len(throws)}", self.body.name, state)
+                if len(throws) < count and self.feasibility.refusal(throw) is None:
+                    throws.append(throw)
+        return throws
+
+    def _toss(self, made: ExecutedThrow) -> Toss | None:
+        """What the segmenter and the gates make of the poses that the tracker saw."""
+        config = IngestConfig(TrackerConfig(body_frame=f"body_{self.body.name}", board_frame=BOARD))
+        ingest = TossIngest(config, self.body.polytope, body=self.body.name, source=made.throw.throw_id)
+        events = [event for frame in self._frames(made) for event in ingest.push(frame)]
+        found = [event for event in (*events, *ingest.flush()) if isinstance(event, Toss)]
+        return found[0] if len(found) == 1 else None
+
+    def _frames(self, made: ExecutedThrow) -> Sequence[FramePose]:
+        first_ns = self._now_ns
+        frames = []
+        for number, state in enumerate(made.states):
+            stamp_ns = first_ns + round(number * made.frame_period * NANOSECONDS)
+            pose = self._noise.seen(stamp_ns, Pose(state[:3], state[3:7]))
+            if pose is not None:
+                place, turn = (tuple(part.tolist()) for part in (pose.position, pose.orientation_wxyz))
+                frames.append(FramePose(stamp_ns, BOARD, f"body_{self.body.name}", ScalarPose(place, turn)))
+            self._now_ns = stamp_ns + PAUSE_NS
+        return frames

@@ -1,0 +1,162 @@
+"""The gate that every command to an arm passes, and the watchdog beside it. What is not known to be good is refused (FIELD 6).
+
+A gate begins disarmed. It is armed by hand, and disarmed by a stop or by a watchdog that heard no heartbeat for a while; then
+it stays so until it is armed again. Each arming has a number, so that what was allowed before a stop can be told from what is
+allowed now: nothing that waited resumes. The gate owns no clock: every call is given the time of one that never jumps.
+"""
+
+import threading
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_curation.design.throw import Throw
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.simulation.arm.limits import JointLimits
+from contact_curation.simulation.arm.path import JointPath
+
+
+@dataclass(frozen=True)
+class GateConfig:
+    """Limits of commands; the defaults are those of throws that were made (METHOD 5).
+
+    Attributes:
+        largest_speed: of a release [m/s].
+        largest_spin: of a release [rad/s].
+        lowest_release: height of the body's centre [m].
+        highest_release: height of the body's centre [m].
+        workspace: releases lie within this of the board's middle, in x and y [m].
+        keep_out_place: x and y of the axis of a cylinder round the arm's foot [m].
+        keep_out_radius: releases lie outside of it [m].
+        least_pause: between the beginnings of throws, on a steady clock [s]; 0 for none.
+        heartbeat_timeout: without a heartbeat for longer the gate disarms itself [s].
+    """
+
+    largest_speed: float = 1.4
+    largest_spin: float = 11.0
+    lowest_release: float = 0.09
+    highest_release: float = 0.24
+    workspace: float = 0.5
+    keep_out_place: tuple[float, float] = (-0.307, -0.5)
+    keep_out_radius: float = 0.25
+    least_pause: float = 0.0
+    heartbeat_timeout: float = 0.4
+
+    def __post_init__(self) -> None:
+        for name in ("largest_speed", "largest_spin", "lowest_release", "highest_release", "workspace", "heartbeat_timeout"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+                raise InvalidValueError(f"gate.{name}", getattr(self, name), "a positive number")
+        for name in ("keep_out_radius", "least_pause"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
+                raise InvalidValueError(f"gate.{name}", getattr(self, name), "a number of at least 0")
+        if self.lowest_release >= self.highest_release:
+            raise InvalidValueError("gate.lowest_release", self.lowest_release, f"less than {self.highest_release}")
+        if np.shape(self.keep_out_place) != (2,) or not np.isfinite(self.keep_out_place).all():
+            raise InvalidValueError("gate.keep_out_place", self.keep_out_place, "2 finite numbers [m]")
+        if self.heartbeat_timeout > 0.5:
+            raise InvalidValueError("gate.heartbeat_timeout", self.heartbeat_timeout, "at most 0.5 s")
+
+
+def out_of_limits(throw: Throw, config: GateConfig) -> str | None:
+    """Why a throw is outside of the limits of commands, whoever executes it; None if it is not."""
+    if not np.isfinite(throw.release).all():
+        return "throw: found a number that is not finite, expected finite numbers"
+    away = float(np.linalg.norm(throw.position[:2] - np.asarray(config.keep_out_place)))
+    checks = (
+        ("speed", float(np.linalg.norm(throw.linear_velocity)), 0.0, config.largest_speed, "m/s"),
+        ("spin", float(np.linalg.norm(throw.angular_velocity)), 0.0, config.largest_spin, "rad/s"),
+        ("release height", float(throw.position[2]), config.lowest_release, config.highest_release, "m"),
+        ("release place", float(np.abs(throw.position[:2]).max()), 0.0, config.workspace, "m from the board's middle"),
+        ("release place", away, config.keep_out_radius, np.inf, "m from the arm's foot"),
+    )
+    for name, found, lowest, highest, unit in checks:
+        if not lowest <= found <= highest:
+            expected = f"at least {lowest:g}" if found < lowest else f"at most {highest:g}"
+            return f"{name}: found {found:.4g} {unit}, expected {expected}"
+    return None
+
+
+def path_out_of_limits(path: JointPath, limits: JointLimits) -> str | None:
+    """Why a motion may not be sent to the joints; None if it may. The planner has checked it: this is the second time."""
+    if not all(np.isfinite(part).all() for part in (path.positions, path.speeds, path.accelerations)):
+        return "path: found a number that is not finite, expected finite numbers"
+    outside = np.maximum(path.positions - limits.highest, limits.lowest - path.positions)
+    shares: tuple[tuple[str, Array], ...] = (
+        ("position", 1.0 + outside),
+        ("speed", limits.speed_use(path.positions, path.speeds)),
+        ("acceleration", np.abs(path.accelerations) / limits.acceleration),
+    )
+    for name, share in shares:
+        row, joint = np.unravel_index(int(share.argmax()), share.shape)
+        if share[row, joint] > 1.0 + 1e-9:
+            return f"{name} of joint {joint + 1}: found {share[row, joint]:.3f} of its limit, expected at most 1"
+    return None
+
+
+class SafetyGate:
+    """Says whether the arm may move; may be asked and told from any thread.
+
+    Args:
+        config: limits.
+    """
+
+    def __init__(self, config: GateConfig) -> None:
+        self.config = config
+        self._lock = threading.Lock()
+        self._reason = "it was never armed"
+        self._arming = 0
+        self._armed = False
+        self._heard = 0.0
+        self._last_throw = -np.inf
+
+    @property
+    def arming(self) -> int:
+        """Number of the present arming; 0 while the gate is disarmed."""
+        with self._lock:
+            return self._arming if self._armed else 0
+
+    @property
+    def reason(self) -> str:
+        """Why the gate is disarmed; empty while it is armed."""
+        with self._lock:
+            return "" if self._armed else self._reason
+
+    def arm(self, now: float) -> int:
+        """Allows motion from now on, and gives the arming's number; counts as a heartbeat."""
+        with self._lock:
+            self._arming += 0 if self._armed else 1
+            self._armed, self._heard = True, now
+            return self._arming
+
+    def stop(self, reason: str) -> None:
+        """Forbids motion until the next arming. The first reason since then is kept."""
+        with self._lock:
+            if self._armed:
+                self._armed, self._reason = False, reason
+
+    def heartbeat(self, now: float) -> None:
+        """Someone who could stop the arm is there."""
+        with self._lock:
+            self._heard = max(self._heard, now)
+
+    def watch(self, now: float) -> bool:
+        """Whether the arm may move now; forbids it if the heartbeat has failed."""
+        silent = now - self._heard
+        if silent > self.config.heartbeat_timeout:
+            self.stop(f"no heartbeat for {silent:.2f} s, expected one every {self.config.heartbeat_timeout:g} s")
+        return self.arming > 0
+
+    def admits(self, throw: Throw, now: float) -> str | None:
+        """Why a throw may not begin now; None if it may, and then its beginning is noted."""
+        if not self.watch(now):
+            return f"the arm is disarmed ({self.reason}); arm it first"
+        line = out_of_limits(throw, self.config)
+        if line is not None:
+            return line
+        with self._lock:
+            pause = now - self._last_throw
+            if pause < self.config.least_pause:
+                return f"pause since the last throw: found {pause:.2f} s, expected at least {self.config.least_pause:g} s"
+            self._last_throw = now
+        return None

@@ -1,0 +1,291 @@
+"""The arm at work in MuJoCo: a torque-limited controller follows a planned motion, the gripper opens, the body flies and rests.
+
+The whole motion is one path with a parameter that advances one sample per control step. A stop lets it advance ever slower, so
+the arm brakes on the path that was found to be free; re-arming runs it back home, or forward if the body is gone. Control is by
+computed torque, tau = M (a + Kp e + Kd e') + bias, clipped to the motors' limits and to how fast they may change; the joints'
+dry friction is not known to it.
+
+After the release the arm waits until the body rests and was taken away. An arm that feels a push meanwhile grows soft: it slows
+down as planned but no longer holds its place, and goes home from where it then stands.
+"""
+
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+
+from contact_curation.contact.body import Body
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.simulation.arm.collision_reflex import CollisionReflex, ReflexConfig
+from contact_curation.simulation.arm.frame import ArmFrame, Phase
+from contact_curation.simulation.arm.limit_use import LimitUse, Peaks
+from contact_curation.simulation.arm.limits import JOINTS
+from contact_curation.simulation.arm.model import DEFAULT_ARM, ArmConfig
+from contact_curation.simulation.arm.path import DEFAULT_RAMP, JointPath, moving
+from contact_curation.simulation.arm.throw_motion import STEP, STEPS_PER_FRAME, ThrowMotion
+from contact_curation.simulation.arm.worlds import ArmWorlds
+
+PER_FRAME = STEP * STEPS_PER_FRAME
+
+SOFT_DAMPING = 10.0
+"""Kd of an arm that gives way; it has no stiffness [1/s]."""
+
+
+@dataclass(frozen=True)
+class ControlConfig:
+    """How motions are followed.
+
+    Attributes:
+        stiffness: Kp [1/s^2].
+        damping: Kd [1/s].
+        release_jitter: the gripper opens late by the size of a normal number with this deviation [s].
+        braking: acceleration that a stop may take [rad/s^2].
+        return_rate: speed of the way back after a stop, as a share of the motion's.
+        rest_speed: a body slower than this rests [m/s].
+        rest_spin: and turning slower than this [rad/s].
+        rest_time: that it is watched resting before it is taken away [s].
+        longest_flight: after which it is taken away in any case [s].
+        still: joints slower than this stand still [rad/s].
+        reflex: when the arm gives way to a push.
+    """
+
+    stiffness: float = 2500.0
+    damping: float = 100.0
+    release_jitter: float = 0.001
+    braking: float = 5.0
+    return_rate: float = 0.3
+    rest_speed: float = 2e-3
+    rest_spin: float = 2e-2
+    rest_time: float = 0.3
+    longest_flight: float = 5.0
+    still: float = 0.01
+    reflex: ReflexConfig = field(default_factory=ReflexConfig)
+
+    def __post_init__(self) -> None:
+        for name in set(self.__dataclass_fields__) - {"reflex"}:
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0.0) or (value == 0.0 and name != "release_jitter"):
+                raise InvalidValueError(f"control.{name}", value, "a positive number")
+
+
+DEFAULT_CONTROL = ControlConfig()
+
+
+class ArmSimulation:
+    """Arm, body and board, moved on frame by frame.
+
+    Args:
+        body: that is thrown.
+        config: of the arm.
+        control: of its motions.
+        seed: of the gripper's delay.
+    """
+
+    def __init__(
+        self, body: Body, config: ArmConfig = DEFAULT_ARM, control: ControlConfig = DEFAULT_CONTROL, seed: int = 0
+    ) -> None:
+        self.body, self.config, self.control = body, config, control
+        self._rng = np.random.default_rng(seed)
+        self._worlds = ArmWorlds(body, config, STEP)
+        self.time = 0.0
+        self.phase = Phase.RESTING
+        self.release: Array | None = None
+        self.touched = self.gave_way = self.settled = False
+        self._reflex = CollisionReflex(config.limits.torque, control.reflex)
+        self._yields = self._gone = False
+        self._path = _still(config.home_posture)
+        self._at, self._rate, self._wanted, self._slowing = 0.0, 0.0, 0.0, 1.0
+        self._release_row, self._swing_row, self._stopped_row, self._opens_at = -1, -1, -1, -1.0
+        self._still_for, self._free_for = 0.0, 0.0
+        self._used = LimitUse(config.limits)
+        self._torques = self._worlds.now.data.qfrc_bias.copy()  # it stands at home and bears its weight
+
+    @property
+    def holding(self) -> bool:
+        """Whether the body is in the gripper."""
+        return self._worlds.held
+
+    @property
+    def rested(self) -> bool:
+        """Whether the body has left the gripper and lies still."""
+        return not self._worlds.held and self._still_for >= self.control.rest_time
+
+    @property
+    def peaks(self) -> Peaks:
+        """Of the limits, since the motion began."""
+        return self._used.peaks
+
+    def begin(self, motion: ThrowMotion) -> None:
+        """Begins a throw: the body is put into the gripper the way the throw wants it.
+
+        Raises:
+            InvalidValueError: the arm is not at rest at home.
+        """
+        if self.phase is not Phase.RESTING:
+            raise InvalidValueError("arm", self.phase.value, "an arm that rests at home")
+        self._worlds.take(motion.grip)
+        lead = -(len(motion.approach) + len(motion.swing) - 2) % STEPS_PER_FRAME  # so that the release falls on a frame
+        before = JointPath.joined(_still(self.config.home_posture, lead + 1), motion.approach)
+        self._path = JointPath.joined(before, motion.swing, motion.stopping, motion.returning)
+        self._swing_row, self._release_row = len(before) - 1, len(before) + len(motion.swing) - 2
+        self._stopped_row = self._release_row + len(motion.stopping) - 1
+        delay = abs(float(self._rng.standard_normal())) * self.control.release_jitter
+        self._opens_at = self._release_row + round(delay / STEP)
+        self._slowing = self.control.braking / max(float(np.abs(self._path.speeds).max()), 1e-6)
+        self._at, self._rate, self._wanted, self.release = 0.0, 1.0, 1.0, None
+        self.touched = self.gave_way = self.settled = False
+        self._used.forget()
+        self.phase = Phase.MOVING
+
+    def stop(self) -> None:
+        """Brakes on the path; nothing moves afterwards until `rearm`, and the gripper stays as it is."""
+        if self.phase in (Phase.RESTING, Phase.STOPPED):
+            self.phase = Phase.STOPPED
+        else:
+            self.phase, self._wanted = Phase.STOPPING, 0.0
+
+    def rearm(self) -> None:
+        """After a stop: goes home, back on the way it came, or forward when the body is gone."""
+        if self.phase is Phase.STOPPED:
+            self.phase, self._wanted = Phase.RETURNING, -self.control.return_rate if self._worlds.held else 1.0
+
+    def advance(self) -> ArmFrame:
+        """The next frame."""
+        for _ in range(STEPS_PER_FRAME):
+            self._step()
+        self._after_frame()
+        return self.frame()
+
+    def frame(self) -> ArmFrame:
+        """The world as it is now."""
+        world = self._worlds.now
+        return ArmFrame(
+            self.time,
+            self.phase,
+            min(self._at / max(len(self._path) - 1, 1), 1.0),
+            world.data.qpos[world.joints].copy(),
+            world.data.qvel[world.dofs].copy(),
+            self._torques.copy(),
+            self._worlds.body_state(),
+            not self._worlds.held,
+        )
+
+    def _step(self) -> None:
+        """One control step: along the path, torques, physics, and the gripper when it is time."""
+        before, rate = self._at, self._rate
+        self._at, self._rate = self._ahead()
+        posture, speed = self._reference(before, rate)
+        next_speed = self._reference(self._at, self._rate)[1]
+        model, data, joints, dofs = self._worlds.now
+        mujoco.mj_step1(model, data)
+        speeds = data.qvel.copy()
+        wanted, moment = np.zeros(model.nv), np.zeros(model.nv)
+        wanted[dofs] = (next_speed - speed) / STEP + self._pull(posture - data.qpos[joints], speed - speeds[dofs])
+        mujoco.mj_mulM(model, data, moment, wanted)
+        limit, change = self.config.limits.torque, self.config.limits.torque_rate * STEP
+        followed = np.clip(moment[dofs] + data.qfrc_bias[dofs], self._torques - change, self._torques + change)
+        self._torques = np.clip(followed, -limit, limit)
+        data.qfrc_applied[dofs] = self._torques
+        mujoco.mj_step2(model, data)
+        self.time += STEP
+        self._used.note(self._torques, data.qpos[joints], data.qvel[dofs])
+        if not self._worlds.held:
+            mujoco.mj_mulM(model, data, moment, (data.qvel - speeds) / STEP)
+            self._feel(moment[dofs] + data.qfrc_bias[dofs] - self._torques)
+        if self._worlds.held and self.phase is Phase.THROWING and self._at >= self._opens_at:
+            self._open()
+
+    def _pull(self, off: Array, slow: Array) -> Array:
+        """Accelerations (7,) against errors of place (7,) and speed (7,)."""
+        if self._yields:
+            return SOFT_DAMPING * slow
+        return self.control.stiffness * off + self.control.damping * slow
+
+    def _feel(self, outside: Array) -> None:
+        """Notes what touches, and gives way to torques from outside (7,) that are too large."""
+        self.touched |= self._worlds.body_touches_arm()
+        if self._reflex.feels(outside, STEP) and not self._gone:
+            self._yields = self.gave_way = True
+
+    def _ahead(self) -> tuple[float, float]:
+        """The path's parameter and its rate after the next step."""
+        rate, change = self._rate, self._slowing * STEP
+        past_release = self._release_row < self._at < self._stopped_row
+        if not (past_release and self._wanted == 0.0):  # there the path slows down by itself, as hard as it may
+            rate += float(np.clip(self._wanted - rate, -change, change))
+        # The arm goes home when the body rests, so that it does not meet it on the way.
+        waits = not self._worlds.held and self._at <= self._stopped_row and (self._yields or not self._gone)
+        return float(np.clip(self._at + rate, 0.0, self._stopped_row if waits else len(self._path) - 1)), rate
+
+    def _reference(self, at: float, rate: float) -> tuple[Array, Array]:
+        low = min(int(at), len(self._path) - 1)
+        high, part = min(low + 1, len(self._path) - 1), at - low
+        path = self._path
+        posture = (1.0 - part) * path.positions[low] + part * path.positions[high]
+        speed = (1.0 - part) * path.speeds[low] + part * path.speeds[high]
+        return posture, rate * speed
+
+    def _after_frame(self) -> None:
+        """What follows from where everything is."""
+        if self.phase is Phase.MOVING and self._at >= self._swing_row:
+            self.phase = Phase.THROWING
+        if not self._worlds.held:
+            self._watch_body()
+        if self._yields and self._gone and self._stands() and self.phase in (Phase.RELEASED, Phase.RETURNING):
+            self._go_on()
+        at_end = self._at >= len(self._path) - 1
+        if self.phase is Phase.STOPPING and self._stands():
+            self.phase, self._rate = Phase.STOPPED, 0.0
+        elif self.phase is Phase.RETURNING and self._worlds.held and self._at <= 0.0:
+            self._home()
+        elif self.phase in (Phase.RELEASED, Phase.RETURNING) and at_end and self._gone:
+            self._worlds.take_anew()
+            self._gone = False
+            self._home()
+
+    def _stands(self) -> bool:
+        """Whether the path is followed no further, and an arm that gives way stands still."""
+        world = self._worlds.now
+        if self._yields and np.abs(world.data.qvel[world.dofs]).max() > self.control.still:
+            return False
+        row = min(int(self._at), len(self._path) - 1)
+        slowed = bool(self._at > self._release_row >= 0 and np.abs(self._path.speeds[row]).max() < 1e-9)
+        return slowed or abs(self._rate) < 1e-9 or self._at >= len(self._path) - 1
+
+    def _go_on(self) -> None:
+        """Back to its path, from where an arm stands that gave way, and home."""
+        world, rest = self._worlds.now, self._path.after(self._stopped_row)
+        here = world.data.qpos[world.joints]
+        back = moving(here, rest.positions[0], self.config.limits.speed, STEP, DEFAULT_RAMP)
+        self._path = JointPath.joined(back, rest)
+        self._slowing = self.control.braking / max(float(np.abs(self._path.speeds).max()), 1e-6)
+        self._at, self._rate, self._wanted, self._yields = 0.0, 0.0, 1.0, False
+        self._release_row = self._swing_row = self._stopped_row = 0
+
+    def _home(self) -> None:
+        self._path, self._at, self._rate, self._wanted = _still(self.config.home_posture), 0.0, 0.0, 0.0
+        self._release_row = self._swing_row = self._stopped_row = -1
+        self.phase = Phase.RESTING
+
+    def _watch_body(self) -> None:
+        self._free_for += PER_FRAME
+        body = self._worlds.body_state()
+        slow = np.abs(body[7:10]).max() < self.control.rest_speed and np.abs(body[10:]).max() < self.control.rest_spin
+        self._still_for = self._still_for + PER_FRAME if slow else 0.0
+        self.settled |= self.rested
+        if not self._gone and (self.rested or self._free_for >= self.control.longest_flight):
+            self._gone = True
+            self._worlds.take_away()
+
+    def _open(self) -> None:
+        """The gripper lets go."""
+        self.release = self._worlds.open()
+        self._still_for, self._free_for = 0.0, 0.0
+        self._yields = self._gone = False
+        self._reflex.forget()
+        self.phase = Phase.RELEASED
+
+
+def _still(posture: Array, count: int = 1) -> JointPath:
+    return JointPath(np.tile(posture, (count, 1)), np.zeros((count, JOINTS)), np.zeros((count, JOINTS)))

@@ -1,0 +1,132 @@
+"""One throw by the simulated arm from beginning to end, without ROS: for the command line, benchmarks and tests."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_curation.contact.body import Body
+from contact_curation.design.throw import Throw
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.quaternions import Array
+from contact_curation.simulation.arm.frame import Phase
+from contact_curation.simulation.arm.limit_use import Peaks
+from contact_curation.simulation.arm.simulation import DEFAULT_CONTROL, ArmSimulation, ControlConfig
+from contact_curation.simulation.arm.throw_motion import FRAME_PERIOD, Refused, ThrowMotion, ThrowPlanner
+
+
+@dataclass(frozen=True, eq=False)
+class ExecutedThrow:
+    """What really happened.
+
+    Attributes:
+        throw: as commanded.
+        release: (13,) state of the body in the instant it was released, SI units.
+        states: (T, 13) the body's states from the release on, one each `frame_period`, until it rests.
+        frame_period: [s].
+        rested: whether it came to rest.
+        touched: whether the flying or sliding body touched the arm.
+        gave_way: whether the arm felt it as a push and gave way.
+        peaks: shares of the joints' limits that were used.
+        duration: simulated time from the arm's beginning to the body's rest [s].
+    """
+
+    throw: Throw
+    release: Array
+    states: Array
+    frame_period: float
+    rested: bool
+    touched: bool
+    gave_way: bool
+    peaks: Peaks
+    duration: float
+
+    @property
+    def errors(self) -> "ReleaseErrors":
+        """Of the release."""
+        return release_errors(self.throw, self.release)
+
+
+@dataclass(frozen=True)
+class ReleaseErrors:
+    """How far an executed release is from the commanded one.
+
+    Attributes:
+        position: [m].
+        turn: of the orientation [rad].
+        speed: relative, of the velocity's size.
+        direction: of the velocity [rad].
+        spin: size of the difference of the angular velocities, in the board's frame [rad/s].
+    """
+
+    position: float
+    turn: float
+    speed: float
+    direction: float
+    spin: float
+
+
+def release_errors(throw: Throw, release: Array) -> ReleaseErrors:
+    """Compares a release (13,) with the command."""
+    wanted, given = throw.linear_velocity, release[7:10]
+    sizes = float(np.linalg.norm(wanted)), float(np.linalg.norm(given))
+    cosine = float(wanted @ given) / max(sizes[0] * sizes[1], 1e-12)
+    spins = [quaternions.rotate(state[3:7], state[10:]) for state in (throw.release, release)]
+    return ReleaseErrors(
+        float(np.linalg.norm(release[:3] - throw.position)),
+        float(quaternions.angle_between(throw.orientation_wxyz, release[3:7])),
+        abs(sizes[1] - sizes[0]) / max(sizes[0], 1e-12),
+        float(np.arccos(np.clip(cosine, -1.0, 1.0))),
+        float(np.linalg.norm(spins[1] - spins[0])),
+    )
+
+
+class ArmThrower:
+    """Throws a body, one throw after the other; made once per body.
+
+    Args:
+        planner: of its motions.
+        control: how they are followed.
+        seed: of the gripper's delays.
+    """
+
+    def __init__(self, planner: ThrowPlanner, control: ControlConfig = DEFAULT_CONTROL, seed: int = 0) -> None:
+        self.planner = planner
+        self._simulation = ArmSimulation(planner.body, planner.config, control, seed)
+
+    @property
+    def time(self) -> float:
+        """Simulated, since it was made [s]."""
+        return self._simulation.time
+
+    def execute(self, throw: Throw) -> ExecutedThrow:
+        """Throws, and waits for the body to rest and for the arm to be home again.
+
+        Raises:
+            InvalidValueError: the arm cannot make the throw; the message says which limit it breaks.
+        """
+        motion = self.planner.plan(throw)
+        if isinstance(motion, Refused):
+            raise InvalidValueError(f"throw {throw.throw_id}", str(motion), "a throw within the arm's limits")
+        return self.carry_out(motion)
+
+    def carry_out(self, motion: ThrowMotion) -> ExecutedThrow:
+        """Throws as planned."""
+        simulation, states = self._simulation, []
+        began, rested, rested_at = simulation.time, False, 0.0
+        simulation.begin(motion)
+        while simulation.phase is not Phase.RESTING:
+            frame = simulation.advance()
+            if frame.free and not rested:
+                states.append(frame.body)
+                rested, rested_at = simulation.rested, frame.time
+        assert simulation.release is not None
+        return ExecutedThrow(
+            motion.throw, simulation.release, np.array(states), FRAME_PERIOD, rested, simulation.touched, simulation.gave_way,
+            simulation.peaks, rested_at - began,
+        )  # fmt: skip
+
+
+def execute(throw: Throw, body: Body, control: ControlConfig = DEFAULT_CONTROL, seed: int = 0) -> ExecutedThrow:
+    """One throw by an arm of its own; for more than one make an `ArmThrower`. Errors as there."""
+    return ArmThrower(ThrowPlanner(body), control, seed).execute(throw)

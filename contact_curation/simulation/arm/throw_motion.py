@@ -1,0 +1,238 @@
+"""A throw becomes a motion of the arm: from its home to the wind-up, through the release, to rest, and home again.
+
+For each way to hold the body that promises to work (`arm_postures`), joints ramp up so that all of them reach the release
+posture at the release speeds in the same instant, and ramp down from there. A motion is accepted when every sample keeps
+positions, speeds, accelerations and torques (inverse dynamics) inside the limits, nothing comes near the table or the arm
+itself, and the body that flies off does not meet the arm (`arm_departure`). Otherwise the throw is refused with the limit that
+the best attempt breaks.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from contact_curation.contact.body import Body
+from contact_curation.design.throw import Throw
+from contact_curation.geometry.poses import Pose
+from contact_curation.geometry.quaternions import Array
+from contact_curation.simulation.arm.departure import DEFAULT_DEPARTURE, Departure, DepartureConfig
+from contact_curation.simulation.arm.grasps import Grasps, grasps_of
+from contact_curation.simulation.arm.model import DEFAULT_ARM, ArmConfig, planning_model, put_into_gripper
+from contact_curation.simulation.arm.path import DEFAULT_RAMP, JointPath, RampConfig, moving, slowing_down, speeding_up
+from contact_curation.simulation.arm.postures import DEFAULT_SEARCH, Candidate, PostureSearch, SearchConfig, Target, pad_targets
+from contact_curation.simulation.world import DEFAULT_WORLD
+
+FRAME_PERIOD = 1.0 / 148.0
+"""Of trackers like ContactNets' [s]."""
+
+STEPS_PER_FRAME = DEFAULT_WORLD.steps_in(FRAME_PERIOD)
+STEP = FRAME_PERIOD / STEPS_PER_FRAME
+"""Of control and simulation: 1036 Hz; the real arm is commanded at 1 kHz [s]."""
+
+CHECKED_EVERY = 8
+"""Samples between those that are checked for collisions and torques."""
+
+FROM_BELOW = 0.3
+"""A pad that points up more than this would carry the body along; such faces are not tried (vertical part of its axis)."""
+
+
+class Refused(NamedTuple):
+    """Why the arm cannot make a throw.
+
+    Attributes:
+        limit: what is broken.
+        found: what the best attempt needs.
+        allowed: what there is.
+        unit: of both.
+    """
+
+    limit: str
+    found: float
+    allowed: float
+    unit: str
+
+    def __str__(self) -> str:
+        side = "at most" if self.found > self.allowed else "at least"
+        return f"{self.limit}: found {self.found:.4g} {self.unit}, expected {side} {self.allowed:.4g} {self.unit}"
+
+
+@dataclass(frozen=True, eq=False)
+class ThrowMotion:
+    """A throw that the arm can make. The last sample of each path is the first of the next.
+
+    Attributes:
+        throw: as commanded.
+        candidate: posture, speeds and face at release.
+        grip: the body in the last link's frame.
+        approach: from home to the wind-up, at rest at both ends.
+        swing: from the wind-up to the release.
+        stopping: from the release to rest.
+        returning: from there home.
+    """
+
+    throw: Throw
+    candidate: Candidate
+    grip: Pose
+    approach: JointPath
+    swing: JointPath
+    stopping: JointPath
+    returning: JointPath
+
+
+@dataclass
+class ThrowPlanner:
+    """Plans throws of one body; made once, for its table of postures takes a while.
+
+    Attributes:
+        body: that is thrown.
+        config: of the arm.
+        ramp: how its joints speed up.
+        search: how hard postures are looked for.
+        departure: how far arm and thrown body stay apart.
+    """
+
+    body: Body
+    config: ArmConfig = DEFAULT_ARM
+    ramp: RampConfig = DEFAULT_RAMP
+    search: SearchConfig = DEFAULT_SEARCH
+    departure: DepartureConfig = DEFAULT_DEPARTURE
+    grasps: Grasps = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.grasps = grasps_of(self.body)
+        self._holding, self._empty = planning_model(self.body, self.config), planning_model(None, self.config)
+        self._holding_data, self._empty_data = mujoco.MjData(self._holding), mujoco.MjData(self._empty)
+        self._postures = PostureSearch(planning_model(self.body, self.config), self.config, self.ramp, self.search)
+        self._departure = Departure(self.body, self.config, STEP, STEPS_PER_FRAME, self.departure)
+
+    def plan(self, throw: Throw) -> ThrowMotion | Refused:
+        """The motion of a throw, or why there is none."""
+        target = self._reachable(pad_targets(throw.release, self.grasps, self.config))
+        if not len(target.grasps):
+            return Refused("tilt of the gripper", 1.0, FROM_BELOW, "upwards")
+        worst: Refused | None = None
+        flight: Array | None = None
+        for candidate in self._postures.candidates(target):
+            refused = self._use(candidate)
+            if refused is not None:
+                return worst or refused  # they are in order: no later one is better
+            flight = self._departure.flight(throw.release) if flight is None else flight
+            motion = self._motion(throw, candidate, flight)
+            if isinstance(motion, ThrowMotion):
+                return motion
+            worst = worst or motion
+        assert worst is not None
+        return worst
+
+    def _reachable(self, target: Target) -> Target:
+        kept = target.axes[:, 2] <= FROM_BELOW
+        return Target(target.grasps[kept], target.places[kept], target.axes[kept], target.twists[kept])
+
+    def _use(self, candidate: Candidate) -> Refused | None:
+        """What the release posture and its speeds break."""
+        limits, margin = self.config.limits, self.config.margin
+        if candidate.miss > 1e-3:
+            return Refused("reach", candidate.miss, 1e-3, "m from the release pose")
+        joint = int(candidate.speed_use.argmax())
+        if candidate.speed_use[joint] > 1.0:
+            found = abs(float(candidate.speeds[joint]))
+            allowed = min(found / float(candidate.speed_use[joint]), margin * float(limits.speed[joint]))
+            return Refused(f"speed of joint {joint + 1}", found, allowed, "rad/s")
+        joint = int(candidate.range_use.argmax())
+        if candidate.range_use[joint] > 1.0:
+            half = 0.5 * float(limits.highest[joint] - limits.lowest[joint])
+            found = half * float(candidate.range_use[joint])
+            return Refused(f"range of joint {joint + 1}", found, half, "rad from its middle")
+        return None
+
+    def _motion(self, throw: Throw, candidate: Candidate, flight: Array) -> ThrowMotion | Refused:
+        grip = self._grip(throw, candidate)
+        put_into_gripper(self._holding, grip.position, grip.orientation_wxyz)
+        swing = speeding_up(candidate.joints, candidate.speeds, STEP, self.ramp)
+        stopping = slowing_down(candidate.joints, candidate.speeds, STEP, self.ramp)
+        approach = self._moving(self.config.home_posture, swing.positions[0])
+        returning = self._moving(stopping.positions[-1], self.config.home_posture)
+        refused = (
+            self._within(JointPath.joined(approach, swing, stopping, returning))
+            or self._clear(self._holding, self._holding_data, swing)
+            or self._clear(self._empty, self._empty_data, stopping)
+            or self._departing(flight, stopping)
+            or self._strong(self._holding, self._holding_data, swing)
+            or self._strong(self._empty, self._empty_data, stopping)
+            or self._clear(self._holding, self._holding_data, approach)
+            or self._clear(self._empty, self._empty_data, returning)
+            or self._strong(self._holding, self._holding_data, approach)
+            or self._strong(self._empty, self._empty_data, returning)
+        )
+        return refused or ThrowMotion(throw, candidate, grip, approach, swing, stopping, returning)
+
+    def _moving(self, start: Array, end: Array) -> JointPath:
+        """Between two postures, slower where an end of a range is near, as the speed limits there want it."""
+        for share in (1.0, 0.5, 0.25):
+            ramp = replace(self.ramp, moving=share * self.ramp.moving)
+            path = moving(start, end, self.config.limits.speed, STEP, ramp)
+            if self._within(path) is None:
+                break
+        return path
+
+    def _grip(self, throw: Throw, candidate: Candidate) -> Pose:
+        self._empty_data.qpos[:] = candidate.joints
+        mujoco.mj_kinematics(self._empty, self._empty_data)
+        link = self._empty_data.body("fr3_link7")
+        return Pose(link.xpos.copy(), link.xquat.copy()).inverse().compose(Pose(throw.position, throw.orientation_wxyz))
+
+    def _departing(self, flight: Array, stopping: JointPath) -> Refused | None:
+        """Whether the body that flies off, lands and bounces would meet the arm that slows down and waits."""
+        gap = self._departure.too_near(flight, stopping)
+        return None if gap is None else Refused("distance of the thrown body to the arm", gap.found, gap.wanted, "m")
+
+    def _within(self, path: JointPath) -> Refused | None:
+        """Whether a path keeps positions, speeds and accelerations inside the limits."""
+        limits = self.config.limits
+        use = limits.speed_use(path.positions, path.speeds) / self.config.margin
+        row, joint = np.unravel_index(int(use.argmax()), use.shape)
+        if use[row, joint] > 1.0:
+            found = abs(float(path.speeds[row, joint]))
+            return Refused(f"speed of joint {joint + 1} on the way", found, found / float(use[row, joint]), "rad/s")
+        hardest = np.abs(path.accelerations).max(axis=0)
+        worst = int((hardest / limits.acceleration).argmax())
+        if hardest[worst] > limits.acceleration[worst]:
+            found, allowed = float(hardest[worst]), float(limits.acceleration[worst])
+            return Refused(f"acceleration of joint {worst + 1}", found, allowed, "rad/s^2")
+        return None
+
+    def _clear(self, model: mujoco.MjModel, data: mujoco.MjData, path: JointPath) -> Refused | None:
+        """Whether nothing comes near the table or the arm itself on a path."""
+        for posture in path.thinned(CHECKED_EVERY).positions:
+            data.qpos[:] = posture
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_collision(model, data)
+            if data.ncon:
+                contact = data.contact[int(data.contact.dist.argmin())]
+                names = " and ".join(model.body(model.geom_bodyid[geom]).name for geom in (contact.geom1, contact.geom2))
+                names = names.replace("world", "the table").replace("held", "the body")
+                return Refused(f"distance of {names}", float(contact.dist), self.config.clearance, "m")
+        return None
+
+    def _strong(self, model: mujoco.MjModel, data: mujoco.MjData, path: JointPath) -> Refused | None:
+        """Whether the torques of a path are there, and change no faster than they may, by inverse dynamics."""
+        part, limits = path.thinned(CHECKED_EVERY), self.config.limits
+        torques = np.empty_like(part.positions)
+        for row, (posture, speed, acceleration) in enumerate(zip(part.positions, part.speeds, part.accelerations)):
+            data.qpos[:], data.qvel[:], data.qacc[:] = posture, speed, acceleration
+            mujoco.mj_inverse(model, data)
+            torques[row] = data.qfrc_inverse
+        times = STEP * np.minimum(np.arange(len(part)) * CHECKED_EVERY, len(path) - 1)
+        rates = np.diff(torques, axis=0) / np.diff(times)[:, None]
+        for name, needed, motors, unit in (
+            ("torque", torques, limits.torque, "N m"),
+            ("torque's rate", rates, limits.torque_rate, "N m/s"),
+        ):
+            most = np.abs(needed).max(axis=0)
+            joint = int((most / motors).argmax())
+            allowed = self.config.margin * float(motors[joint])
+            if most[joint] > allowed:
+                return Refused(f"{name} of joint {joint + 1}", float(most[joint]), allowed, unit)
+        return None

@@ -1,0 +1,1 @@
+"""The simulated camera: rendered images, AprilTags and their detection."""

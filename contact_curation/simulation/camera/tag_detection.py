@@ -1,0 +1,91 @@
+"""Tags in images, found by the AprilTag library (pupil-apriltags); corners are in its order and with its pixels."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.simulation.camera.corner_refinement import refined_corners
+from contact_curation.simulation.camera.tag_library import tag_library
+from contact_curation.simulation.camera.tag_textures import Image
+
+
+@dataclass(frozen=True)
+class DetectorConfig:
+    """Of the AprilTag library.
+
+    Attributes:
+        decimate: quads are looked for in an image this many times smaller.
+        blur: standard deviation of a Gaussian blur before that [px].
+        refine_edges: move edges to the strongest gradient nearby.
+        refine_corners: then fit lines to all pixels of the edges (`corner_refinement`), which the library does not.
+        threads: that look for quads.
+    """
+
+    decimate: float = 2.0
+    blur: float = 0.0
+    refine_edges: bool = True
+    refine_corners: bool = True
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        for name, least in (("decimate", 1.0), ("blur", 0.0), ("threads", 1)):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= least):
+                raise InvalidValueError(f"detector.{name}", getattr(self, name), f"a number of at least {least:g}")
+
+
+@dataclass(frozen=True, eq=False)
+class Detection:
+    """A tag in an image, with the fields of apriltag_msgs.
+
+    Attributes:
+        tag_id: of the family 36h11.
+        hamming: corrected bits.
+        margin: by how much its bits differ from the threshold; the greater the surer.
+        centre: (2,) [px].
+        corners: (4, 2) [px] in the library's order.
+        homography: (3, 3) from the square from -1 to 1 to pixels.
+    """
+
+    tag_id: int
+    hamming: int
+    margin: float
+    centre: Array
+    corners: Array
+    homography: Array
+
+
+class TagDetector:
+    """Looks for tags of the family 36h11.
+
+    Raises:
+        MissingDependencyError: the library is not installed.
+    """
+
+    def __init__(self, config: DetectorConfig | None = None) -> None:
+        self._config = config = config or DetectorConfig()
+        self._library = tag_library(
+            nthreads=config.threads,
+            quad_decimate=config.decimate,
+            quad_sigma=config.blur,
+            refine_edges=int(config.refine_edges),
+        ).detector
+
+    def detect(self, image: Image) -> tuple[Detection, ...]:
+        """The tags in a grey image (height, width), in order of their ids."""
+        found = [
+            Detection(
+                int(one.tag_id),
+                int(one.hamming),
+                float(one.decision_margin),
+                np.array(one.center, dtype=float),
+                self._corners(image, np.array(one.corners, dtype=float)),
+                np.array(one.homography, dtype=float),
+            )
+            for one in self._library.detect(image)
+        ]
+        return tuple(sorted(found, key=lambda one: one.tag_id))
+
+    def _corners(self, image: Image, corners: Array) -> Array:
+        return refined_corners(image, corners) if self._config.refine_corners else corners

@@ -1,0 +1,1 @@
+"""The stages of the graph without ROS, each restartable at any time."""

@@ -1,0 +1,224 @@
+"""Curating that may be killed at any time: what came is kept on disk, and the buffer always follows from that.
+
+Information of different thetas is never mixed. A new theta takes over once enough of the known tosses are scored at it, so
+that the buffer does not shrink to a handful of tosses while the others are being scored again. New is the theta whose
+information came last: a training may come back to where it was.
+"""
+
+import json
+from dataclasses import dataclass
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.information.accumulated import Accumulated
+from contact_curation.information.curation import Curation, curate
+from contact_curation.information.pool import pool_of
+from contact_curation.information.prior import log_det_prior
+from contact_curation.information.ranker import RankingConfig
+from contact_curation.information.record import TossInformation
+from contact_curation.nodes.ros.catch_up import Cursor
+from contact_curation.stages.selection import SELECTIONS, Selection, kept_to, selection_of
+from contact_curation.storage.stores.information import InformationStore
+from contact_curation.storage.stores.state import StateStore
+
+CURSOR, BUFFER, STAMP, ORDER = "cursor", "buffer", "stamp", "order"
+
+VERSIONS_KEPT = 2
+"""The theta that the buffer is ranked at, and one that may take over."""
+
+
+@dataclass(frozen=True)
+class CurationConfig:
+    """How the buffer is kept.
+
+    Attributes:
+        selection: exact: ranks all tosses; streaming: bounded memory, criteria trace and log-det only; sieve: the same with
+            the sieve alone, log-det only.
+        warm_up: tosses that a streaming log-det takes its prior from.
+        coverage: a new theta takes over once this share of the known tosses is scored at it.
+    """
+
+    selection: str = SELECTIONS[0]
+    warm_up: int = 64
+    coverage: float = 0.9
+
+    def __post_init__(self) -> None:
+        if self.selection not in SELECTIONS:
+            raise InvalidValueError("selection", self.selection, f"one of {', '.join(SELECTIONS)}")
+        if self.warm_up < 1:
+            raise InvalidValueError("warm_up", self.warm_up, "at least 1 toss")
+        if not 0.0 < self.coverage <= 1.0:
+            raise InvalidValueError("coverage", self.coverage, "a share in (0, 1]")
+
+
+@dataclass(frozen=True, eq=False)
+class Buffer:
+    """The kept set and the evidence for it.
+
+    Attributes:
+        ranking: how it was chosen.
+        curation: ranking and diagnostics of the candidates.
+        candidates: what was ranked.
+        revision: counts changes of the kept set.
+        seen: how many tosses were seen at this theta.
+        newest_stamp_ns: of the newest toss seen.
+        log_det: of the kept set, relative to the prior.
+        frame_id: of the board.
+    """
+
+    ranking: RankingConfig
+    curation: Curation
+    candidates: tuple[TossInformation, ...]
+    revision: int
+    seen: int
+    newest_stamp_ns: int
+    log_det: float
+    frame_id: str
+
+    @property
+    def efficiency_bound(self) -> float:
+        """What is proven of the kept set's D-efficiency against every other of its size.
+
+        0 where nothing is: by criteria that carry no certificate, and of tosses that were seen and let go.
+        """
+        certificate = self.curation.ranking.certificate
+        return certificate.subset if certificate and self.seen == len(self.candidates) else 0.0
+
+
+class CurationStage:
+    """Keeps the best tosses of one body.
+
+    Args:
+        ranking: criterion and number of tosses; where a stream is not kept whole, log-det stands in for the default criterion.
+        config: how they are kept.
+        informations: where everything that came is kept.
+        states: where the place in the stream and the buffer are kept.
+
+    Raises:
+        InvalidValueError: the criterion cannot be kept to in this way.
+    """
+
+    def __init__(
+        self, ranking: RankingConfig, config: CurationConfig, informations: InformationStore, states: StateStore
+    ) -> None:
+        self._config = config
+        self._informations = informations
+        self._states = states
+        ranking = kept_to(config.selection, ranking)
+        self.check(ranking)
+        self._newest_stamp_ns, self._frame_id = json.loads(states.load(STAMP) or b'[0, ""]')
+        self._selections: dict[str, Selection] = {}
+        kept_order = json.loads(states.load(ORDER) or b"null")
+        self._order: list[str] = list(informations.versions) if kept_order is None else kept_order
+        self.rank_by(ranking)
+
+    @property
+    def ranking(self) -> RankingConfig:
+        """Criterion and number of tosses."""
+        return self._ranking
+
+    def rank_by(self, ranking: RankingConfig) -> None:
+        """Goes on with another criterion or number of tosses."""
+        selections = {version: self._of_stored(ranking, version) for version in self._order}
+        self._ranking, self._selections = ranking, selections
+
+    def check(self, ranking: RankingConfig) -> None:
+        """Raises InvalidValueError where a criterion cannot be kept to with this selection."""
+        self._fresh(ranking)
+
+    @property
+    def cursor(self) -> Cursor:
+        """Behind the last information that is kept."""
+        return Cursor(*json.loads(self._states.load(CURSOR) or b'[0, ""]'))
+
+    def add(self, information: TossInformation, stamp_ns: int, frame_id: str) -> None:
+        """Keeps what a toss teaches.
+
+        Raises:
+            InvalidValueError: tosses are known at the same theta, scored in another way.
+        """
+        self._informations.add(information)
+        version = information.parameters_version
+        if version not in self._selections:
+            self._selections[version] = self._of_stored(self._ranking, version)
+        if [version] != self._order[-1:]:
+            self._order = [one for one in self._order if one != version] + [version]
+        self._selections[version].add(information)
+        if stamp_ns > self._newest_stamp_ns:
+            self._newest_stamp_ns, self._frame_id = stamp_ns, frame_id
+        self._states.save({_stamp_key(information.toss_id): str(stamp_ns).encode()})
+
+    def advance(self, cursor: Cursor) -> None:
+        """Remembers that everything up to the cursor is kept, and forgets older thetas.
+
+        Which theta came last is remembered here and no sooner: after a death everything behind the cursor comes once more.
+        """
+        forgotten, self._order = self._order[:-VERSIONS_KEPT], self._order[-VERSIONS_KEPT:]
+        stamp = json.dumps([self._newest_stamp_ns, self._frame_id]).encode()
+        self._states.save({CURSOR: json.dumps(cursor).encode(), STAMP: stamp, ORDER: json.dumps(self._order).encode()})
+        for version in forgotten:
+            del self._selections[version]
+            self._informations.drop_version(version)
+
+    def buffer(self) -> Buffer | None:
+        """The kept set by everything that came so far; None while nothing did.
+
+        Raises:
+            ContactCurationError: the tosses so far cannot be ranked, e.g. because none carries information.
+        """
+        selection = self._current()
+        candidates = () if selection is None else selection.candidates
+        if selection is None or not candidates:
+            return None
+        curation = curate(candidates, self._ranking)
+        return Buffer(
+            ranking=self._ranking,
+            curation=curation,
+            candidates=candidates,
+            revision=self._revision(curation, candidates[0].parameters_version),
+            seen=selection.seen,
+            newest_stamp_ns=self._newest_stamp_ns,
+            log_det=_log_det(candidates, curation, self._ranking),
+            frame_id=self._frame_id,
+        )
+
+    def last_stamp_ns(self, toss_id: str) -> int:
+        """Stamp of a kept toss's last frame."""
+        return int(self._states.load(_stamp_key(toss_id)) or b"0")
+
+    def _fresh(self, ranking: RankingConfig) -> Selection:
+        return selection_of(self._config.selection, ranking, self._config.warm_up)
+
+    def _of_stored(self, ranking: RankingConfig, version: str) -> Selection:
+        """A selection of what is kept at a theta."""
+        selection = self._fresh(ranking)
+        for stored in self._informations.all_of(version):
+            selection.add(stored.information)
+        return selection
+
+    def _current(self) -> Selection | None:
+        """The selection at the newest theta that covers enough of what is known, newest first."""
+        known = max((selection.seen for selection in self._selections.values()), default=0)
+        newest_first = [self._selections[version] for version in reversed(self._order)]
+        return next((one for one in newest_first if one.seen >= self._config.coverage * known), None)
+
+    def _revision(self, curation: Curation, version: str) -> int:
+        """Goes up by one when the kept tosses, their order or theta change; lives on disk with them."""
+        kept = {"kept": list(curation.ranking.kept_ids), "version": version, "criterion": curation.ranking.criterion}
+        before = json.loads(self._states.load(BUFFER) or b'{"revision": 0}')
+        revision = int(before.pop("revision"))
+        if before != kept:
+            revision += 1
+            self._states.save({BUFFER: json.dumps({**kept, "revision": revision}).encode()})
+        return revision
+
+
+def _log_det(candidates: tuple[TossInformation, ...], curation: Curation, ranking: RankingConfig) -> float:
+    """Of the kept set relative to the prior, whatever the criterion."""
+    pool = pool_of(candidates)
+    prior = log_det_prior(pool, ranking.prior, ranking.cut)
+    factors = pool.stacked(pool.indices_of(curation.ranking.kept_ids))
+    return Accumulated.prior_only(prior.coordinates).joined(factors).log_det
+
+
+def _stamp_key(toss_id: str) -> str:
+    return f"stamp/{toss_id}"

@@ -1,0 +1,273 @@
+"""Design of throws, restartable: what was thrown is on disk, and the next throw follows from that and what is known.
+
+Until the canary trusts theta, throws are spread over first impacts (`design.exploration`); from then on they are what is
+expected to teach most, given the kept tosses and its own throws. While everything is scored again at a new theta, throws
+are planned at the one before, at which everything is known.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.design.adaptive import AdaptiveDesign, overall_ratio
+from contact_curation.design.designer import Designer, DesignerConfig
+from contact_curation.design.particle import Particle
+from contact_curation.design.planner import Planner
+from contact_curation.design.safety_set import Feasible
+from contact_curation.design.throw import Throw
+from contact_curation.design.throw_prior import PUBLISHED_PRIOR, ReleasePrior
+from contact_curation.design.throw_report import ThrowReport
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.information.record import TossInformation
+from contact_curation.nodes.messages.model_parameters import bytes_of_geometry, geometry_of_bytes
+from contact_curation.stages.throw_log import Made, Proposal, ThrowLog
+from contact_curation.storage.stores.state import StateStore
+
+THETA, SCORES = "theta", "reference scores"
+
+VERSIONS_KEPT = 3
+"""Thetas that are kept in memory, with their information: a trainer may be this much ahead of the scorer."""
+
+
+class DesignStage:
+    """Proposes throws of one body, and learns from those that were made.
+
+    Args:
+        body: as described.
+        config: how.
+        states: where what was thrown is kept.
+        geometry: theta to begin with; None for none.
+        prior: where releases are drawn from.
+        feasible: what the thrower says; None where it can throw anything.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        config: DesignerConfig,
+        states: StateStore,
+        geometry: ContactGeometry | None = None,
+        prior: ReleasePrior = PUBLISHED_PRIOR,
+        feasible: Feasible | None = None,
+    ) -> None:
+        self._designer = Designer(body, config, prior, feasible)
+        self._states = states
+        self._infos: dict[str, dict[str, TossInformation]] = {}
+        self._stamps: dict[str, int] = {}
+        self._rejected: dict[int, str] = {}
+        self._kept: frozenset[str] = frozenset()
+        self._particles: dict[str, Particle] = {}
+        self._planners: dict[str, Planner] = {}
+        self._log = ThrowLog(states)
+        known = states.load(THETA)
+        theta = geometry_of_bytes(known) if known is not None else geometry
+        if theta is not None:
+            self._take_up(self._designer.particle(theta))
+
+    @property
+    def version(self) -> str:
+        """Of the newest theta; empty while there is none."""
+        return next(reversed(self._particles), "")
+
+    @property
+    def throws(self) -> tuple[Made, ...]:
+        """All that were made."""
+        return self._log.made
+
+    @property
+    def reports(self) -> tuple[ThrowReport, ...]:
+        """What is known of each throw that was made, and of one that was lost."""
+        return self._log.reports
+
+    @property
+    def awaits_toss(self) -> bool:
+        """Whether the toss of the last throw was neither scored yet nor rejected."""
+        return bool(self.throws) and not (self.throws[-1].toss_id or self.throws[-1].rejected)
+
+    @property
+    def ratio(self) -> float:
+        """What tosses taught in relation to what was planned; not a number where nothing was planned."""
+        return overall_ratio([made.realised for made in self.throws if made.realised])
+
+    def renew(self, geometry: ContactGeometry) -> bool:
+        """Goes on with another theta; False when it is the same."""
+        particle = self._designer.particle(geometry)
+        if particle.version == self.version:
+            return False
+        self._states.save({THETA: bytes_of_geometry(geometry)})
+        self._take_up(particle)
+        self._measure()
+        return True
+
+    def keep(self, toss_ids: Sequence[str]) -> None:
+        """The kept set is another."""
+        self._kept = frozenset(toss_ids)
+
+    def add(self, info: TossInformation, stamp_ns: int) -> None:
+        """A toss was scored, at some theta.
+
+        Args:
+            info: what it teaches.
+            stamp_ns: of its last frame.
+        """
+        self._infos[info.parameters_version] = self._infos.pop(info.parameters_version, {})  # the newest last
+        self._infos[info.parameters_version][info.toss_id] = info
+        while len(self._infos) > VERSIONS_KEPT:
+            oldest = next(version for version in self._infos if version != self.version)
+            del self._infos[oldest]
+        if info.toss_id not in self._stamps and self._states.load(_loss_key(info.toss_id)) is None:
+            self._states.save({_loss_key(info.toss_id): repr(info.mean_loss).encode()})
+        self._stamps[info.toss_id] = stamp_ns
+        if not self._log.busy:  # else it may be that of the throw under way, whose release nobody has told of yet
+            self._match(info.toss_id)
+            self._measure()
+
+    def reject(self, first_ns: int, reason: str) -> None:
+        """A motion was kept back, which will be no toss.
+
+        Args:
+            first_ns: stamp of its first frame.
+            reason: why.
+        """
+        self._rejected[first_ns] = reason
+        if not self._log.busy:  # else it may be that of the throw under way
+            self._match_rejected()
+
+    def propose(self, seed: int | None = None) -> Proposal:
+        """The next throw; the same knowledge and seed give the same.
+
+        Args:
+            seed: of the pool; by default the number of throws that were begun.
+
+        Raises:
+            InvalidValueError: no release may be thrown, not even as the body is described.
+        """
+        own = self._log.begun if seed is None else seed
+        name = f"{self._designer.body.name}-throw-{self._log.begun}" + ("" if seed is None else f"-{seed}")
+        reason = self.distrust()
+        if reason is None:
+            design = self._design(self._best_known())
+            try:
+                return Proposal(design.plan([name], own).throws[0], None)
+            except InvalidValueError as error:  # a theta at which no throw comes to rest, say
+                reason = str(error)
+        thrown = [made.executed.release for made in self.throws]
+        return Proposal(self._designer.warm_up(name, own, thrown), reason)
+
+    def distrust(self) -> str | None:
+        """Why theta is not trusted with choosing throws; None when it is."""
+        if not self._particles:
+            return "parameters: found none, expected model_parameters"
+        version = self._best_known()
+        return self._designer.distrust(self._first_losses(version), lambda: self._reference_scores(version))
+
+    def begin(self, proposal: Proposal) -> ThrowReport:
+        """A throw is about to be commanded: its number is used up, whatever becomes of it."""
+        return self._log.begin(proposal, max(self._stamps.values(), default=0))
+
+    def abandon(self, reason: str) -> ThrowReport:
+        """The throw under way was not made."""
+        report = self._log.abandon(reason)
+        self._match_all()
+        return report
+
+    def finish(self, executed: Throw, released_ns: int) -> None:
+        """The throw under way was made; its toss will end after `released_ns`.
+
+        Raises:
+            InvalidValueError: it is another throw than the one that was commanded.
+        """
+        self._log.finish(executed, released_ns)
+        self._match_all()
+
+    def _match_all(self) -> None:
+        for toss_id in sorted(self._stamps, key=lambda one: (self._stamps[one], one)):
+            self._match(toss_id)
+        self._match_rejected()
+        self._measure()
+
+    def _match_rejected(self) -> None:
+        """Gives each motion that was kept back to the throw that it began with; the first one there counts."""
+        for first_ns, reason in sorted(self._rejected.items()):
+            place = self._log.thrower_of(first_ns)
+            if place is not None and not (self.throws[place].toss_id or self.throws[place].rejected):
+                self._log.replace(place, replace(self.throws[place], rejected=reason))
+        self._rejected.clear()
+
+    def _match(self, toss_id: str) -> None:
+        """Gives a toss to the throw that it ended behind, if it is the first one there."""
+        place = self._log.follower(self._stamps[toss_id])
+        if place is None or any(made.toss_id == toss_id for made in self.throws):
+            return
+        if not self.throws[place].toss_id:
+            self._log.replace(place, replace(self.throws[place], toss_id=toss_id))
+
+    def _measure(self) -> None:
+        """Measures what the last throw taught, if it was designed and its toss is scored at a theta that is known here.
+
+        Where that is not the theta of the plan, what was to be expected is forecast anew: only gains at one theta compare.
+        """
+        last = self.throws[-1] if self.throws else None
+        if last is None or last.warm_up is not None or not last.toss_id or last.realised is not None:
+            return
+        scored = [version for version in self._particles if last.toss_id in self._infos.get(version, {})]
+        if not scored:
+            return
+        version = last.commanded.parameters_version
+        version = version if version in scored else scored[-1]
+        design = self._design(version, without=last.toss_id)
+        planned = last.commanded if version == last.commanded.parameters_version else design.forecast(last.commanded)
+        realised = design.add(planned, [self._infos[version][last.toss_id]])
+        self._log.replace(len(self.throws) - 1, replace(last, realised=realised))
+
+    def _take_up(self, particle: Particle) -> None:
+        self._particles.pop(particle.version, None)
+        self._particles[particle.version] = particle
+        while len(self._particles) > VERSIONS_KEPT:
+            oldest = next(iter(self._particles))
+            del self._particles[oldest]
+            self._planners.pop(oldest, None)
+
+    def _wanted(self) -> frozenset[str]:
+        """The kept tosses and those of its own throws."""
+        return self._kept | {made.toss_id for made in self.throws}
+
+    def _best_known(self) -> str:
+        """The version of the theta at which most of the wanted tosses are scored; the newest of several."""
+        wanted = self._wanted()
+        return max(reversed(self._particles), key=lambda version: len(wanted & self._infos.get(version, {}).keys()))
+
+    def _known_infos(self, version: str, without: str = "") -> list[TossInformation]:
+        """Of the wanted tosses, at a theta."""
+        here = self._infos.get(version, {})
+        return [here[toss_id] for toss_id in sorted((self._wanted() - {without}) & here.keys())]
+
+    def _design(self, version: str, without: str = "") -> AdaptiveDesign:
+        if version not in self._planners:
+            self._planners[version] = self._designer.planner(self._particles[version])
+        pairs = [(made.commanded, made.executed) for made in self.throws]
+        return AdaptiveDesign(self._planners[version], [self._known_infos(version, without)], pairs)
+
+    def _first_losses(self, version: str) -> list[float]:
+        """Of the tosses that are known at a theta, as they were scored first, oldest first."""
+        known = (info.toss_id for info in self._known_infos(version))
+        ids = sorted(known, key=lambda toss_id: (self._stamps[toss_id], toss_id))
+        return [float(self._states.load(_loss_key(toss_id)) or b"nan") for toss_id in ids]
+
+    def _reference_scores(self, version: str) -> list[Array]:
+        """Of a theta and the last one that was asked about before, that one first; kept on disk for a restart."""
+        kept: dict[str, list[float]] = json.loads(self._states.load(SCORES) or b"{}")
+        if version not in kept:
+            kept[version] = self._design(version).planner.reference_scores().tolist()
+            kept = dict(list(kept.items())[-2:])
+            self._states.save({SCORES: json.dumps(kept).encode()})
+        return [np.array(scores) for scores in kept.values()]
+
+
+def _loss_key(toss_id: str) -> str:
+    return f"first loss/{toss_id}"

@@ -1,0 +1,81 @@
+"""Tosses that a node holds out: read from recordings when it starts, and how well a model predicts them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from rclpy.node import Node
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.models.model import Model
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
+from contact_curation.motion.calibration import LEVEL
+from contact_curation.motion.segmenter_config import SegmenterConfig
+from contact_curation.motion.toss import Toss
+from contact_curation.nodes.ros.parameters import declare, declare_config
+from contact_curation.storage.inputs.inputs import InputsConfig, Problem, open_inputs
+
+
+class HeldOutErrors(NamedTuple):
+    """Means over the held-out tosses whose predicted motion is finite; NaN where there are none.
+
+    Attributes:
+        loss: over the transitions whose impulses carry a certificate, motions that are not finite included.
+        position: [% of the body's width].
+        rotation: [deg].
+        not_finite: how many motions are not.
+    """
+
+    loss: float
+    position: float
+    rotation: float
+    not_finite: int
+
+
+class HeldOutTosses:
+    """The sound tosses of some recordings; what their gates keep back is left out.
+
+    Args:
+        paths: recordings; none for no held-out tosses.
+        body: what was tossed.
+        config: how they are read.
+
+    Raises:
+        InvalidValueError: there is no toss in them.
+    """
+
+    def __init__(self, paths: Sequence[str], body: Body, config: InputsConfig | None = None) -> None:
+        found = list(open_inputs([Path(path) for path in paths], body, config))
+        self.tosses = tuple(one for one in found if isinstance(one, Toss))
+        if paths and not self.tosses:
+            why = next((str(one) for one in found if isinstance(one, Problem)), f"no toss in {', '.join(paths)}")
+            raise InvalidValueError("parameter held_out", why, "recordings of tosses")
+
+    def errors(self, model: Model) -> HeldOutErrors:
+        """How far the predicted motions are from the measured ones (METHOD 1.11)."""
+        if not self.tosses:
+            return HeldOutErrors(np.nan, np.nan, np.nan, 0)
+        found = evaluate_model(model, self.tosses, EvaluationConfig())
+        finite = found.errors.finite
+        position, rotation = (_mean(values[finite]) for values in (found.errors.position, found.errors.rotation))
+        return HeldOutErrors(found.mean_loss, position, rotation, len(found.not_finite))
+
+
+def declared_held_out(node: Node, body: Body) -> HeldOutTosses:
+    """Those that a node's parameters name.
+
+    Raises:
+        InvalidValueError: there is no toss in them.
+    """
+    paths = declare(node, "held_out", [""], "recordings that are never trained on, for the errors of training_status")
+    noise = declare(node, "segmenter.tracker_noise", 1.0, "of the tracker of those recordings, as pose_ingest's")
+    rig = declare_config(node, LEVEL, "rig.")
+    config = InputsConfig(segmenter=SegmenterConfig(tracker_noise=noise), rig=rig)
+    return HeldOutTosses([path for path in paths if path], body, config)
+
+
+def _mean(values: Array) -> float:
+    return float(values.mean()) if values.size else np.nan

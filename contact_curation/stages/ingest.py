@@ -1,0 +1,174 @@
+"""Ingest that may be killed at any time: what it took in and what came of it become permanent together.
+
+Measurements are written down in small batches, with the tosses they completed, in one transaction. After a kill the last saved
+state is restored and the measurements since then are taken in again, which gives the same state, bit for bit. What the
+publisher sends once more is known by its time of publication and skipped.
+"""
+
+import hashlib
+import json
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.scalars import ScalarPose
+from contact_curation.motion.ingest import IngestEvent, TossIngest
+from contact_curation.motion.pose_stream import BadPose, FramePose
+from contact_curation.motion.toss import Rejected, Toss
+from contact_curation.storage.provenance import TossProvenance
+from contact_curation.storage.stores.pose_journal import JournalPose
+from contact_curation.storage.stores.tosses import StoredRejected, StoredToss, TossStore
+
+STATE, NEWEST, ANNOUNCED = "ingest", "newest", "announced"
+
+JOURNAL_LENGTH = 512
+"""Measurements after which the state is saved and the journal emptied, at the next moment without a toss in progress."""
+
+LONGEST_JOURNAL = 8192
+"""The same, toss or not."""
+
+PAGE = 64
+
+
+class Arrival(NamedTuple):
+    """A measurement as it arrived.
+
+    Attributes:
+        topic: that it came on.
+        published_ns: when it was published, by the middleware's clock.
+        measured: what it says.
+    """
+
+    topic: str
+    published_ns: int
+    measured: FramePose | BadPose
+
+
+class Happened(NamedTuple):
+    """What a batch of measurements led to.
+
+    Attributes:
+        bad: measurements that could not be used.
+        tosses: new in the store.
+        rejected: new in the store.
+        conflicts: what the store refused: another toss is there under the same id.
+    """
+
+    bad: tuple[BadPose, ...]
+    tosses: tuple[StoredToss, ...]
+    rejected: tuple[StoredRejected, ...]
+    conflicts: tuple[str, ...]
+
+
+class IngestJournal:
+    """A `TossIngest` and the store that it continues from.
+
+    Args:
+        ingest: fresh.
+        store: with the state of an earlier run, if there was one.
+        configuration: everything the ingest was made of, in words; the state of another configuration is not taken up.
+        topic: with the body's poses, for the tosses' provenance.
+    """
+
+    def __init__(self, ingest: TossIngest, store: TossStore, configuration: str, topic: str) -> None:
+        self._ingest = ingest
+        self._store = store
+        self._configuration = hashlib.sha256(configuration.encode()).hexdigest()
+        self._provenance = TossProvenance(topic=topic)
+        self._newest: dict[str, int] = {}
+        self._journaled = 0
+        self._last = 0
+        self._restore()
+
+    @property
+    def newest(self) -> dict[str, int]:
+        """Per topic the time of publication of the newest measurement that is safe [ns]."""
+        return dict(self._newest)
+
+    def take(self, arrivals: Sequence[Arrival]) -> Happened:
+        """Takes in measurements; when it returns, they and what came of them are permanent."""
+        events: list[IngestEvent] = []
+        with self._store.transaction():
+            for arrival in arrivals:
+                self._newest[arrival.topic] = arrival.published_ns
+                events += self._ingest.push(arrival.measured)
+            self._write_down([one.measured for one in arrivals if isinstance(one.measured, FramePose)])
+            return self._stored(events)
+
+    def unannounced(self) -> tuple[tuple[StoredToss, ...], tuple[StoredRejected, ...]]:
+        """A page of what is stored and was perhaps never announced, because of a kill."""
+        tosses, rejected = self._announced()
+        return self._store.after(tosses, PAGE), self._store.rejected_after(rejected, PAGE)
+
+    def announced(self, tosses: int, rejected: int) -> None:
+        """Remembers up to which sequence numbers everything was announced."""
+        known = self._announced()
+        pair = [max(known[0], tosses), max(known[1], rejected)]
+        self._store.save_state(ANNOUNCED, json.dumps(pair).encode())
+
+    def _announced(self) -> tuple[int, int]:
+        state = self._store.load_state(ANNOUNCED)
+        tosses, rejected = json.loads(state) if state else (0, 0)
+        return tosses, rejected
+
+    def _write_down(self, poses: Sequence[FramePose]) -> None:
+        if poses:
+            self._last = self._store.append_poses([_journal_pose(pose) for pose in poses])
+            self._journaled += len(poses)
+        state: dict[str, Any] = {"configuration": self._configuration, "newest": self._newest}
+        self._store.save_state(NEWEST, json.dumps(state).encode())
+        if self._journaled >= (LONGEST_JOURNAL if self._ingest.tossing else JOURNAL_LENGTH):
+            self._save()
+
+    def _save(self) -> None:
+        state = {"configuration": self._configuration, "after": self._last, "ingest": self._ingest.snapshot()}
+        self._store.save_state(STATE, json.dumps(state).encode())
+        self._store.trim_poses(self._last)
+        self._journaled = 0
+
+    def _restore(self) -> None:
+        """Takes up where an earlier run stopped; the tosses that come out once more are in the store already."""
+        newest = json.loads(self._store.load_state(NEWEST) or b"{}")
+        if newest.get("configuration") != self._configuration:
+            self._forget()
+            return
+        self._newest = newest["newest"]
+        state = json.loads(self._store.load_state(STATE) or b"{}")
+        if state.get("configuration") == self._configuration:
+            self._ingest.restore(state["ingest"])
+            self._last = state["after"]
+        for sequence, pose in self._store.poses_since(self._last):
+            self._ingest.push(_frame_pose(pose))
+            self._last, self._journaled = sequence, self._journaled + 1
+
+    def _forget(self) -> None:
+        journal = self._store.poses_since()
+        if journal:
+            self._store.trim_poses(journal[-1][0])
+            self._last = journal[-1][0]
+
+    def _stored(self, events: Sequence[IngestEvent]) -> Happened:
+        tosses: list[StoredToss] = []
+        rejected: list[StoredRejected] = []
+        conflicts: list[str] = []
+        provenance = self._provenance
+        for event in events:
+            try:
+                if isinstance(event, Toss):
+                    sequence, new = self._store.add(event, provenance=provenance)
+                    tosses += [StoredToss(sequence, event, provenance)] * new
+                elif isinstance(event, Rejected):
+                    sequence, new = self._store.add_rejected(event, provenance=provenance)
+                    rejected += [StoredRejected(sequence, event, provenance)] * new
+            except InvalidValueError as error:
+                conflicts.append(str(error))
+        bad = tuple(event for event in events if isinstance(event, BadPose))
+        return Happened(bad, tuple(tosses), tuple(rejected), tuple(conflicts))
+
+
+def _journal_pose(pose: FramePose) -> JournalPose:
+    return JournalPose(pose.stamp_ns, pose.parent, pose.child, pose.pose.position, pose.pose.orientation_wxyz, pose.static)
+
+
+def _frame_pose(pose: JournalPose) -> FramePose:
+    return FramePose(pose.stamp_ns, pose.parent, pose.child, ScalarPose(pose.position, pose.orientation_wxyz), pose.static)

@@ -1,0 +1,163 @@
+"""Scoring that may be killed at any time: what was scored is kept, and where it stopped.
+
+A toss is scored once per theta. What it teaches is stored under its own number before anybody hears of it; after a kill the
+numbers that were perhaps never announced are announced again.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from contact_curation.contact.body import Body
+from contact_curation.errors import InvalidValueError
+from contact_curation.information.record import TossInformation
+from contact_curation.information.scoring import NotScored, ScoringConfig
+from contact_curation.motion.toss import Toss
+from contact_curation.nodes.messages.headers import Stamped
+from contact_curation.nodes.ros.catch_up import Cursor
+from contact_curation.stages.scored_theta import ScoredTheta, TossScorer, scorer_of
+from contact_curation.storage.stores.information import InformationStore
+from contact_curation.storage.stores.state import StateStore
+
+PARAMETERS, MODEL, CURSOR, ANNOUNCED = "parameters", "model", "cursor", "announced"
+
+VERSIONS_KEPT = 2
+"""Older thetas' information is dropped: it can be scored again."""
+
+
+class Announcement(NamedTuple):
+    """What a toss teaches, its number from 1, and the header it goes out with."""
+
+    sequence: int
+    information: TossInformation
+    stamped: Stamped
+
+
+class Batch(NamedTuple):
+    """What scoring some tosses gave: what is new, and what could not be scored, one line each."""
+
+    new: tuple[Announcement, ...]
+    not_scored: tuple[NotScored, ...]
+
+
+class ScoringStage:
+    """Scores tosses of one body at the newest theta.
+
+    Args:
+        body: what is tossed.
+        config: how tosses are scored.
+        informations: where results are kept.
+        states: where theta and the place in the stream are kept.
+        theta: where no newer one is kept.
+
+    Raises:
+        InvalidValueError: the store holds results of the same theta that were made in another way.
+    """
+
+    def __init__(
+        self, body: Body, config: ScoringConfig, informations: InformationStore, states: StateStore, theta: ScoredTheta
+    ) -> None:
+        self._body = body
+        self._config = config
+        self._informations = informations
+        self._states = states
+        kept, model = states.load(PARAMETERS), states.load(MODEL) or theta.model.encode()
+        known = theta if kept is None else ScoredTheta(model.decode(), kept)
+        self._scorer = self._checked(scorer_of(known, body, config))
+
+    @property
+    def version(self) -> str:
+        """Of theta."""
+        return self._scorer.version
+
+    @property
+    def cursor(self) -> Cursor:
+        """Behind the last toss that was scored at this theta."""
+        kept = json.loads(self._states.load(CURSOR) or b"{}")
+        return Cursor(*kept["cursor"]) if kept.get("version") == self.version else Cursor()
+
+    def renew(self, theta: ScoredTheta) -> bool:
+        """Goes on with another theta; False when it is the same.
+
+        What is kept of it from an earlier time is scored again: under new numbers it is news to whoever listens.
+
+        Raises:
+            InvalidValueError: no theta of such a model, one that the form cannot have, or the store holds results of it that
+                were made in another way.
+        """
+        scorer = self._checked(scorer_of(theta, self._body, self._config))
+        if scorer.version == self.version:
+            return False
+        self._informations.drop_version(scorer.version)
+        self._states.save({PARAMETERS: theta.data, MODEL: theta.model.encode()})
+        self._scorer = scorer
+        self._informations.keep_newest_versions(VERSIONS_KEPT)
+        return True
+
+    def score(self, tosses: Sequence[Toss], frames: Mapping[str, str]) -> Batch:
+        """Scores what is not scored yet and keeps the results.
+
+        Args:
+            tosses: of this body.
+            frames: by toss id, the frame that its poses are given in.
+        """
+        fresh = [toss for toss in tosses if self._informations.get(toss.toss_id, self.version) is None]
+        results = self._scorer.score(fresh) if fresh else ()
+        scored = [(toss, result) for toss, result in zip(fresh, results) if isinstance(result, TossInformation)]
+        headers = {toss.toss_id: Stamped(int(toss.stamps_ns[-1]), frames[toss.toss_id]) for toss, _ in scored}
+        self._states.save({_header_key(toss_id): json.dumps(header).encode() for toss_id, header in headers.items()})
+        new = [Announcement(self._informations.add(one).sequence, one, headers[one.toss_id]) for _, one in scored]
+        return Batch(tuple(new), tuple(result for result in results if isinstance(result, NotScored)))
+
+    def after(self, sequence: int, limit: int) -> tuple[Announcement, ...]:
+        """The next `limit` results behind `sequence`."""
+        return tuple(self._with_header(*one) for one in self._informations.after(sequence, limit))
+
+    def unannounced(self, limit: int) -> tuple[Announcement, ...]:
+        """A page of what is kept and was perhaps never announced."""
+        return self.after(int(self._states.load(ANNOUNCED) or b"0"), limit)
+
+    def announced(self, batch: Sequence[Announcement]) -> None:
+        """Remembers that everything up to these was announced."""
+        if batch:
+            self._states.save({ANNOUNCED: str(batch[-1].sequence).encode()})
+
+    def advance(self, cursor: Cursor) -> None:
+        """Remembers that every toss up to the cursor was scored at this theta."""
+        self._states.save({CURSOR: json.dumps({"version": self.version, "cursor": cursor}).encode()})
+
+    @property
+    def last_sequence(self) -> int:
+        """The newest number; 0 while there is none."""
+        return self._informations.last_sequence
+
+    def _checked(self, scorer: TossScorer) -> TossScorer:
+        """The scorer, if results of its theta that are kept already are like its own."""
+        stored = next(iter(self._informations.all_of(scorer.version)), None)
+        if stored is None:
+            return scorer
+        known = stored.information
+        own = {
+            "estimator": self._config.estimator.value,
+            "influence_bound": self._config.influence_bound,
+            "blocks": scorer.blocks,
+        }
+        for name, value in own.items():
+            if value != getattr(known, name):
+                raise InvalidValueError(name, value, f"{getattr(known, name)}, as in the store, or another store")
+        return scorer
+
+    def _with_header(self, sequence: int, information: TossInformation) -> Announcement:
+        header = json.loads(self._states.load(_header_key(information.toss_id)) or b'[0, ""]')
+        return Announcement(sequence, information, Stamped(*header))
+
+
+def checked_body(toss: Toss, body: Body) -> Toss:
+    """The toss, if it is one of this body; InvalidValueError otherwise."""
+    if toss.body != body.name:
+        raise InvalidValueError(f"body of toss {toss.toss_id}", toss.body, body.name)
+    return toss
+
+
+def _header_key(toss_id: str) -> str:
+    return f"header/{toss_id}"

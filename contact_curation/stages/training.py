@@ -1,0 +1,257 @@
+"""Training that may be killed at any time: rounds on the kept set, each from where the last one ended.
+
+A round takes the newest kept set whose tosses are all there, gives it the protocol's budget of gradient steps, and ends with
+new parameters. These change the ranking, thus the kept set, thus the next round. So that it comes to rest, only so many rounds
+may follow one another without a toss that is new to the curator.
+
+The checkpoint holds the training in the middle of a round, and which round that is; the tosses are in a store of its own.
+"""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from contact_curation.contact.models.model import Model, Rows
+from contact_curation.errors import InvalidValueError
+from contact_curation.learning.training.progress import Progress, TrainingState
+from contact_curation.learning.training.protocols import TrainingConfig
+from contact_curation.learning.training.training import Training
+from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import Transitions, transitions_of
+from contact_curation.storage.checkpoint_file import read_model, read_notes, resume_training, save_checkpoint
+from contact_curation.storage.stores.tosses import TossStore
+
+ROUND = "round"
+"""Name of the checkpoint's note about the round it is in."""
+
+
+class KeptSet(NamedTuple):
+    """What the curator keeps.
+
+    Attributes:
+        revision: of the buffer.
+        tosses_seen: how many it was chosen from.
+        toss_ids: best first.
+    """
+
+    revision: int
+    tosses_seen: int
+    toss_ids: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class RoundsConfig:
+    """When a round begins, and how finely it is cut.
+
+    Attributes:
+        least_tosses: no round on fewer kept tosses.
+        settling_rounds: rounds that may follow one another without a toss that is new to the curator.
+        slice_steps: gradient steps between two looks at what came.
+        checkpoint_steps: gradient steps between two checkpoints in the middle of a round.
+    """
+
+    least_tosses: int = 2
+    settling_rounds: int = 3
+    slice_steps: int = 25
+    checkpoint_steps: int = 200
+
+    def __post_init__(self) -> None:
+        for name, least in (("least_tosses", 1), ("settling_rounds", 0), ("slice_steps", 1), ("checkpoint_steps", 1)):
+            if getattr(self, name) < least:
+                raise InvalidValueError(name, getattr(self, name), f"at least {least}")
+
+
+@dataclass(frozen=True)
+class Round:
+    """Which round it is.
+
+    Attributes:
+        number: from 1.
+        revision: of the buffer that it trains on.
+        tosses_seen: by the curator, then.
+        settling: how many rounds since a toss was new, this one included; 0 when one was.
+        toss_ids: it trains on.
+        earlier_ids: that rounds before it trained on, and it does not.
+    """
+
+    number: int = 0
+    revision: int = 0
+    tosses_seen: int = 0
+    settling: int = 0
+    toss_ids: tuple[str, ...] = ()
+    earlier_ids: tuple[str, ...] = ()
+
+
+class Moment(NamedTuple):
+    """The training before its first or at the end of any round.
+
+    Attributes:
+        model: as it is then.
+        progress: as it is then.
+        round: which.
+        ended: whether the round has ended.
+    """
+
+    model: Model
+    progress: Progress
+    round: Round
+    ended: bool
+
+
+class TrainingStage:
+    """Trains one model on whatever is kept.
+
+    Args:
+        begin: gives the model to begin with, from the first training data.
+        length_scale: of the body [m].
+        config: the protocol; its budget is that of a round.
+        rounds: when they begin.
+        seed: of the shuffles.
+        tosses: where fetched tosses are kept.
+        checkpoint: file; made at the first round.
+    """
+
+    def __init__(
+        self,
+        begin: Callable[[Rows], Model],
+        length_scale: float,
+        config: TrainingConfig,
+        rounds: RoundsConfig,
+        seed: int,
+        tosses: TossStore,
+        checkpoint: Path,
+    ) -> None:
+        self._begin = begin
+        self._length_scale = length_scale
+        self._config = config
+        self._rounds = rounds
+        self._seed = seed
+        self._tosses = tosses
+        self._checkpoint = checkpoint
+        self._wanted: KeptSet | None = None
+        self._training: Training | None = None
+        self._round = Round()
+        if checkpoint.exists():
+            self._resume()
+
+    @property
+    def now(self) -> Moment | None:
+        """Where it is; None before the first round."""
+        if self._training is None:
+            return None
+        return Moment(self._training.trained(), self._training.progress, self._round, not self._running)
+
+    @property
+    def round(self) -> Round:
+        """The newest one; number 0 before the first."""
+        return self._round
+
+    @property
+    def progress(self) -> Progress | None:
+        """How far it is; None before the first round."""
+        return None if self._training is None else self._training.progress
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Ids of the newest kept set whose tosses have to be fetched."""
+        return () if self._wanted is None else tuple(one for one in self._wanted.toss_ids if not self._tosses.contains(one))
+
+    def follow(self, kept: KeptSet) -> None:
+        """Trains on this set from the next round on."""
+        self._wanted = kept
+
+    def add(self, toss: Toss) -> None:
+        """Keeps a toss that was fetched; InvalidValueError if another one of its id is there."""
+        self._tosses.add(toss)
+
+    @property
+    def due(self) -> bool:
+        """Whether `advance` has something to do."""
+        return self._running or self._round_due
+
+    def advance(self) -> Moment | None:
+        """Begins a round or takes a slice of it; gives the moment before the first round and that at the end of each."""
+        if not self._running:
+            if not self._round_due:
+                return None
+            self._start_round()
+            return self.now if self._round.number == 1 else None
+        before = self._trained_so_far.counters.gradient_steps
+        progress = self._trained_so_far.advance(self._rounds.slice_steps)
+        ended, every = progress.state is not TrainingState.RUNNING, self._rounds.checkpoint_steps
+        if ended or before // every != progress.gradient_steps // every:
+            self._save()
+        return self.now if ended else None
+
+    @property
+    def _running(self) -> bool:
+        return self._training is not None and self._training.counters.state is TrainingState.RUNNING
+
+    @property
+    def _trained_so_far(self) -> Training:
+        assert self._training is not None  # a round is running
+        return self._training
+
+    @property
+    def _round_due(self) -> bool:
+        """Whether the newest kept set is another one, is all there, and may still be trained on."""
+        wanted = self._wanted
+        if wanted is None or len(wanted.toss_ids) < self._rounds.least_tosses or self.missing:
+            return False
+        if set(wanted.toss_ids) == set(self._round.toss_ids):
+            return False
+        return self._has_new_toss(wanted) or self._round.settling < self._rounds.settling_rounds
+
+    def _has_new_toss(self, wanted: KeptSet) -> bool:
+        return wanted.tosses_seen > self._round.tosses_seen
+
+    def _start_round(self) -> None:
+        wanted = self._wanted
+        assert wanted is not None  # a round is due
+        settling = 0 if self._has_new_toss(wanted) else self._round.settling + 1
+        data = self._data(wanted.toss_ids)
+        if self._training is None:
+            model = self._begin(Rows(data.before, data.after, data.dt))
+            self._training = Training(model, data, None, self._config, self._seed)
+        else:
+            self._training.replace_data(data, fresh_budget=True)
+        seen = max(wanted.tosses_seen, self._round.tosses_seen)
+        before = {*self._round.toss_ids, *self._round.earlier_ids} - set(wanted.toss_ids)
+        earlier = () if self._config.exact else tuple(sorted(before))  # an exact round forgets what was before
+        self._round = Round(self._round.number + 1, wanted.revision, seen, settling, wanted.toss_ids, earlier)
+        self._save()
+
+    def _data(self, toss_ids: tuple[str, ...]) -> Transitions:
+        """Of stored tosses, in the order of their ids, so that the same set gives the same training."""
+        stored = sorted(self._tosses.get(toss_ids), key=lambda one: one.toss.toss_id)
+        return transitions_of([one.toss for one in stored], self._length_scale)
+
+    def _save(self) -> None:
+        last, earlier = self._round.toss_ids, self._round.earlier_ids
+        ids = {"training ids": "\n".join((*last, *earlier)), "fitted ids": "\n".join(last)}  # as `evaluate` reads them
+        save_checkpoint(self._checkpoint, self._trained_so_far, {ROUND: json.dumps(asdict(self._round)), **ids})
+
+    def _resume(self) -> None:
+        """Goes on in the middle of the round; where its tosses or the protocol are others, from its parameters on.
+
+        An exact protocol has no use for these: it begins each round at the same theta_0.
+        """
+        found = _round_of(read_notes(self._checkpoint), self._checkpoint)
+        if all(self._tosses.contains(toss_id) for toss_id in found.toss_ids):
+            training = resume_training(self._checkpoint, self._data(found.toss_ids), None)
+            if training.config == self._config:
+                self._round, self._training = found, training
+                return
+        if not self._config.exact:
+            model = read_model(self._checkpoint)
+            self._begin = lambda _: model
+
+
+def _round_of(notes: Mapping[str, str], path: Path) -> Round:
+    """The round that a checkpoint is in; a checkpoint of the `train` command is in none."""
+    if ROUND not in notes:
+        raise InvalidValueError(f"checkpoint {path}", "none of a trainer node", "one; `params` takes others")
+    told = json.loads(notes[ROUND])
+    return Round(**{**told, **{name: tuple(told[name]) for name in ("toss_ids", "earlier_ids") if name in told}})

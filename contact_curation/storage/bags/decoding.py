@@ -1,0 +1,167 @@
+"""From the bytes of messages to objects, by the definitions that the bag itself carries.
+
+Every type gets a type store of its own: a definition that cannot be read, or that contradicts another topic's, costs only
+its own topic. Names are brought to ROS 2's form: fields of ROS 1 messages become lower case (`K` of CameraInfo is `k`).
+"""
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+from rosbags.interfaces import Nodetype
+from rosbags.interfaces.typing import FieldDesc, Typesdict
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from contact_curation.storage.bags.errors import UndecodableTypeError
+from contact_curation.storage.bags.limits import BagLimits
+
+HEADER = "std_msgs/msg/Header"
+IDL_SEPARATOR = "=" * 80 + "\n"
+LONGEST_SCHEMA = 1 << 20
+"""Characters; the parser is slow on longer ones, and real ones have some kB."""
+TYPE_ERRORS = (TypesysError, SerdeError, LookupError, ValueError, TypeError, AssertionError, SyntaxError, RecursionError)
+"""What rosbags raises on definitions that it cannot make a decoder from."""
+DECODE_ERRORS = (SerdeError, struct.error, LookupError, ValueError, TypeError, OverflowError, RecursionError)
+"""What rosbags raises on bytes that are no message of the type."""
+DECODERS = 64
+"""Kept for the next bag; making one takes some 20 ms, and a set of bags has a few types."""
+
+
+class Definition(NamedTuple):
+    """What the messages of a channel are made of.
+
+    Attributes:
+        type: ROS 2 type name.
+        encoding: of the messages, `cdr` or `ros1`.
+        schema: definition text; empty where the bag carries none.
+        schema_encoding: of it.
+    """
+
+    type: str
+    encoding: str
+    schema: str
+    schema_encoding: str
+
+
+@dataclass(frozen=True, eq=False)
+class TypeDecoder:
+    """Decodes messages of one definition.
+
+    Attributes:
+        decode: bytes to message object; raises one of DECODE_ERRORS.
+        to_cdr: bytes to CDR of the ROS 2 type; raises one of DECODE_ERRORS.
+        schema: ROS 2 definition text.
+        schema_encoding: of it.
+        type_hash: `RIHS01_...` of the definition.
+    """
+
+    decode: Callable[[bytes], object]
+    to_cdr: Callable[[bytes], bytes]
+    schema: str
+    schema_encoding: str
+    type_hash: str
+
+
+@lru_cache(DECODERS)
+def decoder_for(definition: Definition, limits: BagLimits) -> TypeDecoder:
+    """A decoder made from a definition, or ROS 2 Jazzy's where the bag carries none.
+
+    Raises:
+        UndecodableTypeError: the encoding, the definition or the type is not understood.
+    """
+    if definition.encoding not in ("cdr", "ros1"):
+        raise UndecodableTypeError(f"messages are encoded as {definition.encoding!r}; only cdr and ros1 are understood")
+    try:
+        store = _store(definition, limits)
+        store.get_msgdef(definition.type)
+        return _ros1_decoder(definition, store) if definition.encoding == "ros1" else _ros2_decoder(definition, store)
+    except TYPE_ERRORS as error:
+        raise UndecodableTypeError(f"the definition of its type is not understood: {_reason(error)}") from error
+
+
+def _ros2_decoder(definition: Definition, store: Typestore) -> TypeDecoder:
+    def decode(data: bytes) -> object:
+        return store.deserialize_cdr(data, definition.type)
+
+    def to_cdr(data: bytes) -> bytes:
+        return data
+
+    return TypeDecoder(decode, to_cdr, definition.schema, definition.schema_encoding, store.hash_rihs01(definition.type))
+
+
+def _ros1_decoder(definition: Definition, store: Typestore) -> TypeDecoder:
+    jazzy_header = get_typestore(Stores.ROS2_JAZZY).fielddefs[HEADER]
+    ros2 = get_typestore(Stores.EMPTY)
+    ros2.register({**store.fielddefs, HEADER: jazzy_header})  # without seq, as ros1_to_cdr expects it
+
+    def decode(data: bytes) -> object:
+        return store.deserialize_ros1(data, definition.type)
+
+    def to_cdr(data: bytes) -> bytes:
+        return bytes(ros2.ros1_to_cdr(data, definition.type))
+
+    schema, _ = ros2.generate_msgdef(definition.type, ros_version=2)
+    return TypeDecoder(decode, to_cdr, schema, "ros2msg", ros2.hash_rihs01(definition.type))
+
+
+def _store(definition: Definition, limits: BagLimits) -> Typestore:
+    if not definition.schema:
+        store = get_typestore(Stores.ROS2_JAZZY)
+        if definition.type not in store.fielddefs:
+            raise TypesysError(f"the bag does not define {definition.type!r}, nor is it one of ROS 2 Jazzy's")
+        return store
+    if len(definition.schema) > LONGEST_SCHEMA:
+        raise TypesysError(f"it has {len(definition.schema)} characters where at most {LONGEST_SCHEMA} are accepted")
+    types = _types(definition)
+    _refuse_long_arrays(types, limits)
+    store = get_typestore(Stores.EMPTY)
+    store.register(types)
+    return store
+
+
+def _types(definition: Definition) -> Typesdict:
+    if definition.schema_encoding == "ros2msg":
+        return get_types_from_msg(definition.schema, definition.type)
+    if definition.schema_encoding == "ros1msg":
+        return _in_lower_case(get_types_from_msg(definition.schema, definition.type))
+    if definition.schema_encoding in ("ros2idl", "omgidl"):
+        return _types_from_idl(definition.schema)
+    raise TypesysError(f"it is written as {definition.schema_encoding!r}; ros2msg, ros2idl and ros1msg are understood")
+
+
+def _types_from_idl(schema: str) -> Typesdict:
+    """rosbag2 puts one IDL file per type into a schema, each behind a separator and a line with its name."""
+    if not schema.startswith(IDL_SEPARATOR):
+        return get_types_from_idl(schema)
+    types: Typesdict = {}
+    for part in schema.split(IDL_SEPARATOR)[1:]:
+        types.update(get_types_from_idl(part.partition("\n")[2]))
+    return types
+
+
+def _in_lower_case(types: Typesdict) -> Typesdict:
+    """ROS 2 allows only lower case in names of fields; the order of the fields, and so the bytes, stay as they are."""
+    return {
+        name: (constants, [(field.lower(), kind) for field, kind in fields] if _stay_apart(fields) else fields)
+        for name, (constants, fields) in types.items()
+    }
+
+
+def _stay_apart(fields: list[tuple[str, FieldDesc]]) -> bool:
+    return len({field.lower() for field, _ in fields}) == len(fields)
+
+
+def _refuse_long_arrays(types: Typesdict, limits: BagLimits) -> None:
+    """Refuses what no message has: rosbags writes a line of code per element of a fixed-size array."""
+    for name, (_, fields) in types.items():
+        for field, (kind, detail) in fields:
+            if kind == Nodetype.ARRAY and int(detail[1]) > limits.fixed_array_length:
+                raise TypesysError(f"{name}.{field} has {detail[1]} elements; at most {limits.fixed_array_length} are accepted")
+
+
+def _reason(error: Exception) -> str:
+    return str(error) or type(error).__name__

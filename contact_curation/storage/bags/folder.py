@@ -1,0 +1,124 @@
+"""Rosbag2 folders: which storage files make up the bag, with metadata.yaml, without it, or in spite of it."""
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from contact_curation.errors import UnreadableInputError
+from contact_curation.storage.bags.errors import DamagedBagError, Losses
+from contact_curation.storage.bags.metadata import METADATA_NAME, BagMetadata, TopicMetadata, read_metadata
+from contact_curation.storage.bags.records import Channel
+
+STORAGE_ENDINGS = (".mcap", ".db3")
+COMPRESSED = ".zstd"
+EXPECTED = "expected .mcap or .db3 files directly in it, or .pt files of ContactNets' tosses"
+
+
+class BagFolder(NamedTuple):
+    """Storage files in their order, and what metadata.yaml says; None where there is none."""
+
+    files: tuple[Path, ...]
+    metadata: BagMetadata | None
+
+
+def storage_files(path: Path, losses: Losses) -> BagFolder:
+    """The storage files of a bag: `path` itself, or those of the folder `path`.
+
+    Raises:
+        UnreadableInputError: a folder holds no storage file, files of both formats, or may not be read.
+    """
+    try:
+        if not path.is_dir():
+            return BagFolder((path,), None)
+        found = sorted((entry for entry in path.iterdir() if _format(entry)), key=_natural)
+    except OSError as error:
+        raise UnreadableInputError(path, f"cannot be read: {error.strerror}") from error
+    if not found:
+        raise UnreadableInputError(path, f"is a folder without storage files; {EXPECTED}")
+    metadata = _metadata_if_sound(path / METADATA_NAME, losses)
+    files = tuple(found) if metadata is None else _chosen(found, metadata, losses)
+    if len({_format(file) for file in files}) > 1:
+        raise UnreadableInputError(path, f"holds .mcap and .db3 files, {METADATA_NAME} does not say which; name one of them")
+    return BagFolder(files, metadata)
+
+
+def compare(metadata: BagMetadata, counts: Mapping[Channel, int] | None, channels: Sequence[Channel], losses: Losses) -> None:
+    """Says where metadata.yaml and the storage files disagree; the storage files are what is read.
+
+    Args:
+        metadata: what metadata.yaml says.
+        counts: messages per channel in the storage files; None when not known.
+        channels: of all storage files.
+        losses: where it is said.
+    """
+    declared = {topic.name: topic for topic in metadata.topics}
+    for topic in sorted({channel.topic for channel in channels} | set(declared)):
+        stored = [channel for channel in channels if channel.topic == topic]
+        count = None if counts is None else sum(counts.get(channel, 0) for channel in stored)
+        for difference in _differences(declared.get(topic), stored, count):
+            line = f"{METADATA_NAME} says of {topic}: {difference}; the storage file counts"
+            losses.say((METADATA_NAME, topic, difference), line)
+
+
+def _differences(declared: TopicMetadata | None, stored: Sequence[Channel], count: int | None) -> list[str]:
+    if declared is None:
+        return ["nothing"]
+    if not stored:
+        return [f"{declared.count} messages, no storage file knows the topic"] if declared.count else []
+    pairs: list[tuple[str, object, set[object]]] = [
+        ("type", declared.type, {channel.type for channel in stored}),
+        ("type hash", declared.type_hash, {channel.type_hash for channel in stored}),
+        ("QoS", declared.qos, {channel.qos for channel in stored}),
+    ]
+    lines = [f"{what} {said}, stored is {_listed(held)}" for what, said, held in pairs if _contradicts(said, held)]
+    if count is not None and count != declared.count:
+        lines.append(f"{declared.count} messages, stored are {count}")
+    return lines
+
+
+def _contradicts(said: object, held: set[object]) -> bool:
+    """Whether both say something, and not the same."""
+    known = {value for value in held if value}
+    return bool(said) and bool(known) and said not in known
+
+
+def _listed(held: set[object]) -> str:
+    return " and ".join(sorted(str(value) for value in held if value))
+
+
+def _chosen(found: list[Path], metadata: BagMetadata, losses: Losses) -> tuple[Path, ...]:
+    """The files that metadata.yaml names; all that are there when it names one that is not."""
+    by_name = {file.name: file for file in found}
+    missing = [name for name in metadata.files if name not in by_name]
+    if missing or not metadata.files:
+        names = ", ".join(missing) or "no storage file"
+        line = f"{METADATA_NAME} names {names}, which is not there: read {', '.join(by_name)}"
+        losses.say((METADATA_NAME, "files"), line)
+        return tuple(found)
+    unnamed = [name for name in by_name if name not in metadata.files]
+    if unnamed:
+        losses.say((METADATA_NAME, "files"), f"{METADATA_NAME} does not name {', '.join(unnamed)}: not read")
+    return tuple(by_name[name] for name in metadata.files)
+
+
+def _metadata_if_sound(path: Path, losses: Losses) -> BagMetadata | None:
+    if not path.exists():
+        return None
+    try:
+        return read_metadata(path)
+    except DamagedBagError as error:
+        losses.say((METADATA_NAME, "damaged"), f"{METADATA_NAME} {error}: read without it")
+        return None
+
+
+def _format(path: Path) -> str:
+    """`.mcap` or `.db3`; empty for other files."""
+    ending = Path(path.stem).suffix if path.suffix == COMPRESSED else path.suffix
+    return ending if ending in STORAGE_ENDINGS and not path.name.startswith(".") else ""
+
+
+def _natural(path: Path) -> list[tuple[bool, int | str]]:
+    """Sorts `bag_10` behind `bag_9`."""
+    parts = re.split(r"(\d+)", path.name)
+    return [(part.isdigit(), int(part) if part.isdigit() else part) for part in parts if part]

@@ -1,0 +1,161 @@
+"""rosbag2's sqlite3 storage in: one table of topics, one of messages, read by cursor."""
+
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+
+from contact_curation.errors import UnreadableInputError
+from contact_curation.storage.bags.errors import Losses
+from contact_curation.storage.bags.file import BagFile
+from contact_curation.storage.bags.qos import qos_from
+from contact_curation.storage.bags.records import Channel, StoredMessage
+
+SQLITE_MAGIC = b"SQLite format 3\0"
+LARGEST_ROW = 1_000_000_000
+"""SQLite's own bound."""
+TABLES = ("topics", "messages")
+SQLITE_ERRORS = (sqlite3.Error, UnicodeDecodeError, MemoryError)
+"""Of damaged files: even SQLite's messages can be no text, and a row can claim to be larger than it is."""
+UNFINISHED = ("-wal", "-journal")
+"""What SQLite leaves beside a database whose writer was killed: part of the messages is still in there."""
+
+
+class SqliteStorage:
+    """Messages of one database file, which is never written to.
+
+    Args:
+        file: the open file.
+        losses: where damage is said.
+
+    Raises:
+        UnreadableInputError: it is a database, but not a bag, or its table of topics is damaged.
+    """
+
+    def __init__(self, file: BagFile, losses: Losses) -> None:
+        self._file = file
+        self._losses = losses
+        self._stack = ExitStack()
+        try:
+            self._connection = self._opened(file.path)
+            self._check_tables()
+            self._channels = self._declared()
+        except SQLITE_ERRORS as error:
+            self._stack.close()
+            raise UnreadableInputError(file.path, f"is no readable rosbag2 database: {error}") from error
+
+    @property
+    def name(self) -> str:
+        return self._file.path.name
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        return tuple(self._channels.values())
+
+    @property
+    def extent_ns(self) -> tuple[int, int]:
+        """First and last log time; zeros when the table is damaged."""
+        try:
+            first, last = self._connection.execute("SELECT min(timestamp), max(timestamp) FROM messages").fetchone()
+        except SQLITE_ERRORS:
+            return 0, 0
+        return (first, last) if isinstance(first, int) and isinstance(last, int) else (0, 0)
+
+    def counts(self) -> Mapping[Channel, int] | None:
+        """Messages per channel; None when the table is damaged."""
+        try:
+            rows = dict(self._connection.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id").fetchall())
+        except SQLITE_ERRORS:
+            return None
+        return {channel: rows.get(number, 0) for number, channel in self._channels.items()}
+
+    def messages(self, topics: Collection[str] | None) -> Iterator[StoredMessage]:
+        """Messages of `topics` (None: all) in order of log time, those of one time in the order they were written."""
+        wanted = [number for number, channel in self._channels.items() if topics is None or channel.topic in topics]
+        marks = ",".join("?" * len(wanted))
+        query = f"SELECT timestamp, topic_id, data FROM messages WHERE topic_id IN ({marks}) ORDER BY timestamp, rowid"
+        read, malformed = 0, 0
+        try:
+            for time_ns, number, data in self._connection.execute(query, wanted):
+                if isinstance(time_ns, int) and isinstance(data, bytes):
+                    read += 1
+                    yield StoredMessage(time_ns, time_ns, self._channels[number], data)
+                else:
+                    malformed += 1
+        except SQLITE_ERRORS as error:
+            line = f"{self.name}: damaged behind {read} messages, the rest is lost: {error}"
+            self._losses.say((self.name, "damaged"), line)
+        if malformed:
+            line = f"{self.name}: {malformed} rows are no messages (a time or bytes are missing) and were left out"
+            self._losses.say((self.name, "malformed"), line)
+
+    def close(self) -> None:
+        self._stack.close()
+        self._file.close()
+
+    def _opened(self, path: Path) -> sqlite3.Connection:
+        """A connection that leaves the folder as it is; a database with unfinished business is copied first."""
+        immutable = "?immutable=1"
+        if any(_has_bytes(_beside(path, ending)) for ending in UNFINISHED):
+            path = self._copy(path)
+            immutable = ""
+        connection = sqlite3.connect(f"{path.absolute().as_uri()}{immutable}", uri=True, check_same_thread=False)
+        self._stack.callback(connection.close)
+        connection.text_factory = lambda text: text.decode(errors="replace")
+        size = sum(_beside(path, ending).stat().st_size for ending in ("", *UNFINISHED) if _beside(path, ending).exists())
+        connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(size, LARGEST_ROW))  # no row is larger than its file
+        return connection
+
+    def _check_tables(self) -> None:
+        """Makes sure that topics and messages are plain tables; a database that is cut short is opened nevertheless.
+
+        SQLite refuses a file that is shorter than it should be, unless it was told to repair it (writable_schema).
+        """
+        query = "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name IN (?, ?)"
+        self._connection.execute("PRAGMA trusted_schema = OFF")
+        try:
+            (tables,) = self._connection.execute(query, TABLES).fetchone()
+        except SQLITE_ERRORS as error:
+            self._connection.execute("PRAGMA writable_schema = ON")
+            (tables,) = self._connection.execute(query, TABLES).fetchone()
+            self._losses.say((self.name, "cut"), f"{self.name}: damaged or cut short, read as far as it goes: {error}")
+        if tables != len(TABLES):
+            raise sqlite3.DatabaseError(f"it has no tables {' and '.join(TABLES)}")
+
+    def _copy(self, path: Path) -> Path:
+        folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory()))
+        for ending in ("", *UNFINISHED):
+            if (source := _beside(path, ending)).exists():
+                shutil.copyfile(source, folder / source.name)
+        return folder / path.name
+
+    def _declared(self) -> dict[int, Channel]:
+        """Channels by topic id; older databases lack the columns of QoS and type hash, and the definitions."""
+        definitions = self._definitions()
+        columns = {row[1] for row in self._connection.execute("PRAGMA table_info(topics)")}
+        qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
+        type_hash = "type_description_hash" if "type_description_hash" in columns else "''"
+        query = f"SELECT id, name, type, serialization_format, {qos}, {type_hash} FROM topics ORDER BY id"
+        return {
+            number: Channel(
+                str(name), str(kind), str(form), *definitions.get(str(kind), ("", "")), str(digest), qos_from(offered)
+            )
+            for number, name, kind, form, offered, digest in self._connection.execute(query)
+        }
+
+    def _definitions(self) -> dict[str, tuple[str, str]]:
+        """Schema and its encoding by type name."""
+        if not self._connection.execute("PRAGMA table_info(message_definitions)").fetchall():
+            return {}
+        query = "SELECT topic_type, encoded_message_definition, encoding FROM message_definitions"
+        return {str(kind): (str(text), str(encoding)) for kind, text, encoding in self._connection.execute(query)}
+
+
+def _beside(path: Path, ending: str) -> Path:
+    return path.with_name(path.name + ending)
+
+
+def _has_bytes(path: Path) -> bool:
+    return path.exists() and path.stat().st_size > 0

@@ -1,0 +1,153 @@
+"""Bags in: any format, whole or damaged. Whole ones fast; damaged ones as far as they go, saying what was lost."""
+
+import hashlib
+from collections.abc import Collection, Iterator
+from contextlib import ExitStack
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from contact_curation.errors import MissingTopicError
+from contact_curation.storage.bags.conversion import MessageConverter
+from contact_curation.storage.bags.errors import Losses
+from contact_curation.storage.bags.file import file_sha256
+from contact_curation.storage.bags.folder import compare, storage_files
+from contact_curation.storage.bags.limits import BagLimits
+from contact_curation.storage.bags.notes import recorded_notes
+from contact_curation.storage.bags.records import BagMessage, Channel, OfferedQos, RawMessage, TopicInfo
+from contact_curation.storage.bags.storage import merged, open_storage
+
+
+class BagReader:
+    """Reads one bag; use it as a context manager.
+
+    Accepts an MCAP file, a rosbag2 folder (MCAP or sqlite3, one or several files, with or without metadata.yaml), one of its
+    storage files, or a ROS 1 bag. The bag is never written to. Memory stays flat: a chunk, or a row, at a time.
+
+    Args:
+        path: file or folder.
+        limits: bounds on what a bag may ask for.
+
+    Raises:
+        UnreadableInputError: `path` is not a bag, or may not be read. A damaged bag is read as far as it goes.
+    """
+
+    def __init__(self, path: Path, limits: BagLimits | None = None) -> None:
+        self.path = Path(path)
+        limits = limits or BagLimits()
+        self._losses = Losses()
+        self._converter = MessageConverter(limits, self._losses)
+        with ExitStack() as stack:
+            self._folder = storage_files(self.path, self._losses)
+            self._storages = [open_storage(file, limits, self._losses, stack) for file in self._folder.files]
+            self._stack = stack.pop_all()
+        if self._folder.metadata is not None:
+            compare(self._folder.metadata, self._counts(), self._channels, self._losses)
+
+    @cached_property
+    def topics(self) -> tuple[TopicInfo, ...]:
+        """The topics, by name; one entry per type where a topic has several."""
+        counts = self._counts()
+        totals: dict[tuple[str, str], int] = {}
+        for channel in self._channels:
+            key = (channel.topic, channel.type)
+            totals[key] = totals.get(key, 0) + (0 if counts is None else counts[channel])
+        return tuple(TopicInfo(*key, None if counts is None else total) for key, total in sorted(totals.items()))
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
+        """Decoded messages in order of log time; what cannot be decoded is left out and said in `losses`.
+
+        Args:
+            topics: which; None for all.
+
+        Raises:
+            MissingTopicError: the bag lacks one of `topics`.
+        """
+        self._check_topics(topics)
+        return self._converter.decoded(merged(self._storages, topics))
+
+    def raw_messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
+        """Messages as CDR bytes with their schema, in order of log time; also those of types nobody can decode.
+
+        Args:
+            topics: which; None for all.
+
+        Raises:
+            MissingTopicError: the bag lacks one of `topics`.
+        """
+        self._check_topics(topics)
+        return self._converter.raw(merged(self._storages, topics))
+
+    def qos(self, topic: str) -> OfferedQos:
+        """What the topic was offered with; the defaults of `OfferedQos` where the bag does not say.
+
+        Raises:
+            MissingTopicError: the bag lacks the topic.
+        """
+        self._check_topics([topic])
+        offered = [channel.qos for channel in self._channels if channel.topic == topic and channel.qos is not None]
+        if not offered and self._folder.metadata is not None:
+            offered = [known.qos for known in self._folder.metadata.topics if known.name == topic and known.qos is not None]
+        if not offered:
+            return OfferedQos()
+        return OfferedQos(
+            latched=any(qos.latched for qos in offered),
+            reliable=any(qos.reliable for qos in offered),
+            depth=max(qos.depth for qos in offered),
+        )
+
+    def note(self, name: str) -> dict[str, str]:
+        """A note about the whole recording that `BagWriter.note` left; empty where there is none or its place was cut off."""
+        return dict(self.notes.get(name, {}))
+
+    @cached_property
+    def notes(self) -> dict[str, dict[str, str]]:
+        """All notes about the recording by their names, those of rosbag2 itself too."""
+        notes: dict[str, dict[str, str]] = {}
+        for file in self._folder.files:
+            for name, values in recorded_notes(file).items():
+                notes.setdefault(name, {}).update(values)
+        return notes
+
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """What was lost, and where the bag contradicts itself; one line each, complete once the messages were read."""
+        return self._losses.lines
+
+    @cached_property
+    def sha256(self) -> str:
+        """SHA-256 of the storage file; of several files, of what sha256sum prints for them (`<sha256>  <name>` per line)."""
+        digests = [(file_sha256(file), file.name) for file in self._folder.files]
+        if len(digests) == 1:
+            return digests[0][0]
+        return hashlib.sha256("".join(f"{digest}  {name}\n" for digest, name in digests).encode()).hexdigest()
+
+    def close(self) -> None:
+        """Lets go of the files."""
+        self._stack.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    @property
+    def _channels(self) -> list[Channel]:
+        return [channel for storage in self._storages for channel in storage.channels]
+
+    def _counts(self) -> dict[Channel, int] | None:
+        counts: dict[Channel, int] = {}
+        for storage in self._storages:
+            known = storage.counts()
+            if known is None:
+                return None
+            counts.update(known)
+        return counts
+
+    def _check_topics(self, topics: Collection[str] | None) -> None:
+        available = sorted({channel.topic for channel in self._channels})
+        missing = sorted(set(topics or ()) - set(available))
+        if missing:
+            raise MissingTopicError(self.path, ", ".join(missing), available)

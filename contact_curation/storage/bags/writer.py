@@ -1,0 +1,235 @@
+"""Bags out: MCAP as rosbag2 writes it (ros2 profile, CDR, schemas, offered QoS), with checksums and whole or not at all."""
+
+import fcntl
+import os
+import shutil
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, NamedTuple, Self
+
+from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
+from mcap.writer import CompressionType, Writer
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.storage.bags.metadata import METADATA_NAME, TopicMetadata, metadata_text
+from contact_curation.storage.bags.qos import profiles_text
+from contact_curation.storage.bags.records import OfferedQos
+
+LARGEST_LOG_TIME = 2**63 - 1
+"""rosbag2 keeps log times in signed 64 bits."""
+
+
+class _StreamKey(NamedTuple):
+    topic: str
+    type: str
+    qos: OfferedQos
+
+
+@dataclass
+class _Stream:
+    channel: int
+    type_hash: str
+    count: int = 0
+
+    def described(self, key: _StreamKey) -> TopicMetadata:
+        return TopicMetadata(key.topic, key.type, self.count, self.type_hash, key.qos)
+
+
+class BagWriter:
+    """Writes one bag; use it as a context manager.
+
+    Messages go to a hidden file beside the target, which takes the target's name when the `with` block ends well and is
+    removed when it ends with an error. A process that is killed leaves the hidden file, which `BagReader` can read.
+
+    Args:
+        path: `*.mcap` for a storage file; any other name for a rosbag2 folder (storage file and metadata.yaml).
+        typestore: where types of messages are looked up; ROS 2 Jazzy's by default.
+        over_readers: whether a bag that is being read may be replaced; its readers keep the old one.
+
+    Raises:
+        InvalidValueError: `path` cannot be written, is a bag being written or read, or is a folder that is there already.
+    """
+
+    def __init__(self, path: Path, typestore: Typestore | None = None, *, over_readers: bool = False) -> None:
+        self.path = Path(path)
+        self._over_readers = over_readers
+        self._as_folder = self.path.suffix != ".mcap"
+        self._file_name = f"{self.path.name}_0.mcap"
+        self._partial = self.path.with_name(f".{self.path.name}.partial")
+        self._typestore = typestore or get_typestore(Stores.ROS2_JAZZY)
+        self._definitions: dict[str, tuple[str, str]] = {}
+        self._schemas: dict[tuple[str, str, str], int] = {}
+        self._streams: dict[_StreamKey, _Stream] = {}
+        self._first_ns, self._last_ns = LARGEST_LOG_TIME, 0
+        self._appeared = False
+        self._check_target()
+        self._file = self._opened()
+        self._writer = Writer(self._file, compression=CompressionType.ZSTD, enable_crcs=True)
+        self._writer.start(profile=Profile.ROS2, library="contact-curation")
+
+    def write(self, topic: str, message: Any, log_time_ns: int, latched: bool = False) -> None:
+        """Adds a message object of the typestore.
+
+        Args:
+            topic: name.
+            message: made from one of the typestore's classes (`typestore.types[...]`).
+            log_time_ns: when it was recorded.
+            latched: whether the topic is published transient local.
+        """
+        type_name: str = message.__msgtype__
+        schema, type_hash = self._definition(type_name)
+        data = bytes(self._typestore.serialize_cdr(message, type_name, little_endian=True))
+        self.write_raw(topic, type_name, schema, data, log_time_ns, qos=OfferedQos(latched=latched), type_hash=type_hash)
+
+    def write_raw(
+        self,
+        topic: str,
+        type_name: str,
+        schema: str,
+        data: bytes,
+        log_time_ns: int,
+        *,
+        qos: OfferedQos = OfferedQos(),  # noqa: B008  (frozen)
+        schema_encoding: str = SchemaEncoding.ROS2,
+        type_hash: str = "",
+        publish_time_ns: int | None = None,
+    ) -> None:
+        """Adds a message that is CDR already, byte for byte.
+
+        Args:
+            topic: name.
+            type_name: ROS 2 type name.
+            schema: definition text of the type and those it is made of.
+            data: CDR with its encapsulation header.
+            log_time_ns: when it was recorded.
+            qos: what the topic was offered with.
+            schema_encoding: `ros2msg` or `ros2idl`.
+            type_hash: `RIHS01_...`, if known.
+            publish_time_ns: when it was sent; the log time by default.
+
+        Raises:
+            InvalidValueError: the log time does not fit a bag.
+        """
+        if not 0 <= log_time_ns <= LARGEST_LOG_TIME:
+            raise InvalidValueError(f"log time of a message on {topic}", log_time_ns, "nanoseconds in [0, 2^63)")
+        key = _StreamKey(topic, type_name, qos)
+        stream = self._streams.get(key) or self._declare(key, schema, schema_encoding, type_hash)
+        stream.count += 1
+        self._first_ns, self._last_ns = min(self._first_ns, log_time_ns), max(self._last_ns, log_time_ns)
+        published = log_time_ns if publish_time_ns is None else publish_time_ns
+        self._writer.add_message(stream.channel, log_time=log_time_ns, data=data, publish_time=published)
+
+    def note(self, name: str, values: Mapping[str, str]) -> None:
+        """Adds a named note about the whole recording, as MCAP metadata; `BagReader.note` gives it back."""
+        self._writer.add_metadata(name, dict(values))
+
+    def flush(self) -> None:
+        """Hands everything written so far to the system: from now on it outlives this process."""
+        self._writer.flush()  # type: ignore[no-untyped-call]
+
+    def appear(self) -> None:
+        """Gives the storage file its name already now, as far as it is: it can be read, and stays whatever happens.
+
+        Raises:
+            InvalidValueError: the bag is to be a folder, or another of its name is being read.
+        """
+        if self._as_folder:
+            raise InvalidValueError("output", self.path, "a name ending in .mcap: a folder appears when it is complete")
+        self.flush()
+        self._check_target()
+        self._partial.replace(self.path)
+        self._appeared = True
+
+    def close(self) -> None:
+        """Completes the bag and gives it its name."""
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._file.flush()
+        os.fsync(self._file.fileno())
+        if self._as_folder:
+            topics = [stream.described(key) for key, stream in self._streams.items()]
+            (self._partial / METADATA_NAME).write_text(metadata_text(self._file_name, topics, self._first_ns, self._last_ns))
+        if not self._appeared:
+            self._check_target()
+            self._partial.replace(self.path)
+        self._file.close()
+
+    def discard(self) -> None:
+        """Removes what was written so far, unless it has its name already."""
+        with suppress(OSError):  # of a full disk, which could not take the rest
+            self._file.close()
+        if self._appeared:
+            return
+        if self._as_folder:
+            shutil.rmtree(self._partial, ignore_errors=True)
+        else:
+            self._partial.unlink(missing_ok=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if kind is not None:
+            self.discard()
+            return
+        try:
+            self.close()
+        except BaseException:
+            self.discard()
+            raise
+
+    def _check_target(self) -> None:
+        """A bag that someone reads must stay what it is: readers hold a shared lock (`BagFile`)."""
+        if self.path.is_dir() or (self._as_folder and self.path.exists()):
+            raise InvalidValueError("output", self.path, "a name that is not taken yet")
+        with suppress(FileNotFoundError, NotADirectoryError), self.path.open("rb") as file:
+            if self._over_readers:
+                _lock(file, self.path, "a file that nobody is writing", fcntl.LOCK_SH)
+            else:
+                _lock(file, self.path, "a file that nobody is reading")
+
+    def _opened(self) -> BinaryIO:
+        try:
+            if self._as_folder:
+                self._partial.mkdir(exist_ok=True)
+            name = self._partial / self._file_name if self._as_folder else self._partial
+            file = name.open("ab")
+        except OSError as error:
+            raise InvalidValueError("output", self.path, f"a path that can be written ({error.strerror})") from error
+        try:
+            _lock(file, self.path, "a path that nobody else is writing")
+        except InvalidValueError:
+            file.close()
+            raise
+        file.truncate(0)
+        file.seek(0)
+        return file
+
+    def _definition(self, type_name: str) -> tuple[str, str]:
+        if type_name not in self._definitions:
+            schema, _ = self._typestore.generate_msgdef(type_name, ros_version=2)
+            self._definitions[type_name] = schema, self._typestore.hash_rihs01(type_name)
+        return self._definitions[type_name]
+
+    def _declare(self, key: _StreamKey, schema: str, schema_encoding: str, type_hash: str) -> _Stream:
+        schema_key = (key.type, schema_encoding, schema)
+        if schema_key not in self._schemas:
+            self._schemas[schema_key] = self._writer.register_schema(key.type, schema_encoding, schema.encode())
+        metadata = {"offered_qos_profiles": profiles_text(key.qos), "topic_type_hash": type_hash}
+        channel = self._writer.register_channel(key.topic, MessageEncoding.CDR, self._schemas[schema_key], metadata)
+        self._streams[key] = _Stream(channel, type_hash)
+        return self._streams[key]
+
+
+def _lock(file: BinaryIO, path: Path, expected: str, kind: int = fcntl.LOCK_EX) -> None:
+    """An advisory lock until `file` is closed; file systems without locks are taken as they are."""
+    try:
+        fcntl.flock(file, kind | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise InvalidValueError("output", path, expected) from error
+    except OSError:
+        return

@@ -1,0 +1,243 @@
+"""Stored tosses as the bag that a TagSLAM rig would have recorded of them (FIELD 1).
+
+    /tagslam/odom/body_<name>   nav_msgs/Odometry in `map` at the tosses' frame rate: empty twist, filled covariance
+    /tf_static                  the board `body_surface` in `map`, latched; it has no odometry, for it stands still
+
+The board stands somewhere in the map and not level, so that whoever reads the bag has to go through the frames. Stamps are
+those of the tracker, recovered from the velocities, and each toss is turned back onto the board that it was tracked on
+(`motion.recovered_timing`): who takes the bag's differences and medians finds the files' velocities. The day is made up, and
+log times equal the stamps. Tosses follow each other, in their order, with a time without poses in between, as if the tracker
+had been stopped; the frames just before and after each are made up (`motion.lead_in`), for ContactNets' files begin at the
+detected release.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from math import cos, pi, sin
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.typesys import Stores, get_typestore
+
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
+from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.geometry.scalars import ScalarPose, compose, multiply
+from contact_curation.motion.lead_in import surrounded
+from contact_curation.motion.restored_toss import RestoredToss, restored
+from contact_curation.motion.segmenter_config import CONTACTNETS_RULES, SegmenterConfig
+from contact_curation.motion.toss import NANOSECONDS, Toss
+from contact_curation.storage.bags.writer import BagWriter
+from contact_curation.storage.datasets.contactnets import contactnets_files, read_contactnets
+from contact_curation.storage.inputs.pose_messages import ODOMETRY, TF
+from contact_curation.storage.inputs.recorded_numbers import NUMBERS_NOTE, RecordedNumbers, number_of_file
+from contact_curation.storage.inputs.recorded_rules import NOTE, note_of_rules
+
+EXACT = 1e-5
+"""Velocities that differ by no more are equal [m/s, rad/s]."""
+
+YAW, TILT = 40.0 * pi / 180.0, 3.0 * pi / 180.0
+TURNED = multiply((cos(YAW / 2.0), 0.0, 0.0, sin(YAW / 2.0)), (cos(TILT / 2.0), sin(TILT / 2.0), 0.0, 0.0))
+SLANTED = ScalarPose((0.42, -0.31, 0.27), TURNED)
+"""A board in a map that begins at a camera or somewhere else, and is not level."""
+
+
+@dataclass(frozen=True)
+class TagslamRig:
+    """A rig as TagSLAM sees it.
+
+    Attributes:
+        map_frame: frame of all measurements.
+        board_frame: the board's.
+        board: the board in the map [m].
+        epoch_ns: stamp of the board and, 1 s later, of the first frame; by default 13 September 2020, 12:26:40 UTC.
+        pause: time without poses between tosses [s].
+        lead_in: made-up frames before each toss.
+        lead_out: and after it.
+        position_deviation: of the covariance [m].
+        turn_deviation: of the covariance [rad].
+        rules: what the tosses were cut by; the made-up frames are fitted to them, and the bag says them.
+    """
+
+    map_frame: str = "map"
+    board_frame: str = "body_surface"
+    board: ScalarPose = SLANTED
+    epoch_ns: int = 1_600_000_000 * NANOSECONDS
+    pause: float = 1.0
+    lead_in: int = 16
+    lead_out: int = 4
+    position_deviation: float = 0.3e-3
+    turn_deviation: float = 5e-3
+    rules: SegmenterConfig = CONTACTNETS_RULES
+
+
+@dataclass(frozen=True)
+class ImportReport:
+    """What went into a bag.
+
+    Attributes:
+        tosses: how many.
+        frames: of the tosses themselves.
+        steps: between them.
+        timed_steps: whose time is the tracker's for certain; the others' is within the bounds that the velocities set.
+        inexact: whose velocities no stamps give, one line each.
+        skipped: why other files did not go in, one line each.
+    """
+
+    tosses: int
+    frames: int
+    steps: int
+    timed_steps: int
+    inexact: tuple[str, ...]
+    skipped: tuple[str, ...]
+
+
+def import_contactnets(
+    source: Path,
+    out: Path,
+    body: Body = CONTACTNETS_CUBE,
+    rig: TagslamRig | None = None,
+    chosen: Callable[[int], bool] | None = None,
+) -> ImportReport:
+    """Writes ContactNets' tosses as a bag, one after the other.
+
+    Args:
+        source: a folder of `N.pt` files, or one.
+        out: the bag, `*.mcap` or a folder to be.
+        body: what was tossed.
+        rig: what it was tossed over.
+        chosen: says of a file's number whether its toss goes in; None for all files, also those without a number.
+
+    Raises:
+        UnreadableInputError: there is no toss in `source`; no bag is written then.
+        InvalidValueError: `out` cannot be written, or no file is chosen.
+    """
+    files = [file for file in contactnets_files(source) if chosen is None or _is_chosen(file, chosen)]
+    if not files:
+        raise InvalidValueError("numbers to import", f"none among the files of {source}", "at least one")
+    skipped: list[str] = []
+    inexact: list[str] = []
+    steps = timed = 0
+
+    def sound() -> Iterator[Toss]:
+        nonlocal steps, timed
+        for item in _read(files, body):
+            if isinstance(item, Toss):
+                original = restored(item)
+                steps, timed = steps + item.frames - 1, timed + original.timed_steps
+                inexact.extend(_misfit(original))
+                yield original.toss
+            else:
+                skipped.append(str(item))
+
+    with BagWriter(out) as bag:
+        tosses, frames = record(bag, body.name, sound(), rig or TagslamRig())
+        if not tosses:
+            raise UnreadableInputError(source, f"found {len(skipped)} files and no toss, e.g. {skipped[0]}")
+    return ImportReport(tosses, frames, steps, timed, tuple(inexact), tuple(skipped))
+
+
+def _read(files: Iterable[Path], body: Body) -> Iterator[Toss | UnreadableInputError]:
+    """Tosses; in place of a file that is none, why not."""
+    for file in files:
+        yield from read_contactnets(file, body)
+
+
+def _is_chosen(file: Path, chosen: Callable[[int], bool]) -> bool:
+    number = number_of_file(file.name)
+    return number is not None and chosen(number)
+
+
+def _misfit(original: RestoredToss) -> list[str]:
+    """A line if no stamps give a toss's velocities."""
+    if original.timing is None:
+        return [f"{original.toss.source}: found {original.toss.frames} frames, expected more to recover stamps from"]
+    linear, angular = original.timing.linear_residuals.max(), original.timing.angular_residuals.max()
+    if linear <= EXACT and angular <= EXACT:
+        return []
+    return [f"{original.toss.source}: found velocities off by {linear:.2g} m/s and {angular:.2g} rad/s at best, expected none"]
+
+
+def record(bag: BagWriter, body: str, tosses: Iterable[Toss], rig: TagslamRig) -> tuple[int, int]:
+    """Writes tosses of one body to an open bag as the rig would have; returns how many, and their frames.
+
+    Raises:
+        InvalidValueError: a toss of another body.
+    """
+    messages = _Messages(rig, f"body_{body}")
+    bag.note(NOTE, note_of_rules(rig.rules))
+    bag.write("/tf_static", messages.board(), rig.epoch_ns, latched=True)
+    start_ns, count, frames = rig.epoch_ns + NANOSECONDS, 0, 0
+    numbered: list[tuple[int, int]] = []
+    for toss in tosses:
+        if toss.body != body:
+            raise InvalidValueError(f"body of toss {toss.toss_id}", toss.body, f"{body}, as of the others")
+        number = number_of_file(toss.source)
+        if number is not None:
+            numbered.append((start_ns, number))
+        for stamp_ns, pose in _frames(toss, start_ns, rig):
+            bag.write(f"/tagslam/odom/body_{body}", messages.odometry(stamp_ns, compose(rig.board, pose)), stamp_ns)
+        start_ns = stamp_ns + round(rig.pause * NANOSECONDS)
+        count, frames = count + 1, frames + toss.frames
+    if numbered:
+        starts_ns, numbers = zip(*numbered, strict=True)
+        bag.note(NUMBERS_NOTE, RecordedNumbers(starts_ns, numbers).note())
+    return count, frames
+
+
+def _frames(toss: Toss, start_ns: int, rig: TagslamRig) -> Iterator[tuple[int, ScalarPose]]:
+    """Stamps and poses on the board of a toss with its surroundings."""
+    made = surrounded(toss, rig.lead_in, rig.lead_out, rig.rules)
+    rows = zip(made.stamps_ns.tolist(), made.positions.tolist(), made.orientations_wxyz.tolist())
+    for stamp_ns, (x, y, z), (w, qx, qy, qz) in rows:
+        yield start_ns + stamp_ns, ScalarPose((x, y, z), (w, qx, qy, qz))
+
+
+class _Messages:
+    """Makes the rig's messages from the types of ROS 2 Jazzy."""
+
+    def __init__(self, rig: TagslamRig, body_frame: str) -> None:
+        self._rig = rig
+        self._body_frame = body_frame
+        self._types = get_typestore(Stores.ROS2_JAZZY).types
+        deviations = np.repeat([rig.position_deviation, rig.turn_deviation], 3)
+        self._covariance = np.diag(deviations**2).ravel()
+        zero = self._make("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
+        still = self._make("geometry_msgs/msg/Twist", linear=zero, angular=zero)
+        self._no_twist = self._make("geometry_msgs/msg/TwistWithCovariance", twist=still, covariance=np.zeros(36))
+
+    def odometry(self, stamp_ns: int, pose: ScalarPose) -> Any:
+        (x, y, z), turn = pose
+        place = self._make("geometry_msgs/msg/Point", x=x, y=y, z=z)
+        placed = self._make("geometry_msgs/msg/Pose", position=place, orientation=self._quaternion(turn))
+        with_covariance = self._make("geometry_msgs/msg/PoseWithCovariance", pose=placed, covariance=self._covariance)
+        return self._make(
+            ODOMETRY,
+            header=self._header(stamp_ns),
+            child_frame_id=self._body_frame,
+            pose=with_covariance,
+            twist=self._no_twist,
+        )
+
+    def board(self) -> Any:
+        (x, y, z), turn = self._rig.board
+        place = self._make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
+        transform = self._make("geometry_msgs/msg/Transform", translation=place, rotation=self._quaternion(turn))
+        stamped = self._make(
+            "geometry_msgs/msg/TransformStamped",
+            header=self._header(self._rig.epoch_ns),
+            child_frame_id=self._rig.board_frame,
+            transform=transform,
+        )
+        return self._make(TF, transforms=[stamped])
+
+    def _quaternion(self, wxyz: tuple[float, float, float, float]) -> Any:
+        w, x, y, z = wxyz
+        return self._make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
+
+    def _header(self, stamp_ns: int) -> Any:
+        stamp = self._make("builtin_interfaces/msg/Time", sec=stamp_ns // NANOSECONDS, nanosec=stamp_ns % NANOSECONDS)
+        return self._make("std_msgs/msg/Header", stamp=stamp, frame_id=self._rig.map_frame)
+
+    def _make(self, type_name: str, **fields: Any) -> Any:
+        return self._types[type_name](**fields)

@@ -1,0 +1,1 @@
+"""Selected tosses for other tools."""

@@ -1,0 +1,69 @@
+"""Kept tosses as ContactNets' public ones lie in their repository: tosses_processed/N.pt, here in the order of the ranking.
+
+A file is one float64 tensor (1, T, 19) with the row of `storage.datasets.contactnets`. A toss that came from such a file is
+that file, byte for byte, unless it was put right of its rig. Any other is written in the frame that it was tracked on: no
+random heading is added to it.
+"""
+
+import shutil
+from collections.abc import Sequence
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+
+from contact_curation.contact.body import Body
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import states_of
+from contact_curation.storage.datasets.contactnets import COLUMNS, CONTROL, FRAME_RATE, SUBFOLDER
+from contact_curation.storage.export.selected import KeptToss
+
+LARGEST_RATE_ERROR = 0.01
+"""A file does not say its frame rate, so all are read with the same one."""
+
+
+def write_contactnets(tosses: Sequence[KeptToss], body: Body, folder: Path, *, copied: bool = True) -> None:
+    """Writes N.pt for the N-th toss, from 0.
+
+    Args:
+        tosses: best first.
+        body: what was tossed; its length scale is the files' unit of length.
+        folder: to be filled.
+        copied: tosses of such files are those files; not where they were put right.
+
+    Raises:
+        InvalidValueError: a toss has another frame rate than ContactNets'.
+    """
+    target = folder / SUBFOLDER
+    target.mkdir()
+    for number, kept in enumerate(tosses):
+        file = target / f"{number}.pt"
+        if copied and kept.origin.input.endswith(".pt"):
+            shutil.copyfile(kept.origin.input, file)
+        else:
+            _write_rows(contactnets_rows(kept.toss, body), file)
+
+
+def contactnets_rows(toss: Toss, body: Body) -> Array:
+    """The rows of a toss, (T, 19).
+
+    Raises:
+        InvalidValueError: its frame rate is not ContactNets'.
+    """
+    rate = 1.0 / toss.frame_period
+    if abs(rate / FRAME_RATE - 1.0) > LARGEST_RATE_ERROR:
+        raise InvalidValueError(
+            f"frame rate of toss {toss.toss_id}", f"{rate:.4g} Hz", f"{FRAME_RATE:g} Hz, as which ContactNets' files are read"
+        )
+    states = states_of(toss, body.length_scale)
+    return np.concatenate([states, np.zeros((toss.frames, COLUMNS - CONTROL.start))], axis=1)
+
+
+def _write_rows(rows: Array, file: Path) -> None:
+    import torch  # here, for it takes over a second and other exports do not need it
+
+    content = BytesIO()  # torch does not say what the system says of a full disk
+    torch.save(torch.from_numpy(rows[np.newaxis].copy()), content)
+    file.write_bytes(content.getvalue())

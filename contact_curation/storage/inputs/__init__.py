@@ -1,0 +1,1 @@
+"""Inputs of the commands: from bags, folders and files to tosses."""

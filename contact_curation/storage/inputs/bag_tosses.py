@@ -1,0 +1,155 @@
+"""The tosses of a bag: topics are found, messages become poses, poses become tosses."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from contact_curation.contact.body import Body
+from contact_curation.errors import MissingTopicError, UnreadableInputError
+from contact_curation.motion.ingest import IngestConfig, IngestEvent, TossIngest
+from contact_curation.motion.pose_stream import BadPose, FramePose
+from contact_curation.motion.toss import NANOSECONDS, Rejected
+from contact_curation.storage.bags.reader import BagReader
+from contact_curation.storage.bags.records import BagMessage
+from contact_curation.storage.inputs.pose_messages import Measured
+from contact_curation.storage.inputs.pose_source import PoseSource, TypedTopic, find_pose_source, is_of_another
+from contact_curation.storage.inputs.recorded_numbers import NUMBERS_NOTE, RecordedNumbers, recorded_numbers
+from contact_curation.storage.inputs.recorded_rules import NOTE, with_recorded_rules
+from contact_curation.storage.inputs.records import Found, InputReading, InputsConfig, InputSummary, Problem
+from contact_curation.storage.provenance import TossProvenance
+
+MOTION = ", expected motions that fall freely (in metres, z up on the board) and come to rest"
+UNNUMBERED = RecordedNumbers()
+
+LOWEST_RATE = 55.0
+"""[Hz] Slower poses miss free falls: two successive accelerations have to fit into one."""
+
+LONGEST_STEP = 0.5
+"""[s] Poses further apart are not successive ones."""
+
+
+def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReading:
+    """The tosses of one bag, as they complete; then what was left out.
+
+    Raises:
+        UnreadableInputError: it is no bag.
+        MissingTopicError: no topic, or several, could tell where the body is.
+    """
+    with BagReader(path) as reader:
+        tosses = bag_tosses(reader, body, config)
+        for message in reader.messages(tosses.source.topics):
+            yield from tosses.of(message)
+        yield from tosses.rest()
+        yield from (Problem(str(path), line) for line in tosses.left_out())
+        return tosses.summary(reader.losses)
+
+
+def bag_tosses(reader: BagReader, body: Body, config: InputsConfig) -> "BagTosses":
+    """What follows the messages of a bag, in the order of their log times.
+
+    Raises:
+        MissingTopicError: no topic, or several, could tell where the body is.
+        UnreadableInputError: the same of a damaged bag, with what was lost.
+    """
+    topics = [TypedTopic(info.name, info.type) for info in reader.topics if info.count != 0]
+    try:
+        source = find_pose_source(reader.path, topics, body.name, config.poses)
+    except MissingTopicError as error:
+        if not reader.losses:
+            raise
+        why = str(error).removeprefix(f"{reader.path}: ")  # perhaps only since the bag is damaged
+        raise UnreadableInputError(reader.path, "; ".join((*reader.losses, why))) from error
+    rules = with_recorded_rules(config.segmenter, reader.note(NOTE))
+    origin = TossProvenance(str(reader.path), reader.sha256, source.body.name)
+    numbers = recorded_numbers(reader.note(NUMBERS_NOTE))
+    return BagTosses(origin, source, body, replace(config, segmenter=rules), numbers)
+
+
+class BagTosses:
+    """Follows the messages of one bag.
+
+    Attributes:
+        origin: the bag.
+        source: the topics that it wants.
+        settle_time: that separates two motions, as the bag's own rules say [s].
+    """
+
+    def __init__(
+        self,
+        origin: TossProvenance,
+        source: PoseSource,
+        body: Body,
+        config: InputsConfig,
+        numbers: RecordedNumbers = UNNUMBERED,
+    ) -> None:
+        stages = IngestConfig(
+            config.poses.tracker(body.name, source.board_frame),
+            replace(config.segmenter, gravity=body.gravity),
+            config.gates.of_body(body.gravity, body.friction),
+            config.rig,
+        )
+        self.origin = origin
+        self.source = source
+        self.settle_time = config.segmenter.settle_time
+        self._body = body.name
+        self._of_another = is_of_another(source.body.name, body.name, config.poses)
+        self._numbers = numbers
+        self._detections = config.poses.detections(body.name)
+        self._ingest = TossIngest(stages, body.polytope, body=body.name, source=source.body.name)
+        self._first_ns: int | None = None
+        self._last_ns: int | None = None
+        self._steps, self._stepped = 0, 0.0
+        self._bad: dict[str, BadPose] = {}
+        self._bad_counts: dict[str, int] = {}
+
+    def of(self, message: BagMessage) -> Iterator[Found]:
+        """What became complete with a message."""
+        for measured in self._measured(message):
+            if isinstance(measured, FramePose) and message.topic == self.source.body.name:
+                self._first_ns = measured.stamp_ns if self._first_ns is None else self._first_ns
+                step = 0.0 if self._last_ns is None else (measured.stamp_ns - self._last_ns) / NANOSECONDS
+                if 0.0 < step < LONGEST_STEP:
+                    self._steps, self._stepped = self._steps + 1, self._stepped + step
+                self._last_ns = measured.stamp_ns
+            yield from self._found(self._ingest.push(measured))
+
+    def rest(self) -> Iterator[Found]:
+        """What the end of the bag completes."""
+        yield from self._found(self._ingest.flush())
+
+    def left_out(self) -> Iterator[str]:
+        """Lines about another body's poses, too few a second, too much noise, each kind left out, and no toss; as far as so."""
+        if self._of_another:
+            yield f"found no topic named after {self._body}, expected one, or a name for it: took {self.source.body.name}"
+        if self._steps and self._steps < LOWEST_RATE * self._stepped:
+            rate = self._steps / self._stepped
+            yield f"found poses of {self.source.body.name} at {rate:.3g} Hz, expected 60 Hz or more: tosses may go unseen"
+        if complaint := self._ingest.noise_complaint():
+            yield complaint
+        for kind, first in self._bad.items():
+            which = f"the first one, of '{first.child}' at {first.stamp_ns / NANOSECONDS:.6f} s"
+            yield f"{self._bad_counts[kind]} poses were left out, {which}, for this: {first.why}"
+        poses = self._ingest.counts["poses"]
+        if not self._ingest.counts["tosses"] + self._ingest.counts["rejected"]:
+            yield f"found no toss in {poses} poses of {self.source.body.name}{MOTION if poses else ''}"
+
+    def summary(self, losses: tuple[str, ...]) -> InputSummary:
+        origin, counts = self.origin, dict(self._ingest.counts)
+        return InputSummary(origin.input, origin.input_sha256, origin.topic, self._first_ns, self._last_ns, counts, losses)
+
+    def _measured(self, message: BagMessage) -> tuple[Measured, ...]:
+        try:
+            return self.source.measured(message.topic, message.message, self._detections)
+        except (AttributeError, TypeError, ValueError) as error:  # a bag may define a well-known type name as it likes
+            why = f"{message.type}: found fields that are not its own ({error}), expected the type of ROS"
+            return (BadPose(message.log_time_ns, message.topic, why, "type"),)
+
+    def _found(self, events: Iterable[IngestEvent]) -> Iterator[Found]:
+        for event in events:
+            if isinstance(event, BadPose):
+                self._bad.setdefault(event.kind, event)
+                self._bad_counts[event.kind] = self._bad_counts.get(event.kind, 0) + 1
+            else:
+                toss = event.toss if isinstance(event, Rejected) else event
+                number = self._numbers.number_at(int(toss.stamps_ns[0]))
+                yield Found(event, replace(self.origin, number=number))

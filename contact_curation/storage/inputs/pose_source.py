@@ -1,0 +1,211 @@
+"""Which topics of a bag or a graph tell where the body is, and how their messages are read."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from contact_curation.errors import InvalidValueError, MissingTopicError
+from contact_curation.motion.body_tracker import TrackerConfig
+from contact_curation.motion.tags.pose import TagPoseConfig
+from contact_curation.storage.inputs.pose_messages import POSE_TYPES, TF, Measured, measured_pose, measured_transforms
+from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIONS, TagDetections
+from contact_curation.storage.tag_map_file import read_tag_rig
+
+TF_STATIC_NAME = "tf_static"
+TRUTH_NAME = "ground_truth"
+
+
+class TypedTopic(NamedTuple):
+    """A topic and its ROS 2 type name."""
+
+    name: str
+    type: str
+
+
+@dataclass(frozen=True)
+class PoseTopicConfig:
+    """Where the body's poses are; what is left empty is found.
+
+    Attributes:
+        topic: with the body's poses, or a TF topic; empty: the one that fits.
+        body_frame: the body's frame; empty: `body_<name>`, as TagSLAM calls it. Only on TF does a message have to name it.
+        board_frame: the board's frame; empty: the one that the poses are given in.
+        array_index: which pose of a PoseArray is the body's.
+        tag_map: YAML file with the tags of body and board, ours or TagSLAM's; poses then come from AprilTagDetectionArray.
+        camera_info: topic of the camera that saw the tags; empty: the only one, or the one beside the detections.
+        rectified: tags were looked for in rectified images: P of CameraInfo holds for them; otherwise K and D.
+        tags: what is asked of a pose from tags.
+        largest_speed: from tags, faster than this from pose to pose is a jump [m/s].
+        largest_spin: likewise [rad/s].
+    """
+
+    topic: str = ""
+    body_frame: str = ""
+    board_frame: str = "body_surface"
+    array_index: int = 0
+    tag_map: str = ""
+    camera_info: str = ""
+    rectified: bool = True
+    tags: TagPoseConfig = field(default_factory=TagPoseConfig)
+    largest_speed: float = 10.0
+    largest_spin: float = 60.0
+
+    def __post_init__(self) -> None:
+        if self.array_index < 0:
+            raise InvalidValueError("array_index", self.array_index, "0 or more")
+
+    def body_frame_of(self, body: str) -> str:
+        """The frame of a body."""
+        return self.body_frame or f"body_{body}"
+
+    def tracker(self, body: str, board_frame: str) -> TrackerConfig:
+        """The frames of a body and a board as the tracker wants them; it looks for jumps in poses from tags alone."""
+        if not self.tag_map:
+            return TrackerConfig(self.body_frame_of(body), board_frame)
+        limits = {"largest_speed": self.largest_speed, "largest_spin": self.largest_spin}
+        return TrackerConfig(self.body_frame_of(body), board_frame, **limits)
+
+    def detections(self, body: str) -> TagDetections | None:
+        """A reader of detections, to be used for one recording or node; None where poses come as such.
+
+        Raises:
+            UnreadableInputError: the tag map cannot be read, or has no tags of the body.
+        """
+        if not self.tag_map:
+            return None
+        rig = read_tag_rig(Path(self.tag_map), self.body_frame_of(body), self.board_frame)
+        return TagDetections(rig, self.tags, rectified=self.rectified)
+
+
+@dataclass(frozen=True)
+class PoseSource:
+    """The topics that are read for one body.
+
+    Attributes:
+        body: topic with the body's poses; a TF topic where they are only there.
+        body_frame: what its poses are of.
+        board: topic with the board's poses, or None.
+        board_frame: what those are of; empty where the body's poses are given on the board.
+        transforms: TF topics.
+        array_index: which pose of a PoseArray is the body's.
+        camera: topic with the camera's CameraInfo, where the body's topic has detections of tags.
+    """
+
+    body: TypedTopic
+    body_frame: str
+    board: TypedTopic | None
+    board_frame: str
+    transforms: tuple[str, ...]
+    array_index: int = 0
+    camera: TypedTopic | None = None
+
+    @property
+    def typed(self) -> tuple[TypedTopic, ...]:
+        """The topics that are of this body and its rig alone."""
+        return tuple(one for one in (self.body, self.board, self.camera) if one is not None)
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """All topics to read."""
+        return tuple(dict.fromkeys((*(one.name for one in self.typed), *self.transforms)))
+
+    def measured(self, topic: str, message: Any, detections: TagDetections | None = None) -> tuple[Measured, ...]:
+        """What a message of one of `topics` tells of the body and the rig.
+
+        TF often repeats what the body's own topic says; there it is left out.
+
+        Args:
+            topic: its topic.
+            message: as anyone decoded it.
+            detections: the reader of this recording, where the body's topic has detections of tags.
+        """
+        if detections is not None and self.camera is not None and topic in (self.camera.name, self.body.name):
+            return detections.calibrated(message) if topic == self.camera.name else detections.detected(message)
+        if topic in self.transforms:
+            found = measured_transforms(message, static=_last_part(topic) == TF_STATIC_NAME)
+            return found if self.body.type == TF else tuple(one for one in found if one.child != self.body_frame)
+        if self.board is not None and topic == self.board.name:
+            return (measured_pose(self.board.type, message, self.board_frame),)
+        return (measured_pose(self.body.type, message, self.body_frame, self.array_index),)
+
+
+def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: str, config: PoseTopicConfig) -> PoseSource:
+    """Chooses the topics that tell of a body.
+
+    The body's topic is the one configured; or the one named after the body (TagSLAM's `.../body_<name>`); or the only one of
+    the first of `POSE_TYPES` that there is; or TF. What a simulation knows of the truth has to be named. The board has a topic
+    if one is named after its frame; where nothing else could lead to it, the poses are taken to be given on it.
+
+    Args:
+        where: the bag or graph, for messages.
+        topics: what there is.
+        body: its name.
+        config: what is wanted.
+
+    Raises:
+        MissingTopicError: nothing fits, or several topics do.
+    """
+    if config.tag_map:
+        return _tag_source(where, topics, body, config)
+    body_frame = config.body_frame_of(body)
+    board = next((one for one in topics if one.type in POSE_TYPES and _last_part(one.name) == config.board_frame), None)
+    transforms = tuple(one.name for one in topics if one.type == TF)
+    chosen = _named(topics, config.topic) if config.topic else _fitting(topics, board, {body, body_frame, f"body_{body}"})
+    if chosen is None:
+        listed = sorted(f"{one.name} ({one.type})" for one in topics)
+        wanted = (
+            f"topic {config.topic} with poses"
+            if config.topic
+            else f"one topic with poses of {body}; name it (`topic`) if there are several"
+        )
+        if any(one.type == DETECTIONS for one in topics):
+            wanted += "; detections of tags are read with a tag map"
+        raise MissingTopicError(where, wanted, listed)
+    leads_to_board = bool(transforms) or board is not None
+    return PoseSource(chosen, body_frame, board, config.board_frame if leads_to_board else "", transforms, config.array_index)
+
+
+def is_of_another(topic: str, body: str, config: PoseTopicConfig) -> bool:
+    """Whether a topic that nobody named is called after another body, as TagSLAM does: `body_<name>`."""
+    name = _last_part(topic)
+    return not config.topic and name.startswith("body_") and name != config.body_frame_of(body)
+
+
+def _tag_source(where: Path | str, topics: Collection[TypedTopic], body: str, config: PoseTopicConfig) -> PoseSource:
+    """The topics with detections of tags and with their camera's CameraInfo; TF may lead from the camera to the board."""
+    detections = _only(topics, DETECTIONS, config.topic)
+    beside = "" if detections is None else f"{detections.name.rpartition('/')[0]}/camera_info"
+    camera = _only(topics, CAMERA_INFO, config.camera_info) or _only(topics, CAMERA_INFO, beside)
+    if detections is None or camera is None:
+        wanted = (
+            f"one topic with {DETECTIONS} and one with {CAMERA_INFO}, as there is a tag map; name them if there are several"
+        )
+        raise MissingTopicError(where, wanted, sorted(f"{one.name} ({one.type})" for one in topics))
+    transforms = tuple(one.name for one in topics if one.type == TF)
+    return PoseSource(detections, config.body_frame_of(body), None, config.board_frame, transforms, camera=camera)
+
+
+def _only(topics: Collection[TypedTopic], kind: str, name: str) -> TypedTopic | None:
+    """The topic of a type that is called so, or is the only one."""
+    fitting = [one for one in topics if one.type == kind and (not name or one.name.lstrip("/") == name.lstrip("/"))]
+    return fitting[0] if len(fitting) == 1 else None
+
+
+def _named(topics: Collection[TypedTopic], name: str) -> TypedTopic | None:
+    return next((one for one in topics if one.name.lstrip("/") == name.lstrip("/") and one.type in (*POSE_TYPES, TF)), None)
+
+
+def _fitting(topics: Collection[TypedTopic], board: TypedTopic | None, names: set[str]) -> TypedTopic | None:
+    candidates = [one for one in topics if one.type in POSE_TYPES and one != board and _last_part(one.name) != TRUTH_NAME]
+    tiers: Sequence[list[TypedTopic]] = (
+        [one for one in candidates if _last_part(one.name) in names],
+        *([one for one in candidates if one.type == kind] for kind in POSE_TYPES),
+        sorted((one for one in topics if one.type == TF), key=lambda one: _last_part(one.name) == TF_STATIC_NAME)[:1],
+    )
+    first = next((tier for tier in tiers if tier), [])
+    return first[0] if len(first) == 1 else None
+
+
+def _last_part(topic: str) -> str:
+    return topic.rpartition("/")[2]

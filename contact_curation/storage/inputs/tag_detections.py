@@ -1,0 +1,97 @@
+"""Detections of tags become frame poses: of the body and of the board in the camera, each image for itself.
+
+An image without tags of the body is a bad pose with the reason, so that it shows as a gap; nothing is put in its place. Images
+that come before the first CameraInfo wait for it, so that the order in which two topics arrive makes no difference.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.pinhole import Pinhole
+from contact_curation.geometry.tag_rig import TagRig
+from contact_curation.geometry.tags import FAMILY, TagMap
+from contact_curation.motion.pose_stream import BadPose, checked_pose
+from contact_curation.motion.tags.pose import DetectedTag, NoTagPose, TagPoseConfig, tag_pose
+from contact_curation.storage.inputs.pose_messages import Measured, stamp_ns_of
+
+DETECTIONS = "apriltag_msgs/msg/AprilTagDetectionArray"
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+
+FAMILY_NAMES = {"", "36h11", FAMILY}
+"""As detectors write it; apriltag_msgs allows an empty one."""
+
+MOST_WAITING = 4096
+"""Images that wait for the first CameraInfo."""
+
+
+class TagDetections:
+    """Reads the detections of one camera.
+
+    Args:
+        rig: the tags.
+        config: what is asked of a pose.
+        rectified: tags were looked for in rectified images: P of CameraInfo holds for them; otherwise K and D.
+    """
+
+    def __init__(self, rig: TagRig, config: TagPoseConfig, *, rectified: bool) -> None:
+        self.rig = rig
+        self._config = config
+        self._rectified = rectified
+        self._camera: Pinhole | None = None
+        self._waiting: list[Any] = []
+
+    def calibrated(self, message: Any) -> tuple[Measured, ...]:
+        """Takes a CameraInfo; gives what waited for the first one."""
+        frame = self.rig.body.frame
+        try:
+            self._camera = pinhole_of(message, rectified=self._rectified)
+        except InvalidValueError as error:
+            return (BadPose(stamp_ns_of(message.header), frame, f"camera: {error}", "camera"),)
+        waiting, self._waiting = self._waiting, []
+        return tuple(measured for one in waiting for measured in self.detected(one))
+
+    def detected(self, message: Any) -> tuple[Measured, ...]:
+        """The poses that an AprilTagDetectionArray tells, the board's first; nothing before the camera is known."""
+        if self._camera is not None:
+            return self._poses(message, self._camera)
+        if len(self._waiting) < MOST_WAITING:
+            self._waiting.append(message)
+            return ()
+        why = f"camera: found no CameraInfo for {MOST_WAITING} images, expected one"
+        return (BadPose(stamp_ns_of(message.header), self.rig.body.frame, why, "camera"),)
+
+    def _poses(self, message: Any, camera: Pinhole) -> tuple[Measured, ...]:
+        stamp_ns, parent = stamp_ns_of(message.header), str(message.header.frame_id).lstrip("/")
+        found = [_detected(one) for one in message.detections if str(one.family) in FAMILY_NAMES]
+        maps = [self.rig.body] if self.rig.board is None else [self.rig.board, self.rig.body]
+        return tuple(self._pose(stamp_ns, parent, found, one, camera) for one in maps)
+
+    def _pose(self, stamp_ns: int, parent: str, found: Sequence[DetectedTag], tags: TagMap, camera: Pinhole) -> Measured:
+        result = tag_pose(found, tags, camera, self._config)
+        if isinstance(result, NoTagPose):
+            return BadPose(stamp_ns, tags.frame, result.why, result.kind)
+        pose = result.pose
+        return checked_pose(stamp_ns, parent, tags.frame, pose.position.tolist(), pose.orientation_wxyz.tolist())
+
+
+def pinhole_of(message: Any, *, rectified: bool) -> Pinhole:
+    """The camera that a CameraInfo describes.
+
+    Raises:
+        InvalidValueError: it is not calibrated, or its distortion is of an unknown kind.
+    """
+    width, height = int(message.width), int(message.height)
+    if rectified:
+        fx, _, cx, _, _, fy, cy, *_ = (float(number) for number in message.p)
+        return Pinhole(width, height, (fx, fy), (cx, cy))
+    fx, _, cx, _, fy, cy, *_ = (float(number) for number in message.k)
+    distortion = tuple(float(number) for number in message.d)
+    return Pinhole(width, height, (fx, fy), (cx, cy), str(message.distortion_model), distortion)
+
+
+def _detected(one: Any) -> DetectedTag:
+    corners = np.array([[float(corner.x), float(corner.y)] for corner in one.corners])
+    return DetectedTag(int(one.id), corners, int(one.hamming))

@@ -1,0 +1,1 @@
+"""The manifest of a ranking and its file formats."""

@@ -1,0 +1,1 @@
+"""Stores of the nodes: SQLite files that survive a killed process."""

@@ -1,0 +1,151 @@
+"""What is known of every toss at the newest parameters: the scorer keeps it before it announces it."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, fields
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.information.record import ParameterBlock, TossInformation
+from contact_curation.storage.stores.array_blob import arrays_from_blob, arrays_to_blob
+from contact_curation.storage.stores.sequenced_table import Added, Row, SequencedTable
+from contact_curation.storage.stores.sqlite import SqliteStore, StoreSchema
+
+SCHEMA = StoreSchema(
+    what="an information store",
+    application_id=0x696E666F,  # "info"
+    version=1,
+    statements=(SequencedTable.statement("information"), "CREATE INDEX by_version ON information (version, sequence)"),
+)
+METHOD = ("model", "estimator", "influence_bound", "blocks")
+"""What must agree for two records at the same parameters to be comparable."""
+PAGE = 256
+"""Records read at a time."""
+
+
+class StoredInformation(NamedTuple):
+    """A record of the store and its place in the order, from 1."""
+
+    sequence: int
+    information: TossInformation
+
+
+class InformationStore:
+    """TossInformation by toss and parameters version, in one SQLite file. Use it as a context manager.
+
+    Args:
+        path: of the file; made when there is none.
+
+    Raises:
+        UnreadableInputError: the file is no information store, or one of a newer version.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._store = SqliteStore(path, SCHEMA)
+        self._table = SequencedTable(self._store, "information")
+
+    def add(self, information: TossInformation) -> Added:
+        """Stores a record; one of the same toss and parameters that is stored already stays as it is.
+
+        The numbers of a second scoring may differ in their last digits; the first ones count, because they were announced.
+
+        Raises:
+            InvalidValueError: what is stored was scored at these parameters in another way (model, estimator, bound, blocks).
+        """
+        toss_id, version = information.toss_id, information.parameters_version
+        head, arrays = _split(information)
+        text = json.dumps(head, default=_number)
+        with self._store.transaction():
+            known = self._table.find(toss_id, version)
+            for like in [known] if known else self._table.after(0, 1, version):
+                self._check_method(toss_id, json.loads(text), json.loads(like.head))
+            if known:
+                return Added(known.sequence, False)
+            return Added(self._table.insert(toss_id, version, text, arrays_to_blob(arrays), ""), True)
+
+    def get(self, toss_id: str, parameters_version: str) -> StoredInformation | None:
+        row = self._table.find(toss_id, parameters_version)
+        return None if row is None else _stored(row)
+
+    def after(self, sequence: int, limit: int) -> tuple[StoredInformation, ...]:
+        """The next `limit` records behind `sequence`, of all versions."""
+        return tuple(_stored(row) for row in self._table.after(sequence, limit))
+
+    def all_of(self, parameters_version: str) -> Iterator[StoredInformation]:
+        """Every record of a version, in the order of their sequence, a page in memory at a time."""
+        sequence = 0
+        while rows := self._table.after(sequence, PAGE, parameters_version):
+            yield from (_stored(row) for row in rows)
+            sequence = rows[-1].sequence
+
+    def count(self, parameters_version: str) -> int:
+        """How many records of a version there are."""
+        return self._table.count(parameters_version)
+
+    @property
+    def last_sequence(self) -> int:
+        """The newest sequence number; 0 while there is none."""
+        return self._table.last_sequence
+
+    @property
+    def versions(self) -> tuple[str, ...]:
+        """The parameters versions, in the order they came."""
+        return tuple(self._table.versions())
+
+    def drop_version(self, parameters_version: str) -> None:
+        """Drops the records of a version, which can be scored again."""
+        self._table.drop_version(parameters_version)
+
+    def keep_newest_versions(self, count: int = 2) -> tuple[str, ...]:
+        """Drops the records of all but the newest versions, which can be scored again; returns the versions dropped."""
+        if count < 1:
+            raise InvalidValueError("versions to keep", count, "at least 1")
+        with self._store.transaction():
+            dropped = self._table.versions()[:-count]
+            for version in dropped:
+                self._table.drop_version(version)
+        return tuple(dropped)
+
+    def close(self) -> None:
+        self._store.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    @staticmethod
+    def _check_method(toss_id: str, new: dict[str, Any], known: dict[str, Any]) -> None:
+        for name in METHOD:
+            if new[name] != known[name]:
+                expected = f"{known[name]}, as stored for these parameters, or another store"
+                raise InvalidValueError(f"{name} of toss {toss_id}", new[name], expected)
+
+
+def _split(information: TossInformation) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Plain fields, and arrays; the key is stored on its own."""
+    values = {field.name: getattr(information, field.name) for field in fields(information)}
+    arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+    head = {name: value for name, value in values.items() if name not in (*arrays, "toss_id", "parameters_version")}
+    return {**head, "blocks": [asdict(block) for block in information.blocks]}, arrays
+
+
+def _number(value: object) -> object:
+    """NumPy's scalars as JSON's numbers."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{value!r} is no number")
+
+
+def _stored(row: Row) -> StoredInformation:
+    head = json.loads(row.head)
+    head["blocks"] = tuple(ParameterBlock(**block) for block in head["blocks"])
+    return StoredInformation(
+        row.sequence,
+        TossInformation(toss_id=row.id, parameters_version=row.version, **head, **arrays_from_blob(row.arrays)),
+    )

@@ -1,0 +1,140 @@
+"""`design`: throws on disk, the same for the same seed, and what is expected of them."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.models.polytope import PolytopeModel
+from contact_curation.contact.parameter_form import Form
+from contact_curation.information.scoring import parameters_version
+from contact_curation.simulation.arm.feasibility import feasible
+from contact_curation.storage.bags.reader import BagReader
+from contact_curation.storage.bags.writer import BagWriter
+from contact_curation.storage.checkpoint_file import save_model
+from contact_curation.storage.throws_file import read_throws
+from test.cli.commands import Cli, Outcome, write_parameters
+
+SMALL = ("design.pool=16", "design.reference=8", "forecast.executions=2", "refinement.generations=1", "safety.motions=20")
+SETTINGS = [word for setting in (*SMALL, "safety.share=0.1", "loss.threads=1") for word in ("--set", setting)]
+
+
+def design(cli: Cli, out: Path, *words: object) -> Outcome:
+    return cli("design", "--out", out, "--throws", 2, *SETTINGS, *words)
+
+
+def test_throws_are_written_and_a_table_says_what_is_expected_of_them(cli: Cli, tmp_path: Path) -> None:
+    outcome = design(cli, tmp_path / "throws.json")
+    assert outcome.status == 0, outcome.err
+    throws = read_throws(tmp_path / "throws.json")
+    assert [throw.throw_id for throw in throws] == ["throw-0-0", "throw-0-1"]
+    lines = outcome.out.splitlines()
+    assert lines[0].split() == ["throw", "gain", "height", "speed", "spin"]
+    assert lines[2].split()[:2] == ["throw-0-0", f"{throws[0].expected_information:.2f}"]
+    assert "2 throws" in lines[-1]
+    assert throws[0].expected_information > throws[1].expected_information > 0.0
+    assert throws[0].parameters_version == parameters_version(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE)
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_other_throws(cli: Cli, tmp_path: Path) -> None:
+    paths = [tmp_path / f"{number}.json" for number in range(3)]
+    for path, seed in zip(paths, (1, 1, 2)):
+        assert design(cli, path, "--seed", seed).status == 0
+    one, other, third = (path.read_bytes() for path in paths)
+    assert one == other != third
+
+
+def test_json_says_the_same_as_the_file(cli: Cli, tmp_path: Path) -> None:
+    outcome = design(cli, tmp_path / "throws.json", "--json")
+    said: dict[str, Any] = outcome.json
+    assert said["throws"] == [throw.to_mapping() for throw in read_throws(tmp_path / "throws.json")]
+    assert said["expected_information"] == pytest.approx(sum(throw["expected_information"] for throw in said["throws"]))
+    assert (said["pool"], said["known"], said["seed"]) == (16, 0, 0)
+
+
+def test_known_tosses_leave_less_to_gain_and_give_the_prior(cli: Cli, tmp_path: Path, golden: Path) -> None:
+    bare = design(cli, tmp_path / "bare.json", "--json").json
+    informed = design(cli, tmp_path / "informed.json", "--known", golden, "--prior", golden, "--json").json
+    assert informed["known"] == 21
+    assert informed["expected_information"] < 0.5 * bare["expected_information"]
+
+
+def test_known_tosses_are_read_where_the_user_says_that_the_poses_are(cli: Cli, tmp_path: Path, golden: Path) -> None:
+    bag = tmp_path / "two.mcap"
+    with BagReader(golden) as reader, BagWriter(bag) as writer:
+        for message in reader.messages():
+            for topic in ("/mine", "/theirs") if message.topic.startswith("/tagslam") else (message.topic,):
+                writer.write(topic, message.message, message.log_time_ns, latched=message.topic == "/tf_static")
+    lost = design(cli, tmp_path / "throws.json", "--known", bag)
+    assert (lost.status, len(lost.err_lines)) == (1, 1)
+    assert "name it (`topic`) if there are several" in lost.err
+    assert design(cli, tmp_path / "throws.json", "--known", bag, "--topic", "/mine", "--json").json["known"] == 21
+
+
+def test_json_alone_is_on_standard_output_also_where_there_are_warnings(cli: Cli, tmp_path: Path, golden: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(golden.read_bytes()[: golden.stat().st_size // 2])
+    said = design(cli, tmp_path / "throws.json", "--known", cut, "--json")
+    assert said.err_lines == [f"contact-curation: warning: {line}" for line in said.json["warnings"]]
+    assert said.json["warnings"][0].startswith(f"{cut}: cut short at byte ")
+
+
+def test_of_known_tosses_a_manifest_chooses(cli: Cli, tmp_path: Path, golden: Path) -> None:
+    manifest = tmp_path / "kept.json"
+    assert cli("rank", golden, "--top", 3, "--no-figure", "--out", manifest).status == 0
+    said = design(cli, tmp_path / "throws.json", "--known", golden, "--manifest", manifest, "--json").json
+    assert said["known"] == 3
+
+
+def test_checkpoints_and_json_files_are_particles_that_gains_are_averaged_over(cli: Cli, tmp_path: Path) -> None:
+    parameters = write_parameters(tmp_path / "true.json")
+    checkpoint = tmp_path / "model.safetensors"
+    rough = ContactGeometry.of_body(CONTACTNETS_CUBE)
+    save_model(checkpoint, PolytopeModel(rough, CONTACTNETS_CUBE, Form.PHYSICAL))
+    outcome = design(cli, tmp_path / "throws.json", "--params", parameters, "--checkpoint", checkpoint)
+    assert outcome.status == 0, outcome.err
+    versions = {throw.parameters_version for throw in read_throws(tmp_path / "throws.json")}
+    assert len(versions) == 1
+    assert len(versions.pop().split("+")) == 2
+
+
+@pytest.mark.parametrize("words", [("--baseline", "paper"), ("--baseline", "prior"), ("--warm-up",)])
+def test_other_ways_to_choose_throws_expect_less(cli: Cli, tmp_path: Path, words: tuple[str, ...]) -> None:
+    designed = design(cli, tmp_path / "designed.json", "--json").json["expected_information"]
+    other = design(cli, tmp_path / "other.json", *words, "--json").json
+    assert 0.0 < other["expected_information"] < designed
+    speeds = [np.linalg.norm(throw["linear_velocity"]) for throw in other["throws"]]
+    assert max(speeds) < 1.4
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("--set", "safety.board_half_width=0.00001"), "releases that may be thrown: found 0 of 16"),
+        (("--set", "safety.largest_speed=0.1"), "safe releases: found 0 of "),
+        (("--set", "forecast.executions=3"), "forecast.executions: found 3, expected an even number"),
+        (("--params", "nowhere.json"), "nowhere.json: cannot be read"),
+        (("--known", "nowhere.mcap"), "nowhere.mcap"),
+    ],
+)
+def test_what_cannot_be_designed_is_one_line(cli: Cli, tmp_path: Path, words: tuple[str, ...], line: str) -> None:
+    outcome = design(cli, tmp_path / "throws.json", *words)
+    assert outcome.status == 1
+    assert line in outcome.err
+    assert len(outcome.err_lines) == 1
+    assert not (tmp_path / "throws.json").exists()
+
+
+@pytest.mark.slow
+def test_with_an_arm_only_throws_that_it_can_make_are_written(cli: Cli, tmp_path: Path) -> None:
+    outcome = design(cli, tmp_path / "throws.json", "--arm")
+    assert outcome.status == 0, outcome.err
+    assert feasible(read_throws(tmp_path / "throws.json"), CONTACTNETS_CUBE) == (None, None)
+
+
+def test_bad_usage_is_status_2(cli: Cli, tmp_path: Path) -> None:
+    assert cli("design", "--throws", 0, "--out", tmp_path / "throws.json").status == 2
+    assert cli("design", "--out", tmp_path / "throws.txt").status == 2

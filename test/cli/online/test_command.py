@@ -1,0 +1,348 @@
+"""`online` without its nodes: what each is told, what is read of a session's stores, and when a session has come to rest."""
+
+import argparse
+import json
+import socket
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from contact_curation.cli.main import main
+from contact_curation.cli.online import command as online
+from contact_curation.cli.online.options import OnlineConfig, add_online_options, online_config
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.motion.calibration import Rig
+from contact_curation.motion.pose_stream import FramePose
+from contact_curation.session.free_domain import graph_domain
+from contact_curation.session.free_port import free_port
+from contact_curation.session.graph import graph_environment
+from contact_curation.session.node_settings import SessionFolder, judged_inputs, session_parameters
+from contact_curation.session.offline_ranking import rank_command
+from contact_curation.session.parameter_files import Parameters
+from contact_curation.session.session import gains, outcome_of
+from contact_curation.session.settling import awaits_gain, awaits_motion, is_scored, training_is_due
+from contact_curation.session.stores import KeptBack, SessionStores, Standing, ThrowMade, Training
+from contact_curation.session.supervisor import ProgramFailedError
+from contact_curation.solver import compiled
+from contact_curation.storage.inputs.inputs import InputsConfig
+from contact_curation.storage.inputs.pose_messages import POSE
+from contact_curation.storage.stores.information import InformationStore
+from contact_curation.storage.stores.state import StateStore
+from contact_curation.storage.stores.tosses import TossStore
+from test.motion.streams import stream
+from test.storage.pose_recordings import recorded
+from test.storage.stored_records import information, rejected, toss
+from test.storage.written_bags import write_ours
+
+THROW = ThrowMade("throw-0", None, 100, "toss-0", 2.0, 1.5)
+TRAINING = Training(running=False, round=3, tosses_seen=3, settling=0, toss_ids=("a", "b"), gradient_steps=900)
+AT_REST = Standing((THROW,), ("a", "b", "c"), (), ("b", "a"), "theta", ranked=3, scored=3, training=TRAINING)
+ROUNDS = {"least_tosses": 2, "settling_rounds": 3}
+
+
+def parameters_of(folder: Path, text: str = "", **options: object) -> dict[str, Parameters]:
+    path = folder / "nodes.yaml"
+    path.write_text(text)
+    config = OnlineConfig(params_file=path if text else None, **options)  # type: ignore[arg-type]
+    return session_parameters(config, CONTACTNETS_CUBE, SessionFolder(folder))
+
+
+def test_options_go_before_the_file_and_the_session_before_both(tmp_path: Path) -> None:
+    text = """
+/**: {ros__parameters: {seed: 3}}
+/**/curator: {ros__parameters: {top: 5, criterion: trace, store: elsewhere.sqlite}}
+/**/sim_arm: {ros__parameters: {rate: 2.0, armed: false}}
+"""
+    found = parameters_of(tmp_path, text, top=7, throws=12)
+    assert found["curator"] == {"seed": 3, "top": 7, "criterion": "trace", "store": str(tmp_path / "stores" / "curator.sqlite")}
+    assert found["sim_arm"]["rate"] == 2.0
+    assert found["sim_arm"]["armed"] is True
+    assert found["throw_designer"]["max_throws"] == 12
+    assert found["throw_designer"]["toss_timeout"] == 3.0 + 12.0 / 2.0
+
+
+def test_designer_and_arm_are_told_of_the_same_arm(tmp_path: Path) -> None:
+    text = "sim_arm: {ros__parameters: {arm: {base: [0.0, -0.6]}, gate.largest_speed: 1.0}}"
+    designer = parameters_of(tmp_path, text)["throw_designer"]
+    assert designer["arm.base"] == [0.0, -0.6]
+    assert "gate.largest_speed" not in designer
+
+
+def test_listeners_run_only_where_they_are_wanted(tmp_path: Path) -> None:
+    assert set(parameters_of(tmp_path)) & {"dashboard", "session_recorder"} == set()
+    recorded = parameters_of(tmp_path, record=tmp_path)
+    assert recorded["session_recorder"] == {"bag": str(tmp_path / "session.mcap")}
+    assert recorded["dashboard"]["web_port"] == 0
+    served = parameters_of(tmp_path, dashboard=True)
+    assert "session_recorder" not in served
+    assert served["dashboard"]["web_port"] != served["dashboard"]["grpc_port"]
+
+
+def test_a_port_that_is_taken_is_not_given_to_the_dashboard(tmp_path: Path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        assert free_port(port) != port
+    own = "dashboard: {ros__parameters: {web_port: 1234}}"
+    assert parameters_of(tmp_path, own, dashboard=True)["dashboard"]["web_port"] == 1234
+
+
+def test_a_rendering_camera_and_who_reads_it_share_a_tag_map(tmp_path: Path) -> None:
+    found = parameters_of(tmp_path, camera="rendered")
+    assert found["sim_camera"]["mode"] == "rendered"
+    assert found["pose_ingest"]["tag_map"] == str(tmp_path / "tag_map.yaml")
+    assert found["pose_ingest"]["topic"] == ""
+    assert found["throw_designer"]["toss_timeout"] > 300.0  # images take long
+
+
+def test_the_tracked_poses_are_named_so_that_the_ground_truth_is_never_taken_for_them(tmp_path: Path) -> None:
+    assert parameters_of(tmp_path)["pose_ingest"]["topic"] == "/tagslam/odom/body_cube"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("/**/curador: {ros__parameters: {top: 5}}", "found curador, expected some of"),
+        (
+            "/**/curator: {ros__parameters: {topp: 5}}",
+            "parameters of curator in .*: found topp, expected those of config/nodes",
+        ),
+        ("/**: {ros__parameters: {settling: 5}}", "found settling, expected"),
+        ("/**/trainer: {ros__parameters: {top: 5}}", "parameters of trainer in .*: found top, expected"),
+        (
+            "/**/sim_arm: {ros__parameters: {rate: fast}}",
+            "rate of sim_arm in .*: found fast, expected a number with a point, such as 1.0",
+        ),
+        ("/**/sim_arm: {ros__parameters: {rate: .nan}}", "found nan, expected a number"),
+        (
+            "/**/sim_arm: {ros__parameters: {rate: 2}}",
+            "rate of sim_arm in .*: found 2, expected a number with a point, such as 1.0",
+        ),
+        (
+            "/**/trainer: {ros__parameters: {rig.normal: [0, 0, 1]}}",
+            r"found \[0, 0, 1\], expected a list, such as \[0.0, 0.0, 1.0\]",
+        ),
+        ("/**/trainer: {ros__parameters: {rig.normal: [a, b, c]}}", r"found \['a', 'b', 'c'\], expected a list, such as"),
+        ("/**/trainer: {ros__parameters: {least_tosses: 2.5}}", "found 2.5, expected a whole number"),
+        ("/**/curator: {ros__parameters: {criterion: 2024-02-30}}", "no YAML"),
+        ("curator: {top: 5}", "expected ros__parameters under the name of each node"),
+        ("- a", "expected ros__parameters"),
+        ("a: [", "no YAML"),
+    ],
+)
+def test_a_file_that_holds_something_else_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises((InvalidValueError, UnreadableInputError), match=message):
+        parameters_of(tmp_path, text)
+
+
+def test_parameters_that_every_node_of_ros_has_are_taken(tmp_path: Path) -> None:
+    found = parameters_of(tmp_path, "/**: {ros__parameters: {use_sim_time: false}}")
+    assert found["curator"]["use_sim_time"] is False
+
+
+@pytest.mark.parametrize("name", ["events.jsonl", "session.mcap"])
+def test_a_folder_with_a_session_is_not_used_again(tmp_path: Path, name: str) -> None:
+    SessionFolder(tmp_path).make()
+    (tmp_path / name).touch()
+    with pytest.raises(InvalidValueError, match="expected a folder without a session in it"):
+        SessionFolder(tmp_path).make()
+
+
+def test_the_domain_is_the_users_or_one_of_its_own_on_this_machine(tmp_path: Path) -> None:
+    with graph_domain({}) as domain:
+        own = graph_environment({"ROS_STATIC_PEERS": "far", "A": "1"}, tmp_path, domain)
+    assert own["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    assert 1 <= int(own["ROS_DOMAIN_ID"]) <= 101
+    assert "ROS_STATIC_PEERS" not in own
+    given = {"ROS_DOMAIN_ID": "7", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_STATIC_PEERS": "far"}
+    with graph_domain(given) as domain:
+        users = graph_environment(given, tmp_path, domain)
+    assert (users["ROS_DOMAIN_ID"], users["ROS_AUTOMATIC_DISCOVERY_RANGE"], users["ROS_STATIC_PEERS"]) == ("7", "SUBNET", "far")
+
+
+def test_the_offline_ranking_is_told_what_the_nodes_were_told(tmp_path: Path) -> None:
+    text = """
+pose_ingest:
+  ros__parameters: {segmenter: {rest_frames: 5, region_x: [-1.0, 1.0], frame_period: 0.0, gravity: 9.7}, gates.depth: 0.01,
+    rig.normal: [0.01, 0.0, 1.0], rig.scale: 1.0}
+fisher_scorer: {ros__parameters: {estimator: empirical, influence_bound: .inf, loss.threads: 1}}
+curator: {ros__parameters: {criterion: trace, prior: 0.01, whiten: false}}
+"""
+    parameters = parameters_of(tmp_path, text, top=5)
+    words = rank_command(SessionFolder(tmp_path), parameters, None)
+    settings = [words[place + 1] for place, word in enumerate(words) if word == "--set"]
+    wanted = [
+        "segmenter.region_x=-1.0,1.0",
+        "segmenter.rest_frames=5",
+        "gates.depth=0.01",
+        "ranking.prior=0.01",
+        "rig.normal=0.01,0.0,1.0",
+    ]
+    assert sorted(settings) == sorted(wanted)
+    assert words[words.index("--criterion") + 1] == "trace"
+    assert words[words.index("--top") + 1] == "5"
+    assert words[words.index("--estimator") + 1] == "empirical"
+    assert "--influence-bound" not in words
+    assert "--params" not in words  # nothing was trained
+
+
+def test_a_session_is_read_from_its_stores(tmp_path: Path) -> None:
+    folder = SessionFolder(tmp_path)
+    folder.make()
+    stores = SessionStores(folder, CONTACTNETS_CUBE)
+    assert stores.look() == Standing()
+    first, second, bad = toss(1), toss(2), rejected(3)
+    with TossStore(folder.store("pose_ingest")) as tosses:
+        tosses.add(first)
+        tosses.add_rejected(bad)
+    entry = {"commanded": {"throw_id": "t", "expected_information": 2.5}, "after_ns": 5, "toss_id": "a", "warm_up": None}
+    with StateStore(folder.store("throw_designer")) as states:
+        states.save({"throws": json.dumps([{**entry, "realised": None}]).encode()})
+    scored = information(1)
+    with InformationStore(folder.store("fisher_scorer")) as informations:
+        informations.add(scored)
+    with StateStore(folder.store("curator").with_name("curator.sqlite.state")) as states:
+        states.save({"buffer": json.dumps({"kept": ["a"], "version": scored.parameters_version, "revision": 1}).encode()})
+    seen = stores.look()
+    assert seen.throws == (ThrowMade("t", None, 5, "a", 2.5, None),)
+    assert seen.tosses == (first.toss_id,)
+    assert [one.reasons for one in seen.kept_back] == [tuple(bad.reasons)]
+    assert (seen.kept, seen.version) == (("a",), scored.parameters_version)
+    assert (seen.scored, seen.ranked, seen.training) == (1, 0, None)
+    with TossStore(folder.store("pose_ingest")) as tosses:
+        tosses.add(second)
+    assert stores.look().tosses == (first.toss_id, second.toss_id)
+
+
+def test_training_is_due_until_the_kept_set_was_trained_on_or_settled() -> None:
+    assert not training_is_due(AT_REST, **ROUNDS)
+    assert training_is_due(replace(AT_REST, training=replace(TRAINING, running=True)), **ROUNDS)
+    other = replace(AT_REST, kept=("b", "c"))
+    assert training_is_due(other, **ROUNDS)
+    settled = replace(other, training=replace(TRAINING, settling=3))
+    assert not training_is_due(settled, **ROUNDS)
+    assert training_is_due(replace(settled, ranked=4), **ROUNDS)
+    assert training_is_due(replace(AT_REST, training=None), **ROUNDS)
+    assert not training_is_due(replace(AT_REST, training=None, kept=("a",)), **ROUNDS)
+
+
+def test_a_toss_that_is_not_scored_yet_keeps_a_session_from_rest() -> None:
+    assert is_scored(AT_REST)
+    assert not is_scored(replace(AT_REST, ranked=2))
+    assert not is_scored(replace(AT_REST, tosses=("a", "b", "c", "d")))
+
+
+def test_only_the_last_throw_is_waited_for_until_its_motion_was_seen() -> None:
+    unseen = replace(THROW, toss_id="", realised=None, after_ns=200)
+    assert not awaits_motion(Standing())
+    assert awaits_motion(Standing((THROW, unseen)))
+    assert not awaits_motion(Standing((unseen, replace(THROW, after_ns=300))))
+    seen = KeptBack("c", ("gap: found 3",), 250)
+    assert not awaits_motion(Standing((THROW, unseen), kept_back=(seen,)))
+    assert awaits_motion(Standing((THROW, unseen), kept_back=(replace(seen, last_ns=150),)))
+    assert awaits_gain(Standing((replace(THROW, realised=None),)))
+    assert not awaits_gain(Standing((unseen,)))
+
+
+def test_what_became_of_a_throw_is_told_in_words() -> None:
+    lost, bad = replace(THROW, toss_id="", after_ns=200), replace(THROW, toss_id="", after_ns=300)
+    kept_back = (KeptBack("c", ("gap: found 3", "more"), 350),)
+    standing = Standing((THROW, lost, bad), kept=("x", "toss-0"), kept_back=kept_back)
+    assert [outcome_of(standing, place) for place in range(3)] == [
+        "kept, rank 2 of 2",
+        "no motion was seen",
+        "rejected: gap: found 3",
+    ]
+    assert outcome_of(replace(standing, kept=()), 0) == "not kept"
+    assert gains(THROW) == "gain 2 planned, 1.5 realised"
+    assert gains(replace(THROW, planned=None, warm_up="tosses")) == "warm-up"
+
+
+def test_a_dashboard_that_stays_is_served() -> None:
+    parser = argparse.ArgumentParser()
+    add_online_options(parser)
+    assert online_config(parser.parse_args(["--stay"])).dashboard
+    assert not online_config(parser.parse_args([])).dashboard
+    assert online_config(parser.parse_args(["--held-out", "a", "b"])).held_out == (Path("a"), Path("b"))
+
+
+@pytest.mark.parametrize("words", [["--throws", "0"], ["--rate", "-1"], ["--camera", "eye"], ["--criterion", "best"]])
+def test_bad_usage_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["online", *words])
+    assert ended.value.code == 2
+    assert capsys.readouterr().err
+
+
+def test_a_file_that_is_not_there_is_one_line_and_starts_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    record = tmp_path / "session"
+    assert main(["online", "--record", str(record), "--params-file", str(tmp_path / "none.yaml")]) == 1
+    assert main(["online", "--record", str(record), "--body-file", str(tmp_path / "none.yaml")]) == 1
+    assert capsys.readouterr().err.count("\n") == 2
+    assert not record.exists()
+
+
+def test_recordings_to_judge_by_are_read_as_the_trainer_is_told_to(tmp_path: Path) -> None:
+    told = tmp_path / "told.yaml"
+    told.write_text(
+        "/**:\n  ros__parameters: {segmenter.tracker_noise: 5.0}\ntrainer:\n  ros__parameters: {rig.normal: [0.01, 0.0, 1.0]}\n"
+    )
+    inputs = judged_inputs(OnlineConfig(params_file=told))
+    assert (inputs.segmenter.tracker_noise, inputs.rig) == (5.0, Rig(normal=(0.01, 0.0, 1.0)))
+    assert judged_inputs(OnlineConfig()) == InputsConfig()
+
+
+@pytest.mark.parametrize(("name", "says"), [("none.mcap", "No such file"), ("folder", "is a folder without storage files")])
+def test_a_recording_to_judge_by_that_cannot_be_read_is_one_line_and_starts_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, says: str
+) -> None:
+    (tmp_path / "folder").mkdir()
+    record = tmp_path / "session"
+    assert main(["online", "--record", str(record), "--held-out", str(tmp_path / name)]) == 1
+    err = capsys.readouterr().err
+    assert err.startswith(f"contact-curation: error: {tmp_path / name}: ")
+    assert says in err
+    assert err.count("\n") == 1
+    assert not record.exists()
+
+
+def test_recordings_without_a_toss_judge_nobody_and_start_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    poses = [FramePose(one.stamp_ns, "table", "body_cube", one.pose) for one in stream()[:15]]
+    bag = write_ours(tmp_path / "short.mcap", recorded("/pose", POSE, poses))
+    record = tmp_path / "session"
+    assert main(["online", "--record", str(record), "--held-out", str(bag)]) == 1
+    assert f"error: --held-out: found {bag}: found no toss in 15 poses of /pose" in capsys.readouterr().err
+    assert not record.exists()
+
+
+@pytest.mark.parametrize(
+    ("kept", "says"), [(True, "status 1: no (a.log)"), (False, "status 1: no; --record DIR keeps its log")]
+)
+def test_the_log_of_a_node_that_died_is_named_only_where_it_stays(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, kept: bool, says: str
+) -> None:
+    def died(*_: object) -> None:
+        raise ProgramFailedError("a died with status 1: no", Path("a.log"))
+
+    monkeypatch.setattr(online, "run_session", died)
+    assert main(["online", *(["--record", str(tmp_path / "session")] if kept else [])]) == 1
+    assert capsys.readouterr().err == f"contact-curation: error: a died with {says}\n"
+
+
+def test_without_the_compiled_kernel_a_session_ends_before_it_begins(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(compiled, "KERNEL_FOLDER", tmp_path)
+    compiled.load_kernel.cache_clear()
+    try:
+        assert main(["online", "--throws", "1", "--record", str(tmp_path / "session")]) == 1
+    finally:
+        compiled.load_kernel.cache_clear()
+    said = capsys.readouterr()
+    assert said.err.startswith("contact-curation: error: ")
+    assert "the compiled kernel" in said.err
+    assert (said.err.count("\n"), said.out) == (1, "")
+    assert not (tmp_path / "session").exists()

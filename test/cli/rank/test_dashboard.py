@@ -1,0 +1,74 @@
+"""`rank --dashboard` and `--recording`."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from urllib.request import urlopen
+
+from test.cli.commands import Cli
+from test.dashboard.live.test_serving import free_port
+from test.dashboard.recorded import Recorded
+
+TOP = 5
+
+
+def test_a_recording_shows_what_is_known_down_the_ranking(cli: Cli, golden: Path, tmp_path: Path) -> None:
+    path = tmp_path / "ranking.rrd"
+    outcome = cli("rank", golden, "--top", TOP, "--json", "--recording", path)
+    assert outcome.status == 0
+    written = Recorded(path)
+    (page,) = written.texts("/ranking")
+    assert f"{TOP} of 21 tosses kept" in page
+    assert len(written.texts("/gated")) == 3
+    assert len(written.scalars("/epsilon/epsilon")) == TOP
+    worst = written.scalars("/known/worst")
+    assert len(worst) == TOP + 1
+    assert worst[-1] < 0.5 * worst[0]
+    assert written.times("/scene/measured/trail", "toss") == list(range(1, TOP + 1))
+    assert written.blueprints == 1
+
+
+def test_a_ranking_that_fails_leaves_what_an_earlier_one_wrote(cli: Cli, golden: Path, tmp_path: Path) -> None:
+    written = {"--recording": tmp_path / "ranking.rrd", "--out": tmp_path / "manifest.csv"}
+    options = [word for pair in written.items() for word in pair]
+    assert cli("rank", golden, "--top", TOP, "--no-figure", *options).status == 0
+    before = {path: path.read_bytes() for path in written.values()}
+    assert cli("rank", tmp_path / "typo.mcap", "--no-figure", *options).status == 1
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_a_taken_port_is_one_line_before_anything_is_read(cli: Cli, golden: Path) -> None:
+    with socket.socket() as holder:
+        holder.bind(("127.0.0.1", 0))
+        holder.listen()
+        outcome = cli("rank", golden, "--dashboard", "--web-port", holder.getsockname()[1])
+    assert (outcome.status, outcome.out) == (1, "")
+    assert len(outcome.err_lines) == 1
+    assert "web_port: found" in outcome.err
+
+
+def test_a_dashboard_is_served_until_ctrl_c(golden: Path) -> None:
+    words = [
+        "rank",
+        str(golden),
+        "--top",
+        str(TOP),
+        "--dashboard",
+        "--web-port",
+        str(free_port()),
+        "--grpc-port",
+        str(free_port()),
+    ]
+    command = [sys.executable, "-m", "contact_curation.cli.main", *words]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, env=os.environ) as process:
+        assert process.stderr is not None
+        line = next(line for line in process.stderr if "dashboard at" in line)
+        address = line.split()[2]
+        with urlopen(address.partition("?")[0], timeout=10.0) as answer:
+            assert b"Rerun" in answer.read()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20.0) == 0
+        assert "Traceback" not in process.stderr.read()

@@ -1,0 +1,188 @@
+"""`train`: what it learns from and what it never sees, what it says, one line for what is wrong."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.motion.toss import Toss
+from contact_curation.storage.checkpoint_file import read_model
+from contact_curation.storage.inputs.inputs import open_inputs
+from test.cli.commands import Cli, write_parameters
+from test.cli.trainings import SHORT, events, numbers
+
+
+def test_a_bag_is_trained_on_and_its_held_out_loss_falls(cli: Cli, golden: Path, tmp_path: Path) -> None:
+    out = tmp_path / "cube.safetensors"
+    done = cli("train", golden, "--out", out, "--steps", 60, "--set", "training.evaluation_steps=30")
+    assert done.status == 0
+    lines = done.out.splitlines()
+    assert lines[0].startswith("polytope trained on 18 tosses, ")
+    assert {"kept back: 1 (gap)", f"checkpoint: {out}", f"metrics: {tmp_path / 'cube.jsonl'}"} <= set(lines)
+    assert lines[-1] == f"next: contact-curation evaluate {out} {golden}"
+    told = events(tmp_path / "cube.jsonl")
+    assert [one["event"] for one in told] == ["start", "evaluation", "evaluation", "end"]
+    assert told[-1]["held_out_loss"] < 0.3 * told[0]["held_out_loss"]
+    assert f"held-out loss {told[0]['held_out_loss']:.4g} before, {told[-1]['held_out_loss']:.4g} after" in done.out
+    assert read_model(out, CONTACTNETS_CUBE).kind is ModelKind.POLYTOPE
+    assert done.err == ""
+
+
+def test_json_is_one_object_and_says_all(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    done = cli("train", folder, "--out", tmp_path / "a.safetensors", *SHORT, "--json")
+    assert done.out.count("\n") == 1
+    report = done.json
+    assert report["training_tosses"] == ["0", "1", "2", "3", "4"]
+    assert report["held_out_tosses"] == ["5", "6"]
+    assert (report["gradient_steps"], report["state"]) == (12, "spent")
+    assert report["held_out_loss_after"] < report["held_out_loss_before"]
+
+
+def test_the_same_seed_gives_the_same_numbers_and_another_one_others(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        cli("train", folder, "--out", tmp_path / f"{name}.safetensors", *SHORT, "--seed", seed)
+    a, b, c = (numbers(tmp_path / f"{name}.safetensors") for name in "abc")
+    assert a == b
+    assert a != c
+
+
+def test_exactly_a_polytope_is_trained_at_once_and_a_network_is_refused(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    how = ("--protocol", "exact", "--held-out", "5,6")
+    done = cli("train", folder, "--out", tmp_path / "a.safetensors", *how, "--json")
+    assert done.json["state"] == "converged"
+    assert done.json["held_out_loss_after"] < 0.1 * done.json["held_out_loss_before"]
+    refused = cli("train", folder, "--out", tmp_path / "b.safetensors", *how, "--model", "deep")
+    assert refused.status == 1
+    assert "model to train exactly: found a deep, expected a polytope in the physical form" in refused.err
+
+
+def test_numbers_in_a_recording_count_what_was_kept_back(cli: Cli, golden: Path, tmp_path: Path) -> None:
+    items = list(open_inputs([golden], CONTACTNETS_CUBE))  # 24, of which 5, 12 and 19 are kept back
+    in_order = [item.toss_id if isinstance(item, Toss) else "kept back" for item in items]
+    held_out = cli("train", golden, "--out", tmp_path / "a.safetensors", "--steps", 1, "--held-out", "6,19-21", "--json")
+    assert held_out.json["held_out_tosses"] == sorted(in_order[place] for place in (6, 20, 21))
+    refused = cli("train", golden, "--out", tmp_path / "b.safetensors", "--held-out", "12")
+    assert refused.err_lines == ["contact-curation: error: --held-out: found none of 21 tosses, expected at least one"]
+
+
+def test_a_polytope_that_is_given_is_where_it_starts(cli: Cli, folder: Path, tmp_path: Path, true_parameters: Path) -> None:
+    first = cli("train", folder, "--params", true_parameters, "--out", tmp_path / "a.safetensors", *SHORT, "--json").json
+    assert first["held_out_loss_before"] < 1e-4  # the tosses are simulated without noise
+    options = ("--params", tmp_path / "a.safetensors", *SHORT, "--json")
+    second = cli("train", folder, *options, "--out", tmp_path / "b.safetensors").json
+    assert second["held_out_loss_before"] == pytest.approx(first["held_out_loss_after"], rel=1e-9)
+    for model, line in (("deep", "expected deep, as --model says"), ("polytope", "")):
+        done = cli("train", folder, *options, "--model", model, "--out", tmp_path / f"{model}.safetensors")
+        assert line in done.err
+    refused = cli("train", folder, "--params", true_parameters, "--model", "deep", "--out", tmp_path / "c.safetensors")
+    assert "expected a checkpoint of a deep model" in refused.err
+
+
+def test_a_tilted_ground_stays_where_it_is_when_its_pivot_moves(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    lean, rise = float(np.sin(0.05)), float(np.cos(0.05))
+    axes = [[0.18 * rise, 0.0, -0.18 * lean], [0.0, 0.18, 0.0]]
+    tilted = write_parameters(tmp_path / "tilted.json", normal=[lean, 0.0, rise], tangents=axes)
+    before = []
+    for form in ("physical", "contactnets"):  # only the physical one takes a pivot amid the data
+        options = ("--params", tilted, *SHORT, "--steps", "1", "--set", f"training.form={form}", "--json")
+        before.append(cli("train", folder, *options, "--out", tmp_path / f"{form}.safetensors").json["held_out_loss_before"])
+    assert before[0] == pytest.approx(before[1], rel=1e-6)
+    assert before[0] > 1e-3
+
+
+def test_a_training_that_diverges_says_where(cli: Cli, folder: Path, tmp_path: Path, true_parameters: Path) -> None:
+    far = write_parameters(tmp_path / "far.json", vertices_normal=[[1e200, 0.0, 0.0]] * 8)
+    done = cli("train", folder, "--params", far, "--out", tmp_path / "a.safetensors", *SHORT)
+    assert (done.status, len(done.err_lines)) == (1, 1)
+    assert "the training failed after 0 gradient steps: toss " in done.err
+    assert "transition" in done.err
+    assert events(tmp_path / "a.jsonl")[-1]["state"] == "failed"
+
+
+def test_a_bad_input_is_a_line_and_the_others_are_trained_on(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    bad = tmp_path / "bad.mcap"
+    bad.write_bytes(b"no bag")
+    done = cli("train", bad, folder, "--out", tmp_path / "a.safetensors", *SHORT, "--json")
+    assert done.status == 0
+    assert len(done.json["training_tosses"]) == 5
+    assert len(done.err_lines) == 1
+    assert str(bad) in done.err
+    alone = cli("train", bad, "--out", tmp_path / "b.safetensors")
+    assert (alone.status, len(alone.err_lines)) == (1, 1)
+    assert not (tmp_path / "b.safetensors").exists()
+
+
+def test_metrics_that_cannot_be_written_leave_no_checkpoint_behind(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    done = cli("train", folder, "--out", tmp_path / "a.safetensors", *SHORT, "--metrics", tmp_path / "no" / "a.jsonl")
+    assert (done.status, len(done.err_lines)) == (1, 1)
+    assert "--metrics: found" in done.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_held_out_motion_under_another_heading_is_not_trained_on(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    rows = torch.load(folder / "5.pt", weights_only=True)
+    half_turn = torch.tensor([-1.0, -1.0, 1.0])  # about the vertical: x and y change their signs
+    rows[..., 0:3] *= half_turn
+    rows[..., 7:10] *= half_turn
+    rows[..., 3:7] = torch.stack([-rows[..., 6], -rows[..., 5], rows[..., 4], rows[..., 3]], dim=-1)
+    torch.save(rows, tmp_path / "7.pt")
+    inputs = (folder, tmp_path / "7.pt")
+    done = cli("train", *inputs, "--out", tmp_path / "a.safetensors", *SHORT, "--json")
+    assert done.json["twins"] == [["7", "5"]]
+    assert done.json["training_tosses"] == ["0", "1", "2", "3", "4"]
+    said = cli("train", *inputs, "--out", tmp_path / "b.safetensors", *SHORT)
+    assert "left out: 1 toss whose motion is held out under another id, e.g. 7 as 5" in said.out
+    kept = cli("train", *inputs, "--out", tmp_path / "c.safetensors", *SHORT, "--keep-twins", "--json")
+    assert kept.json["training_tosses"] == ["0", "1", "2", "3", "4", "7"]
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        (("--criterion", "trace"), "--criterion: found no --top"),
+        (("--canary",), "--canary: found no --top"),
+        (("--rerank-every", "2"), "--rerank-every: found no --top"),
+        (("--held-out", "90-99"), "--held-out: found none of 7 tosses"),
+        (("--held-out", "0-99"), "tosses to learn from: found none of 7: 7 are held out"),
+        (("--held-out", "none", "--protocol", "published"), "held-out transitions: found none"),
+        (("--params", "nowhere.json"), "nowhere.json: cannot be read"),
+        (("--manifest", "nowhere.json"), "nowhere.json: cannot be read"),
+        (("--set", "training.batch=0"), "batch: found 0"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line(cli: Cli, folder: Path, tmp_path: Path, options: tuple[str, ...], line: str) -> None:
+    done = cli("train", folder, "--out", tmp_path / "a.safetensors", *options)
+    assert (done.status, done.out, len(done.err_lines)) == (1, "", 1)
+    assert line in done.err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        (),
+        ("a.mcap",),
+        ("a.mcap", "--out", "a.pt"),
+        ("a.mcap", "--out", "a.safetensors", "--model", "sphere"),
+        ("a.mcap", "--out", "a.safetensors", "--steps", "0"),
+        ("a.mcap", "--out", "a.safetensors", "--top", "3", "--manifest", "m.csv"),
+        ("a.mcap", "--out", "a.safetensors", "--resume", "--overwrite"),
+        ("a.mcap", "--out", "a.safetensors", "--top", "3", "--canary", "--rerank-every", "2"),
+        ("a.mcap", "--out", "a.safetensors", "--metrics", "a.csv"),
+    ],
+)
+def test_bad_usage_is_said_by_the_parser(cli: Cli, words: tuple[str, ...]) -> None:
+    assert cli("train", *words).status == 2
+
+
+def test_it_explains_itself_without_waiting_for_torch() -> None:
+    code = "import sys\nfrom contact_curation.cli.main import main\ntry: main(['train', '--help'])\nexcept SystemExit: pass\n"
+    code += "print('torch' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "usage: contact-curation train" in done.stdout
+    assert "--held-out SPEC" in done.stdout
+    assert done.stdout.splitlines()[-1] == "False"

@@ -1,0 +1,85 @@
+"""The ranking's figure: drawn for every criterion and for pools at the edges of what there is."""
+
+import struct
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contact_curation.dashboard.figures.ranking import UNITS, RankingPicture, save_ranking_figure
+from contact_curation.errors import InvalidValueError
+from contact_curation.information.ranker import CRITERIA
+
+
+def picture(count: int = 40, kept: int = 8) -> RankingPicture:
+    rng = np.random.default_rng(0)
+    return RankingPicture(
+        title=f"{count} tosses",
+        criterion="log-det",
+        scores=np.sort(rng.lognormal(size=count))[::-1],
+        gains=np.sort(rng.lognormal(size=count))[::-1],
+        kept=kept,
+        spectrum=rng.uniform(0.01, 0.5, 52),
+        epsilon=0.99,
+        shares={"vertices_normal": (0.8, 0.7), "friction": (0.2, 0.3)},
+        outcomes=(("kept", kept), ("ranked, not kept", count - kept), ("impulse outside the friction cone", 3)),
+    )
+
+
+def size_of_png(path: Path) -> tuple[int, int]:
+    data = path.read_bytes()
+    assert data.startswith(b"\x89PNG")
+    width, height = struct.unpack(">II", data[16:24])
+    return width, height
+
+
+def test_it_is_1600_by_1000(tmp_path: Path) -> None:
+    save_ranking_figure(picture(), tmp_path / "figure.png")
+    assert size_of_png(tmp_path / "figure.png") == (1600, 1000)
+
+
+def test_every_criterion_has_its_unit() -> None:
+    assert set(UNITS) == set(CRITERIA)
+
+
+UNUSUAL = {
+    "one toss": picture(1, 1),
+    "wide of both signs": replace(picture(), scores=np.concatenate([np.geomspace(1e3, 1.0, 20), -np.geomspace(1.0, 1e6, 20)])),
+    "no spectrum": replace(picture(), spectrum=np.zeros(0)),
+}
+OTHERS = {
+    "all kept": picture(5, 5),
+    "equal": replace(picture(), scores=np.ones(40)),
+    "no gains": replace(picture(), scores=np.zeros(40), gains=np.zeros(40)),
+    "negative": replace(picture(), scores=np.linspace(3.0, -3.0, 40)),
+    "wide": replace(picture(), scores=np.geomspace(1e12, 1e-9, 40)),
+    "mostly nothing": replace(picture(), scores=np.concatenate([np.zeros(30), np.full(10, -1e6)])),
+    "empty directions": replace(picture(), spectrum=np.array([0.0, 0.0, 1.0]), epsilon=1.0),
+    "no blocks": replace(picture(), shares={}, criterion="longest"),
+}
+"""Drawn by the same code, and no cheaper."""
+
+
+@pytest.mark.parametrize(
+    "unusual",
+    [
+        *(pytest.param(one, id=name) for name, one in UNUSUAL.items()),
+        *(pytest.param(one, id=name, marks=pytest.mark.slow) for name, one in OTHERS.items()),
+    ],
+)
+def test_unusual_pools_are_drawn_without_a_warning(tmp_path: Path, unusual: RankingPicture) -> None:
+    save_ranking_figure(unusual, tmp_path / "figure.png")
+    assert size_of_png(tmp_path / "figure.png") == (1600, 1000)
+
+
+def test_the_same_picture_gives_the_same_bytes_and_other_numbers_others(tmp_path: Path) -> None:
+    for name, drawn in (("a", picture()), ("b", picture()), ("c", picture(40, 9))):
+        save_ranking_figure(drawn, tmp_path / f"{name}.png")
+    first, second, third = ((tmp_path / f"{name}.png").read_bytes() for name in "abc")
+    assert first == second != third
+
+
+def test_a_path_that_cannot_be_written_is_one_clear_error(tmp_path: Path) -> None:
+    with pytest.raises(InvalidValueError, match="figure"):
+        save_ranking_figure(picture(), tmp_path / "missing" / "figure.png")

@@ -1,0 +1,72 @@
+"""A dashboard is served at one address, or written to a file, or both; what cannot be is one line."""
+
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.request import urlopen
+
+import pytest
+
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.dashboard.live.layout import live_layout, ranking_layout
+from contact_curation.dashboard.live.screen import Moment
+from contact_curation.dashboard.live.serving import ServingConfig, close_screen, open_screen
+from contact_curation.errors import InvalidValueError
+from test.dashboard.recorded import Recorded
+
+
+def free_port() -> int:
+    """A port that nobody uses now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.fixture
+def taken_port() -> Iterator[int]:
+    with socket.socket() as holder:
+        holder.bind(("127.0.0.1", 0))
+        holder.listen()
+        yield int(holder.getsockname()[1])
+
+
+def test_the_page_is_served_while_the_file_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "both.rrd"
+    config = ServingConfig(free_port(), free_port(), recording=path)
+    screen = open_screen(config, live_layout(CONTACTNETS_CUBE))
+    page, _, query = config.address.partition("?")
+    with urlopen(page, timeout=10.0) as answer:
+        assert b"Rerun" in answer.read()
+    assert query == f"url=rerun%2Bhttp://127.0.0.1:{config.grpc_port}/proxy"
+    with socket.create_connection(("127.0.0.1", config.grpc_port), timeout=10.0):
+        pass
+    screen.at(Moment(1, 5))
+    screen.text("page", "hello")
+    close_screen(screen)
+    written = Recorded(path)
+    assert written.texts("/page") == ["hello"]
+    assert written.blueprints == 1
+
+
+@pytest.mark.parametrize("name", ["web_port", "grpc_port"])
+def test_a_port_that_is_taken_is_one_line(taken_port: int, name: str) -> None:
+    ports = {"web_port": free_port(), "grpc_port": free_port(), name: taken_port}
+    config = ServingConfig(ports["web_port"], ports["grpc_port"])
+    with pytest.raises(InvalidValueError, match=rf"{name}: found .*:{taken_port} \(Address already in use\), expected a free"):
+        open_screen(config, ranking_layout(CONTACTNETS_CUBE))
+
+
+def test_a_file_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(InvalidValueError, match=r"recording: found .*nowhere"):
+        open_screen(ServingConfig(0, recording=tmp_path / "nowhere" / "a.rrd"), live_layout(CONTACTNETS_CUBE))
+
+
+def test_a_dashboard_that_goes_nowhere_or_to_one_port_twice_is_refused() -> None:
+    with pytest.raises(InvalidValueError, match="neither a web_port nor a recording"):
+        ServingConfig(0)
+    with pytest.raises(InvalidValueError, match="grpc_port: found 0, expected a port, 1 to 65535"):
+        ServingConfig(grpc_port=0)
+    with pytest.raises(InvalidValueError, match="grpc_port: found 9090, expected another port"):
+        ServingConfig(9090, 9090)
+    with pytest.raises(InvalidValueError, match="web_port: found 70000"):
+        ServingConfig(70000)

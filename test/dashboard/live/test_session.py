@@ -1,0 +1,171 @@
+"""What a session leaves in a recording."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun as rr
+
+from contact_curation.dashboard.live.health_view import NodeHealth
+from contact_curation.dashboard.live.learning_view import TrainingMoment
+from contact_curation.dashboard.live.session import LiveSession
+from contact_curation.dashboard.live.throw_view import ThrowMade
+from contact_curation.dashboard.toss_motion import ShownTheta
+from test.dashboard.recorded import Recorded, finite, recorded, recording_screen
+from test.dashboard.sessions import BODY, CONFIG, Scored, fed, kept_set, scored, throw_of
+
+COUNT, TOP = 6, 4
+CURVES = (
+    *("known/worst", "known/median", "epsilon/epsilon", "epsilon/missing", "epsilon/efficiency"),
+    *("errors/position", "errors/rotation", "losses/training", "losses/held_out", "gains/planned", "gains/realised"),
+)
+
+
+@pytest.fixture(scope="module")
+def made() -> Scored:
+    return scored(COUNT)
+
+
+@pytest.fixture(scope="module")
+def session(made: Scored, tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    path = tmp_path_factory.mktemp("session") / "session.rrd"
+    screen = recording_screen(path)
+    live = fed(screen, made, TOP)
+    nodes = {name: NodeHealth(name, False, "fine", {"queue": "0"}, heard=9.0) for name in ("curator", "trainer")}
+    live.show_health(nodes, {"toss": 3}, now=10.0)
+    return recorded(screen, path)
+
+
+@pytest.mark.parametrize("curve", CURVES)
+def test_every_curve_has_a_point_for_every_toss(session: Recorded, curve: str) -> None:
+    points = session.scalars(f"/{curve}")
+    assert len(points) == COUNT
+    assert finite(points)
+
+
+def test_the_ellipsoids_shrink_while_tosses_come(session: Recorded) -> None:
+    sizes = np.array(session.column("/body/uncertainty", "Ellipsoids3D:half_sizes"))
+    assert sizes.shape == (COUNT, 8, 3)
+    worst = session.scalars("/known/worst")
+    assert worst[-1] < 0.5 * worst[0]
+    assert sizes.max() == pytest.approx(0.5 * BODY.length_scale)
+    assert sizes[-1].prod(axis=1).mean() < 0.7 * sizes[0].prod(axis=1).mean()
+
+
+def test_the_moving_body_is_where_the_toss_was_at_its_own_stamps(session: Recorded, made: Scored) -> None:
+    stamps = np.concatenate([toss.stamps_ns for toss in made.tosses])
+    order = np.argsort(session.times("/scene/moving", "ros_time"), kind="stable")
+    assert np.array_equal(np.array(session.times("/scene/moving", "ros_time"))[order], np.sort(stamps))
+    (last,) = session.column("/scene/moving", "Transform3D:translation")[-1]
+    assert last == pytest.approx(made.tosses[-1].positions[-1], abs=1e-6)
+    assert set(session.times("/scene/moving", "toss")) == set(range(1, COUNT + 1))
+
+
+def test_a_toss_has_measured_and_predicted_paths_and_impulses_at_its_vertices(session: Recorded, made: Scored) -> None:
+    for name in ("measured", "predicted"):
+        assert session.rows(f"/scene/{name}/trail") == session.rows(f"/scene/{name}/outlines") == COUNT
+    (trail,) = session.column("/scene/measured/trail", "LineStrips3D:strips")[0]
+    assert trail == pytest.approx(made.tosses[0].positions, abs=1e-6)
+    vectors = np.array(session.column("/scene/impulses", "Arrows3D:vectors")[0])
+    places = np.array(session.column("/scene/impulses", "Arrows3D:origins")[0])
+    assert (vectors[:, 2] > 0.0).all()
+    assert np.average(np.abs(places[:, 2]), weights=np.linalg.norm(vectors, axis=1)) < 0.005
+
+
+def test_the_page_of_the_ranking_says_of_every_toss_why(session: Recorded) -> None:
+    page = session.texts("/ranking")[-1]
+    assert f"{TOP} of {COUNT} tosses kept" in page
+    lines = [line for line in page.splitlines() if line.startswith(("| **", "| 5", "| 6"))]
+    assert ["| kept: " in line for line in lines] == [True] * TOP + [False] * 2
+    assert all("not kept: one more, with it the expected error is" in line for line in lines[TOP:])
+
+
+def test_the_spectrum_is_drawn_by_its_logarithm(session: Recorded, made: Scored) -> None:
+    (tensor,) = session.column("/spectrum", "BarChart:values")[-1]
+    drawn = np.asarray(tensor["buffer"])
+    assert drawn == pytest.approx(np.log10(made.curation(TOP).spectrum), abs=1e-6)
+
+
+def test_gated_motions_throws_and_health_are_told(session: Recorded) -> None:
+    assert session.texts("/gated") == ["1600000500.000, 33 frames: found a jump, expected none"]
+    assert session.times("/gated", "toss") == [COUNT]
+    assert "designed | commanded" in session.texts("/throws")[0]
+    assert "no throw is under way" in session.texts("/throws")[-1]
+    (health,) = session.texts("/health")
+    assert "not shown, because the dashboard was behind: 3 of toss" in health
+    assert "| trainer | ok | fine | queue 0 |" in health
+
+
+def test_a_throw_that_is_under_way_is_an_arrow_until_it_was_made(made: Scored, tmp_path: Path) -> None:
+    screen = recording_screen(tmp_path / "one.rrd")
+    live = LiveSession(screen, BODY, made.theta, CONFIG.loss)
+    throw = throw_of(made.tosses[0], "one")
+    live.add_throw(ThrowMade("warm-up", "commanded", throw, 0.0, float("nan"), "theta is not trusted"))
+    live.add_throw(ThrowMade("warm-up", "executed", throw, 0.0, float("nan"), "theta is not trusted"))
+    written = recorded(screen, tmp_path / "one.rrd")
+    (arrow,) = written.column("/scene/next/velocity", "Arrows3D:vectors")[0]
+    assert arrow == pytest.approx(0.12 * throw.linear_velocity, abs=1e-6)
+    assert written.rows("/scene/next") == 1
+    assert written.scalars("/gains/realised") == []
+
+
+def test_stamps_of_a_simulation_are_durations_and_those_of_a_robot_are_dates(made: Scored, tmp_path: Path) -> None:
+    kinds = {}
+    for name, shift in (("robot", 0), ("simulation", made.tosses[0].stamps_ns[0])):
+        path = tmp_path / f"{name}.rrd"
+        screen = recording_screen(path)
+        screen.frames(
+            "thing", 1, made.tosses[0].stamps_ns - shift, rr.Points3D.columns(positions=np.zeros((made.tosses[0].frames, 3)))
+        )
+        kinds[name] = recorded(screen, path).kind("/thing", "ros_time")
+    assert kinds == {"robot": "timestamp[ns]", "simulation": "duration[ns]"}
+
+
+def test_errors_far_beyond_the_width_are_drawn_at_the_top_and_what_is_not_finite_not_at_all(
+    made: Scored, tmp_path: Path
+) -> None:
+    screen = recording_screen(tmp_path / "errors.rrd")
+    live = LiveSession(screen, BODY, made.theta, CONFIG.loss)
+    live.add_training(TrainingMoment("training", 0, 0.0, float("nan"), 2150.0, float("nan")), 1)
+    live.add_training(TrainingMoment("training", 1, 0.01, 0.1, 20.0, 30.0), 2)
+    written = recorded(screen, tmp_path / "errors.rrd")
+    assert written.scalars("/errors/position") == [100.0, 20.0]
+    assert written.scalars("/errors/rotation") == [30.0]
+    assert written.scalars("/losses/training") == [-2.0]
+    assert written.scalars("/losses/held_out") == [-1.0]
+
+
+def test_a_kept_set_waits_for_information_that_has_not_come(made: Scored, tmp_path: Path) -> None:
+    screen = recording_screen(tmp_path / "waits.rrd")
+    live = LiveSession(screen, BODY, made.theta, CONFIG.loss)
+    live.set_kept(kept_set(made.curation(TOP), TOP, COUNT, made.theta.version), 0)
+    for information in made.informations[:-1]:
+        live.add_information(information)
+    missing = made.informations[-1]
+    drawable = missing.toss_id not in made.curation(TOP).ranking.kept_ids
+    assert not live.show_ranking()
+    live.add_information(missing)
+    assert live.show_ranking()
+    assert recorded(screen, tmp_path / "waits.rrd").rows("/ranking") == 1 + drawable
+
+
+def test_a_toss_that_comes_twice_is_one_and_a_new_theta_predicts_the_newest_again(made: Scored, tmp_path: Path) -> None:
+    screen = recording_screen(tmp_path / "twice.rrd")
+    live = LiveSession(screen, BODY, made.theta, CONFIG.loss)
+    for toss in (made.tosses[0], made.tosses[1], made.tosses[0]):
+        live.add_toss(toss)
+    assert live.tosses == 2
+    assert made.theta.geometry is not None
+    live.set_theta(ShownTheta("next", made.theta.geometry))
+    live.show_motion()
+    written = recorded(screen, tmp_path / "twice.rrd")
+    assert written.times("/scene/predicted/trail", "toss") == [1, 2, 2]
+
+
+def test_information_of_old_thetas_is_forgotten(made: Scored, tmp_path: Path) -> None:
+    live = LiveSession(recording_screen(tmp_path / "old.rrd"), BODY, made.theta, CONFIG.loss)
+    for version in "abcdefgh":
+        live.add_information(replace(made.informations[0], parameters_version=version))
+        live.set_theta(replace(made.theta, version=version))
+    assert list(live._informations) == list(live._thetas) == ["g", "h"]

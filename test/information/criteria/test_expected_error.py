@@ -1,0 +1,80 @@
+"""What a set is expected to cost: one toss more against the set anew, and bounds that are bounds and close."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contact_curation.information.criteria.expected_error import ExpectedError
+from contact_curation.information.optimum_shift import answer_of
+from contact_curation.information.pool import Pool, pool_of
+from contact_curation.information.pool_subspace import pool_subspace
+from test.information.pools import tosses
+
+SETS: tuple[list[int], ...] = ([], [3], [3, 17, 20, 4], list(range(0, 60, 2)))
+
+
+def pool_of_tosses(seed: int, parameters: int = 9) -> Pool:
+    rng = np.random.default_rng(seed)
+    infos = tosses(70, parameters, 5, seed)
+    return pool_of(replace(info, score_sum=rng.standard_normal(parameters) @ info.fisher()) for info in infos)
+
+
+def expected_error(pool: Pool) -> ExpectedError:
+    return ExpectedError.of(pool, pool_subspace(pool).per_mean_toss(len(pool)), 1e-3)
+
+
+@pytest.mark.parametrize("kept", SETS)
+def test_one_toss_more_gives_what_the_set_gives_anew(kept: list[int]) -> None:
+    errors = expected_error(pool_of_tosses(1))
+    sums, others = errors.sums(kept), np.setdiff1d(np.arange(70), kept)
+    anew = [errors.value(errors.sums([*kept, one])) for one in others.tolist()]
+    np.testing.assert_allclose(errors.joined(sums, others), anew, rtol=1e-8)
+    after = errors.with_toss(sums, 69)
+    assert errors.value(after) == pytest.approx(errors.value(errors.sums([*kept, 69])), rel=1e-8)
+
+
+@pytest.mark.parametrize("parameters", [1, 9, 24])
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("kept", SETS)
+def test_no_bound_is_above_what_it_bounds(kept: list[int], seed: int, parameters: int) -> None:
+    errors = expected_error(pool_of_tosses(seed, parameters))
+    sums = errors.sums(kept)
+    values = errors.joined(sums, np.arange(70))
+    assert (errors.bounds(sums) <= values * (1.0 + 1e-9)).all()
+
+
+def test_bounds_are_close_once_much_is_known() -> None:
+    """So that few tosses of a step have to be looked at closely: of 38 tosses beside 32 kept ones less than half."""
+    errors = expected_error(pool_of_tosses(2))
+    kept = list(range(32))
+    sums, others = errors.sums(kept), np.arange(32, 70)
+    values = errors.joined(sums, others)
+    assert np.count_nonzero(errors.bounds(sums)[others] <= values.min()) < others.size / 2
+
+
+def test_all_tosses_answer_what_all_tosses_answer() -> None:
+    pool = pool_of_tosses(4)
+    coordinates = pool_subspace(pool).per_mean_toss(len(pool))
+    whole = answer_of(pool, coordinates, list(range(70)), 1e-3)
+    assert whole.off == pytest.approx(0.0, abs=1e-9)
+    assert whole.by_chance == pytest.approx(0.0, abs=1e-12)
+    alone = answer_of(pool, coordinates, [5], 1e-3)
+    assert alone.by_chance == pytest.approx(np.sqrt(69.0 / 70.0))
+    assert alone.off > 0.1
+
+
+def test_random_tosses_that_know_the_same_are_off_as_by_chance() -> None:
+    rng = np.random.default_rng(0)
+    infos = [replace(info, factor=np.eye(3), score_sum=rng.standard_normal(3)) for info in tosses(200, 3, 3, seed=0)]
+    pool = pool_of(infos)
+    coordinates = pool_subspace(pool).per_mean_toss(len(pool))
+    answers = [answer_of(pool, coordinates, rng.choice(200, 16, replace=False), 1e-3) for _ in range(200)]
+    assert np.sqrt(np.mean([one.off**2 for one in answers])) == pytest.approx(answers[0].by_chance, rel=0.1)
+
+
+def test_where_nothing_is_said_no_answer_is_off() -> None:
+    infos = [replace(info, score_sum=np.zeros(4)) for info in tosses(6, 4, 4, seed=3)]
+    pool = pool_of(infos)
+    answer = answer_of(pool, pool_subspace(pool).per_mean_toss(6), [0, 1], 1e-3)
+    assert (answer.off, answer.by_chance) == (0.0, 0.0)

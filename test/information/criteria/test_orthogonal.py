@@ -1,0 +1,100 @@
+"""Pivoted QR picks new directions; the paper's literal rule picks silence (METHOD 1.8, E15, check 9)."""
+
+import numpy as np
+import pytest
+from scipy.linalg import qr
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.information.criteria.orthogonal import select_orthogonal
+from contact_curation.information.ranker import RankingConfig, rank
+from test.information.pools import toss, tosses
+
+
+def picks(scores: Array, top: int, variant: str = "pivoted") -> list[int]:
+    return [int(index) for index in select_orthogonal(scores, top, variant).order[:top]]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_pivoted_selection_is_qr_with_column_pivoting(seed: int) -> None:
+    scores = np.random.default_rng(seed).standard_normal((40, 12))
+    _, upper, order = qr(scores.T, mode="economic", pivoting=True)
+    selection = select_orthogonal(scores, 12)
+    np.testing.assert_array_equal(selection.order[:12], order[:12])
+    np.testing.assert_allclose(selection.gains[order[:12]], np.abs(np.diagonal(upper)), rtol=1e-10)
+
+
+def test_it_starts_again_once_every_direction_is_used_up() -> None:
+    scores = np.random.default_rng(6).standard_normal((30, 4))
+    first, second = picks(scores, 4), picks(scores, 8)[4:]
+    left = np.setdiff1d(np.arange(30), first)
+    assert second == [int(left[index]) for index in picks(scores[left], 4)]
+
+
+def test_it_starts_again_early_when_the_scores_span_less() -> None:
+    scores = np.outer([5.0, 4.0, 3.0, 2.0], [1.0, 2.0, 0.0])
+    assert picks(scores, 4) == [0, 1, 2, 3]
+
+
+def test_no_copy_is_picked_before_every_direction_is() -> None:
+    distinct = np.random.default_rng(7).standard_normal((6, 6))
+    longest = distinct[np.linalg.norm(distinct, axis=1).argmax()]
+    chosen = picks(np.concatenate([np.tile(longest, (9, 1)), distinct]), 6)
+    assert np.linalg.matrix_rank(np.concatenate([np.tile(longest, (9, 1)), distinct])[chosen]) == 6
+
+
+def test_the_others_follow_by_the_length_that_is_new() -> None:
+    scores = np.diag([4.0, 3.0, 2.0]).repeat(2, axis=0) + np.array([0, 0, 0, 0, 0, 1])[:, None] * np.array([0.0, 0.0, 0.5])
+    selection = select_orthogonal(scores, 2)
+    np.testing.assert_array_equal(selection.order, [0, 2, 5, 4, 1, 3])
+    np.testing.assert_allclose(selection.gains, [4.0, 0.0, 3.0, 0.0, 2.0, 2.5], atol=1e-12)
+
+
+def test_max_cosine_picks_the_least_aligned() -> None:
+    scores = np.random.default_rng(8).standard_normal((25, 4))
+    unit = scores / np.linalg.norm(scores, axis=1, keepdims=True)
+    chosen = [int(np.linalg.norm(scores, axis=1).argmax())]
+    while len(chosen) < 6:
+        worst = [max(abs(unit[i] @ unit[j]) for j in chosen) if i not in chosen else np.inf for i in range(25)]
+        chosen.append(int(np.argmin(worst)))
+    assert picks(scores, 6, "max-cosine") == chosen
+    assert picks(1e-7 * scores, 6, "max-cosine") == chosen
+
+
+def test_the_literal_rule_prefers_tosses_that_say_nothing_and_the_others_do_not() -> None:
+    scores = np.random.default_rng(9).standard_normal((20, 4))
+    scores[11:15] *= 1e-3
+    scores[15] = 0.0
+    assert set(picks(scores, 6, "literal")[1:]) == {11, 12, 13, 14, 15}
+    assert not {11, 12, 13, 14, 15} & set(picks(scores, 4))
+    assert 15 not in picks(scores, 19, "max-cosine")
+
+
+def test_only_the_known_variants_are_accepted() -> None:
+    with pytest.raises(InvalidValueError, match="pivoted, max-cosine, literal"):
+        select_orthogonal(np.eye(2), 1, "sideways")
+
+
+def test_scores_of_zero_are_ranked_by_id() -> None:
+    for variant in ("pivoted", "max-cosine", "literal"):
+        np.testing.assert_array_equal(select_orthogonal(np.zeros((4, 3)), 2, variant).order, [0, 1, 2, 3])
+
+
+def test_centring_takes_the_common_gradient_out() -> None:
+    """A gradient that all transitions share makes the longest toss the first pick; without it the toss that differs is."""
+    drift, rng = np.array([10.0, 0.0, 0.0]), np.random.default_rng(10)
+    counts = {"a-long": 40, "b-short": 10, "c-different": 10}
+    infos = [toss(name, drift + 0.01 * rng.standard_normal((count, 3))) for name, count in counts.items()]
+    infos[2] = toss("c-different", infos[2].factor + np.array([0.0, 5.0, 0.0]))
+    assert rank(infos, RankingConfig("orthogonal", top=1)).kept_ids == ("a-long",)
+    assert rank(infos, RankingConfig("orthogonal", top=1, centre=True)).kept_ids == ("c-different",)
+
+
+def test_whitening_makes_the_choice_independent_of_units() -> None:
+    infos = tosses(30, 5, 6, seed=11)
+    scale = np.array([1e3, 1e-3, 1.0, 10.0, 0.1])
+    scaled = [toss(info.toss_id, info.factor * scale) for info in infos]
+    whitened = RankingConfig("orthogonal", top=10, whiten=True)
+    assert rank(infos, whitened).ids == rank(scaled, whitened).ids
+    plain = RankingConfig("orthogonal", top=10)
+    assert rank(infos, plain).kept_ids != rank(scaled, plain).kept_ids

@@ -1,0 +1,83 @@
+"""The fit that holds what is not measured: its slope, its optimum, and vertices that no toss touched."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
+from contact_curation.contact.parameter_form import Form
+from contact_curation.errors import InvalidValueError
+from contact_curation.learning.fits.held_fit import HeldFitConfig, HeldSum, fit_held
+from contact_curation.learning.fits.polytope_sums import moved, physical_difference
+from contact_curation.motion.transitions import Transitions, transitions_of
+from test.simulated import simulated_tosses
+
+CONFIG = HeldFitConfig()
+
+
+@pytest.fixture(scope="module")
+def data() -> Transitions:
+    return transitions_of(simulated_tosses(3, seed=2), CONTACTNETS_CUBE.length_scale)
+
+
+def initial(seed: int, noise: float = 0.4) -> PolytopeModel:
+    geometry = initial_geometry(CONTACTNETS_CUBE, Form.PHYSICAL, np.zeros(3), np.random.default_rng(seed), noise)
+    level = replace(geometry, normal=np.array([0.0, 0.0, 1.0]), tangents=0.2 * np.eye(2, 3), height=0.05)
+    return PolytopeModel(level, CONTACTNETS_CUBE, Form.PHYSICAL)
+
+
+def test_the_step_goes_down_the_sum_that_is_said(data: Transitions) -> None:
+    """The score is minus half the sum's slope, by central differences; A0 and the ground are in both."""
+    model, origin = initial(1, noise=0.05), initial(2, noise=0.05).geometry()
+    held = HeldSum(data, np.ones(3), CONFIG, origin, 0.06)
+    place = held.place(model)
+    rng = np.random.default_rng(0)
+    for _ in range(4):
+        step = 1e-6 * rng.standard_normal(place.score.size)
+        step[-3:-1] *= 1e-3  # the tilt is held so stiffly that it would be all there is
+        ahead, behind = (held.place(moved(model, sign * step)).objective for sign in (1.0, -1.0))
+        assert ahead - behind == pytest.approx(-4.0 * float(place.score @ step), rel=1e-3)
+
+
+def test_the_way_from_one_geometry_to_another_is_the_step_between_them() -> None:
+    model = initial(3)
+    step = 0.01 * np.random.default_rng(1).standard_normal(52)
+    found = physical_difference(moved(model, step).geometry(), model.geometry())
+    np.testing.assert_allclose(found[:49], step[:49], atol=1e-12)
+    np.testing.assert_allclose(found[49:], step[49:], rtol=2e-3)
+
+
+def test_what_no_toss_touched_stays_and_what_they_touched_is_found(data: Transitions) -> None:
+    start = initial(4)
+    found = fit_held(start, data, CONFIG)
+    away = np.linalg.norm(physical_difference(found.model.geometry(), start.geometry())[:24].reshape(8, 3), axis=1)
+    assert away.max() < 2.0
+    corners = CONTACTNETS_CUBE.scaled_vertices
+    errors = [np.linalg.norm(each.geometry().vertices_normal - corners, axis=1) for each in (start, found.model)]
+    assert np.sort(errors[1])[:2].max() < 0.1
+    assert errors[1].mean() < 0.7 * errors[0].mean()
+    assert abs(found.model.geometry().height) < 0.02
+    np.testing.assert_allclose(found.model.geometry().normal, [0.0, 0.0, 1.0], atol=2e-3)
+
+
+def test_a_fit_that_goes_on_from_another_ends_where_one_from_the_start_does(data: Transitions) -> None:
+    start = initial(5)
+    config = replace(CONFIG, tolerance=1e-9, steps=200)
+    first = fit_held(start, data, config)
+    again = fit_held(first.model, data, config, origin=start)
+    assert again.objective == pytest.approx(first.objective, rel=1e-6)
+    assert again.steps < first.steps
+
+
+def test_a_weight_is_a_repetition_and_no_weight_is_an_absence() -> None:
+    tosses = simulated_tosses(3, seed=2)
+    repeated = transitions_of([tosses[0], tosses[2], tosses[2]], CONTACTNETS_CUBE.length_scale)
+    all_of_them, few = transitions_of(tosses, CONTACTNETS_CUBE.length_scale), replace(CONFIG, steps=6)
+    one = fit_held(initial(6), all_of_them, few, weights=[1, 0, 2])
+    other = fit_held(initial(6), repeated, few)
+    assert one.objective == pytest.approx(other.objective, rel=1e-9)
+    np.testing.assert_allclose(one.model.geometry().vertices_normal, other.model.geometry().vertices_normal, atol=1e-9)
+    with pytest.raises(InvalidValueError, match="weights: found"):
+        fit_held(initial(6), all_of_them, few, weights=[1.0, -1.0, 1.0])

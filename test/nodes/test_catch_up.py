@@ -1,0 +1,179 @@
+"""Numbered messages come once and in order, whatever topic and service do."""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+from contact_curation.nodes.ros.catch_up import CatchUp, Cursor, Source
+
+PAGE = 4
+
+
+def numbered(number: int, kind: str = "toss") -> SimpleNamespace:
+    return SimpleNamespace(sequence=number, toss_id=f"{kind}-{number}")
+
+
+class Server:
+    """A store behind a topic and a service; answers at once, or not at all while it is dead."""
+
+    def __init__(self, count: int, kind: str = "toss") -> None:
+        self.stored = [numbered(k, kind) for k in range(1, count + 1)]
+        self.alive = True
+        self.questions = 0
+        self.heard: Callable[[Any], None] = lambda message: None
+        self.tick: Callable[[], None] = lambda: None
+
+    # What CatchUp asks of a node
+    def create_client(self, service: Any, name: str) -> "Server":
+        return self
+
+    def create_subscription(self, kind: Any, topic: str, heard: Callable[[Any], None], qos: Any) -> None:
+        self.heard = heard
+
+    def create_timer(self, period: float, tick: Callable[[], None], clock: Any) -> None:
+        self.tick = tick
+
+    # What CatchUp asks of a client
+    def service_is_ready(self) -> bool:
+        return True
+
+    def remove_pending_request(self, future: Any) -> None:
+        return
+
+    def call_async(self, request: Any) -> "Answer":
+        self.questions += 1
+        page = [one for one in self.stored if one.sequence > request.after_sequence][: request.limit]
+        return Answer(SimpleNamespace(items=page, last_sequence=self.stored[-1].sequence if self.stored else 0), self.alive)
+
+    def announce(self, number: int, kind: str = "toss") -> None:
+        self.stored.append(numbered(number, kind))
+        self.heard(self.stored[-1])
+
+
+class Answer:
+    """A future that is done as soon as somebody waits for it."""
+
+    def __init__(self, response: Any, comes: bool) -> None:
+        self._response = response
+        self._comes = comes
+
+    def add_done_callback(self, done: Callable[[Any], None]) -> None:
+        if self._comes:
+            done(self)
+
+    def result(self) -> Any:
+        return self._response
+
+
+class Hand:
+    """A worker that works when it is told to."""
+
+    def __init__(self) -> None:
+        self.jobs: list[Callable[[], None]] = []
+
+    def do(self, job: Callable[[], None]) -> None:
+        self.jobs.append(job)
+
+    @property
+    def waiting(self) -> int:
+        return len(self.jobs)
+
+    def work(self) -> None:
+        while self.jobs:
+            self.jobs.pop(0)()
+
+
+def following(server: Server, cursor: Cursor = Cursor()) -> tuple[CatchUp, Hand, list[str]]:  # noqa: B008  (immutable)
+    hand, taken = Hand(), list[str]()
+    request = SimpleNamespace(Request=lambda after_sequence, limit: SimpleNamespace(after_sequence=after_sequence, limit=limit))
+    source = Source(object, "topic", request, "service", "items", PAGE)
+
+    def handle(messages: Any, _: Cursor) -> None:
+        taken.extend(message.toss_id for message in messages)
+
+    node: Any = server
+    worker: Any = hand
+    return CatchUp(node, worker, source, cursor, handle), hand, taken
+
+
+def expected(first: int, last: int, kind: str = "toss") -> list[str]:
+    return [f"{kind}-{number}" for number in range(first, last + 1)]
+
+
+def test_who_comes_late_gets_everything_page_by_page() -> None:
+    server = Server(10)
+    _, hand, taken = following(server)
+    server.tick()
+    hand.work()
+    assert taken == expected(1, 10)
+    assert server.questions == 3
+
+
+def test_what_comes_in_order_is_taken_from_the_topic_without_a_question() -> None:
+    server = Server(0)
+    _, hand, taken = following(server)
+    for number in (1, 2, 3):
+        server.announce(number)
+    hand.work()
+    assert taken == expected(1, 3)
+    assert server.questions == 0
+
+
+def test_a_missing_number_is_asked_for_and_order_is_kept() -> None:
+    server = Server(0)
+    _, hand, taken = following(server)
+    server.announce(1)
+    server.stored.append(numbered(2))  # stored and never announced
+    server.announce(3)
+    server.heard(numbered(1))  # and an old one once more
+    hand.work()
+    assert taken == expected(1, 3)
+
+
+def test_the_place_of_an_earlier_run_is_gone_on_from() -> None:
+    server = Server(9)
+    _, hand, taken = following(server, Cursor(6, "toss-6"))
+    server.announce(10)
+    hand.work()
+    assert taken == expected(7, 10)
+
+
+def test_a_place_in_another_store_is_not_believed() -> None:
+    server = Server(9, "new")
+    _, hand, taken = following(server, Cursor(6, "toss-6"))
+    server.tick()
+    hand.work()
+    assert taken == expected(1, 9, "new")
+
+
+def test_a_store_that_is_made_anew_is_taken_from_the_beginning() -> None:
+    server = Server(5)
+    _, hand, taken = following(server)
+    server.tick()
+    hand.work()
+    server.stored = [numbered(1, "new"), numbered(2, "new")]
+    server.tick()
+    hand.work()
+    assert taken == expected(1, 5) + expected(1, 2, "new")
+
+
+def test_a_question_that_a_dead_server_never_answers_is_asked_again() -> None:
+    server = Server(3)
+    server.alive = False
+    _, hand, taken = following(server)
+    server.tick()
+    server.alive = True
+    for _ in range(10):
+        server.tick()
+        hand.work()
+    assert taken == expected(1, 3)
+
+
+def test_starting_over_forgets_what_waits_and_takes_everything_once_more() -> None:
+    server = Server(3)
+    catch_up, hand, taken = following(server)
+    server.tick()
+    catch_up.restart()
+    hand.work()
+    assert taken == expected(1, 3)
+    assert catch_up.cursor == Cursor(3, "toss-3")

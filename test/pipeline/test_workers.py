@@ -1,0 +1,81 @@
+"""Work in several processes: results in order, a death noticed, no process left behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from contact_curation.pipeline.workers import Advance, WorkerDiedError, each
+
+
+def squared(number: int, advance: Advance) -> int:
+    time.sleep(0.05 * (3 - number))  # so that the last is done first
+    advance(number)
+    return number * number
+
+
+def ending(number: int, advance: Advance) -> int:
+    os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_results_come_in_the_order_of_the_inputs(jobs: int) -> None:
+    told: list[int] = []
+    assert list(each(squared, [0, 1, 2, 3], jobs, told.append)) == [0, 1, 4, 9]
+    assert sum(told) == 6
+
+
+def test_a_worker_that_is_killed_is_an_error_of_ours() -> None:
+    with pytest.raises(WorkerDiedError, match="--jobs"):
+        list(each(ending, [1, 2], 2, lambda count: None))
+
+
+def alive(pid: int) -> bool:
+    """Whether a process runs and is no zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+SLEEPER = """
+import multiprocessing, sys, time
+sys.path.insert(0, {folder!r})
+from contact_curation.pipeline.workers import each
+from sleeping import nap
+if __name__ == "__main__":
+    list(each(nap, [0, 1], 2, print))
+"""
+
+
+def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
+    (tmp_path / "sleeping.py").write_text(
+        "import os, pathlib, time\n"
+        "def nap(number, advance):\n"
+        f"    (pathlib.Path({str(tmp_path)!r}) / f'{{number}}.part').write_text(str(os.getpid()))\n"
+        f"    (pathlib.Path({str(tmp_path)!r}) / f'{{number}}.part').rename({str(tmp_path)!r} + f'/{{number}}.pid')\n"
+        "    time.sleep(60)\n"
+    )
+    script = tmp_path / "parent.py"
+    script.write_text(SLEEPER.format(folder=str(tmp_path)))
+    parent = subprocess.Popen([sys.executable, str(script)])
+    pids = [tmp_path / "0.pid", tmp_path / "1.pid"]
+    wait_until(lambda: all(path.exists() for path in pids))
+    workers = [int(path.read_text()) for path in pids]
+    assert all(alive(pid) for pid in workers)
+    parent.kill()
+    parent.wait()
+    wait_until(lambda: not any(alive(pid) for pid in workers))
+
+
+def wait_until(holds: Callable[[], bool], seconds: float = 30.0) -> None:
+    end = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < end, "waited too long"
+        time.sleep(0.02)

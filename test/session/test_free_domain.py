@@ -1,0 +1,58 @@
+"""No two graphs of this machine are given one ROS domain, and whoever dies gives his back."""
+
+import signal
+import socket
+import subprocess
+import sys
+from contextlib import ExitStack
+
+import pytest
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.session import free_domain as module
+from contact_curation.session.free_domain import FIRST_PORT, PORTS_EACH, free_domain, graph_domain
+
+HOLDS = """
+from contact_curation.session.free_domain import free_domain
+with free_domain() as domain:
+    print(domain, flush=True)
+    input()
+"""
+
+
+def test_graphs_that_run_together_have_different_domains_until_there_are_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "LARGEST_DOMAIN", 8)
+    with ExitStack() as running:
+        held = []
+        with pytest.raises(InvalidValueError, match="free ROS domains: found none"):
+            for _ in range(9):
+                held.append(running.enter_context(free_domain()))
+        assert len(set(held)) == len(held)
+    with free_domain() as again:
+        assert again in held
+
+
+def test_a_domain_in_which_somebody_else_is_heard_is_left_alone() -> None:
+    with free_domain() as first:
+        pass
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as participant:
+        participant.bind(("", FIRST_PORT + PORTS_EACH * first + 12))
+        with free_domain() as other:
+            assert other != first
+
+
+def test_the_users_own_domain_is_not_asked_about() -> None:
+    with graph_domain({"ROS_DOMAIN_ID": "7"}) as one, graph_domain({"ROS_DOMAIN_ID": "7"}) as other:
+        assert one == other == "7"
+
+
+def test_a_process_that_is_killed_gives_its_domain_back() -> None:
+    with subprocess.Popen([sys.executable, "-c", HOLDS], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout is not None
+        domain = int(holder.stdout.readline())
+        assert module._claimed(domain) is None
+        holder.send_signal(signal.SIGKILL)
+        holder.wait()
+    claim = module._claimed(domain)
+    assert claim is not None
+    claim.close()

@@ -1,0 +1,66 @@
+"""Images of tags are those of the family, as its own library and OpenCV read them; the one place for conventions is right."""
+
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contact_curation.errors import MissingDependencyError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.geometry.tags import CornerOrder, in_our_order
+from contact_curation.simulation.camera.tag_detection import TagDetector
+from contact_curation.simulation.camera.tag_textures import Image, tag_image
+
+CELL = 12
+MARGIN = 30
+FIRST, LAST = MARGIN + CELL - 0.5, MARGIN + 9 * CELL - 0.5
+"""Pixels of the black square's edges, the middle of the first pixel of the image at 0."""
+
+UPRIGHT = np.array([[FIRST, LAST], [LAST, LAST], [LAST, FIRST], [FIRST, FIRST]])
+"""Lower left, lower right, upper right, upper left, with y down."""
+
+
+def picture(tag_id: int) -> Image:
+    large = np.kron(tag_image(tag_id), np.ones((CELL, CELL), dtype=np.uint8))
+    return np.pad(large, MARGIN, constant_values=np.uint8(128))
+
+
+def opencv_corners(image: Image) -> tuple[int, Array]:
+    import cv2
+
+    aruco: Any = cv2.aruco
+    detector = aruco.ArucoDetector(aruco.getPredefinedDictionary(aruco.DICT_APRILTAG_36h11))
+    (corners,), ids, _ = detector.detectMarkers(image)
+    return int(np.ravel(ids)[0]), np.asarray(corners, dtype=float).reshape(4, 2)
+
+
+@pytest.mark.parametrize("tag_id", [0, 5, 100, 586])
+def test_the_library_reads_the_tag_upright_without_a_corrected_bit(tag_id: int) -> None:
+    (found,) = TagDetector().detect(picture(tag_id))
+    assert (found.tag_id, found.hamming) == (tag_id, 0)
+    np.testing.assert_allclose(in_our_order(found.corners, CornerOrder.APRILTAG), UPRIGHT, atol=0.1)
+    np.testing.assert_allclose(found.centre - 0.5, UPRIGHT.mean(axis=0), atol=0.2)
+
+
+def test_opencv_reads_the_same_tag_and_its_corners_become_ours() -> None:
+    """Which of the two orders an OpenCV has is told by this test: it is to be changed when another one comes."""
+    tag_id, corners = opencv_corners(picture(7))
+    assert tag_id == 7
+    np.testing.assert_allclose(in_our_order(corners, CornerOrder.OPENCV_TURNED), UPRIGHT, atol=1.1)
+
+
+def test_an_image_without_tags_has_none() -> None:
+    assert TagDetector().detect(np.full((200, 200), 128, dtype=np.uint8)) == ()
+
+
+def test_detectors_that_are_made_and_let_go_again_and_again_do_no_harm() -> None:
+    image = picture(3)
+    for _ in range(12):
+        assert [one.tag_id for one in TagDetector().detect(image)] == [3]
+
+
+def test_without_the_library_the_package_to_install_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pupil_apriltags", None)
+    with pytest.raises(MissingDependencyError, match="pip install pupil-apriltags"):
+        TagDetector()

@@ -1,0 +1,255 @@
+"""Rounds of training without a node: when they begin, when they stop, and that a kill changes no digit."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contact_curation.cli.evaluate.models import judged_model
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.model import Model, Rows
+from contact_curation.contact.models.registry import initial_model, tensors_of
+from contact_curation.contact.parameter_form import Form
+from contact_curation.errors import InvalidValueError
+from contact_curation.learning.training.progress import TrainingState
+from contact_curation.learning.training.protocols import ROUND_TRIMMED, TrainingConfig, budgeted, exact
+from contact_curation.learning.training.training import Training
+from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import transitions_of
+from contact_curation.stages.training import KeptSet, Moment, RoundsConfig, TrainingStage
+from contact_curation.storage.checkpoint_file import save_checkpoint
+from contact_curation.storage.stores.tosses import TossStore
+from test.simulated import simulated_tosses
+
+CONFIG = replace(budgeted(ModelKind.POLYTOPE), steps=20, evaluation_steps=20, batch=16)
+ROUNDS = RoundsConfig(settling_rounds=2, slice_steps=6, checkpoint_steps=5)
+
+
+@cache
+def tosses() -> tuple[Toss, ...]:
+    return tuple(simulated_tosses(6, seed=3))
+
+
+def first(data: Rows) -> Model:
+    return initial_model(ModelKind.POLYTOPE, CONTACTNETS_CUBE, Form.PHYSICAL, data, np.random.default_rng(0))
+
+
+def untrained() -> Model:
+    data = transitions_of(tosses()[:1], 1.0)
+    return first(Rows(data.before, data.after, data.dt))
+
+
+def stage(folder: Path, store: TossStore, config: TrainingConfig = CONFIG) -> TrainingStage:
+    return TrainingStage(first, CONTACTNETS_CUBE.length_scale, config, ROUNDS, 0, store, folder / "model.safetensors")
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[TossStore]:
+    with TossStore(tmp_path / "tosses.sqlite") as made:
+        yield made
+
+
+def kept(revision: int, seen: int, *numbers: int) -> KeptSet:
+    return KeptSet(revision, seen, tuple(tosses()[number].toss_id for number in numbers))
+
+
+def until_idle(training: TrainingStage) -> list[Moment]:
+    moments = []
+    while training.due:
+        moment = training.advance()
+        moments += [moment] if moment else []
+    return moments
+
+
+def numbers_of(model: Model) -> dict[str, bytes]:
+    return {name: value.tobytes() for name, value in tensors_of(model).items()}
+
+
+def test_a_round_waits_for_its_tosses_and_says_which_are_missing(tmp_path: Path, store: TossStore) -> None:
+    training = stage(tmp_path, store)
+    training.follow(kept(1, 3, 2, 0))
+    training.add(tosses()[2])
+    assert list(training.missing) == [tosses()[0].toss_id]
+    assert not training.due
+    training.add(tosses()[0])
+    assert list(training.missing) == []
+    assert training.due
+
+
+def test_a_round_ends_with_other_parameters_and_a_checkpoint_and_the_next_waits_for_another_set(
+    tmp_path: Path, store: TossStore
+) -> None:
+    for toss in tosses():
+        store.add(toss)
+    training = stage(tmp_path, store)
+    training.follow(kept(1, 3, 2, 0))
+    before, after = until_idle(training)
+    assert (before.ended, after.ended) == (False, True)
+    assert after.progress.gradient_steps == 20
+    assert numbers_of(before.model) != numbers_of(after.model)
+    training.follow(kept(2, 4, 0, 2))  # the same tosses in another order
+    assert not training.due
+    training.follow(kept(3, 4, 0, 1))
+    assert until_idle(training)[-1].progress.gradient_steps == 40
+
+
+@pytest.mark.parametrize("config", [CONFIG, exact(ROUND_TRIMMED)], ids=["budgeted", "exact"])
+def test_a_checkpoint_says_what_its_theta_follows_from(tmp_path: Path, store: TossStore, config: TrainingConfig) -> None:
+    for toss in tosses():
+        store.add(toss)
+    training = stage(tmp_path, store, config)
+    for revision, numbers in enumerate(((0, 1, 2), (2, 3, 4)), start=1):
+        training.follow(kept(revision, 3 + revision, *numbers))
+        until_idle(training)
+    told = judged_model(tmp_path / "model.safetensors", CONTACTNETS_CUBE)
+    last = frozenset(tosses()[number].toss_id for number in (2, 3, 4))
+    earlier = frozenset() if config.exact else frozenset(tosses()[number].toss_id for number in (0, 1))
+    assert (told.fitted_to, told.learned_from) == (last, last | earlier)
+
+
+def test_the_loop_comes_to_rest_when_no_new_toss_comes(tmp_path: Path, store: TossStore) -> None:
+    for toss in tosses():
+        store.add(toss)
+    training = stage(tmp_path, store)
+    ended = []
+    for revision in range(6):  # a ranking that swings to and fro, as that of a new theta may
+        training.follow(kept(revision, 6, 0, 1 + revision % 2))
+        ended += [moment.round.settling for moment in until_idle(training) if moment.ended]
+    assert ended == [0, 1, 2]
+    training.follow(kept(9, 7, 0, 5))
+    assert [moment.round.settling for moment in until_idle(training)] == [0]
+
+
+@pytest.mark.parametrize("slices", range(1, 6))
+def test_a_kill_at_any_slice_changes_no_digit(tmp_path: Path, slices: int) -> None:
+    results = []
+    for name, killed in (("undisturbed", False), ("killed", True)):
+        folder = tmp_path / name
+        folder.mkdir()
+        with TossStore(folder / "tosses.sqlite") as store:
+            for toss in tosses():
+                store.add(toss)
+            training = stage(folder, store)
+            training.follow(kept(1, 3, 2, 0))
+            for _ in range(slices):
+                training.advance()
+            if killed:
+                training = stage(folder, store)
+            until_idle(training)
+            training.follow(kept(2, 4, 3, 0))
+            results.append(until_idle(training)[-1])
+    assert numbers_of(results[0].model) == numbers_of(results[1].model)
+    assert results[0].round == results[1].round
+
+
+def test_an_exact_round_ends_at_once_and_neither_the_rounds_before_nor_a_kill_change_a_digit(tmp_path: Path) -> None:
+    begun, ended = [], []
+    for name, rounds, kills in (("alone", [(3, 0)], False), ("after", [(2, 0), (3, 0)], False), ("killed", [(3, 0)], True)):
+        folder = tmp_path / name
+        folder.mkdir()
+        with TossStore(folder / "tosses.sqlite") as store:
+            for toss in tosses():
+                store.add(toss)
+            config, path = exact(ROUND_TRIMMED), folder / "model.safetensors"
+            training = TrainingStage(lambda _: untrained(), 1.0, config, ROUNDS, 0, store, path)
+            for revision, numbers in enumerate(rounds, start=1):
+                training.follow(kept(revision, 2 + revision, *numbers))
+                begun.append(training.advance())
+                if kills:
+                    training = TrainingStage(lambda _: untrained(), 1.0, config, ROUNDS, 0, store, path)
+                ended.append(training.advance())
+                assert not training.due
+    assert begun[0] is not None
+    alone, _, after, killed = (moment for moment in ended if moment is not None)
+    assert alone.progress.state is TrainingState.CONVERGED
+    assert alone.progress.training_loss < 0.1
+    assert numbers_of(begun[0].model) == numbers_of(untrained())
+    assert numbers_of(alone.model) == numbers_of(after.model) == numbers_of(killed.model)
+
+
+def test_what_was_stepped_is_not_stepped_again_after_a_kill(tmp_path: Path, store: TossStore) -> None:
+    for toss in tosses():
+        store.add(toss)
+    training = stage(tmp_path, store)
+    training.follow(kept(1, 3, 2, 0))
+    for expected in (0, 6, 12, 18, 20):
+        training.advance()
+        resumed = stage(tmp_path, store)
+        assert resumed.progress is not None
+        assert resumed.progress.gradient_steps == expected
+    assert not resumed.due
+    assert resumed.now is not None
+    assert resumed.now.ended
+
+
+def test_a_round_trains_on_every_toss_of_the_set_whatever_their_order(tmp_path: Path, store: TossStore) -> None:
+    for toss in tosses():
+        store.add(toss)
+    learned = []
+    for name, numbers in (("one", (0, 2)), ("other", (0, 3)), ("turned", (2, 0))):
+        folder = tmp_path / name
+        folder.mkdir()
+        training = stage(folder, store)
+        training.follow(kept(1, 3, *numbers))
+        learned.append(numbers_of(until_idle(training)[-1].model))
+    assert learned[0] != learned[1]
+    assert learned[0] == learned[2]
+
+
+def test_where_the_tosses_of_a_round_are_lost_it_goes_on_from_its_parameters(tmp_path: Path, store: TossStore) -> None:
+    for toss in tosses():
+        store.add(toss)
+    training = stage(tmp_path, store)
+    training.follow(kept(1, 3, 2, 0))
+    learned = until_idle(training)[-1].model
+    with TossStore(tmp_path / "empty.sqlite") as empty:
+        again = stage(tmp_path, empty)
+        assert not again.due
+        again.follow(kept(1, 3, 2, 0))
+        for toss in tosses():
+            again.add(toss)
+        start = again.advance()
+    assert start is not None
+    assert numbers_of(start.model) == numbers_of(learned)
+
+
+def test_another_protocol_goes_on_from_the_parameters_too(tmp_path: Path, store: TossStore) -> None:
+    for toss in tosses():
+        store.add(toss)
+    training = stage(tmp_path, store)
+    training.follow(kept(1, 3, 2, 0))
+    until_idle(training)
+    again = stage(tmp_path, store, replace(CONFIG, steps=9, evaluation_steps=9))
+    again.follow(kept(1, 3, 2, 0))
+    assert until_idle(again)[-1].progress.gradient_steps == 9
+
+
+def test_a_training_that_fails_says_so_and_goes_on_with_another_set(tmp_path: Path, store: TossStore) -> None:
+    for toss in tosses():
+        store.add(toss)
+    explosive = replace(CONFIG, polytope=replace(CONFIG.polytope, learning_rate=500.0))
+    training = stage(tmp_path, store, explosive)
+    training.follow(kept(1, 3, 2, 0))
+    failed = until_idle(training)[-1].progress
+    assert failed.state is TrainingState.FAILED
+    assert "cube-" in failed.reason
+    training.follow(kept(2, 4, 2, 1))
+    assert training.due
+
+
+def test_a_checkpoint_that_no_trainer_wrote_is_refused_in_one_line(tmp_path: Path, store: TossStore) -> None:
+    data = transitions_of(tosses()[:2], CONTACTNETS_CUBE.length_scale)
+    model = first(Rows(data.before, data.after, data.dt))
+    save_checkpoint(tmp_path / "model.safetensors", Training(model, data, None, CONFIG, 0))
+    with pytest.raises(InvalidValueError, match="found none of a trainer node, expected one; `params` takes others"):
+        stage(tmp_path, store)
+
+
+@pytest.mark.parametrize("name", ["least_tosses", "slice_steps", "checkpoint_steps"])
+def test_rounds_cannot_be_cut_into_nothing(name: str) -> None:
+    with pytest.raises(InvalidValueError, match=f"{name}: found 0, expected at least 1"):
+        RoundsConfig(**{name: 0})

@@ -1,0 +1,316 @@
+"""Whatever the input, out come its tosses; what is left out is a line, and the other inputs go on."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import torch
+from rosbags.rosbag2 import StoragePlugin
+
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.errors import InvalidValueError, MissingTopicError
+from contact_curation.geometry.scalars import ScalarPose
+from contact_curation.motion.calibration import Rig, put_right
+from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.pose_stream import FramePose
+from contact_curation.motion.segmenter_config import SegmenterConfig
+from contact_curation.motion.toss import Rejected, Toss
+from contact_curation.storage.inputs.inputs import InputsConfig, InputSummary, Problem, open_inputs
+from contact_curation.storage.inputs.pose_messages import ODOMETRY, POSE, POSE_ARRAY, POSE_WITH_COVARIANCE, TF
+from contact_curation.storage.inputs.pose_source import PoseTopicConfig, TypedTopic, find_pose_source
+from test.motion.streams import board_in_map, in_map, noisy, stream
+from test.storage.datasets.test_tagslam_bag import save_contactnets, synthetic_toss
+from test.storage.pose_recordings import LOG_OFFSET_NS, recorded, transforms
+from test.storage.written_bags import NOETIC, Sent, note, write_ours, write_ros1, write_rosbag2
+
+GOLDEN = Path(__file__).resolve().parents[3] / "bags" / "golden.mcap"
+BODY = "/tagslam/odom/body_cube"
+POSES = [*stream(), *stream(start_ns=9_000_000_000)]
+IN_MAP = in_map(POSES)
+ON_BOARD = [FramePose(one.stamp_ns, "table", "body_cube", one.pose) for one in POSES]
+
+Items = list[Toss | Rejected | Problem]
+
+
+def tagslam(store: object = None) -> list[Sent]:
+    """Two throws over a static board, as TagSLAM gives them; in ROS 1 with the older store."""
+    chosen = {} if store is None else {"store": store}
+    board = Sent("/tf_static", LOG_OFFSET_NS, transforms([board_in_map()], **chosen))
+    return [board, *recorded(BODY, ODOMETRY, IN_MAP, **chosen)]
+
+
+def opened(*paths: Path, **config: object) -> tuple[Items, list[InputSummary]]:
+    inputs = open_inputs(paths, CONTACTNETS_CUBE, InputsConfig(**config))  # type: ignore[arg-type]
+    return list(inputs), inputs.summaries
+
+
+def kinds(items: Items) -> list[str]:
+    return [type(item).__name__ for item in items]
+
+
+def lines(items: Items) -> list[str]:
+    return [str(item) for item in items if isinstance(item, Problem)]
+
+
+def ros1(folder: Path) -> Path:
+    return write_ros1(folder / "a.bag", tagslam(NOETIC))
+
+
+def rosbag2_sqlite(folder: Path) -> Path:
+    return write_rosbag2(folder / "a", tagslam(), StoragePlugin.SQLITE3)
+
+
+def rosbag2_mcap(folder: Path) -> Path:
+    return write_rosbag2(folder / "a", tagslam(), StoragePlugin.MCAP)
+
+
+def storage_file(folder: Path) -> Path:
+    return next(rosbag2_sqlite(folder).glob("*.db3"))
+
+
+def mcap_file(folder: Path) -> Path:
+    return write_ours(folder / "a.mcap", tagslam())
+
+
+@pytest.mark.parametrize("made", [mcap_file, rosbag2_mcap, rosbag2_sqlite, storage_file, ros1])
+def test_every_kind_of_bag_gives_the_same_tosses(tmp_path: Path, made: Callable[[Path], Path]) -> None:
+    items, (summary,) = opened(made(tmp_path))
+    expected, _ = opened(mcap_file(tmp_path))
+    assert kinds(items) == ["Toss", "Toss"]
+    assert [item.digest() for item in items if isinstance(item, Toss)] == [
+        item.digest() for item in expected if isinstance(item, Toss)
+    ]
+    assert summary.topic == BODY
+    assert (summary.first_stamp_ns, summary.last_stamp_ns) == (POSES[0].stamp_ns, POSES[-1].stamp_ns)
+    assert summary.counts == {"poses": len(POSES), "tosses": 2}
+    assert len(summary.sha256) == 64
+
+
+@pytest.mark.parametrize("type_name", [POSE, POSE_WITH_COVARIANCE, POSE_ARRAY, ODOMETRY])
+def test_poses_given_on_the_board_need_no_frames(tmp_path: Path, type_name: str) -> None:
+    bag = write_ours(tmp_path / "a.mcap", recorded("/pose", type_name, ON_BOARD))
+    items, _ = opened(bag, poses=PoseTopicConfig(array_index=int(type_name == POSE_ARRAY)))
+    assert kinds(items) == ["Toss", "Toss"]
+
+
+def test_poses_may_be_only_on_tf(tmp_path: Path) -> None:
+    board = Sent("/tf_static", LOG_OFFSET_NS, transforms([board_in_map()]))
+    items, (summary,) = opened(write_ours(tmp_path / "a.mcap", [board, *recorded("/tf", TF, IN_MAP)]))
+    assert kinds(items) == ["Toss", "Toss"]
+    assert summary.topic == "/tf"
+
+
+def test_a_board_with_odometry_of_its_own_is_followed(tmp_path: Path) -> None:
+    boards = [FramePose(one.stamp_ns, "map", "body_surface", board_in_map().pose) for one in POSES]
+    both = recorded("/tagslam/odom/body_surface", ODOMETRY, boards) + recorded(BODY, ODOMETRY, IN_MAP)
+    bag = write_ours(tmp_path / "a.mcap", sorted(both, key=lambda one: one.log_time_ns))
+    assert kinds(opened(bag)[0]) == ["Toss", "Toss"]
+
+
+def test_the_golden_bag_gives_its_21_tosses_and_keeps_3_back() -> None:
+    items, (summary,) = opened(GOLDEN)
+    assert (summary.counts["tosses"], summary.counts["rejected"]) == (21, 3)
+    assert [number for number, item in enumerate(items) if isinstance(item, Rejected)] == [5, 12, 19]
+    ungated, _ = opened(GOLDEN, gates=GateConfig(enabled=False))
+    assert kinds(ungated).count("Toss") == 22, "only the spike is the gates'; the segmenter sees the other two"
+
+
+def test_a_folder_of_contactnets_files_passes_the_gates_too(tmp_path: Path) -> None:
+    good = synthetic_toss()
+    positions = good.positions.copy()
+    positions[30] += [0.005, 0.0, 0.0]
+    save_contactnets(tmp_path, 0, good)
+    save_contactnets(tmp_path, 10, synthetic_toss(0.18))
+    save_contactnets(tmp_path, 9, type(good)(**{**vars(good), "positions": positions}))
+    (tmp_path / "2.pt").write_bytes(b"nothing")
+    items, (summary,) = opened(tmp_path)
+    assert kinds(items) == ["Toss", "Problem", "Rejected", "Toss"]
+    assert lines(items)[0].startswith(f"{tmp_path}: 2.pt: found no plain tensor")
+    assert summary.counts == {"tosses": 2, "rejected": 1, "poses": 2 * good.frames + synthetic_toss(0.18).frames}
+    assert kinds(opened(tmp_path / "10.pt")[0]) == ["Toss"]
+
+
+def test_a_folder_of_other_pt_files_is_one_line(tmp_path: Path) -> None:
+    for number in range(5):
+        torch.save({"weights": torch.zeros(3)}, tmp_path / f"{number}.pt")
+    items, summaries = opened(tmp_path)
+    (line,) = lines(items)
+    assert line.startswith(f"{tmp_path}: found 5 .pt files, none of them a toss of ContactNets', e.g. 0.pt: found a dict")
+    assert summaries == []
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "why"),
+    [
+        ("empty", None, "is a folder without storage files"),
+        ("gone", b"", "No such file"),
+        ("a.mcap", b"nothing", ""),
+        ("a.db3", b"nothing", ""),
+        ("a.bag", b"nothing", ""),
+        ("a.pt", b"nothing", "found no plain tensor"),
+        ("a.txt", b"nothing", ""),
+    ],
+)
+def test_a_bad_input_is_one_line_and_the_others_go_on(tmp_path: Path, name: str, content: bytes | None, why: str) -> None:
+    bad = tmp_path / name
+    if content is None:
+        bad.mkdir()
+    elif name != "gone":
+        bad.write_bytes(content)
+    items, summaries = opened(bad, mcap_file(tmp_path / ".." if name == "a.mcap" else tmp_path))
+    assert kinds(items) == ["Problem", "Toss", "Toss"]
+    assert lines(items)[0].startswith(f"{bad}: ")
+    assert why in lines(items)[0]
+    assert lines(items)[0].count(str(bad)) == 1
+    assert "\n" not in lines(items)[0]
+    assert len(summaries) == 1
+
+
+def test_a_bag_without_poses_lists_what_it_has(tmp_path: Path) -> None:
+    bag = write_ours(tmp_path / "a.mcap", [Sent("/note", 5, note("hello"))])
+    expected = "one topic with poses of cube; name it (`topic`) if there are several"
+    assert lines(opened(bag)[0]) == [f"{bag}: found /note (std_msgs/msg/String); expected {expected}"]
+
+
+def test_a_bag_without_a_toss_says_so(tmp_path: Path) -> None:
+    bag = write_ours(tmp_path / "a.mcap", recorded("/pose", POSE, ON_BOARD[:15]))
+    expected = "motions that fall freely (in metres, z up on the board) and come to rest"
+    assert lines(opened(bag)[0]) == [f"{bag}: found no toss in 15 poses of /pose, expected {expected}"]
+
+
+def test_poses_that_come_too_seldom_are_told_of(tmp_path: Path) -> None:
+    for every, told in ((2, 0), (5, 1)):
+        bag = write_ours(tmp_path / f"{every}.mcap", recorded("/pose", POSE, ON_BOARD[::every]))
+        assert sum("Hz, expected 60 Hz or more: tosses may go unseen" in line for line in lines(opened(bag)[0])) == told
+
+
+def test_poses_that_nothing_connects_to_the_board_are_counted(tmp_path: Path) -> None:
+    elsewhere = Sent(
+        "/tf_static", LOG_OFFSET_NS, transforms([FramePose(0, "world", "body_surface", IN_MAP[0].pose, static=True)])
+    )
+    bag = write_ours(tmp_path / "a.mcap", [elsewhere, *recorded(BODY, ODOMETRY, IN_MAP)])
+    first, second = lines(opened(bag)[0])
+    assert f"{len(POSES)} poses were left out, the first one, of 'body_cube' at 5.000000 s, for this: board: found" in first
+    assert "expected poses that lead from frame 'body_surface' to frame 'map'" in first
+    assert second.endswith(f"found no toss in 0 poses of {BODY}")
+
+
+def test_poses_that_are_none_are_told_by_kind_and_break_their_toss(tmp_path: Path) -> None:
+    broken = list(ON_BOARD)
+    broken[50] = FramePose(broken[50].stamp_ns, "table", "body_cube", ScalarPose((0.0, 0.0, 0.1), (0.0, 0.0, 0.0, 0.0)))
+    broken[55] = broken[54]
+    items, (summary,) = opened(write_ours(tmp_path / "a.mcap", recorded("/pose", POSE, broken)))
+    assert kinds(items) == ["Rejected", "Toss", "Problem", "Problem"]
+    assert "quaternion norm: found 0, expected 1" in lines(items)[0]
+    assert "stamp: found one that stands still" in lines(items)[1]
+    assert (summary.counts["pose"], summary.counts["stamp"]) == (1, 1)
+
+
+def test_a_bag_that_defines_odometry_its_own_way_is_read_as_far_as_it_goes(tmp_path: Path) -> None:
+    class Strange:
+        header = None
+
+    from contact_curation.storage.bags.records import BagMessage
+    from contact_curation.storage.inputs.bag_tosses import BagTosses
+    from contact_curation.storage.provenance import TossProvenance
+
+    source = find_pose_source("a", [TypedTopic(BODY, ODOMETRY)], "cube", PoseTopicConfig())
+    tosses = BagTosses(TossProvenance("a"), source, CONTACTNETS_CUBE, InputsConfig())
+    assert list(tosses.of(BagMessage(BODY, ODOMETRY, 5, Strange()))) == []
+    assert "found fields that are not its own" in next(tosses.left_out())
+
+
+def test_the_same_toss_in_two_inputs_counts_once(tmp_path: Path) -> None:
+    bag = mcap_file(tmp_path)
+    copy = Path(shutil.copy(bag, tmp_path / "copy.mcap"))
+    items, summaries = opened(bag, copy)
+    assert kinds(items) == ["Toss", "Toss", "Problem", "Problem"]
+    assert all(f"is left out: found the same one in {bag}, expected each once" in line for line in lines(items))
+    assert all(line.startswith(str(copy)) for line in lines(items))
+    assert len(summaries) == 2
+
+
+def cut_short(folder: Path) -> Path:
+    """The recording of `mcap_file`, which ends during the second throw."""
+    return write_ours(folder / "cut.mcap", tagslam()[: 1 + len(POSES) * 3 // 4])
+
+
+def test_a_whole_toss_takes_the_place_of_one_that_was_cut_short_whichever_comes_first(tmp_path: Path) -> None:
+    cut, whole = cut_short(tmp_path), mcap_file(tmp_path)
+    assert kinds(opened(cut)[0]) == ["Toss", "Rejected"]
+    expected = {item.toss_id: item.digest() for item in opened(whole)[0] if isinstance(item, Toss)}
+    orders = {
+        (cut, whole): ["Toss", "Rejected", "Problem", "Problem", "Toss"],
+        (whole, cut): ["Toss", "Toss", "Problem", "Problem"],
+    }
+    for paths, expected_kinds in orders.items():
+        items, _ = opened(*paths)
+        assert kinds(items) == expected_kinds
+        assert {item.toss_id: item.digest() for item in items if isinstance(item, Toss)} == expected
+        assert lines(items)[1].startswith(f"{cut}: toss ")
+        assert lines(items)[1].endswith(f"is left out: found it kept back here and whole in {whole}, expected each once")
+
+
+def test_another_toss_under_the_same_id_is_not_taken_for_the_first(tmp_path: Path) -> None:
+    for name, height in (("a", 0.2), ("b", 0.25)):
+        (tmp_path / name).mkdir()
+        save_contactnets(tmp_path / name, 7, synthetic_toss(height))
+    items, _ = opened(tmp_path / "a", tmp_path / "b")
+    assert kinds(items) == ["Toss", "Problem"]
+    assert "toss 7 is left out: found another one of that id in" in lines(items)[0]
+
+
+def test_while_reading_the_recording_of_each_toss_is_known(tmp_path: Path) -> None:
+    bag = mcap_file(tmp_path)
+    save_contactnets(tmp_path, 7, synthetic_toss())
+    inputs = open_inputs([bag, tmp_path / "7.pt"], CONTACTNETS_CUBE)
+    origins = [inputs.origin for item in inputs if isinstance(item, Toss)]
+    assert [(origin.input, origin.topic) for origin in origins] == [(str(bag), BODY)] * 2 + [(str(tmp_path / "7.pt"), "")]
+    assert origins[0].input_sha256 == inputs.summaries[0].sha256
+
+
+def test_tosses_of_any_input_are_put_right_before_the_gates_see_them(tmp_path: Path) -> None:
+    rig = Rig(normal=(0.02, -0.02, 1.0), centre=(0.3, 0.1, 0.0), scale=1.02)
+    (tmp_path / "tosses").mkdir()
+    save_contactnets(tmp_path / "tosses", 1, synthetic_toss())
+    for path in (mcap_file(tmp_path), tmp_path / "tosses"):
+        seen = [item for item in opened(path)[0] if isinstance(item, Toss)]
+        tilted = [item for item in opened(path, rig=rig)[0] if isinstance(item, Rejected)]
+        assert [one.toss.digest() for one in tilted] == [put_right(toss, rig).digest() for toss in seen] != []
+        assert all(any("tilt at rest: found 1." in reason for reason in one.reasons) for one in tilted)
+
+
+def test_tosses_as_stored_have_headings_that_no_rig_had() -> None:
+    with pytest.raises(InvalidValueError, match=r"rig: found Rig\(.*scale=1.01\), expected none here"):
+        InputsConfig(as_stored=True, rig=Rig(scale=1.01))
+
+
+def test_a_topic_can_be_named_where_several_would_do(tmp_path: Path) -> None:
+    sent = recorded("/a", POSE, ON_BOARD) + recorded("/b", POSE, ON_BOARD)
+    bag = write_ours(tmp_path / "a.mcap", sorted(sent, key=lambda one: one.log_time_ns))
+    assert kinds(opened(bag)[0]) == ["Problem"]
+    items, (summary,) = opened(bag, poses=PoseTopicConfig(topic="/b"))
+    assert kinds(items) == ["Toss", "Toss"]
+    assert summary.topic == "/b"
+
+
+def test_what_a_simulation_knows_of_the_truth_is_taken_only_by_its_name() -> None:
+    truth = TypedTopic("/ground_truth", ODOMETRY)
+    with pytest.raises(MissingTopicError):
+        find_pose_source("a", [truth], "cube", PoseTopicConfig())
+    other = TypedTopic("/my_tracker/pose", ODOMETRY)
+    assert find_pose_source("a", [truth, other], "cube", PoseTopicConfig()).body == other
+    assert find_pose_source("a", [truth, other], "cube", PoseTopicConfig(topic="ground_truth")).body == truth
+
+
+def test_poses_noisier_than_was_told_are_a_line_and_with_what_it_says_their_tosses_are_found(tmp_path: Path) -> None:
+    scattered = in_map(noisy(POSES, 5.0))
+    board = Sent("/tf_static", LOG_OFFSET_NS, transforms([board_in_map()]))
+    path = write_ours(tmp_path / "a.mcap", [board, *recorded(BODY, ODOMETRY, scattered)])
+    items, _ = opened(path)
+    assert "Toss" not in kinds(items)
+    (line,) = (line for line in lines(items) if "scatter" in line)
+    noise = float(line.partition("say segmenter.tracker_noise=")[2].partition(",")[0])
+    told, _ = opened(path, segmenter=SegmenterConfig(tracker_noise=noise))
+    assert kinds(told) == ["Toss", "Toss"]

@@ -1,0 +1,166 @@
+"""Detections become poses of board and body; lost tags are gaps; CameraInfo may come late; topics are found."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contact_curation.errors import InvalidValueError, MissingTopicError, UnreadableInputError
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.poses import Pose
+from contact_curation.geometry.tag_rig import TagRig
+from contact_curation.motion.body_tracker import BodyPose, BodyTracker
+from contact_curation.motion.pose_stream import BadPose, FramePose
+from contact_curation.motion.tags.pose import TagPoseConfig
+from contact_curation.storage.inputs.pose_messages import ODOMETRY, TF
+from contact_curation.storage.inputs.pose_source import PoseSource, PoseTopicConfig, TypedTopic, find_pose_source
+from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIONS, MOST_WAITING, TagDetections, pinhole_of
+from test.storage.test_tag_map_file import SHIPPED
+from test.tag_scene import BOARD, CAMERA, RIG, array_message, info_message, scene
+
+TRUE = Pose(np.array([0.05, 0.02, 0.15]), quaternions.normalized([0.8, 0.3, -0.4, 0.2]))
+WITH_MAP = PoseTopicConfig(tag_map=str(SHIPPED))
+
+
+def reader(*, ready: bool = True, rig: TagRig = RIG) -> TagDetections:
+    made = TagDetections(rig, TagPoseConfig(), rectified=True)
+    if ready:
+        assert made.calibrated(info_message()) == ()
+    return made
+
+
+def topics(types: dict[str, str]) -> list[TypedTopic]:
+    return [TypedTopic(name, kind) for name, kind in types.items()]
+
+
+def found_in(types: dict[str, str], config: PoseTopicConfig = WITH_MAP) -> PoseSource:
+    return find_pose_source("a.mcap", topics(types), "cube", config)
+
+
+def test_an_image_gives_the_board_and_the_body_in_the_camera_and_so_the_body_on_the_board() -> None:
+    board, body = reader().detected(array_message(17, scene(TRUE)))
+    assert isinstance(board, FramePose)
+    assert isinstance(body, FramePose)
+    assert (board.child, body.child, board.parent, body.parent) == ("body_surface", "body_cube", "camera", "camera")
+    np.testing.assert_allclose(board.pose.position, CAMERA.pose.inverse().position, atol=1e-6)
+    tracker = BodyTracker(WITH_MAP.tracker("cube", "body_surface"))
+    events = [event for one in (board, body) for event in tracker.push(one)]
+    (event,) = events
+    assert isinstance(event, BodyPose)
+    assert event.stamp_ns == 17
+    np.testing.assert_allclose(event.pose.position, TRUE.position, atol=1e-6)
+    assert quaternions.angle_between(np.array(event.pose.orientation_wxyz), TRUE.orientation_wxyz) < 1e-5
+
+
+def test_an_empty_array_says_that_the_tags_are_lost() -> None:
+    board, body = reader().detected(array_message(17, []))
+    assert isinstance(board, BadPose)
+    assert isinstance(body, BadPose)
+    assert (body.stamp_ns, body.child, body.kind) == (17, "body_cube", "lost")
+
+
+def test_a_hidden_body_is_a_gap_while_the_board_is_still_seen() -> None:
+    board, body = reader().detected(array_message(17, [one for one in scene(TRUE) if one.tag_id in BOARD.ids]))
+    assert isinstance(board, FramePose)
+    assert isinstance(body, BadPose)
+
+
+def test_a_rig_without_tags_on_the_board_gives_the_body_in_the_camera() -> None:
+    (body,) = reader(rig=TagRig(RIG.body)).detected(array_message(17, scene(TRUE)))
+    assert isinstance(body, FramePose)
+    assert body.parent == "camera"
+
+
+def test_images_wait_for_the_first_camera_info_and_give_what_they_would_have() -> None:
+    early, late = reader(ready=False), reader()
+    messages = [array_message(stamp, scene(TRUE)) for stamp in (1, 2, 3)]
+    assert [early.detected(message) for message in messages] == [(), (), ()]
+    assert early.calibrated(info_message()) == tuple(one for message in messages for one in late.detected(message))
+    assert early.calibrated(info_message()) == ()
+
+
+def test_without_any_camera_info_images_are_given_up_after_a_while() -> None:
+    waiting = reader(ready=False)
+    for stamp in range(MOST_WAITING):
+        assert waiting.detected(array_message(stamp, [])) == ()
+    (bad,) = waiting.detected(array_message(MOST_WAITING, []))
+    assert isinstance(bad, BadPose)
+    assert bad.kind == "camera"
+
+
+def test_tags_of_another_family_are_not_ours() -> None:
+    message = array_message(1, scene(TRUE))
+    for one in message.detections:
+        one.family = "tag25h9"
+    assert all(isinstance(one, BadPose) for one in reader().detected(message))
+
+
+def test_a_camera_that_is_not_calibrated_is_said_and_waited_for() -> None:
+    waiting = reader(ready=False)
+    message = info_message()
+    message.p = np.zeros(12)
+    (bad,) = waiting.calibrated(message)
+    assert isinstance(bad, BadPose)
+    assert bad.kind == "camera"
+    assert "calibrated" in bad.why
+    assert waiting.detected(array_message(1, scene(TRUE))) == ()
+
+
+def test_raw_images_take_k_and_d_and_rectified_ones_p() -> None:
+    message: Any = SimpleNamespace(
+        width=640, height=480, distortion_model="plumb_bob", d=[0.1, 0, 0, 0, 0],
+        k=[500.0, 0, 320, 0, 510, 240, 0, 0, 1], p=[450.0, 0, 310, 0, 0, 460, 230, 0, 0, 0, 1, 0],
+    )  # fmt: skip
+    raw, rectified = pinhole_of(message, rectified=False), pinhole_of(message, rectified=True)
+    assert (raw.focal, raw.middle, raw.distorted) == ((500.0, 510.0), (320.0, 240.0), True)
+    assert (rectified.focal, rectified.middle, rectified.distorted) == ((450.0, 460.0), (310.0, 230.0), False)
+    message.distortion_model = "strange"
+    with pytest.raises(InvalidValueError, match="distortion"):
+        pinhole_of(message, rectified=False)
+
+
+def test_with_a_tag_map_detections_and_their_camera_are_found_beside_poses() -> None:
+    others = {"/tagslam/odom/body_cube": ODOMETRY, "/tf_static": TF}
+    source = found_in({"/detections": DETECTIONS, "/camera_info": CAMERA_INFO, **others})
+    assert source.body.name == "/detections"
+    assert source.topics == ("/detections", "/camera_info", "/tf_static")
+    assert source.board_frame == "body_surface"
+
+
+def test_of_several_cameras_the_one_beside_the_detections_is_taken() -> None:
+    types = {"/left/camera_info": CAMERA_INFO, "/right/camera_info": CAMERA_INFO, "/right/detections": DETECTIONS}
+    source = found_in(types)
+    assert source.camera == TypedTopic("/right/camera_info", CAMERA_INFO)
+    named = found_in(types, PoseTopicConfig(tag_map=str(SHIPPED), camera_info="left/camera_info"))
+    assert named.camera == TypedTopic("/left/camera_info", CAMERA_INFO)
+
+
+@pytest.mark.parametrize(
+    "types",
+    [
+        {"/detections": DETECTIONS},
+        {"/camera_info": CAMERA_INFO},
+        {"/a/detections": DETECTIONS, "/b/detections": DETECTIONS, "/camera_info": CAMERA_INFO},
+    ],
+    ids=["no camera", "no detections", "two detectors"],
+)
+def test_what_cannot_be_read_with_a_tag_map_is_said_with_what_there_is(types: dict[str, str]) -> None:
+    with pytest.raises(MissingTopicError, match="as there is a tag map"):
+        found_in(types)
+
+
+def test_without_a_tag_map_detections_are_no_poses() -> None:
+    with pytest.raises(MissingTopicError):
+        found_in({"/detections": DETECTIONS, "/camera_info": CAMERA_INFO}, PoseTopicConfig())
+    assert PoseTopicConfig().detections("cube") is None
+
+
+def test_the_tag_map_is_read_for_the_body_and_limits_jumps() -> None:
+    made = WITH_MAP.detections("cube")
+    assert made is not None
+    assert made.rig.body.ids == RIG.body.ids
+    assert WITH_MAP.tracker("cube", "body_surface").largest_spin == WITH_MAP.largest_spin
+    assert np.isinf(PoseTopicConfig().tracker("cube", "body_surface").largest_spin)
+    with pytest.raises(UnreadableInputError, match="body_wedge"):
+        WITH_MAP.detections("wedge")

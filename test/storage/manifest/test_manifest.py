@@ -1,0 +1,218 @@
+"""Manifests say the same in every format, in the same bytes every time, and are there whole or not at all."""
+
+import csv
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.storage.manifest.file import FORMATS, read_manifest, write_manifest
+from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
+from contact_curation.storage.provenance import InputProvenance, RunProvenance
+
+RUN = RunProvenance(
+    criterion="log-det",
+    estimator="empirical",
+    influence_bound=math.inf,
+    model="polytope",
+    parameters="nominal",
+    parameters_version="0a1b",
+    seed=7,
+    package_version="0.1.0",
+    command=("rank", "a bag.mcap", "--top", "2"),
+    inputs=(InputProvenance("a bag.mcap", "ab" * 32, ("cut short at byte 7",)), InputProvenance("b.mcap", "cd" * 32)),
+)
+RANKED = ManifestRow(
+    toss_id="cube-1-ab",
+    kept=True,
+    gated=False,
+    reasons=(),
+    rank=1,
+    score=0.1 + 0.2,
+    marginal_gain=1e-300,
+    trace=12.5,
+    mean_loss=math.nan,
+    transitions=80,
+    not_scored=0,
+    frames=81,
+    duration=80 / 148,
+    input="a bag.mcap",
+    input_sha256="ab" * 32,
+    topic="/tagslam/odom/body_cube",
+    first_stamp_ns=1_700_000_000_123_456_789,
+    last_stamp_ns=2**63 - 1,
+)
+GATED = replace(
+    RANKED,
+    toss_id="cube-2-ab",
+    kept=False,
+    gated=True,
+    reasons=('jump: found 0.3 m, expected less, "really"', "flips;\nµ"),
+    **dict.fromkeys(("rank", "score", "marginal_gain", "trace", "mean_loss", "transitions", "not_scored")),  # type: ignore[arg-type]
+)
+BESIDES = replace(RANKED, toss_id="cube-3-ab", kept=False, rank=2, score=-math.inf, mean_loss=math.inf, topic="")
+DIAGNOSTICS: dict[str, Any] = {
+    "epsilon": 0.25,
+    "bound": math.inf,
+    "smallest_sufficient_k": 3,
+    "efficiency": {"kiefer_wolfowitz": 0.5, "subset": 0.75},
+    "block_shares": {"vertices": 0.9, "normal": 0.1},
+    "notes": ["one", None, True],
+}
+MANIFEST = Manifest(RUN, (RANKED, GATED, BESIDES), DIAGNOSTICS)
+ENDINGS = sorted(FORMATS)
+
+
+def assert_equal(found: Manifest, expected: Manifest) -> None:
+    """NaN is NaN here: dataclasses say it is not."""
+    assert repr(found.rows) == repr(expected.rows)
+    assert (found.run, found.diagnostics) == (expected.run, expected.diagnostics)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_a_manifest_comes_back_as_it_was_written(tmp_path: Path, ending: str) -> None:
+    write_manifest(MANIFEST, tmp_path / f"m{ending}")
+    assert_equal(read_manifest(tmp_path / f"m{ending}"), MANIFEST)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_a_manifest_without_tosses_comes_back(tmp_path: Path, ending: str) -> None:
+    write_manifest(Manifest(RUN, ()), tmp_path / f"m{ending}")
+    assert_equal(read_manifest(tmp_path / f"m{ending}"), Manifest(RUN, ()))
+
+
+TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
+NUMBER = st.none() | st.floats()
+
+
+@given(TEXT, TEXT, st.lists(TEXT, min_size=1, max_size=3), NUMBER, NUMBER, st.integers(-(2**63), 2**63 - 1))
+def test_any_text_and_number_comes_back_from_every_format(
+    toss_id: str, topic: str, reasons: list[str], score: float | None, loss: float | None, stamp: int
+) -> None:
+    row = replace(
+        RANKED, toss_id=toss_id, topic=topic, reasons=tuple(reasons), score=score, mean_loss=loss, first_stamp_ns=stamp
+    )
+    manifest = Manifest(replace(RUN, command=(topic, toss_id)), (row,), {"note": topic.replace("N", "n").replace("I", "i")})
+    for kind in FORMATS.values():
+        assert_equal(kind.read(kind.write(manifest)), manifest)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("word", ["NaN", "Infinity", "-Infinity", "null", "nan", "true", ""])
+def test_words_that_mean_numbers_elsewhere_stay_text(tmp_path: Path, ending: str, word: str) -> None:
+    row = replace(RANKED, toss_id=word, topic=word, input=word, mean_loss=None, kept=False, reasons=(word,))
+    manifest = Manifest(replace(RUN, model=word, command=(word,)), (row,))
+    write_manifest(manifest, tmp_path / f"m{ending}")
+    assert_equal(read_manifest(tmp_path / f"m{ending}"), manifest)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_the_same_manifest_gives_the_same_bytes(tmp_path: Path, ending: str) -> None:
+    paths = [tmp_path / f"{name}{ending}" for name in "ab"]
+    for path in paths:
+        write_manifest(MANIFEST, path)
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+
+
+def test_other_tools_read_the_three_formats(tmp_path: Path) -> None:
+    for ending in ENDINGS:
+        write_manifest(MANIFEST, tmp_path / f"m{ending}")
+    ids = [row.toss_id for row in MANIFEST.rows]
+    assert pq.read_table(tmp_path / "m.parquet")["toss_id"].to_pylist() == ids
+    assert pq.read_table(tmp_path / "m.parquet")["mean_loss"].null_count == 1
+    with (tmp_path / "m.csv").open(newline="") as file:
+        table = csv.DictReader(line for line in file if not line.startswith("#"))
+        assert [row["toss_id"] for row in table] == ids
+    strict = json.loads((tmp_path / "m.json").read_text(), parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+    assert [row["toss_id"] for row in strict["tosses"]] == ids
+    assert strict["influence_bound"] == "Infinity"
+
+
+def test_kept_tosses_come_best_first() -> None:
+    second = replace(RANKED, toss_id="cube-4-ab", rank=2)
+    assert [row.rank for row in Manifest(RUN, (second, GATED, RANKED)).kept] == [1, 2]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"gated": True}, {"rank": None}, {"kept": False, "gated": True}, {"kept": False, "rank": None}],
+    ids=["kept though gated", "kept without rank", "gated without reason", "not ranked without reason"],
+)
+def test_rows_that_contradict_themselves_are_refused(changes: dict[str, Any]) -> None:
+    with pytest.raises(InvalidValueError):
+        replace(RANKED, **changes)
+
+
+def test_a_toss_is_listed_only_once() -> None:
+    with pytest.raises(InvalidValueError, match="cube-1-ab twice"):
+        Manifest(RUN, (RANKED, GATED, RANKED))
+
+
+def test_an_unknown_ending_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InvalidValueError, match=r"\.parquet"):
+        write_manifest(MANIFEST, tmp_path / "m.txt")
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("content", [b"", b"{}", b"# a: 1\n", b"[1, 2]", b"PAR1 and nothing else"])
+def test_files_that_are_no_manifests_are_refused_in_one_line(tmp_path: Path, ending: str, content: bytes) -> None:
+    path = tmp_path / f"m{ending}"
+    path.write_bytes(content)
+    with pytest.raises(UnreadableInputError, match="is no manifest of `contact-curation rank`: ") as caught:
+        read_manifest(path)
+    assert "\n" not in str(caught.value)
+    assert "Error(" not in str(caught.value)  # nothing of Python's
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_a_cut_manifest_is_refused_wherever_it_is_cut(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"m{ending}"
+    write_manifest(MANIFEST, path)
+    whole = path.read_bytes().rstrip() if ending == ".json" else path.read_bytes()
+    for length in (*range(0, len(whole) - 200, 41), *range(len(whole) - 200, len(whole))):
+        path.write_bytes(whole[:length])
+        with pytest.raises(UnreadableInputError):
+            read_manifest(path)
+
+
+def test_a_manifest_of_a_newer_version_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "m.json"
+    write_manifest(MANIFEST, path)
+    path.write_text(path.read_text().replace('"contact_curation_manifest": 1', '"contact_curation_manifest": 2'))
+    with pytest.raises(UnreadableInputError, match="version 2"):
+        read_manifest(path)
+
+
+def test_a_missing_manifest_is_a_clear_error(tmp_path: Path) -> None:
+    with pytest.raises(UnreadableInputError, match="No such file"):
+        read_manifest(tmp_path / "m.json")
+
+
+def test_a_failed_write_leaves_the_old_manifest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "m.json"
+    write_manifest(MANIFEST, path)
+    before = path.read_bytes()
+
+    def full(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(InvalidValueError, match="No space left"):
+        write_manifest(Manifest(RUN, ()), path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_path_that_is_not_unicode_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    row = replace(RANKED, input="bag\udcff.mcap")
+    for ending in ENDINGS:
+        with pytest.raises(InvalidValueError, match=r"found '.{,60}bag.udcff\.mcap.{,60}' in it, .* Unicode"):
+            write_manifest(Manifest(RUN, (row,)), tmp_path / f"m{ending}")
+    assert list(tmp_path.iterdir()) == []
