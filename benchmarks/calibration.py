@@ -19,9 +19,8 @@ import torch
 
 from benchmarks._data import contactnets_folder, training_and_held_out
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.contact.models.registry import initial_model
+from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.experiments.coverage import HIGH, LOW, SAID, count_within, deviations_said, kind_of
 from contact_curation.geometry.quaternions import Array
@@ -65,7 +64,7 @@ def main() -> int:
     rows = transitions_of([parts.training[k] for k in chosen], scale)
     others = transitions_of(parts.held_out, scale)
     begin = time.perf_counter()
-    start = initial_model(ModelKind.POLYTOPE, CONTACTNETS_CUBE, Form.PHYSICAL, rows_of(rows), rng)
+    start = model_class("polytope").initial(CONTACTNETS_CUBE, Form.PHYSICAL, rows_of(rows), rng)
     assert isinstance(start, PolytopeModel)
     fit = fit_polytope(start, rows)
     fitted = time.perf_counter()

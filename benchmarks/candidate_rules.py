@@ -45,8 +45,7 @@ from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.fits.exact_fit import optimum
 from contact_curation.learning.fits.held_fit import fit_held
-from contact_curation.learning.training.curated import kept_transitions
-from contact_curation.learning.training.model_scoring import toss_scorer
+from contact_curation.learning.training.curated import kept_transitions, toss_scorer
 from contact_curation.learning.training.reranking import EXACT_SELECTIONS
 from contact_curation.motion.calibration import rig_of
 from contact_curation.motion.toss import Toss

@@ -20,9 +20,9 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import Cone, Estimator, Evaluation, evaluate, fisher_sums
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
-from contact_curation.contact.torch_evaluation import evaluate_in_torch
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.transitions import Transitions, transitions_of
+from test.contact.torch_evaluation import evaluate_in_torch
 from test.simulated import FRAME_PERIOD, RIG_NOISE, simulated_tosses
 
 BODY = CONTACTNETS_CUBE

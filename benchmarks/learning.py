@@ -25,10 +25,9 @@ import torch
 from benchmarks._data import contactnets_folder, training_and_held_out
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import Model
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.contact.models.registry import initial_model
+from contact_curation.contact.models.registry import MODELS, model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, spread
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
@@ -100,19 +99,19 @@ def judged(model: Model, held_out: Sequence[Toss], name: tuple[str, str, int], s
 
 def trained(case: tuple[str, str, int, int, Path]) -> Result:
     """Trains one model and judges it; in a process of its own."""
-    kind, criterion, seed, count, folder = ModelKind(case[0]), *case[1:]
+    kind, criterion, seed, count, folder = case[0], *case[1:]
     torch.set_num_threads(1)
     parts = training_and_held_out(folder)
     data = transitions_of(chosen(parts.training, criterion, count, seed), CONTACTNETS_CUBE.length_scale)
     config = budgeted(kind)
-    model = initial_model(kind, CONTACTNETS_CUBE, config.form, rows_of(data), np.random.default_rng(seed))
+    model = model_class(kind).initial(CONTACTNETS_CUBE, config.form, rows_of(data), np.random.default_rng(seed))
     training = Training(model, data, None, config, seed)
     start = time.perf_counter()
     while training.progress.state is TrainingState.RUNNING:
         training.advance(100)
     if training.progress.state is TrainingState.FAILED:
-        raise SystemExit(f"{kind.value}, seed {seed}: {training.progress.reason}")
-    return judged(training.trained(), parts.held_out, (kind.value, criterion, seed), time.perf_counter() - start)
+        raise SystemExit(f"{kind}, seed {seed}: {training.progress.reason}")
+    return judged(training.trained(), parts.held_out, (kind, criterion, seed), time.perf_counter() - start)
 
 
 def floor(folder: Path) -> Result:
@@ -150,7 +149,7 @@ def _median(values: Sequence[float | None]) -> str:
 def cases(arguments: argparse.Namespace, folder: Path) -> Iterator[tuple[str, str, int, int, Path]]:
     """What is trained."""
     for model in arguments.models:
-        seeds = arguments.seeds if model == ModelKind.POLYTOPE else arguments.network_seeds
+        seeds = arguments.seeds if model == "polytope" else arguments.network_seeds
         for criterion in arguments.criteria:
             for seed in range(seeds):
                 yield model, criterion, seed, arguments.tosses, folder
@@ -159,7 +158,7 @@ def cases(arguments: argparse.Namespace, folder: Path) -> Iterator[tuple[str, st
 def main() -> int:
     """Prints a table, or JSON."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    kinds = [kind.value for kind in ModelKind]
+    kinds = list(MODELS)
     parser.add_argument("--models", nargs="+", default=kinds, choices=kinds)
     parser.add_argument("--criteria", nargs="+", default=["random"], choices=CRITERIA, help="(default random)")
     parser.add_argument("--tosses", type=int, default=64, help="learned from (default 64)")

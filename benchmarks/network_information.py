@@ -26,18 +26,13 @@ from benchmarks._data import contactnets_folder
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.loss_config import DEFAULT_LOSS
-from contact_curation.contact.models.deep import DeepModel
-from contact_curation.contact.models.deepvertex import DeepvertexModel
 from contact_curation.contact.models.end_to_end import EndToEndModel
-from contact_curation.contact.models.kind import ModelKind
-from contact_curation.contact.models.model import Rows
+from contact_curation.contact.models.model import Model, Rows
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.network.config import NetworkConfig, SketchConfig, network_config_for
-from contact_curation.information.network.forward_pass import NetworkModel, forward_pass, frozen_copy
-from contact_curation.information.network.ghost_norms import ghost_norms
-from contact_curation.information.network.physical_scores import PhysicalScores
-from contact_curation.information.network.scoring import NetworkScorer
-from contact_curation.information.network.sketch import network_sketch
+from contact_curation.information.network.forward_pass import forward_pass, frozen_copy
+from contact_curation.information.network.scoring import NetworkScorer, explicit_scores
+from contact_curation.information.network.sketch import ghost_norms, network_sketch
 from contact_curation.information.pool_subspace import LEADING_DIRECTIONS
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import ScoringConfig
@@ -49,7 +44,7 @@ from contact_curation.storage.checkpoint_file import read_model
 from contact_curation.storage.datasets.contactnets import contactnets_files, read_contactnets_toss
 
 BODY = CONTACTNETS_CUBE
-NETWORKS = (ModelKind.DEEP, ModelKind.DEEPVERTEX, ModelKind.END_TO_END)
+NETWORKS = ("deep", "deepvertex", "end_to_end")
 TRAINING_TOSSES = 400
 COMPARED_TOSSES, COMPARED_TRANSITIONS, COMPARED_TRACE = 50, 1500, 0.9999
 SKETCHES = ((0, 16), (12, 4), (16, 4), (16, 8), (24, 8), (24, 24), (16, 32))
@@ -117,7 +112,7 @@ def main() -> int:
     """Prints tables, or JSON."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
-    parser.add_argument("--model", nargs="+", choices=[kind.value for kind in NETWORKS], default=[k.value for k in NETWORKS])
+    parser.add_argument("--model", nargs="+", choices=NETWORKS, default=NETWORKS)
     parser.add_argument("--params", type=Path, help="a checkpoint of the one model, instead of training")
     parser.add_argument("--steps", type=int, default=400, help="of training (default 400)")
     parser.add_argument("--threads", type=int, default=2, help="of torch (default 2)")
@@ -130,7 +125,7 @@ def main() -> int:
     tosses = tuple(read_contactnets_toss(file, BODY) for file in contactnets_files(folder))
     found: dict[str, list[Timing | Sketched | Drawn]] = {"timings": [], "sketches": [], "draws": []}
     for name in arguments.model:
-        model = network(ModelKind(name), tosses, arguments.params, arguments.steps)
+        model = network(name, tosses, arguments.params, arguments.steps)
         found["timings"] += timings(model, tosses, arguments.tosses, arguments.threads)
         found["sketches"] += sketches(model, tosses[:COMPARED_TOSSES])
         if not isinstance(model, EndToEndModel):
@@ -143,7 +138,7 @@ def main() -> int:
     return 0
 
 
-def network(kind: ModelKind, tosses: Sequence[Toss], params: Path | None, steps: int) -> NetworkModel:
+def network(kind: str, tosses: Sequence[Toss], params: Path | None, steps: int) -> Model:
     """A trained network."""
     if params is None:
         training = new_training(
@@ -153,11 +148,10 @@ def network(kind: ModelKind, tosses: Sequence[Toss], params: Path | None, steps:
         model = training.model
     else:
         model = read_model(params, BODY)
-    assert isinstance(model, DeepModel | DeepvertexModel | EndToEndModel)
     return model
 
 
-def timings(model: NetworkModel, tosses: Sequence[Toss], some: int, threads: int) -> list[Timing]:
+def timings(model: Model, tosses: Sequence[Toss], some: int, threads: int) -> list[Timing]:
     """Exact traces of all tosses, and whole records of some."""
     rows, usual = [], network_config_for(model.kind)
     for what, given, work in (
@@ -169,14 +163,14 @@ def timings(model: NetworkModel, tosses: Sequence[Toss], some: int, threads: int
         work()
         count = sum(toss.frames - 1 for toss in given)
         seconds = time.perf_counter() - clock
-        rows.append(Timing(model.kind.value, what, count, threads, seconds, time.process_time() - processor))
+        rows.append(Timing(model.kind, what, count, threads, seconds, time.process_time() - processor))
     return rows
 
 
-def exact_traces(model: NetworkModel, tosses: Sequence[Toss]) -> list[Array]:
+def exact_traces(model: Model, tosses: Sequence[Toss]) -> list[Array]:
     """Per toss (T,) the squared length of every transition's score by all parameters."""
     frozen = frozen_copy(model)
-    physical = PhysicalScores.of(model.polytope) if isinstance(model, DeepModel) else None
+    explicit = model.explicit_parameters()
     found = []
     for toss in tosses:
         rows = transitions_of([toss], BODY.length_scale)
@@ -184,19 +178,19 @@ def exact_traces(model: NetworkModel, tosses: Sequence[Toss]) -> list[Array]:
         slopes = passed.score_slopes(passed.solved.astype(float))
         deltas = passed.deltas(tuple(slope[0] for slope in slopes))
         total = np.sum([ghost_norms(*pair).numpy() for pair in zip(passed.tape, deltas, strict=True)], axis=0)
-        if physical is not None:
-            total = total + np.square(physical.rows(passed.frames, slopes, rows.before[:, :3].mean(axis=0))[0]).sum(axis=1)
+        if explicit is not None:
+            total = total + np.square(explicit_scores(explicit, passed, slopes, rows.before[:, :3].mean(axis=0))[0]).sum(axis=1)
         found.append(total)
     return found
 
 
-def scored(model: NetworkModel, tosses: Sequence[Toss], estimator: Estimator, config: NetworkConfig) -> list[TossInformation]:
+def scored(model: Model, tosses: Sequence[Toss], estimator: Estimator, config: NetworkConfig) -> list[TossInformation]:
     """Records of tosses."""
     found = NetworkScorer(model, ScoringConfig(estimator=estimator), config).score(tosses)
     return [info for info in found if isinstance(info, TossInformation)]
 
 
-def sketches(model: NetworkModel, tosses: Sequence[Toss]) -> list[Sketched]:
+def sketches(model: Model, tosses: Sequence[Toss]) -> list[Sketched]:
     """Sketches of several sizes against the gradients themselves."""
     frozen = frozen_copy(model)
     rows = transitions_of(tosses, BODY.length_scale)
@@ -218,7 +212,7 @@ def sketches(model: NetworkModel, tosses: Sequence[Toss]) -> list[Sketched]:
     for leading, random in SKETCHES:
         config = SketchConfig(leading, random)
         columns = network_sketch(frozen, config).rows(tape, slopes).numpy()
-        found.append(compared(model.kind.value, config, exact, columns, owner))
+        found.append(compared(model.kind, config, exact, columns, owner))
     return found
 
 
@@ -247,7 +241,7 @@ def leverages(gram: Array) -> Array:
     return np.asarray(np.square(vectors[:, -LEADING_DIRECTIONS:]).sum(axis=1))
 
 
-def draws(model: NetworkModel, tosses: Sequence[Toss]) -> list[Drawn]:
+def draws(model: Model, tosses: Sequence[Toss]) -> list[Drawn]:
     """How much Gauss-Newton traces vary with the random directions."""
     found = []
     for count in DRAWS:
@@ -259,7 +253,7 @@ def draws(model: NetworkModel, tosses: Sequence[Toss]) -> list[Drawn]:
         seconds = (time.process_time() - processor) / 2.0
         deviation = float(np.sqrt(np.square((one - other) / (one + other)).mean() * 2.0))
         per_thousand = 1000.0 * seconds / sum(toss.frames - 1 for toss in tosses)
-        found.append(Drawn(model.kind.value, count, deviation, float(spearmanr(one, other).statistic), per_thousand))
+        found.append(Drawn(model.kind, count, deviation, float(spearmanr(one, other).statistic), per_thousand))
     return found
 
 

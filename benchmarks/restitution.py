@@ -16,9 +16,9 @@ import torch
 
 from benchmarks.rules import recorded_bench
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.given_contacts import step_at_contacts
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
+from contact_curation.contact.time_step import step_at_contacts
 from contact_curation.experiments.cell_run import Bench
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
@@ -42,7 +42,7 @@ def main() -> int:
     bench = recorded.on(rig_of(recorded.training, recorded.body.polytope))
     described = PolytopeModel(ContactGeometry.of_body(bench.body), bench.body, Form.PHYSICAL)
     fitted = PolytopeModel(bench.reference, bench.body, Form.PHYSICAL)
-    models = {"described": described, "fitted": fitted, "fitted, friction at the gaps": fitted.rubbing_where_it_touches()}
+    models = {"described": described, "fitted": fitted, "fitted, friction at the gaps": fitted.with_shared_vertices()}
     print(f"{len(bench.training)} tosses\n\n{'restitution':12}" + "".join(f"{name:>30}" for name in models))
     print(" " * 12 + f"{'position %':>18}{'rotation':>12}" * len(models))
     for restitution in RESTITUTIONS:

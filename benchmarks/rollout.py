@@ -27,7 +27,6 @@ from contact_curation.contact.models.deep import DeepModel
 from contact_curation.contact.models.deepvertex import DeepvertexModel
 from contact_curation.contact.models.end_to_end import EndToEndModel
 from contact_curation.contact.models.model import Model, Rows
-from contact_curation.contact.models.rollout import roll_out_model
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.rollout import Rollout, rollout
 from contact_curation.contact.time_step import StepStatus, SweepLimits
@@ -117,7 +116,7 @@ def network_timings(tosses: list[Array], repeats: int) -> list[Timing]:
     """The networks, from the same states."""
     first, lengths = [toss[0] for toss in tosses], [len(toss) for toss in tosses]
     return [
-        timing(tosses, model.kind.value, threads, TOLERANCE, repeats, partial(roll_out, model, first, lengths, threads))
+        timing(tosses, model.kind, threads, TOLERANCE, repeats, partial(roll_out, model, first, lengths, threads))
         for model in networks(tosses)
         for threads in NETWORK_THREADS
     ]
@@ -125,7 +124,7 @@ def network_timings(tosses: list[Array], repeats: int) -> list[Timing]:
 
 def roll_out(model: Model, first: list[Array], lengths: list[int], threads: int) -> Rollout:
     """Any model's rollout."""
-    return roll_out_model(model, first, lengths, DT, SweepLimits(tolerance=TOLERANCE), threads)
+    return model.roll_out(first, lengths, DT, SweepLimits(tolerance=TOLERANCE), threads)
 
 
 def networks(tosses: list[Array]) -> tuple[Model, ...]:

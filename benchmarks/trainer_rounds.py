@@ -18,7 +18,6 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.rules import Row, print_summaries, recorded_bench, releases_of
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.design.designer import Designer, DesignerConfig
@@ -36,7 +35,7 @@ STEPS = 400
 """Of a budgeted round, as in the node."""
 
 ARMS: dict[str, TrainingConfig] = {
-    "budgeted": budgeted(ModelKind.POLYTOPE),
+    "budgeted": budgeted("polytope"),
     "exact": exact(),
     "without-0.5": exact(trimmed=0.005),
     "without-1": exact(trimmed=0.01),

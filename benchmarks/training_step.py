@@ -20,26 +20,25 @@ import numpy as np
 import torch
 
 from benchmarks.evaluation import BODY, transitions
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import Model, Rows
-from contact_curation.contact.models.registry import initial_model
+from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.learning.training.protocols import TrainingConfig, budgeted
 from contact_curation.learning.training.training import Training
 from contact_curation.motion.transitions import Transitions
 
-MODELS = [
-    (ModelKind.POLYTOPE, Form.CONTACTNETS),
-    (ModelKind.POLYTOPE, Form.PHYSICAL),
-    (ModelKind.DEEP, Form.CONTACTNETS),
-    (ModelKind.DEEP, Form.PHYSICAL),
-    (ModelKind.DEEPVERTEX, Form.CONTACTNETS),
-    (ModelKind.END_TO_END, Form.CONTACTNETS),
+VARIANTS = [
+    ("polytope", Form.CONTACTNETS),
+    ("polytope", Form.PHYSICAL),
+    ("deep", Form.CONTACTNETS),
+    ("deep", Form.PHYSICAL),
+    ("deepvertex", Form.CONTACTNETS),
+    ("end_to_end", Form.CONTACTNETS),
 ]
 STEPS = {1: 100, 128: 4}
 """Gradient steps that are timed together, by batch size."""
 
-GOALS = {(ModelKind.POLYTOPE, 1): 0.5, (ModelKind.POLYTOPE, 128): 0.05, (ModelKind.DEEP, 128): 1.5}
+GOALS = {("polytope", 1): 0.5, ("polytope", 128): 0.05, ("deep", 128): 1.5}
 """Whole step [ms per transition]."""
 
 
@@ -84,27 +83,27 @@ def main() -> int:
     torch.set_num_threads(arguments.threads)
     name, rows = transitions()
     times = [
-        step_time(rows, kind, form, batch, arguments.repeats, arguments.threads) for kind, form in MODELS for batch in STEPS
+        step_time(rows, kind, form, batch, arguments.repeats, arguments.threads) for kind, form in VARIANTS for batch in STEPS
     ]
     report = Report(name, len(rows.dt), arguments.threads, times)
     print(json.dumps(asdict(report), indent=2)) if arguments.json else print_table(report)
     return 0
 
 
-def step_time(rows: Transitions, kind: ModelKind, form: Form, batch: int, repeats: int, threads: int) -> StepTime:
+def step_time(rows: Transitions, kind: str, form: Form, batch: int, repeats: int, threads: int) -> StepTime:
     """One row of the table."""
     config = timed_protocol(kind, form, batch, threads)
     data = Rows(rows.before, rows.after, rows.dt)
-    model = initial_model(kind, BODY, form, data, np.random.default_rng(0))
+    model = model_class(kind).initial(BODY, form, data, np.random.default_rng(0))
     batches = [data.take(chosen) for chosen in np.random.default_rng(1).integers(len(rows.dt), size=(STEPS[batch], batch))]
     model_part = milliseconds(repeats, batch, lambda: gradients(model, batches, config))
     training = Training(model, rows, None, config, seed=2)
     step = milliseconds(repeats, batch, lambda: training.advance(STEPS[batch]))
     parameters = sum(value.numel() for value in model.parameters())
-    return StepTime(kind.value, form.value, batch, parameters, step, model_part, GOALS.get((kind, batch)))
+    return StepTime(kind, form.value, batch, parameters, step, model_part, GOALS.get((kind, batch)))
 
 
-def timed_protocol(kind: ModelKind, form: Form, batch: int, threads: int) -> TrainingConfig:
+def timed_protocol(kind: str, form: Form, batch: int, threads: int) -> TrainingConfig:
     """Ours, without an end and without evaluations."""
     ours, endless = budgeted(kind), 10**9
     loss = replace(ours.loss, threads=threads)

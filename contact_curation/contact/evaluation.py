@@ -1,7 +1,5 @@
 """Loss, impulses, scores and Fisher matrices of many transitions by the compiled kernel (METHOD 1.2 to 1.5).
 
-Where no kernel can be loaded, torch does the same work, slower (contact/torch_evaluation.py).
-
 The impulses are fixed in the derivative: the slack is eliminated and the inner problem strictly convex, so the envelope theorem
 holds (METHOD E5). A transition whose impulses carry no certificate keeps its status and enters no sum: it is "not scored",
 never zero.
@@ -18,9 +16,8 @@ from contact_curation.contact.compiled import evaluation as compiled_evaluation
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.time_step import checked_states, checked_time_steps
-from contact_curation.errors import InvalidValueError, MissingDependencyError
+from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.solver.compiled import load_kernel
 from contact_curation.solver.cone_problem import MAX_CONTACTS
 from contact_curation.solver.cone_problem import Cone as Cone
 from contact_curation.solver.cone_problem import SolveStatus as SolveStatus
@@ -110,10 +107,6 @@ def evaluate(
         InvalidValueError: wrong shapes, quaternions not of unit norm, or more than 32 vertices.
     """
     first, second, periods = checked_transitions(geometry, before, after, dt)
-    if not kernel_is_there():
-        from contact_curation.contact.torch_evaluation import evaluate_in_torch  # torch takes seconds to import
-
-        return evaluate_in_torch(geometry, body, first, second, periods, config)
     count, contacts = len(first), geometry.vertex_count
     result = Evaluation(
         terms=np.empty((count, len(LOSS_TERMS))),
@@ -160,10 +153,6 @@ def fisher_sums(
         raise InvalidValueError("starts", f"{edges.size} edges", f"rising edges from 0 to {len(first)}")
     if not influence_bound > 0.0:
         raise InvalidValueError("influence_bound", influence_bound, "a positive number, or inf for none")
-    if not kernel_is_there():
-        from contact_curation.contact.torch_fisher import fisher_sums_in_torch  # torch takes seconds to import
-
-        return fisher_sums_in_torch(geometry, body, first, second, periods, edges, estimator, influence_bound, config)
     count, tosses, size = len(first), edges.size - 1, 6 * geometry.vertex_count + 10
     terms = np.empty((count, len(LOSS_TERMS)))
     result = FisherSums(
@@ -191,12 +180,3 @@ def checked_transitions(
     if geometry.vertex_count > MAX_CONTACTS:
         raise InvalidValueError("vertices", geometry.vertex_count, f"at most {MAX_CONTACTS}")
     return first, second, checked_time_steps(dt, len(first))
-
-
-def kernel_is_there() -> bool:
-    """Whether there is a compiled kernel for this machine."""
-    try:
-        load_kernel()
-    except MissingDependencyError:
-        return False
-    return True

@@ -205,6 +205,54 @@ def step(
     return Steps(after, impulses, status, residual)
 
 
+def step_at_contacts(
+    body: Body,
+    states: ArrayLike,
+    dt: ArrayLike,
+    gaps: ArrayLike,
+    jacobians: ArrayLike,
+    guesses: ArrayLike | None = None,
+    limits: SweepLimits = DEFAULT_LIMITS,
+) -> Steps:
+    """The same for any model of contact, at gaps phi and Jacobians J as they are at the states.
+
+    Args:
+        body: mass, inertia and gravity.
+        states: (N, 13).
+        dt: one or (N,) time steps [s].
+        gaps: (N, K) at the states; a state with one that is not finite ends as NOT_FINITE.
+        jacobians: (N, K, 3, 6) as [normal, tangent 1, tangent 2], the friction coefficient in the tangents; the same holds.
+        guesses: (N, K, 3) impulses to start from; zero when absent.
+        limits: when to stop.
+
+    Raises:
+        InvalidValueError: a wrong shape, time step or quaternion norm.
+    """
+    after = checked_states(states)
+    count = len(after)
+    steps = checked_time_steps(dt, count)
+    phi = np.ascontiguousarray(gaps, dtype=float)
+    if phi.ndim != 2 or len(phi) != count:
+        raise InvalidValueError("gaps", f"shape {phi.shape}", f"({count}, K)")
+    contacts = phi.shape[1]
+    rows: Array = np.ascontiguousarray(jacobians, dtype=float)
+    if rows.shape != (count, contacts, 3, 6):
+        raise InvalidValueError("jacobians", f"shape {rows.shape}", f"{(count, contacts, 3, 6)}")
+    impulses = checked_guesses(guesses, count, contacts)
+    status, residual = np.empty(count, np.int32), np.empty(count)
+    dynamics = CompiledDynamics(body, limits)
+    data = (array.ctypes.data for array in (steps, phi, rows, after, impulses, status, residual))
+    _compiled_given_step()(ctypes.byref(dynamics), count, contacts, *data)
+    after[status == StepStatus.NOT_FINITE] = np.nan
+    return Steps(after, impulses, status, residual)
+
+
 def _compiled_step() -> Callable[..., None]:
     signature = ctypes.CFUNCTYPE(None, ctypes.POINTER(CompiledWorld), ctypes.c_int64, *5 * [ctypes.c_void_p])
     return signature(("contact_time_step", load_kernel()))
+
+
+def _compiled_given_step() -> Callable[..., None]:
+    counts, arrays = 2 * [ctypes.c_int64], 7 * [ctypes.c_void_p]
+    signature = ctypes.CFUNCTYPE(None, ctypes.POINTER(CompiledDynamics), *counts, *arrays)
+    return signature(("contact_given_step", load_kernel()))

@@ -87,10 +87,8 @@ def motion_of(toss: Toss, body: Body, theta: ShownTheta, loss: LossConfig) -> To
     start = states_of(toss, scale)[:1]
     geometry = theta.geometry
     if geometry is None:
-        from contact_curation.contact.models.rollout import roll_out_model  # torch takes over a second to import
-
         assert theta.model is not None
-        states = roll_out_model(theta.model, start, toss.frames, toss.frame_period).states
+        states = theta.model.roll_out(start, toss.frames, toss.frame_period).states
     else:
         states = rollout(geometry, body, start, toss.frames, toss.frame_period).states
     predicted = states * np.concatenate([np.full(3, scale), np.ones(4), np.full(3, scale), np.ones(3)])

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import product
 
-from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.registry import DEFAULT_MODEL
 from contact_curation.errors import InvalidValueError
 from contact_curation.experiments.cell import ALL, Cell, Protocol
 from contact_curation.experiments.cell_run import Bench, Row, run_cell
@@ -48,7 +48,7 @@ class ExperimentConfig:
     rules: tuple[str, ...] = ()
     sizes: tuple[int, ...] = (4, 8, 16, 32, 64)
     seeds: int = 10
-    model: str = ModelKind.POLYTOPE.value
+    model: str = DEFAULT_MODEL
     protocol: str = Protocol.EXACT.value
     steps: int = 0
     shares: tuple[float, ...] = (0.05,)

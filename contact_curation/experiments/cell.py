@@ -7,7 +7,8 @@ import json
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 
-from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.registry import DEFAULT_MODEL, MODELS, model_class
+from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.experiments.faults import Fault
 from contact_curation.experiments.rules import RULES
@@ -43,7 +44,7 @@ class Cell:
     rule: str
     size: int
     seed: int
-    model: str = ModelKind.POLYTOPE.value
+    model: str = DEFAULT_MODEL
     protocol: str = Protocol.EXACT.value
     steps: int = 0
     fault: str = ""
@@ -51,13 +52,13 @@ class Cell:
     gated: bool = True
 
     def __post_init__(self) -> None:
-        choices = {"rule": RULES, "model": [*ModelKind], "protocol": [*Protocol], "fault": ["", *Fault]}
+        choices = {"rule": RULES, "model": [*MODELS], "protocol": [*Protocol], "fault": ["", *Fault]}
         for name, accepted in choices.items():
             if getattr(self, name) not in accepted:
                 raise InvalidValueError(name, getattr(self, name), f"one of {', '.join(accepted)}")
         if self.size < 0 or self.seed < 0:
             raise InvalidValueError("size and seed", f"{self.size} and {self.seed}", "numbers of at least 0")
-        if self.protocol == Protocol.EXACT and self.model != ModelKind.POLYTOPE:
+        if self.protocol == Protocol.EXACT and not model_class(self.model).has_exact_fit(Form.PHYSICAL):
             raise InvalidValueError("protocol of a network", self.protocol, "budgeted or published")
         if RULES[self.rule].redrawn and self.protocol == Protocol.EXACT:
             raise InvalidValueError(f"protocol of {self.rule}", self.protocol, "budgeted or published")

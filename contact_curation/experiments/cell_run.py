@@ -15,10 +15,9 @@ import numpy as np
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import Model
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
-from contact_curation.contact.models.registry import initial_model
+from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.experiments.cell import ALL, Cell, Protocol
@@ -31,12 +30,11 @@ from contact_curation.information.record import TossInformation
 from contact_curation.learning.evaluation.evaluation import MEASURES, EvaluationConfig, evaluate_model, predicted_motions
 from contact_curation.learning.evaluation.motion_errors import MotionErrors
 from contact_curation.learning.fits.held_fit import HeldFitConfig, fit_held
-from contact_curation.learning.training.curated import CuratedTraining, kept_transitions
+from contact_curation.learning.training.curated import CuratedTraining, kept_transitions, toss_scorer
 from contact_curation.learning.training.data import rows_of
-from contact_curation.learning.training.model_scoring import toss_scorer
 from contact_curation.learning.training.progress import TrainingState
 from contact_curation.learning.training.protocols import TrainingConfig, budgeted, published
-from contact_curation.learning.training.reranking import EXACT_SELECTIONS, CanaryConfig, Reranking, RerankingConfig
+from contact_curation.learning.training.reranking import EXACT_SELECTIONS, Reranking, RerankingConfig, StalenessConfig
 from contact_curation.learning.training.training import Training
 from contact_curation.motion.calibration import Rig, put_right
 from contact_curation.motion.gates import GateConfig, inspect
@@ -51,7 +49,7 @@ FIT = HeldFitConfig(loss=ONE_THREAD)
 DRAWN = 0.8
 """Share of the training tosses in a seed's pool."""
 
-CANARIES = CanaryConfig()
+CANARIES = StalenessConfig()
 """When a set is selected again in the budgeted protocol: when these have moved."""
 
 EPOCHS = 20
@@ -202,11 +200,11 @@ def _kept_exactly(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> tuple[s
 
 def _learn(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> Learned:
     """Along gradient steps, the set selected again on the way, as `train --top K` does with `--canary` or `--rerank-every`."""
-    kind, config = ModelKind(cell.model), _protocol(cell)
+    kind, config = cell.model, _protocol(cell)
     watched, tosses = _watched(tosses) if config.patience else ((), tosses)
     noise, shuffles = np.random.SeedSequence(cell.seed).generate_state(2)
     everything = rows_of(transitions_of(bench.training, bench.body.length_scale))
-    model = initial_model(kind, bench.body, config.form, everything, np.random.default_rng(noise))
+    model = model_class(kind).initial(bench.body, config.form, everything, np.random.default_rng(noise))
     reranking, kept = _first_selection(cell, bench, tosses, model)
     held = transitions_of(watched, bench.body.length_scale) if watched else None
     training = Training(model, _data(bench, tosses, kept), held, config, int(shuffles))
@@ -251,7 +249,7 @@ def _watched(tosses: tuple[Toss, ...]) -> tuple[tuple[Toss, ...], tuple[Toss, ..
 
 
 def _protocol(cell: Cell) -> TrainingConfig:
-    kind = ModelKind(cell.model)
+    kind = cell.model
     if cell.protocol == Protocol.PUBLISHED:
         return replace(published(kind), loss=ONE_THREAD)
     return replace(budgeted(kind), steps=cell.steps, loss=ONE_THREAD, evaluation_steps=cell.steps)
@@ -271,11 +269,12 @@ def judged(model: Model, bench: Bench) -> Row:
         raise InvalidValueError("held-out tosses", "none", "some to judge by")
     found = evaluate_model(model, bench.held_out, EvaluationConfig(loss=ONE_THREAD))
     row = motion_row(found.errors)
-    if found.shape is None or not isinstance(model, PolytopeModel):
+    geometry = model.geometry()
+    if found.shape is None or geometry is None:
         return row
-    rigid = motion_row(predicted_motions(model.rubbing_where_it_touches(), bench.held_out, EvaluationConfig()).errors)
+    rigid = motion_row(predicted_motions(model.with_shared_vertices(), bench.held_out, EvaluationConfig()).errors)
     reference = bench.reference
-    away = model.geometry().vertices_normal - reference.vertices_normal
+    away = geometry.vertices_normal - reference.vertices_normal
     taught = float(np.linalg.norm(reference.tangents[0]) / np.linalg.norm(reference.normal))
     shape: Row = {
         "vertices": found.shape.vertex_rms_mm,

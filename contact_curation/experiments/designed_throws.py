@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.polytope import PolytopeModel
+from contact_curation.contact.models.registry import DEFAULT_MODEL
 from contact_curation.design.designer import Designer, DesignerConfig
 from contact_curation.design.planner import Planner
 from contact_curation.design.throw import Throw
@@ -78,7 +78,7 @@ def _told(number: int, choice: Choice) -> Row:
 def judged(model: PolytopeModel, bench: Bench) -> Row:
     """Means and medians over held-out tosses, and how far shape and friction are from the body that was thrown."""
     row = motion_row(predicted_motions(model, bench.held_out, EvaluationConfig()).errors)
-    rigid = motion_row(predicted_motions(model.rubbing_where_it_touches(), bench.held_out, EvaluationConfig()).errors)
+    rigid = motion_row(predicted_motions(model.with_shared_vertices(), bench.held_out, EvaluationConfig()).errors)
     row |= {f"rigid_{name}": value for name, value in rigid.items()}
     shape = shape_errors(model)
     assert shape is not None
@@ -88,7 +88,7 @@ def judged(model: PolytopeModel, bench: Bench) -> Row:
 
 def _learner(cell: ThrowsCell, bench: Bench) -> RoundsLearner:
     """One round after each throw, as the node trainer's."""
-    config = exact(ROUND_TRIMMED) if cell.protocol == Protocol.EXACT else budgeted(ModelKind.POLYTOPE)
+    config = exact(ROUND_TRIMMED) if cell.protocol == Protocol.EXACT else budgeted(DEFAULT_MODEL)
     return RoundsLearner(bench.initial_polytope(cell.seed), replace(config, loss=ONE_THREAD), max(cell.steps, 1), cell.seed)
 
 

@@ -18,7 +18,8 @@ from contact_curation.cli.options.held_out import held_out_rule
 from contact_curation.cli.options.reading import inputs_of, stages_of
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import counted, print_json, warn
-from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.registry import model_class
+from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.experiments.catalogue import (
     DEFAULTS,
@@ -89,7 +90,8 @@ def experiment_config(arguments: argparse.Namespace) -> ExperimentConfig:
         InvalidValueError: a value that is not accepted.
     """
     default = DEFAULTS[Experiment(arguments.experiment)]
-    protocol = Protocol(arguments.protocol or (Protocol.EXACT if arguments.model == ModelKind.POLYTOPE else Protocol.BUDGETED))
+    exact = model_class(arguments.model).has_exact_fit(Form.PHYSICAL)
+    protocol = Protocol(arguments.protocol or (Protocol.EXACT if exact else Protocol.BUDGETED))
     if arguments.steps and protocol is not Protocol.BUDGETED:
         raise InvalidValueError("--steps", f"protocol {protocol.value}", "protocol budgeted, which it belongs to")
     given = {name: getattr(arguments, name) for name in ("rules", "sizes", "shares") if getattr(arguments, name)}

@@ -24,7 +24,7 @@ from contact_curation.information.ranker import RankingConfig, rank_particles
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.information.subspace import IdentifiableSubspace
-from contact_curation.learning.training.model_scoring import toss_scorer
+from contact_curation.learning.training.curated import toss_scorer
 
 
 @dataclass(frozen=True)

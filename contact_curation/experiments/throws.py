@@ -6,7 +6,7 @@ The throws themselves are made in `sim/thrown_experiment.py`.
 import json
 from dataclasses import asdict, dataclass
 
-from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.registry import DEFAULT_MODEL, MODELS
 from contact_curation.errors import InvalidValueError
 from contact_curation.experiments.cell import Protocol
 
@@ -36,10 +36,10 @@ class ThrowsCell:
     seed: int
     protocol: str = Protocol.EXACT.value
     steps: int = 0
-    model: str = ModelKind.POLYTOPE.value
+    model: str = DEFAULT_MODEL
 
     def __post_init__(self) -> None:
-        choices = {"rule": ARMS, "protocol": PROTOCOLS, "model": (ModelKind.POLYTOPE.value,)}
+        choices = {"rule": ARMS, "protocol": PROTOCOLS, "model": [name for name, entry in MODELS.items() if entry.is_geometry]}
         for name, accepted in choices.items():
             if getattr(self, name) not in accepted:
                 raise InvalidValueError(f"{name} of designed-throws", getattr(self, name), f"one of {', '.join(accepted)}")

@@ -47,7 +47,5 @@ class RoundsLearner:
         else:
             self._training.replace_data(data, fresh_budget=True)
         self._training.advance(self._steps)
-        trained = self._training.trained()
-        assert isinstance(trained, PolytopeModel)
-        self._model = trained
+        self._model = self._model.with_tensors(self._training.trained().tensors())
         return True

@@ -8,7 +8,7 @@ from typing import Any
 
 from contact_curation_msgs.msg import CuratedBuffer, ModelParameters, TrainingStatus
 
-from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.registry import DEFAULT_MODEL, MODELS
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.model_version import model_version
 from contact_curation.learning.training.progress import TrainingState
@@ -40,7 +40,7 @@ class Trainer(StageNode):
     def __init__(self) -> None:
         super().__init__("trainer")
         self._body = declared_body(self)
-        kind = ModelKind(declare(self, "model", "polytope", "what is trained", choices=[one.value for one in ModelKind]))
+        kind = declare(self, "model", DEFAULT_MODEL, "what is trained", choices=list(MODELS))
         protocol = declared_protocol(self, kind)
         rounds = declare_config(self, RoundsConfig())
         seed = declare(self, "seed", 0, "of the initialisation and the shuffles", bounds=(0, 1 << 31))

@@ -18,6 +18,9 @@ EDGE_ANGLES = FACET_ANGLES + np.pi / FACETS
 EDGES: Array = np.stack([np.full(FACETS, np.cos(np.pi / FACETS)), np.cos(EDGE_ANGLES), np.sin(EDGE_ANGLES)], axis=1)
 """(8, 3) where neighbouring facets meet."""
 
+FREE_TOLERANCE = 1e-6
+"""An impulse is at the cone's apex below this, inside the cone when its dual is below this, on a facet when its gap is."""
+
 INSIDE = 1e-12
 """A candidate for a projection may be outside of a facet by this share of its length."""
 
@@ -72,3 +75,32 @@ def project_polyhedral(points: Array) -> Array:
     distance = np.where(outside, np.inf, np.square(feet - points[..., None, :]).sum(axis=-1))
     nearest = np.take_along_axis(feet, np.argmin(distance, axis=-1)[..., None, None], axis=-2)[..., 0, :]
     return np.where(np.isfinite(points).all(axis=-1, keepdims=True), nearest, np.nan)
+
+
+def free_directions(impulses: Array, gradients: Array, cone: Cone) -> Array:
+    """Orthonormal directions (B, K, 3, 3), as columns, in which optimal impulses (B, K, 3) may move; other columns are zero.
+
+    All three inside the cone, none at its apex; on its surface those along it: of the circular cone the ray and the rim's
+    direction, of the polyhedral one those of the facet, or the ray where two facets meet.
+    """
+    found = np.zeros((*impulses.shape, 3))
+    for place in np.ndindex(impulses.shape[:2]):
+        columns = _free(impulses[place], float(gradients[place][0]), cone)
+        found[place][:, : columns.shape[1]] = columns
+    return found
+
+
+def _free(impulse: Array, dual: float, cone: Cone) -> Array:
+    """Columns (3, 0 to 3)."""
+    if impulse[0] <= FREE_TOLERANCE:
+        return np.zeros((3, 0))
+    if dual <= FREE_TOLERANCE:
+        return np.eye(3)
+    if cone is Cone.CIRCULAR:
+        across = np.array([0.0, -impulse[2], impulse[1]])
+        return np.stack([impulse / np.linalg.norm(impulse), across / np.linalg.norm(across)], axis=1)
+    touching = FACET_NORMALS[FACET_NORMALS @ impulse <= FREE_TOLERANCE]
+    if len(touching) == 1:
+        normal = touching[0]
+        return np.stack([np.array([1.0, *-normal[1:]]) / np.sqrt(2.0), [0.0, normal[2], -normal[1]]], axis=1)
+    return (impulse / np.linalg.norm(impulse))[:, None]

@@ -9,8 +9,7 @@ from typing import NamedTuple, Protocol
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.models.kind import ModelKind
-from contact_curation.errors import InvalidValueError
+from contact_curation.contact.models.registry import DEFAULT_MODEL, model_entry
 from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig
 from contact_curation.motion.toss import Toss
@@ -48,7 +47,7 @@ class TossScorer(Protocol):
 
 def theta_of_geometry(geometry: ContactGeometry) -> ScoredTheta:
     """A polytope's."""
-    return ScoredTheta(ModelKind.POLYTOPE.value, bytes_of_geometry(geometry))
+    return ScoredTheta(DEFAULT_MODEL, bytes_of_geometry(geometry))
 
 
 def read_scored_theta(path: Path, body: Body) -> tuple[ScoredTheta, Body]:
@@ -62,7 +61,7 @@ def read_scored_theta(path: Path, body: Body) -> tuple[ScoredTheta, Body]:
         return theta_of_geometry(theta.geometry), theta.body
     from contact_curation.nodes.messages.trained_model import theta_bytes
 
-    return ScoredTheta(theta.kind.value, theta_bytes(theta)), body
+    return ScoredTheta(theta.kind, theta_bytes(theta)), body
 
 
 def scorer_of(theta: ScoredTheta, body: Body, config: ScoringConfig) -> TossScorer:
@@ -71,10 +70,8 @@ def scorer_of(theta: ScoredTheta, body: Body, config: ScoringConfig) -> TossScor
     Raises:
         InvalidValueError: an unknown model, or bytes that are none of it.
     """
-    if theta.model == ModelKind.POLYTOPE:
+    if model_entry(theta.model).is_geometry:
         return Scorer(geometry_of_bytes(theta.data), body, config)
-    if theta.model not in {kind.value for kind in ModelKind}:
-        raise InvalidValueError("model of the parameters", repr(theta.model), ", ".join(kind.value for kind in ModelKind))
     from contact_curation.nodes.messages.trained_model import network_scorer
 
     return network_scorer(theta.model, theta.data, body, config)

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.evaluation import Estimator
-from contact_curation.contact.models.kind import ModelKind
-from contact_curation.contact.models.registry import initial_model
+from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.information.model_version import model_version
 from contact_curation.information.network.scoring import NetworkScorer
@@ -32,8 +31,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("networks")
     mcap_file(made)
     for kind in NETWORKS:
-        save_model(made / f"{kind.value}.safetensors", network(kind))
-    polytope = initial_model(ModelKind.POLYTOPE, CUBE, Form.PHYSICAL, rows_of(tosses()), np.random.default_rng(7))
+        save_model(made / f"{kind}.safetensors", network(kind))
+    polytope = model_class("polytope").initial(CUBE, Form.PHYSICAL, rows_of(tosses()), np.random.default_rng(7))
     save_model(made / "polytope.safetensors", polytope)
     return made
 
@@ -44,10 +43,10 @@ def one_processor(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.cpu_count", lambda: 1)
 
 
-def ranked(cli: Cli, folder: Path, kind: ModelKind, *words: object) -> Any:
+def ranked(cli: Cli, folder: Path, kind: str, *words: object) -> Any:
     """The report of a ranking."""
-    params = folder / f"{kind.value}.safetensors"
-    done = cli("rank", folder / "a.mcap", "--model", kind.value, "--params", params, "--no-figure", "--json", *words)
+    params = folder / f"{kind}.safetensors"
+    done = cli("rank", folder / "a.mcap", "--model", kind, "--params", params, "--no-figure", "--json", *words)
     assert done.status == 0, done.err
     return done.json
 
@@ -55,36 +54,34 @@ def ranked(cli: Cli, folder: Path, kind: ModelKind, *words: object) -> Any:
 @pytest.mark.slow
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_every_criterion_ranks_for_a_deep_model(cli: Cli, folder: Path, criterion: str) -> None:
-    report = ranked(cli, folder, ModelKind.DEEP, "--criterion", criterion, "--estimator", "empirical", "--top", 1)
+    report = ranked(cli, folder, "deep", "--criterion", criterion, "--estimator", "empirical", "--top", 1)
     assert [row["rank"] for row in report["tosses"]] == [1, 2]
     assert (report["criterion"], report["model"]) == (criterion, "deep")
-    assert report["parameters_version"] == model_version(network(ModelKind.DEEP))
+    assert report["parameters_version"] == model_version(network("deep"))
     assert set(report["diagnostics"]["block_shares"]) >= {"friction", "normal_network", "tangent_network"}
 
 
 @pytest.mark.parametrize("estimator", list(Estimator))
 @pytest.mark.parametrize(
-    "kind", [one if one is ModelKind.DEEPVERTEX else pytest.param(one, marks=pytest.mark.slow) for one in NETWORKS]
+    "kind", [one if one == "deepvertex" else pytest.param(one, marks=pytest.mark.slow) for one in NETWORKS]
 )
 def test_every_estimator_ranks_for_every_network_as_the_library_does(
-    cli: Cli, folder: Path, kind: ModelKind, estimator: Estimator
+    cli: Cli, folder: Path, kind: str, estimator: Estimator
 ) -> None:
     report = ranked(cli, folder, kind, "--criterion", "trace", "--estimator", estimator.value)
     given = [item for item in open_inputs([folder / "a.mcap"], CUBE) if isinstance(item, Toss)]
     infos = NetworkScorer(network(kind), ScoringConfig(estimator=estimator)).score(given)
     traces = {info.toss_id: info.trace for info in infos if isinstance(info, TossInformation)}
     assert {row["toss_id"]: row["trace"] for row in report["tosses"]} == pytest.approx(traces, rel=1e-12)
-    assert report["diagnostics"]["form"] == ("physical" if kind is ModelKind.DEEP else None)
+    assert report["diagnostics"]["form"] == ("physical" if kind == "deep" else None)
     assert report["diagnostics"]["network"]["draws"] == 6
 
 
 def test_orthogonal_takes_the_exact_scores(cli: Cli, folder: Path) -> None:
     """A sketch of one row and column per layer knows next to nothing, and the lengths of the scores are right all the same."""
     words = ("--criterion", "orthogonal", "--estimator", "empirical")
-    rough = ranked(
-        cli, folder, ModelKind.DEEPVERTEX, *words, "--set", "network.sketch.leading=0", "--set", "network.sketch.random=1"
-    )
-    fine = ranked(cli, folder, ModelKind.DEEPVERTEX, *words)
+    rough = ranked(cli, folder, "deepvertex", *words, "--set", "network.sketch.leading=0", "--set", "network.sketch.random=1")
+    fine = ranked(cli, folder, "deepvertex", *words)
     assert [row["score"] for row in rough["tosses"]] == pytest.approx([row["score"] for row in fine["tosses"]], rel=1e-12)
     assert rough["diagnostics"]["kept_gram"] == pytest.approx(fine["diagnostics"]["kept_gram"], rel=1e-9)
     assert fine["diagnostics"]["kept_gram"]["largest"] > 0.0
@@ -92,13 +89,13 @@ def test_orthogonal_takes_the_exact_scores(cli: Cli, folder: Path) -> None:
 
 def test_a_bound_from_the_pool_and_several_thetas_and_processes_go_together(cli: Cli, folder: Path) -> None:
     words = ("--criterion", "trace", "--estimator", "empirical", "--bound-influence")
-    report = ranked(cli, folder, ModelKind.DEEPVERTEX, "--params", folder / "deepvertex.safetensors", *words)
+    report = ranked(cli, folder, "deepvertex", "--params", folder / "deepvertex.safetensors", *words)
     assert np.isfinite(report["influence_bound"])
     assert len(report["parameters_version"].split("+")) == 2
 
 
 def test_the_physical_block_alone_has_no_networks_in_it(cli: Cli, folder: Path) -> None:
-    report = ranked(cli, folder, ModelKind.DEEP, "--block", "physical")
+    report = ranked(cli, folder, "deep", "--block", "physical")
     expected = {"vertices_normal", "vertices_tangent", "friction", "tilt", "height"}
     assert set(report["diagnostics"]["block_shares"]) == expected
     assert report["diagnostics"]["network"] is None
@@ -106,7 +103,7 @@ def test_the_physical_block_alone_has_no_networks_in_it(cli: Cli, folder: Path) 
 
 
 def test_a_polytope_is_ranked_for_from_its_checkpoint(cli: Cli, folder: Path) -> None:
-    report = ranked(cli, folder, ModelKind.POLYTOPE)
+    report = ranked(cli, folder, "polytope")
     assert (report["model"], report["diagnostics"]["form"], report["diagnostics"]["network"]) == ("polytope", "physical", None)
 
 

@@ -6,19 +6,18 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import ContactModel, Model, Rows
-from contact_curation.contact.models.registry import initial_model
+from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from test.contact.cases import CUBE, DT, rows_of_kind, tracked_transitions
 
 VARIANTS = [
-    (ModelKind.POLYTOPE, Form.CONTACTNETS),
-    (ModelKind.POLYTOPE, Form.PHYSICAL),
-    (ModelKind.DEEP, Form.CONTACTNETS),
-    (ModelKind.DEEP, Form.PHYSICAL),
-    (ModelKind.DEEPVERTEX, Form.PHYSICAL),
-    (ModelKind.END_TO_END, Form.PHYSICAL),
+    ("polytope", Form.CONTACTNETS),
+    ("polytope", Form.PHYSICAL),
+    ("deep", Form.CONTACTNETS),
+    ("deep", Form.PHYSICAL),
+    ("deepvertex", Form.PHYSICAL),
+    ("end_to_end", Form.PHYSICAL),
 ]
 """Each model, in each form that makes a difference to it."""
 
@@ -38,11 +37,11 @@ def rows_of(kind: str, count: int) -> Rows:
     return Rows(chosen.before, chosen.after, np.full(count, DT))
 
 
-def model_of(kind: ModelKind, form: Form, seed: int = 0) -> Model:
-    return initial_model(kind, CUBE, form, tossed_rows(), np.random.default_rng(seed))
+def model_of(kind: str, form: Form, seed: int = 0) -> Model:
+    return model_class(kind).initial(CUBE, form, tossed_rows(), np.random.default_rng(seed))
 
 
-def contact_model(kind: ModelKind, form: Form, seed: int = 0) -> ContactModel:
+def contact_model(kind: str, form: Form, seed: int = 0) -> ContactModel:
     model = model_of(kind, form, seed)
     assert isinstance(model, ContactModel)
     return model

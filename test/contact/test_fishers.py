@@ -9,11 +9,11 @@ from contact_curation.contact.evaluation import Cone, Estimator, evaluate, fishe
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.torch_contacts import Frames
-from contact_curation.contact.torch_fisher import FREE_TOLERANCE, free_directions, profile_fishers
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.solver.certificate import FACET_NORMALS
+from contact_curation.solver.certificate import FACET_NORMALS, FREE_TOLERANCE, free_directions
 from test.contact.cases import CUBE, DT, KINDS, TRUE, Rows, noisy_geometry, rows_of_kind, tracked_transitions
+from test.contact.torch_fisher import profile_fishers
 
 HEIGHT = 57
 

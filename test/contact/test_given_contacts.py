@@ -5,8 +5,7 @@ import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.given_contacts import step_at_contacts
-from contact_curation.contact.time_step import StepStatus, SweepLimits, step
+from contact_curation.contact.time_step import StepStatus, SweepLimits, step, step_at_contacts
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from test.contact.test_time_step import EXACT, FLAT_AT_REST, lopsided_body, random_geometry, touching_states

@@ -12,16 +12,16 @@ from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.deep import DeepModel
 from contact_curation.contact.models.deepvertex import DeepvertexModel
 from contact_curation.contact.models.end_to_end import ImpulseLoss
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import ContactModel, Model, Rows
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.contact.models.registry import model_of_tensors, tensors_of
+from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.models.stream_network import StreamNetwork
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.torch_contacts import Frames
-from contact_curation.contact.torch_loss import loss_terms, solve_contacts
+from contact_curation.contact.torch_loss import solve_contacts
 from test.contact.cases import CUBE
 from test.contact.model_cases import VARIANTS, WITH_CONTACTS, contact_model, model_of, rotation_of, rows_of, spun
+from test.contact.torch_evaluation import loss_terms
 
 EXACT = LossConfig(threads=1)
 DIRECTIONS = 20
@@ -76,14 +76,14 @@ def largest_error_of_scores(model: Model, rows: Rows) -> float:
 
 
 @pytest.mark.parametrize(("kind", "form"), VARIANTS)
-def test_scores_at_fixed_impulses_are_slopes_of_the_re_solved_loss(kind: ModelKind, form: Form) -> None:
+def test_scores_at_fixed_impulses_are_slopes_of_the_re_solved_loss(kind: str, form: Form) -> None:
     """METHOD 6.1: each of 20 impacts, along 20 random directions."""
     assert largest_error_of_scores(model_of(kind, form, seed=20), rows_of("impact", IMPACTS)) < 1e-5
 
 
 def test_so_are_those_of_the_squared_end_to_end_loss() -> None:
-    tensors = tensors_of(model_of(ModelKind.END_TO_END, Form.PHYSICAL, seed=20))
-    model = model_of_tensors(ModelKind.END_TO_END, {"loss": ImpulseLoss.SQUARED.value}, tensors, CUBE)
+    tensors = model_of("end_to_end", Form.PHYSICAL, seed=20).tensors()
+    model = model_class("end_to_end").of_tensors({"loss": ImpulseLoss.SQUARED.value}, tensors, CUBE)
     assert largest_error_of_scores(model, rows_of("impact", IMPACTS)) < 1e-5
 
 
@@ -132,7 +132,7 @@ def by_pose(model: ContactModel, pose: Tensor) -> Tensor:
 
 
 @pytest.mark.parametrize(("kind", "form"), WITH_CONTACTS)
-def test_gaps_and_jacobians_are_those_of_the_equations(kind: ModelKind, form: Form) -> None:
+def test_gaps_and_jacobians_are_those_of_the_equations(kind: str, form: Form) -> None:
     """METHOD 6.3: along x + v, R exp(hat omega), and as the derivative by the quaternion times Gamma."""
     model, rows = contact_model(kind, form, seed=22), rows_of("sliding", 4)
     frames = Frames.of(CUBE, *rows)
@@ -166,7 +166,7 @@ def test_deep_knows_where_the_body_is_and_deepvertex_does_not() -> None:
     frames = Frames.of(CUBE, *rows_of("sliding", 4))
     moved_away = frames.positions + torch.tensor([3.0, -2.0, 0.0])
     with torch.no_grad():
-        for kind, same in ((ModelKind.DEEP, False), (ModelKind.DEEPVERTEX, True)):
+        for kind, same in (("deep", False), ("deepvertex", True)):
             model = contact_model(kind, Form.PHYSICAL, seed=23)
             here, there = (model.contacts_at(frames.rotations, at)[1] for at in (frames.positions, moved_away))
             assert torch.equal(here, there) is same

@@ -5,7 +5,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from contact_curation.contact.tilted_plane import tilted_plane
+from contact_curation.contact.models.polytope import tilted_plane
 from contact_curation.geometry import quaternions
 
 FRAME = torch.as_tensor(quaternions.to_matrix(quaternions.normalized([0.3, -0.5, 0.7, 0.2])))

@@ -12,15 +12,14 @@ from contact_curation.contact import evaluation
 from contact_curation.contact.evaluation import Cone, Estimator, SolveStatus, evaluate, fisher_sums
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
-from contact_curation.contact.loss_slopes import loss_and_slopes
 from contact_curation.contact.torch_contacts import Contacts, Frames, Theta, contacts_of
-from contact_curation.contact.torch_evaluation import evaluate_in_torch
-from contact_curation.contact.torch_fisher import fisher_sums_in_torch
-from contact_curation.contact.torch_loss import contact_losses, loss_terms, polytope_losses
+from contact_curation.contact.torch_loss import contact_losses, loss_and_slopes, polytope_losses
 from contact_curation.errors import InvalidValueError, MissingDependencyError
 from contact_curation.solver import compiled
 from contact_curation.solver.cone_problem import ConeWeights
 from test.contact.cases import CUBE, DT, TRUE, full_vector, noisy_geometry, rows_of_kind, tracked_transitions
+from test.contact.torch_evaluation import evaluate_in_torch, loss_terms
+from test.contact.torch_fisher import fisher_sums_in_torch
 
 Losses = Callable[[Theta], tuple[Tensor, Tensor]]
 

@@ -8,9 +8,8 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE as BODY
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import Rows
-from contact_curation.contact.models.registry import initial_model
+from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.dashboard import toss_motion
 from contact_curation.dashboard.toss_motion import ShownTheta, TossMotion, motion_of
@@ -67,7 +66,7 @@ def test_a_network_is_rolled_out_and_has_no_impulses() -> None:
     (toss,) = simulated_tosses(1, seed=4)
     rows = transitions_of([toss], BODY.length_scale)
     data = Rows(rows.before, rows.after, rows.dt)
-    model = initial_model(ModelKind.END_TO_END, BODY, Form.PHYSICAL, data, np.random.default_rng(0))
+    model = model_class("end_to_end").initial(BODY, Form.PHYSICAL, data, np.random.default_rng(0))
     motion = motion_of(toss, BODY, ShownTheta("network", model=model), DEFAULT_LOSS)
     assert motion.predicted.shape == (toss.frames, 13)
     assert motion.impulses.vectors.shape == (0, 3)

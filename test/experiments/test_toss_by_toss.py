@@ -8,7 +8,6 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
@@ -44,7 +43,7 @@ def test_an_exact_learner_knows_only_which_tosses_came() -> None:
 
 
 def test_a_budgeted_learner_goes_on_from_round_to_round_from_two_tosses_on() -> None:
-    learner = RoundsLearner(start(), budgeted(ModelKind.POLYTOPE), 5, 0)
+    learner = RoundsLearner(start(), budgeted("polytope"), 5, 0)
     begun = learner.model.geometry().vertices_normal
     assert not learner.learn(TOSSES[:1])
     assert np.array_equal(learner.model.geometry().vertices_normal, begun)

@@ -144,4 +144,4 @@ def test_a_network_goes_round_the_same_loop(graph: Graph, golden_bag: Path, kind
     assert {one.toss_id for one in at_newest} == tosses
     assert {one.model for one in at_newest} == {kind}
     model = read_model(graph.folder / "trainer.safetensors")
-    assert (model.kind.value, model_version(model)) == (kind, parameters[-1].version)
+    assert (model.kind, model_version(model)) == (kind, parameters[-1].version)

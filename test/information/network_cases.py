@@ -7,22 +7,18 @@ import numpy as np
 import torch
 
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
-from contact_curation.contact.models.deep import DeepModel
-from contact_curation.contact.models.deepvertex import DeepvertexModel
 from contact_curation.contact.models.end_to_end import EndToEndModel, ImpulseLoss
-from contact_curation.contact.models.kind import ModelKind
-from contact_curation.contact.models.model import Rows
-from contact_curation.contact.models.registry import initial_model
+from contact_curation.contact.models.model import Model, Rows
+from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.models.stream_network import StreamNetwork
 from contact_curation.contact.parameter_form import Form
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.network.forward_pass import NetworkModel
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 from test.contact.cases import CUBE
 from test.simulated import RIG_NOISE, simulated_tosses
 
-NETWORKS = (ModelKind.DEEP, ModelKind.DEEPVERTEX, ModelKind.END_TO_END)
+NETWORKS = ("deep", "deepvertex", "end_to_end")
 
 
 @cache
@@ -36,22 +32,21 @@ def rows_of(given: Sequence[Toss]) -> Rows:
 
 
 @cache
-def network(kind: ModelKind, form: Form = Form.PHYSICAL) -> NetworkModel:
+def network(kind: str, form: Form = Form.PHYSICAL) -> Model:
     """A model at random; end to end it has the loss whose information is taken."""
-    model = initial_model(kind, CUBE, form, rows_of(tosses()), np.random.default_rng(7))
-    assert isinstance(model, DeepModel | DeepvertexModel | EndToEndModel)
+    model = model_class(kind).initial(CUBE, form, rows_of(tosses()), np.random.default_rng(7))
     if isinstance(model, EndToEndModel):
         model.loss = ImpulseLoss.SQUARED
     return model
 
 
-def weights_of(model: NetworkModel) -> dict[str, list[torch.Tensor]]:
+def weights_of(model: Model) -> dict[str, list[torch.Tensor]]:
     """The parameters of each network, layer by layer."""
     children = {name: child for name, child in model.named_children() if isinstance(child, StreamNetwork)}
     return {name: [value for layer in child.linear for value in (layer.weight, layer.bias)] for name, child in children.items()}
 
 
-def long_scores(model: NetworkModel, rows: Rows, config: LossConfig = DEFAULT_LOSS) -> dict[str, Array]:
+def long_scores(model: Model, rows: Rows, config: LossConfig = DEFAULT_LOSS) -> dict[str, Array]:
     """Scores (B, P) by each network's weights; zero where nothing is solved."""
     weights = weights_of(model)
     found: dict[str, list[Array]] = {name: [] for name in weights}

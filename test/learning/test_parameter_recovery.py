@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
 from contact_curation.learning.training.protocols import TrainingConfig, budgeted
@@ -16,13 +15,13 @@ from test.contact.cases import CUBE
 from test.simulated import RIG_NOISE, TrackerNoise, simulated_tosses
 
 MILLIMETRE = 1e-3 / CUBE.length_scale
-OURS = budgeted(ModelKind.POLYTOPE)
+OURS = budgeted("polytope")
 QUICK = replace(OURS, steps=800, batch=64)
 
 
 def learned(noise: TrackerNoise | None, config: TrainingConfig, seed: int, tosses: int = 24) -> ContactGeometry:
     data = transitions_of(simulated_tosses(tosses, seed=5, noise=noise), CUBE.length_scale)
-    training = new_training(ModelKind.POLYTOPE, CUBE, data, None, config, seed)
+    training = new_training("polytope", CUBE, data, None, config, seed)
     training.advance(config.steps or 1)
     assert isinstance(training.model, PolytopeModel)
     return training.model.geometry()

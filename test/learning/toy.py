@@ -1,17 +1,18 @@
 """A model of one number that a test can reckon by hand, and transitions that say what it meets."""
 
+from typing import Self
+
 import numpy as np
 import torch
 from torch import Tensor
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.loss_config import LossConfig
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import BatchLoss, ContactModel, Rows
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.torch_contacts import Contacts, Frames
 from contact_curation.geometry.quaternions import Array
-from contact_curation.learning.training.protocols import Pace, Patience, Schedule, TrainingConfig
+from contact_curation.learning.training.protocols import AdamWConfig, Patience, Schedule, TrainingConfig
 from contact_curation.motion.transitions import Transitions
 
 SOLVED, UNSOLVED, DIVERGING, BURSTING, STEEP = 0.0, 1.0, 2.0, 3.0, 4.0
@@ -22,7 +23,7 @@ gradient that is none."""
 class Toy(ContactModel):
     """L = (theta - x)^2, where x is the first number of the state before."""
 
-    kind = ModelKind.POLYTOPE
+    kind = "toy"
 
     def __init__(self, theta: float = 0.0) -> None:
         super().__init__(CONTACTNETS_CUBE)
@@ -35,7 +36,7 @@ class Toy(ContactModel):
         losses = torch.stack([self._loss(x, what) for x, what in rows.before[:, :2]])
         return BatchLoss(losses, ~torch.isnan(losses.detach()), self.theta.square())
 
-    def contacts(self, frames: Frames) -> Contacts:
+    def contacts(self, frames: Frames, tape: object = None) -> Contacts:
         """None of any interest, but a gap that is infinite where the loss diverges."""
         gaps = torch.where(frames.positions[:, 1:2] == DIVERGING, torch.inf, 0.0)
         return Contacts(gaps, gaps, torch.zeros((len(gaps), 1, 3, 6)))
@@ -43,8 +44,13 @@ class Toy(ContactModel):
     def contacts_at(self, rotations: Tensor, positions: Tensor) -> tuple[Tensor, Tensor]:
         raise NotImplementedError
 
-    def settings(self) -> dict[str, str]:
-        return {}
+    @classmethod
+    def initial(cls, *_: object) -> Self:
+        return cls()
+
+    @classmethod
+    def blank(cls, *_: object) -> Self:
+        return cls()
 
     def _loss(self, x: float, what: float) -> Tensor:
         if what in (UNSOLVED, DIVERGING):
@@ -75,7 +81,7 @@ def toy_config(
     regularizer: float = 0.0,
 ) -> TrainingConfig:
     """A plain protocol at constant rate."""
-    pace = Pace(rate)
+    pace = AdamWConfig(rate)
     return TrainingConfig(
         Form.PHYSICAL, batch, pace, pace, Schedule.CONSTANT, steps, epochs, evaluation_steps, patience, regularizer
     )

@@ -9,13 +9,14 @@ from contact_curation.contact.evaluation import Cone, evaluate
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.torch_contacts import Frames, Theta, contacts_of
-from contact_curation.contact.torch_loss import cone_problems, loss_terms
+from contact_curation.contact.torch_loss import cone_problems
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.transitions import Transitions
 from contact_curation.solver.certificate import natural_residuals, objectives
-from contact_curation.solver.torch_solver import solve_in_torch
 from test.contact.cases import noisy_geometry
+from test.contact.torch_evaluation import loss_terms
 from test.solver.reference import clarabel_impulses
+from test.solver.torch_solver import solve_in_torch
 
 CUBE = CONTACTNETS_CUBE
 TRUE = ContactGeometry.of_body(CUBE)

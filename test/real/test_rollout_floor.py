@@ -8,7 +8,6 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.deep import DeepModel
-from contact_curation.contact.models.rollout import roll_out_model
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.rollout import Rollout, rollout
 from contact_curation.contact.time_step import StepStatus
@@ -85,6 +84,6 @@ def test_the_path_of_networks_gives_the_polytopes_motions_from_real_releases(mea
     expected = replayed(some, 0.18)
     model = DeepModel(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE, Form.PHYSICAL)
     first, lengths = [states[0] for states in some], [len(states) for states in some]
-    found = roll_out_model(model, first, lengths, FRAME_PERIOD)
+    found = model.roll_out(first, lengths, FRAME_PERIOD)
     np.testing.assert_array_equal(found.starts, expected.starts)
     np.testing.assert_allclose(found.states, expected.states, rtol=0.0, atol=1e-6)

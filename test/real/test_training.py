@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.rollout import rollout
 from contact_curation.learning.evaluation.motion_errors import motion_errors
@@ -23,7 +22,7 @@ POSITION_FLOOR, ROTATION_FLOOR = 14.4, 18.3
 def test_a_polytope_of_64_random_tosses_is_within_4_percent_and_5_degrees_of_the_true_cube(
     real_tosses: tuple[Toss, ...], seed: int
 ) -> None:
-    cube, kind = CONTACTNETS_CUBE, ModelKind.POLYTOPE
+    cube, kind = CONTACTNETS_CUBE, "polytope"
     chosen = np.random.default_rng(1000 + seed).choice(400, 64, replace=False)
     data = transitions_of([real_tosses[index] for index in chosen], cube.length_scale)
     config = budgeted(kind)

@@ -9,9 +9,9 @@ import pytest
 from contact_curation.solver.certificate import natural_residuals, objectives
 from contact_curation.solver.compiled_solver import solve_compiled
 from contact_curation.solver.cone_problem import Cone, ConeProblems, ConeSolutions, SolveStatus
-from contact_curation.solver.torch_solver import solve_in_torch
 from test.solver.known_problems import KNOWN, KnownProblem, random_problems, with_bad_element
 from test.solver.reference import clarabel_impulses
+from test.solver.torch_solver import solve_in_torch
 
 Solver = Callable[[ConeProblems], ConeSolutions]
 

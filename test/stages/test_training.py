@@ -10,9 +10,8 @@ import pytest
 
 from contact_curation.cli.evaluate.models import judged_model
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import Model, Rows
-from contact_curation.contact.models.registry import initial_model, tensors_of
+from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.training.progress import TrainingState
@@ -25,7 +24,7 @@ from contact_curation.storage.checkpoint_file import save_checkpoint
 from contact_curation.storage.stores.tosses import TossStore
 from test.simulated import simulated_tosses
 
-CONFIG = replace(budgeted(ModelKind.POLYTOPE), steps=20, evaluation_steps=20, batch=16)
+CONFIG = replace(budgeted("polytope"), steps=20, evaluation_steps=20, batch=16)
 ROUNDS = RoundsConfig(settling_rounds=2, slice_steps=6, checkpoint_steps=5)
 
 
@@ -35,7 +34,7 @@ def tosses() -> tuple[Toss, ...]:
 
 
 def first(data: Rows) -> Model:
-    return initial_model(ModelKind.POLYTOPE, CONTACTNETS_CUBE, Form.PHYSICAL, data, np.random.default_rng(0))
+    return model_class("polytope").initial(CONTACTNETS_CUBE, Form.PHYSICAL, data, np.random.default_rng(0))
 
 
 def untrained() -> Model:
@@ -66,7 +65,7 @@ def until_idle(training: TrainingStage) -> list[Moment]:
 
 
 def numbers_of(model: Model) -> dict[str, bytes]:
-    return {name: value.tobytes() for name, value in tensors_of(model).items()}
+    return {name: value.tobytes() for name, value in model.tensors().items()}
 
 
 def test_a_round_waits_for_its_tosses_and_says_which_are_missing(tmp_path: Path, store: TossStore) -> None:

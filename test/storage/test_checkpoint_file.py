@@ -6,8 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact_curation.contact.models.kind import ModelKind
-from contact_curation.contact.models.registry import tensors_of
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.learning.training.protocols import budgeted
 from contact_curation.learning.training.training import Training, new_training
@@ -18,7 +16,7 @@ from test.contact.cases import CUBE, tracked_transitions
 
 @pytest.fixture(scope="module")
 def training() -> Training:
-    kind = ModelKind.POLYTOPE
+    kind = "polytope"
     training = new_training(kind, CUBE, tracked_transitions(), None, budgeted(kind), 0)
     training.advance(2)
     return training
@@ -29,7 +27,7 @@ def test_a_training_comes_back_from_its_file(training: Training, tmp_path: Path)
     save_checkpoint(path, training, {"buffer": "4"})
     assert resume_training(path, training.data, None, CUBE).progress == training.progress
     assert read_notes(path) == {"buffer": "4"}
-    found, expected = tensors_of(read_model(path, CUBE)), tensors_of(training.model)
+    found, expected = read_model(path, CUBE).tensors(), training.model.tensors()
     assert all(np.array_equal(found[name], expected[name]) for name in expected)
 
 

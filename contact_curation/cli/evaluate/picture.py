@@ -3,7 +3,6 @@
 import numpy as np
 
 from contact_curation.cli.evaluate.report import EvaluationReport
-from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.dashboard.figures.motion import MotionPicture, PicturedToss, Track
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
@@ -23,7 +22,7 @@ def picture_of(report: EvaluationReport) -> MotionPicture:
         raise InvalidValueError("motions to draw", "none that is finite", "at least one")
     chosen = {int(ranked[round(share * (ranked.size - 1))]): name for name, share in reversed(PLACES)}
     rows = tuple(_row(report, toss, name) for toss, name in reversed(chosen.items()))
-    names = tuple(f"{one.model.kind.value} of {one.path.name}" for one in report.models)
+    names = tuple(f"{one.model.kind} of {one.path.name}" for one in report.models)
     return MotionPicture(f"Predicted and measured motion of {report.models[0].model.body.name}", names, rows)
 
 
@@ -41,7 +40,7 @@ def _row(report: EvaluationReport, toss: int, name: str) -> PicturedToss:
         predicted=tuple(
             _track(
                 states,
-                one.model.geometry().vertices_normal if isinstance(one.model, PolytopeModel) else body.scaled_vertices,
+                one.model.drawn_vertices(),
                 one.model.body.length_scale,
             )
             for states, one in predicted

@@ -82,7 +82,7 @@ def print_report(report: EvaluationReport) -> None:
         print(f"\n{name}")
         _print_summary(each, share)
     for one, evaluation in zip(report.models, report.evaluations, strict=True):
-        print(f"\n{one.path}: {one.model.kind.value}, mean loss {evaluation.mean_loss:.4g}")
+        print(f"\n{one.path}: {one.model.kind}, mean loss {evaluation.mean_loss:.4g}")
         _print_shape(evaluation)
         _print_failures(evaluation)
     print()
@@ -165,7 +165,7 @@ def _json_model(one: JudgedModel, each: ModelEvaluation) -> dict[str, Any]:
     ]
     return {
         "path": str(one.path),
-        "model": one.model.kind.value,
+        "model": one.model.kind,
         "mean_loss": each.mean_loss,
         "transitions": each.transitions,
         "not_solved": each.not_solved,

@@ -18,7 +18,6 @@ from contact_curation.cli.options.rig_settings import settings_of
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import print_json, warn
 from contact_curation.contact.loss_config import DEFAULT_LOSS
-from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import is_physical
 from contact_curation.contact.time_step import DEFAULT_LIMITS
 from contact_curation.dashboard.figures.motion import save_motion_figure
@@ -53,10 +52,10 @@ def run_evaluation(arguments: argparse.Namespace) -> int:
             progress.advance()
     rigid = {
         f"{one.path}, friction at the vertices of the gaps": evaluate_model(
-            one.model.rubbing_where_it_touches(), tosses.judged_by, config
+            one.model.with_shared_vertices(), tosses.judged_by, config
         )
         for one in models
-        if isinstance(one.model, PolytopeModel) and one.model.rubs_elsewhere
+        if one.model.has_own_friction_vertices
     }
     what_is_known, why_not = _known(models[0], tosses, replace(stages["known"], loss=stages["loss"]))
     report = EvaluationReport(
@@ -85,9 +84,10 @@ def _of_other_rigs(models: Sequence[JudgedModel], settings: str) -> list[str]:
 def _known(judged: JudgedModel, tosses: JudgingTosses, config: KnownConfig) -> tuple[Known | None, str]:
     """What is known, or why that cannot be said."""
     model = judged.model
-    if not isinstance(model, PolytopeModel):
-        return None, f"what is known is told of a polytope's parameters; a network of {model.kind.value} has none with units"
-    if not is_physical(model.geometry()):
+    geometry = model.geometry()
+    if geometry is None:
+        return None, f"what is known is told of a polytope's parameters; a network of {model.kind} has none with units"
+    if not is_physical(geometry):
         return None, "what is known is told of the physical form; this polytope's normal and tangents have a scale of their own"
     if not tosses.fitted:
         return None, "what is known needs the tosses that it was fitted to among the inputs, beside those that judge it"

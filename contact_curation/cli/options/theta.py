@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.registry import model_class, model_entry
 from contact_curation.contact.parameter_form import Form, is_physical
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
@@ -20,7 +20,7 @@ from contact_curation.storage.parameters_file import Parameters
 from contact_curation.storage.theta_file import CHECKPOINT, is_checkpoint, read_theta
 
 if TYPE_CHECKING:
-    from contact_curation.information.network.forward_pass import NetworkModel
+    from contact_curation.contact.models.model import Model
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,25 +29,18 @@ class NetworkTheta:
 
     Attributes:
         kind: which model.
-        settings: as `Model.settings` gives them.
-        tensors: as `tensors_of` gives them.
+        settings, tensors: as the model gives them.
         body: it belongs to.
     """
 
-    kind: ModelKind
+    kind: str
     settings: Mapping[str, str]
     tensors: Mapping[str, Array]
     body: Body
 
-    def model(self) -> "NetworkModel":
+    def model(self) -> "Model":
         """The network."""
-        from contact_curation.contact.models.polytope import PolytopeModel
-        from contact_curation.contact.models.registry import model_of_tensors
-
-        model = model_of_tensors(self.kind, self.settings, self.tensors, self.body)
-        if isinstance(model, PolytopeModel):
-            raise InvalidValueError("network", model.kind.value, "a model with networks")
-        return model  # type: ignore[return-value]  # there are no others
+        return model_class(self.kind).of_tensors(self.settings, self.tensors, self.body)
 
 
 def thetas_of(arguments: argparse.Namespace, body: Body) -> tuple[Parameters | NetworkTheta, ...]:
@@ -56,14 +49,14 @@ def thetas_of(arguments: argparse.Namespace, body: Body) -> tuple[Parameters | N
     Raises:
         ContactCurationError: a file cannot be used, or is for another model; or a network without a file.
     """
-    kind, paths = ModelKind(arguments.model), arguments.params
-    if kind is ModelKind.POLYTOPE:
+    kind, paths = arguments.model, arguments.params
+    if model_entry(kind).is_geometry:
         return tuple(polytope_of(path, body) for path in paths) or (Parameters(ContactGeometry.of_body(body), body),)
     if not paths:
-        how = f"--params CHECKPOINT{CHECKPOINT}, as `contact-curation train --model {kind.value}` writes it"
-        raise InvalidValueError(f"theta of model {kind.value}", "none", how)
+        how = f"--params CHECKPOINT{CHECKPOINT}, as `contact-curation train --model {kind}` writes it"
+        raise InvalidValueError(f"theta of model {kind}", "none", how)
     if arguments.form is not None:
-        raise InvalidValueError("--form", arguments.form, f"none with model {kind.value}: its checkpoint says which")
+        raise InvalidValueError("--form", arguments.form, f"none with model {kind}: its checkpoint says which")
     return tuple(_network(path, kind, body) for path in paths)
 
 
@@ -84,22 +77,18 @@ def polytope_of(path: Path, body: Body) -> Parameters:
     model = read_theta(path, body)
     if isinstance(model, Parameters):
         return model
-    from contact_curation.contact.models.polytope import PolytopeModel
-
-    if not isinstance(model, PolytopeModel):
-        raise InvalidValueError(
-            f"model of {path}", model.kind.value, f"polytope; networks go with `rank --model {model.kind.value}`"
-        )
-    return Parameters(model.geometry(), model.body)
+    geometry = model.geometry()
+    if geometry is None:
+        raise InvalidValueError(f"model of {path}", model.kind, f"polytope; networks go with `rank --model {model.kind}`")
+    return Parameters(geometry, model.body)
 
 
-def _network(path: Path, kind: ModelKind, body: Body) -> NetworkTheta:
+def _network(path: Path, kind: str, body: Body) -> NetworkTheta:
     if not is_checkpoint(path):
-        raise InvalidValueError(f"theta of model {kind.value}", str(path), f"a checkpoint, a {CHECKPOINT} file")
-    from contact_curation.contact.models.registry import tensors_of
+        raise InvalidValueError(f"theta of model {kind}", str(path), f"a checkpoint, a {CHECKPOINT} file")
     from contact_curation.storage.checkpoint_file import read_model
 
     model = read_model(path, body)
-    if model.kind is not kind:
-        raise InvalidValueError(f"model of {path}", model.kind.value, f"{kind.value}, or --model {model.kind.value}")
-    return NetworkTheta(kind, model.settings(), tensors_of(model), model.body)
+    if model.kind != kind:
+        raise InvalidValueError(f"model of {path}", model.kind, f"{kind}, or --model {model.kind}")
+    return NetworkTheta(kind, model.settings(), model.tensors(), model.body)

@@ -14,7 +14,7 @@ from contact_curation.cli.options.types import PathEndingIn, natural_number, pos
 from contact_curation.cli.report import add_json_option
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.loss_config import DEFAULT_LOSS
-from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.registry import DEFAULT_MODEL, MODELS
 from contact_curation.contact.parameter_form import Form
 from contact_curation.information.criteria.orthogonal import VARIANTS
 from contact_curation.information.network.config import network_config_for
@@ -42,8 +42,7 @@ def add_rank_options(parser: argparse.ArgumentParser) -> None:
 
 def _add_model_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("what the tosses teach about")
-    models = [kind.value for kind in ModelKind]
-    group.add_argument("--model", choices=models, default="polytope", help="the model (default polytope)")
+    group.add_argument("--model", choices=list(MODELS), default=DEFAULT_MODEL, help="the model (default polytope)")
     group.add_argument(
         "--params",
         type=Path,
@@ -142,7 +141,7 @@ def rank_config(arguments: argparse.Namespace) -> RankConfig:
     body = chosen_body(arguments)
     held_out = HeldOutRule() if arguments.held_out is None else held_out_rule(arguments.held_out)
     ranking = RankingConfig(arguments.criterion, arguments.top, arguments.seed, variant=arguments.variant)
-    network = network_config_for(ModelKind(arguments.model))
+    network = network_config_for(arguments.model)
     stages = stages_of(arguments, {"loss": DEFAULT_LOSS, "network": network, "ranking": ranking})
     thetas = thetas_of(arguments, body)
     pool = PoolConfig(

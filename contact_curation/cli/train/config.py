@@ -13,9 +13,9 @@ from contact_curation.cli.train.options import DEFAULT_SHARE
 from contact_curation.contact.body import Body
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import Model
 from contact_curation.contact.models.polytope import PolytopeModel
+from contact_curation.contact.models.registry import model_entry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
@@ -24,7 +24,7 @@ from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.evaluation.held_out import HeldOutRule
 from contact_curation.learning.training.plan import TrainingPlan
 from contact_curation.learning.training.protocols import TrainingConfig, budgeted, exact, published
-from contact_curation.learning.training.reranking import CanaryConfig, RerankingConfig
+from contact_curation.learning.training.reranking import RerankingConfig, StalenessConfig
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.training_tosses import LearningTosses, TossesConfig
 from contact_curation.storage.manifest.file import read_manifest
@@ -52,7 +52,7 @@ class TrainConfig:
         seed: of everything random.
     """
 
-    kind: ModelKind
+    kind: str
     body: Body
     tosses: TossesConfig
     protocol: TrainingConfig
@@ -85,12 +85,12 @@ def train_config(arguments: argparse.Namespace) -> TrainConfig:
     Raises:
         ContactCurationError: a file that an option names cannot be used, or a value is not accepted.
     """
-    kind, body = ModelKind(arguments.model), chosen_body(arguments)
+    kind, body = arguments.model, chosen_body(arguments)
     _check_exact(arguments)
     protocol = exact() if arguments.protocol == "exact" else PROTOCOLS[arguments.protocol](kind)
     ranking = RankingConfig(arguments.criterion or DEFAULT_CRITERION, arguments.top or 1, arguments.seed, certificate_steps=0)
     ranking = replace(ranking, variant=arguments.variant or ranking.variant)
-    defaults = {"training": protocol, "ranking": ranking, "canary": CanaryConfig()}
+    defaults = {"training": protocol, "ranking": ranking, "canary": StalenessConfig()}
     stages = stages_of(arguments, defaults)
     protocol = stages["training"] if arguments.steps is None else replace(stages["training"], steps=arguments.steps)
     selection = _selection(arguments, stages["ranking"], stages["canary"])
@@ -128,7 +128,7 @@ def _check_exact(arguments: argparse.Namespace) -> None:
             raise InvalidValueError(name, f"--protocol exact, {why}", "--protocol budgeted or published")
 
 
-def _selection(arguments: argparse.Namespace, ranking: RankingConfig, canary: CanaryConfig) -> RerankingConfig | None:
+def _selection(arguments: argparse.Namespace, ranking: RankingConfig, canary: StalenessConfig) -> RerankingConfig | None:
     if arguments.top is None:
         given = next((name for name in ONLY_WITH_TOP if getattr(arguments, name)), None)
         if given:
@@ -146,14 +146,14 @@ def _kept_ids(manifest: Path | None) -> tuple[str, ...] | None:
     return kept
 
 
-def _start(path: Path | None, kind: ModelKind, body: Body) -> Model | Parameters | None:
+def _start(path: Path | None, kind: str, body: Body) -> Model | Parameters | None:
     if path is None:
         return None
-    if not is_checkpoint(path) and kind is not ModelKind.POLYTOPE:
-        raise InvalidValueError("--params", f"{path}, a polytope", f"a checkpoint of a {kind.value} model")
+    if not is_checkpoint(path) and not model_entry(kind).is_geometry:
+        raise InvalidValueError("--params", f"{path}, a polytope", f"a checkpoint of a {kind} model")
     theta = read_theta(path, body)
-    if isinstance(theta, Model) and theta.kind is not kind:
-        raise InvalidValueError(f"model of {path}", theta.kind.value, f"{kind.value}, as --model says")
+    if isinstance(theta, Model) and theta.kind != kind:
+        raise InvalidValueError(f"model of {path}", theta.kind, f"{kind}, as --model says")
     return theta
 
 

@@ -8,7 +8,7 @@ from contact_curation.cli.options.reading import SHARED_STAGES, add_reading_opti
 from contact_curation.cli.options.types import PathEndingIn, natural_number, number_from_zero, positive_integer
 from contact_curation.cli.report import add_json_option
 from contact_curation.contact.evaluation import Estimator
-from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.registry import DEFAULT_MODEL, MODELS
 from contact_curation.information.criteria.orthogonal import VARIANTS
 from contact_curation.information.ranker import CRITERIA, DEFAULT_CRITERION
 
@@ -32,8 +32,8 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("what is trained, and how")
     group.add_argument(
         "--model",
-        choices=[kind.value for kind in ModelKind],
-        default=ModelKind.POLYTOPE.value,
+        choices=list(MODELS),
+        default=DEFAULT_MODEL,
         help="the model (default polytope)",
     )
     group.add_argument(

@@ -55,7 +55,7 @@ def json_report(report: TrainReport) -> dict[str, Any]:
     """Everything, as one object."""
     data = report.curated.training.data
     return {
-        "model": report.plan.kind.value,
+        "model": report.plan.kind,
         "seed": report.plan.seed,
         **asdict(report.progress),
         "held_out_loss_before": report.loss_before,
@@ -79,7 +79,7 @@ def print_report(report: TrainReport) -> None:
     data, progress = report.curated.training.data, report.progress
     out_of = f" of {len(report.plan.tosses)}" if report.plan.selection else ""
     tosses = f"{len(data.toss_ids)}{out_of} tosses" if out_of else counted_tosses(len(data.toss_ids))
-    print(f"{report.plan.kind.value} trained on {tosses}, {len(data.dt)} transitions")
+    print(f"{report.plan.kind} trained on {tosses}, {len(data.dt)} transitions")
     _print_left_out(report)
     print(f"{report.seconds:.1f} s: {progress.reason}")
     if report.plan.held_out:

@@ -22,12 +22,11 @@ from contact_curation.cli.stop_signals import StopSignals
 from contact_curation.cli.train.config import TrainConfig, train_config
 from contact_curation.cli.train.metrics import TrainingMetrics
 from contact_curation.cli.train.report import TrainReport, json_report, print_report
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
 from contact_curation.learning.checkpoints.stored_model import notes_of_bytes
 from contact_curation.learning.training.curated import CuratedTraining
 from contact_curation.learning.training.data import rows_of
-from contact_curation.learning.training.mean_loss import mean_loss
+from contact_curation.learning.training.objective import mean_loss
 from contact_curation.learning.training.plan import TrainingPlan, begin, resume, stored
 from contact_curation.learning.training.progress import Progress, TrainingState
 from contact_curation.motion.calibration import Rig
@@ -72,8 +71,7 @@ def run_training(arguments: argparse.Namespace) -> int:
     torch.set_num_threads(1)  # threads that share busy cores wait for each other, and the sums' order would depend on them
     began = time.monotonic()
     _check_out(arguments)
-    if arguments.model == ModelKind.POLYTOPE:
-        load_kernel()  # networks are trained without it, too; a polytope is not, and better said before tosses are read
+    load_kernel()  # better said before tosses are read
     config = train_config(arguments)
     with Bar("reading", "tosses") as bar:
         tosses = learning_tosses(arguments.inputs, config.tosses, bar.advance)
@@ -169,7 +167,7 @@ def _notes(plan: TrainingPlan, before: float, rig: Rig) -> dict[str, str]:
 def _start_line(arguments: argparse.Namespace, config: TrainConfig, tosses: LearningTosses, before: float) -> dict[str, Any]:
     return {
         "gradient_steps": 0,
-        "model": config.kind.value,
+        "model": config.kind,
         "protocol": arguments.protocol,
         "seed": config.seed,
         "tosses": len(tosses.training),

@@ -90,6 +90,23 @@ class StepPace(ctypes.Structure):
     _fields_ = (("rate", ctypes.c_double), ("decay", ctypes.c_double))
 
 
+class DescentTask(NamedTuple):
+    """Gradient steps of one transition each.
+
+    Attributes:
+        moments: of all parameters, by name; they are changed.
+        rows: to step down.
+        rules: how.
+        polytope, network: learning rates of the parameters outside networks and of those in them.
+    """
+
+    moments: Mapping[str, Moments]
+    rows: DescentRows
+    rules: DescentRules
+    polytope: StepPace
+    network: StepPace
+
+
 class CompiledDescent(ctypes.Structure):
     """The kernel's `Descent`, field by field."""
 
@@ -166,26 +183,17 @@ class KernelDescent:
         return taken, job.loss_sum
 
 
-def polytope_descent(
-    geometry: ContactGeometry,
-    body: Body,
-    moments: Mapping[str, Moments],
-    rows: DescentRows,
-    rules: DescentRules,
-    pace: StepPace,
-) -> KernelDescent:
+def polytope_descent(geometry: ContactGeometry, body: Body, task: DescentTask) -> KernelDescent:
     """Of a polytope in the published form.
 
     Args:
         geometry: what stays of theta, pivot and height, and the shapes.
         body: mass, inertia and gravity.
-        moments: of `PIECES`.
-        rows, rules: as in `KernelDescent`.
-        pace: of all parameters.
+        task: with moments of `PIECES`.
     """
-    model, job = CompiledModel(geometry, body, rules.loss), CompiledDescent(polytope=pace)
-    job.take_polytope(model, moments)
-    return KernelDescent("contact_curation_descend", model, rows, rules, job, moments)
+    model, job = CompiledModel(geometry, body, task.rules.loss), CompiledDescent(polytope=task.polytope)
+    job.take_polytope(model, task.moments)
+    return KernelDescent("contact_curation_descend", model, task.rows, task.rules, job, task.moments)
 
 
 @functools.cache

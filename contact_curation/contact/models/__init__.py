@@ -1,1 +1,1 @@
-"""The four models of contact, a file each, and their registry."""
+"""The models of contact, a file each with all of its behaviour, and their registry."""

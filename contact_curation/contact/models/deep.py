@@ -11,22 +11,26 @@ where on the board the body is and where it points: nothing makes it invariant t
 must be used in the frame in which it was trained.
 """
 
+from collections.abc import Mapping
+from typing import Self
+
 import numpy as np
 import torch
 from torch import Tensor
 
 from contact_curation.contact.body import Body
+from contact_curation.contact.compiled.descent import DescentTask, KernelDescent
+from contact_curation.contact.compiled.network_descent import DescentParts, network_descent
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.loss_config import LossConfig
-from contact_curation.contact.models.kind import ModelKind
-from contact_curation.contact.models.model import BatchLoss, ContactModel, Rows, over_finite_rows
-from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.contact.models.pose_streams import pose_inputs, twist_tangents
-from contact_curation.contact.models.stream_network import LayerTrace, StreamNetwork
+from contact_curation.contact.models.defaults import ModelDefaults
+from contact_curation.contact.models.explicit_parameters import ExplicitParameters
+from contact_curation.contact.models.model import ContactModel, Rows, setting
+from contact_curation.contact.models.polytope import PolytopeModel, below_centroid, initial_geometry
+from contact_curation.contact.models.stream_network import LayerTrace, StreamNetwork, pose_inputs, twist_tangents
 from contact_curation.contact.parameter_form import Form
-from contact_curation.contact.scale_regularizer import scale_regularizer
 from contact_curation.contact.torch_contacts import Contacts, Frames
-from contact_curation.contact.torch_loss import contact_losses
+from contact_curation.contact.torch_loss import scale_regularizer
+from contact_curation.geometry.quaternions import Array
 
 NETWORK_SHARE = 0.05
 """What the networks' outputs are multiplied with."""
@@ -46,7 +50,8 @@ class DeepModel(ContactModel):
         InvalidValueError: as `PolytopeModel`.
     """
 
-    kind = ModelKind.DEEP
+    kind = "deep"
+    defaults = ModelDefaults(batch=64)
 
     def __init__(self, geometry: ContactGeometry, body: Body, form: Form) -> None:
         super().__init__(body)
@@ -54,14 +59,19 @@ class DeepModel(ContactModel):
         self.normal_network = StreamNetwork((12, *HIDDEN, geometry.vertex_count))
         self.tangent_network = StreamNetwork((12, *HIDDEN, 2 * geometry.vertex_count))
 
-    def initialise(self, rng: np.random.Generator) -> "DeepModel":
+    @classmethod
+    def initial(cls, body: Body, form: Form, data: Rows, rng: np.random.Generator) -> Self:
+        return cls(initial_geometry(body, form, below_centroid(data), rng), body, form).initialise(rng)
+
+    @classmethod
+    def blank(cls, settings: Mapping[str, str], body: Body) -> Self:
+        return cls(ContactGeometry.of_body(body), body, setting(settings, "form", Form))
+
+    def initialise(self, rng: np.random.Generator) -> Self:
         """The networks as published, from `rng`."""
         self.normal_network.initialise(rng)
         self.tangent_network.initialise(rng)
         return self
-
-    def batch_loss(self, rows: Rows, config: LossConfig) -> BatchLoss:
-        return over_finite_rows(rows, lambda finite: self._batch_loss(finite, config))
 
     def contacts(self, frames: Frames, tape: list[LayerTrace] | None = None) -> Contacts:
         """As `ContactModel.contacts`; a tape takes the layers of the normal's network, then those of the tangents'."""
@@ -79,11 +89,23 @@ class DeepModel(ContactModel):
     def settings(self) -> dict[str, str]:
         return self.polytope.settings()
 
-    def _batch_loss(self, rows: Rows, config: LossConfig) -> BatchLoss:
-        frames = Frames.of(self.body, *rows)
-        contacts = self.contacts(frames)
-        losses, solved = contact_losses(contacts, frames, config)
-        return BatchLoss(losses, solved, scale_regularizer(contacts.jacobians[solved]))
+    def regularizer(self, jacobians: Tensor) -> Tensor:
+        return scale_regularizer(jacobians)
+
+    def explicit_parameters(self) -> ExplicitParameters:
+        return self.polytope.explicit_parameters()
+
+    def place(self) -> Array:
+        return self.polytope.place()
+
+    def kernel_descent(self, task: DescentTask) -> KernelDescent | None:
+        """The kernel knows the polytope's published form."""
+        if self.polytope.form is not Form.CONTACTNETS:
+            return None
+        geometry = self.polytope.geometry()
+        return network_descent(
+            DescentParts(self.kind, self.body, geometry, self.networks, NETWORK_SHARE, polytope="polytope"), task
+        )
 
     def _bends(self, inputs: Tensor, rotations: Tensor, tape: list[LayerTrace] | None) -> tuple[Tensor, Tensor]:
         """What the networks add to gaps (B, S, V) at inputs (B, S, 12), and to Jacobians (B, V, 3, 6) at the first."""

@@ -3,26 +3,30 @@
     phi_i(q) = e3 . (R p_i + x)      phi_t,i(q) = mu [e1; e2] (R p_i + x)      p(R) = p0 + 1/3 NN(normalised vec R)
 
 NN is 9-256-256-3V tanh, 74,520 parameters for a cube. p0 (the corners with the published noise), the ground's normal and the
-friction are constants: it can learn neither friction nor the ground. It is what ContactNets' code calls ``deepvertex`` and its
-documentation experimental; the paper's "DeepVertex" is this one by name and `DeepModel` by equation (METHOD A1).
+friction are constants: it can learn neither friction nor the ground, and needs no regulariser. It is what ContactNets' code
+calls ``deepvertex`` and its documentation experimental; the paper's "DeepVertex" is this one by name and `DeepModel` by
+equation (METHOD A1).
 
 The network sees the orientation only, so that gaps and Jacobians do not change when the board's origin is moved.
 """
+
+from collections.abc import Mapping
+from typing import Self
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from contact_curation.contact.body import Body
+from contact_curation.contact.compiled.descent import DescentTask, KernelDescent
+from contact_curation.contact.compiled.network_descent import DescentParts, network_descent
 from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
-from contact_curation.contact.loss_config import LossConfig
-from contact_curation.contact.models.input_scaling import InputScaling
-from contact_curation.contact.models.kind import ModelKind
-from contact_curation.contact.models.model import BatchLoss, ContactModel, Rows, over_finite_rows
-from contact_curation.contact.models.pose_streams import spin_tangents
-from contact_curation.contact.models.stream_network import LayerTrace, StreamNetwork
+from contact_curation.contact.models.defaults import ModelDefaults
+from contact_curation.contact.models.model import ContactModel, Rows
+from contact_curation.contact.models.polytope import INITIAL_NOISE
+from contact_curation.contact.models.stream_network import InputScaling, LayerTrace, StreamNetwork, spin_tangents
+from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.torch_contacts import Contacts, Frames, Theta, gaps_at, jacobians_at
-from contact_curation.contact.torch_loss import contact_losses
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 
@@ -40,7 +44,8 @@ class DeepvertexModel(ContactModel):
         body: mass, inertia, gravity and friction.
     """
 
-    kind = ModelKind.DEEPVERTEX
+    kind = "deepvertex"
+    defaults = ModelDefaults(batch=64, network_rate=1e-3)
 
     def __init__(self, vertices: Array, body: Body) -> None:
         super().__init__(body)
@@ -51,15 +56,20 @@ class DeepvertexModel(ContactModel):
         self.scaling = InputScaling(9)
         self.network = StreamNetwork((9, *HIDDEN, 3 * len(vertices)))
 
-    def initialise(self, data: Rows, rng: np.random.Generator) -> "DeepvertexModel":
+    @classmethod
+    def initial(cls, body: Body, form: Form, data: Rows, rng: np.random.Generator) -> Self:
+        corners = body.scaled_vertices
+        return cls(corners + INITIAL_NOISE * rng.standard_normal(corners.shape), body).initialise(data, rng)
+
+    @classmethod
+    def blank(cls, settings: Mapping[str, str], body: Body) -> Self:
+        return cls(body.scaled_vertices, body)
+
+    def initialise(self, data: Rows, rng: np.random.Generator) -> Self:
         """The network as published, from `rng`, its inputs normalised over `data`."""
         self.scaling.fit(quaternions.to_matrix(data.before[:, 3:7]).reshape(-1, 9))
         self.network.initialise(rng)
         return self
-
-    def batch_loss(self, rows: Rows, config: LossConfig) -> BatchLoss:
-        """The regulariser is zero: normal and tangents are constants, of the right length and across each other."""
-        return over_finite_rows(rows, lambda finite: self._batch_loss(finite, config))
 
     def contacts(self, frames: Frames, tape: list[LayerTrace] | None = None) -> Contacts:
         """As `ContactModel.contacts`; a tape takes the network's layers."""
@@ -77,13 +87,10 @@ class DeepvertexModel(ContactModel):
         theta = self._theta(vertices[:, 0])
         return gaps_at(theta, rotations, positions), self._jacobians(theta, slopes, rotations)
 
-    def settings(self) -> dict[str, str]:
-        return {}
-
-    def _batch_loss(self, rows: Rows, config: LossConfig) -> BatchLoss:
-        frames = Frames.of(self.body, *rows)
-        losses, solved = contact_losses(self.contacts(frames), frames, config)
-        return BatchLoss(losses, solved, torch.zeros((), dtype=torch.float64))
+    def kernel_descent(self, task: DescentTask) -> KernelDescent | None:
+        vertices, normal, tangents = (self.get_buffer(name).numpy() for name in ("vertices", "normal", "tangents"))
+        geometry = ContactGeometry(vertices, normal, vertices, tangents)
+        return network_descent(DescentParts(self.kind, self.body, geometry, self.networks, NETWORK_SHARE, self.scaling), task)
 
     def _vertices(self, rotations: Tensor, tape: list[LayerTrace] | None) -> tuple[Tensor, Tensor]:
         """Vertices p (B, S, V, 3) at rotations (B, S, 3, 3), and derivatives (B, 3, V, 3) along turns of the first."""

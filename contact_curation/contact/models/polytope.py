@@ -3,25 +3,40 @@
 ``contactnets`` trains the published 57 numbers and needs a regulariser that keeps the normal's scale in place
 (`scale_regularizer`); ``physical`` trains vertices, the tilt of a unit normal about a pivot, one friction coefficient by its
 logarithm, and the ground's height.
+
+The ground leans from where it was described. In the frame of the described normal and axes, as rows F (3, 3), with the tilt
+t (2), s = sqrt(1 + |t|^2) and mu = exp(f):
+
+    [n; axes] = Q F,   Q = [[1/s, t^T/s], [-t/s, I - t t^T / (s (s + 1))]]
+
+which turns the normal the shortest way to F_0 + t F_1:2. The slopes are written out, in NumPy: a step on one transition costs
+as much as its operations.
 """
 
+import math
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any, Self
 
 import numpy as np
 import torch
+from numpy.typing import ArrayLike
 from torch import Tensor
 
 from contact_curation.contact.body import Body
+from contact_curation.contact.compiled.descent import DescentTask, KernelDescent, polytope_descent
 from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
-from contact_curation.contact.models.kind import ModelKind
-from contact_curation.contact.models.model import BatchLoss, ContactModel, Rows
+from contact_curation.contact.models.explicit_parameters import ExplicitParameters
+from contact_curation.contact.models.model import BatchLoss, ContactModel, Rows, setting
+from contact_curation.contact.models.stream_network import LayerTrace
 from contact_curation.contact.parameter_form import Form, parameter_form
-from contact_curation.contact.scale_regularizer import scale_excess
-from contact_curation.contact.tilted_plane import tilted_plane
+from contact_curation.contact.rollout import Rollout, rollout
+from contact_curation.contact.time_step import DEFAULT_LIMITS, SweepLimits
 from contact_curation.contact.torch_contacts import Contacts, Frames, Theta, contacts_of, gaps_at, jacobians_at
-from contact_curation.contact.torch_loss import polytope_losses
+from contact_curation.contact.torch_loss import polytope_losses, scale_excess
 from contact_curation.geometry.quaternions import Array
+from contact_curation.solver.cone_problem import MAX_CONTACTS
 
 INITIAL_NOISE = 0.4
 """Standard deviation of the published initialisation, in half widths and as a share of the friction (METHOD 1.1)."""
@@ -39,7 +54,7 @@ class PolytopeModel(ContactModel):
         InvalidValueError: the physical form is wanted of a geometry that is not (`parameter_form.is_physical`).
     """
 
-    kind = ModelKind.POLYTOPE
+    kind = "polytope"
 
     def __init__(self, geometry: ContactGeometry, body: Body, form: Form) -> None:
         super().__init__(body)
@@ -60,6 +75,18 @@ class PolytopeModel(ContactModel):
         self.height = torch.nn.Parameter(theta.height)
         self.register_buffer("frame", torch.cat([theta.normal[None], theta.tangents / friction]))
 
+    @classmethod
+    def initial(cls, body: Body, form: Form, data: Rows, rng: np.random.Generator) -> Self:
+        return cls(initial_geometry(body, form, below_centroid(data), rng), body, form)
+
+    @classmethod
+    def blank(cls, settings: Mapping[str, str], body: Body) -> Self:
+        return cls(ContactGeometry.of_body(body), body, setting(settings, "form", Form))
+
+    @classmethod
+    def has_exact_fit(cls, form: Form) -> bool:
+        return form is Form.PHYSICAL
+
     def theta(self) -> Theta:
         """The polytope, differentiable by the parameters."""
         pivot, height = self.get_buffer("pivot"), torch.as_tensor(self.height)
@@ -77,7 +104,7 @@ class PolytopeModel(ContactModel):
         losses, solved = polytope_losses(theta, self.body, *rows, config)
         return BatchLoss(losses, solved, self._regularizer(theta))
 
-    def contacts(self, frames: Frames) -> Contacts:
+    def contacts(self, frames: Frames, tape: list[LayerTrace] | None = None) -> Contacts:
         return contacts_of(self.theta(), frames)
 
     def contacts_at(self, rotations: Tensor, positions: Tensor) -> tuple[Tensor, Tensor]:
@@ -87,12 +114,36 @@ class PolytopeModel(ContactModel):
     def settings(self) -> dict[str, str]:
         return {"form": self.form.value}
 
+    def roll_out(
+        self,
+        initial: ArrayLike,
+        lengths: ArrayLike,
+        dt: ArrayLike,
+        limits: SweepLimits = DEFAULT_LIMITS,
+        threads: int = 1,
+    ) -> Rollout:
+        return rollout(self.geometry(), self.body, initial, lengths, dt, limits, threads)
+
+    def explicit_parameters(self) -> ExplicitParameters:
+        return PolytopeParameters(self.geometry(), self.form)
+
+    def place(self) -> Array:
+        return self.geometry().pivot
+
+    def drawn_vertices(self) -> Array:
+        return self.geometry().vertices_normal
+
+    def kernel_descent(self, task: DescentTask) -> KernelDescent | None:
+        """The kernel knows the published form."""
+        if self.form is not Form.CONTACTNETS or len(self.vertices_normal) > MAX_CONTACTS:
+            return None
+        return polytope_descent(self.geometry(), self.body, task)
+
     @property
-    def rubs_elsewhere(self) -> bool:
-        """Whether friction acts at other vertices than those that the gaps depend on."""
+    def has_own_friction_vertices(self) -> bool:
         return not torch.equal(self.vertices_normal, self.vertices_tangent)
 
-    def rubbing_where_it_touches(self) -> "PolytopeModel":
+    def with_shared_vertices(self) -> "PolytopeModel":
         """The same with friction at the vertices of the gaps, as of a rigid body; those of its own are forgotten.
 
         Where the two were learned apart, it predicts motion better (docs/results.md).
@@ -104,6 +155,33 @@ class PolytopeModel(ContactModel):
         if self.form is Form.PHYSICAL:
             return torch.zeros((), dtype=torch.float64)
         return len(theta.vertices_normal) * scale_excess(theta.normal, theta.tangents)  # the same at every contact
+
+
+class PolytopeParameters(ExplicitParameters):
+    """Of a polytope, or of the one inside a model whose gaps and Jacobians are the polytope's plus something else's.
+
+    Slopes by the sum are slopes by the polytope's own contacts: there are a few dozen parameters, with names and units, and
+    everything that holds for a polytope's information holds.
+
+    Args:
+        geometry: theta.
+        form: how it is parameterised.
+    """
+
+    def __init__(self, geometry: ContactGeometry, form: Form) -> None:
+        self._theta, self._form = Theta.of(geometry), parameter_form(geometry, form)
+        self.blocks, self.tilt_axes, self.pivot = self._form.blocks, self._form.tilt_axes, geometry.pivot
+
+    def scores(self, rows: Rows, frames: Frames, slopes: tuple[Tensor, ...]) -> Array:
+        each = self._theta.vector().repeat(len(frames.dt), 1).requires_grad_()  # (B, Q)
+        contacts = contacts_of(self._theta.with_vector(each), frames)
+        (found,) = torch.autograd.grad(contacts, each, slopes, is_grads_batched=True)
+        return np.asarray(found.numpy() @ self._form.chart)
+
+
+def below_centroid(data: Rows) -> Array:
+    """The point (3,) of the plane z = 0 under the data's centroid."""
+    return np.array([*data.before[:, :2].mean(axis=0), 0.0])
 
 
 def initial_geometry(
@@ -128,3 +206,41 @@ def initial_geometry(
         for value in (model.tilt, model.log_friction, model.height):
             value.add_(torch.as_tensor(noise * rng.standard_normal(tuple(value.shape))))
     return model.geometry()
+
+
+def tilted_plane(tilt: Tensor, log_friction: Tensor, frame: Tensor) -> tuple[Tensor, Tensor]:
+    """Normal (3,) and tangents (2, 3) from a tilt (2,), log friction () and frame (3, 3)."""
+    normal, tangents = _TiltedPlane.apply(tilt, log_friction, frame)
+    return normal, tangents
+
+
+class _TiltedPlane(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, tilt: Tensor, log_friction: Tensor, frame: Tensor) -> tuple[Tensor, Tensor]:
+        axes, friction = frame.cpu().numpy(), math.exp(float(log_friction))
+        turn, by_lean = _turn(*tilt.tolist())
+        ctx.slopes, ctx.friction = by_lean @ axes, friction  # (2, 3, 3): of the turned frame
+        turned = turn @ axes
+        ctx.tangents = friction * turned[1:]
+        return torch.from_numpy(turned[0]).to(tilt), torch.from_numpy(ctx.tangents).to(tilt)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx: Any, by_normal: Tensor, by_tangents: Tensor) -> tuple[Tensor, Tensor, None]:
+        first, rest = by_normal.cpu().numpy(), by_tangents.cpu().numpy()
+        by_tilt = ctx.slopes[:, 0] @ first + ctx.friction * (ctx.slopes[:, 1:] * rest).sum(axis=(1, 2))
+        by_friction = np.sum(ctx.tangents * rest)
+        return torch.from_numpy(by_tilt).to(by_normal), torch.as_tensor(by_friction).to(by_normal), None
+
+
+def _turn(a: float, b: float) -> tuple[Array, Array]:
+    """Q (3, 3) and its derivatives (2, 3, 3) by the tilt t = (a, b)."""
+    size = math.sqrt(1.0 + a * a + b * b)
+    u, c = 1.0 / size, 1.0 / (size * (size + 1.0))
+    turn = [[u, u * a, u * b], [-u * a, 1.0 - c * a * a, -c * a * b], [-u * b, -c * a * b, 1.0 - c * b * b]]
+    by_size = -(2.0 * size + 1.0) * c * c  # of c
+    ua, ub, ca, cb = -a * u**3, -b * u**3, by_size * a * u, by_size * b * u  # of u and c, by a and by b
+    along_a, along_b, cross_a, cross_b = ua * a + u, ub * b + u, ca * a * b + c * b, cb * a * b + c * a
+    by_a = [[ua, along_a, ua * b], [-along_a, -ca * a * a - 2.0 * c * a, -cross_a], [-ua * b, -cross_a, -ca * b * b]]
+    by_b = [[ub, ub * a, along_b], [-ub * a, -cb * a * a, -cross_b], [-along_b, -cross_b, -cb * b * b - 2.0 * c * b]]
+    return np.array(turn), np.array([by_a, by_b])

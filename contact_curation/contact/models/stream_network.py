@@ -7,6 +7,11 @@ sends S + R inputs through each layer: S primal streams x_s and R tangents t_r o
 
 All of it is one matrix product per layer, and reverse mode by the weights runs through the tangents too. A tape keeps each
 layer's streams, from which gradients per transition follow without any further pass: dW = sum_r (dL/dz_r) a_r^T (METHOD 2.7).
+
+A pose enters as position and rotation matrix, [x, vec R], vec row by row. A twist (v in the board's frame, omega in the body's)
+moves it along the chart x + v, R exp(hat omega), so that the inputs' directional derivatives are
+
+    d[x, vec R] = [v, vec(R hat omega)]
 """
 
 from enum import StrEnum
@@ -18,6 +23,62 @@ import torch
 from torch import Tensor
 
 from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+
+CONSTANT = 1e-9
+"""An input with a standard deviation up to this never varies; it is fed as zero."""
+
+_HATS = torch.zeros(3, 3, 3, dtype=torch.float64)
+for _axis in range(3):
+    _HATS[_axis, (_axis + 2) % 3, (_axis + 1) % 3] = 1.0
+    _HATS[_axis, (_axis + 1) % 3, (_axis + 2) % 3] = -1.0
+
+
+def pose_inputs(rotations: Tensor, positions: Tensor) -> Tensor:
+    """Inputs (..., 12) of poses (..., 3, 3) and (..., 3)."""
+    return torch.cat([positions, rotations.flatten(-2)], dim=-1)
+
+
+def spin_tangents(rotations: Tensor) -> Tensor:
+    """Derivatives (B, 3, 9) of vec R along turns about the body's three axes, at rotations (B, 3, 3)."""
+    return torch.einsum("bij,cjk->bcik", rotations, _HATS.to(rotations)).flatten(-2)
+
+
+def twist_tangents(rotations: Tensor) -> Tensor:
+    """Derivatives (B, 6, 12) of the inputs along the six twists, at rotations (B, 3, 3)."""
+    tangents = rotations.new_zeros(len(rotations), 6, 12)
+    tangents[:, :3, :3] = torch.eye(3, dtype=rotations.dtype, device=rotations.device)
+    tangents[:, 3:, 3:] = spin_tangents(rotations)
+    return tangents
+
+
+class InputScaling(torch.nn.Module):
+    """(inputs - mean) * scale over the last axis of D numbers; it passes them as they are until it is fitted or loaded."""
+
+    mean: Tensor
+    scale: Tensor
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(width, dtype=torch.float64))
+        self.register_buffer("scale", torch.ones(width, dtype=torch.float64))
+
+    def fit(self, inputs: Array) -> "InputScaling":
+        """To the N >= 2 rows of `inputs` (N, D), by their mean and unbiased standard deviation.
+
+        Raises:
+            InvalidValueError: fewer rows.
+        """
+        if len(inputs) < 2:
+            raise InvalidValueError("data", f"{len(inputs)} transitions", "at least 2 to normalise a network's inputs by")
+        deviation = inputs.std(axis=0, ddof=1)
+        varies = deviation > CONSTANT
+        self.mean.copy_(torch.as_tensor(inputs.mean(axis=0)))
+        self.scale.copy_(torch.as_tensor(np.where(varies, 1.0 / np.where(varies, deviation, 1.0), 0.0)))
+        return self
+
+    def forward(self, inputs: Tensor) -> Tensor:
+        return (inputs - self.mean) * self.scale
 
 
 class Activation(StrEnum):

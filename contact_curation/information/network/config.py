@@ -2,13 +2,14 @@
 
 from dataclasses import dataclass, field
 
-from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.defaults import ModelDefaults
+from contact_curation.contact.models.registry import model_class, model_entry
 from contact_curation.errors import InvalidValueError
 
 
 @dataclass(frozen=True)
 class SketchConfig:
-    """How large a sketched gradient is (`network_sketch`).
+    """How large a sketched gradient is (`network.sketch`).
 
     Attributes:
         leading: rows of each projection that are leading directions of the reference.
@@ -17,7 +18,7 @@ class SketchConfig:
     """
 
     leading: int = 16
-    random: int = 8
+    random: int = ModelDefaults.sketch_rows
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -33,20 +34,17 @@ class SketchConfig:
         return self.leading + self.random
 
 
-END_TO_END_SKETCH = SketchConfig(random=32)
-"""Five layers of ReLU are less alike: with 8 the leverages' Spearman correlation is below 0.95; leading rows mend less."""
-
-
 @dataclass(frozen=True)
 class NetworkConfig:
     """What is peculiar to networks; a model has a form of its own, so that that of `ScoringConfig` says nothing.
 
     Attributes:
         draws: backward passes per transition that stand for the Gauss-Newton matrix (METHOD 1.5), all but one along its
-            strongest directions (`leading_slopes`); an end-to-end model and the polytope alone are taken exactly.
+            strongest directions (`leading_slopes`); a model without impulses to solve for, and explicit parameters alone, are
+            taken exactly.
         seed: of the draws.
         sketch: how large gradients are kept.
-        physical_only: whether only the parameters of a deep model's polytope count.
+        physical_only: whether only the parameters outside the networks count, of a deep model those of its polytope.
     """
 
     draws: int = 6
@@ -60,6 +58,12 @@ class NetworkConfig:
                 raise InvalidValueError(f"network.{name}", getattr(self, name), f"at least {least}")
 
 
-def network_config_for(kind: ModelKind) -> NetworkConfig:
-    """What is used for a model where nothing else is said: a sketch that meets METHOD 6, check 15, for it."""
-    return NetworkConfig(sketch=END_TO_END_SKETCH if kind is ModelKind.END_TO_END else SketchConfig())
+def network_config_for(model: str) -> NetworkConfig:
+    """What is used for a model where nothing else is said: a sketch that meets METHOD 6, check 15, for it.
+
+    Raises:
+        InvalidValueError: there is no such model.
+    """
+    if model_entry(model).is_geometry:
+        return NetworkConfig()
+    return NetworkConfig(sketch=SketchConfig(random=model_class(model).defaults.sketch_rows))

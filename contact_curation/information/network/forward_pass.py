@@ -1,16 +1,26 @@
-"""One forward pass of a network model over transitions, and what one backward pass makes of it (METHOD 1.4, 1.5, 2.7).
+"""One forward pass of a model over transitions, and what one backward pass makes of it (METHOD 1.4, 1.5, 2.7).
 
-Whatever the estimator, a score is a backward pass from some slopes by what the model says of a transition (its contacts, or the
-velocity that it misses) to the slopes by every layer's outputs, and no gradient by a weight is ever formed:
+Whatever the estimator, a score is a backward pass from some slopes by the model's outputs for a transition (its contacts, or
+the velocity that it misses) to the slopes by every layer's outputs, and no gradient by a weight is ever formed:
 
     empirical      g = -1/2 dL/dtheta                                      from the loss L at impulses that stay fixed
     Gauss-Newton   g = d(r . rtilde)/dtheta, rtilde = P xi, xi ~ N(0, I)   from its residuals r, |r|^2 = L; E[g g^T] = F
 
 For an end-to-end model r is the missed velocity itself and there is no impulse to take out: its information is that of the
 squared loss, whatever it is trained on, and r's six components give the Gauss-Newton matrix exactly.
+
+For all others that matrix is a sum over many residuals, sum_j s_j s_j^T, s_j the slopes of one of them by the outputs. A few
+backward passes stand for many (`leading_slopes`): for any orthonormal columns Q in the space of the residuals and a vector e of
+random signs,
+
+    sum_q (S^T q)(S^T q)^T + (S^T e')(S^T e')^T,   e' = (I - Q Q^T) e
+
+has that sum as its mean, and only what Q misses is noisy. A few steps of subspace iteration find a Q that misses little (as in
+Hutch++: Meyer, Musco, Musco, Woodruff 2021).
 """
 
 import copy
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,31 +29,27 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from contact_curation.contact.loss_config import LossConfig
-from contact_curation.contact.models.deep import DeepModel
-from contact_curation.contact.models.deepvertex import DeepvertexModel
-from contact_curation.contact.models.end_to_end import EndToEndModel
-from contact_curation.contact.models.model import Rows
-from contact_curation.contact.models.stream_network import LayerTrace, StreamNetwork
+from contact_curation.contact.models.model import Model, Rows
+from contact_curation.contact.models.stream_network import LayerTrace
 from contact_curation.contact.torch_contacts import Contacts, Frames
-from contact_curation.contact.torch_fisher import free_directions
-from contact_curation.contact.torch_loss import cone_problems, residuals, solve_contacts
+from contact_curation.contact.torch_loss import cone_problems, residuals
 from contact_curation.geometry.quaternions import Array
-from contact_curation.solver.certificate import objectives
+from contact_curation.solver.certificate import free_directions, objectives
 from contact_curation.solver.cone_problem import SolveStatus
 
-type NetworkModel = DeepModel | DeepvertexModel | EndToEndModel
-"""The models whose parameters are weights of networks."""
-
 Slopes = tuple[Tensor, ...]
-"""Of one number per transition, by each of the things that a model says: its outputs, or its layers'."""
+"""Of one number per transition, by each of a model's outputs, or of its layers'."""
+
+ITERATIONS = 2
+"""Of the subspace iteration; each multiplies what is weak by the square of its share."""
 
 
 @dataclass(frozen=True, eq=False)
 class ForwardPass:
-    """What a model says of B transitions.
+    """A model's outputs for B transitions.
 
     Attributes:
-        frames: what was measured.
+        rows, frames: what was measured.
         tape: every layer's streams.
         outputs: contacts, or the missed velocities (B, 6); in the graph that leads back to the tape.
         losses: (B,) NaN where not solved.
@@ -53,6 +59,7 @@ class ForwardPass:
         config: weights of the loss, and its cone.
     """
 
+    rows: Rows
     frames: Frames
     tape: tuple[LayerTrace, ...]
     outputs: tuple[Tensor, ...]
@@ -122,38 +129,30 @@ class ForwardPass:
         return free
 
 
-def frozen_copy(model: NetworkModel) -> NetworkModel:
+def frozen_copy(model: Model) -> Model:
     """A model of its own whose backward pass stops at the layers' outputs, without any gradient by a weight."""
     own = copy.deepcopy(model).requires_grad_(False)
-    for module in own.modules():
-        if isinstance(module, StreamNetwork):
-            module.linear[0].bias.requires_grad_()  # without it there would be no graph
+    for network in own.networks.values():
+        network.linear[0].bias.requires_grad_()  # without it there would be no graph
     return own
 
 
-def said_of(model: NetworkModel, rows: Rows, tape: list[LayerTrace]) -> tuple[Tensor, ...]:
-    """What a `frozen_copy` says of B transitions: contacts, or missed velocities (B, 6); the tape takes its layers."""
-    if isinstance(model, EndToEndModel):
-        return (model.missed_velocities(rows, tape),)
-    return model.contacts(Frames.of(model.body, *rows), tape)
-
-
-def forward_pass(model: NetworkModel, rows: Rows, config: LossConfig) -> ForwardPass:
+def forward_pass(model: Model, rows: Rows, config: LossConfig) -> ForwardPass:
     """The forward pass of a `frozen_copy` over B transitions."""
     tape: list[LayerTrace] = []
-    frames, said = Frames.of(model.body, *rows), said_of(model, rows, tape)
-    known = tuple(value.detach() for value in said)
-    if isinstance(model, EndToEndModel):
+    frames, outputs = Frames.of(model.body, *rows), model.outputs(rows, tape)
+    known = tuple(value.detach() for value in outputs)
+    solutions = model.solve(known, frames, config)
+    if solutions is None:
         losses = known[0].square().sum(dim=1).numpy()
         solved = np.isfinite(losses)
-        return ForwardPass(frames, tuple(tape), said, losses, solved, np.where(solved, 0.0, np.inf), None, config)
+        return ForwardPass(rows, frames, tuple(tape), outputs, losses, solved, np.where(solved, 0.0, np.inf), None, config)
     contacts = Contacts(*known)
-    solutions = solve_contacts(contacts, frames, config)
     solved = solutions.status == SolveStatus.SOLVED
     impulses = torch.as_tensor(np.where(solved[:, None, None], solutions.impulses, 0.0))
     squares = contact_residuals(contacts, frames, impulses, config).square().sum(dim=1).numpy()
     losses = np.where(solved, squares, np.nan)
-    return ForwardPass(frames, tuple(tape), said, losses, solved, solutions.residuals, impulses, config)
+    return ForwardPass(rows, frames, tuple(tape), outputs, losses, solved, solutions.residuals, impulses, config)
 
 
 def contact_residuals(contacts: Contacts, frames: Frames, impulses: Tensor, config: LossConfig) -> Tensor:
@@ -179,3 +178,27 @@ def residuals_by_impulses(contacts: Contacts, frames: Frames, impulses: Tensor, 
     pressing = torch.einsum("bk,bka,baji->bkji", touching, jacobians[:, :, 0], change)
     sideways, against = (apart[:, part].transpose(1, 2).flatten(1, 2) for part in (slice(1, 3), slice(3, 5)))
     return torch.cat([weights.match**0.5 * change, apart[:, 0], sideways, against, pressing], dim=1)
+
+
+def leading_slopes(slopes: Slopes, count: int, weights: Sequence[float], rng: np.random.Generator) -> Slopes:
+    """Slopes (count, B, ...) whose outer products have those of slopes (m, B, ...) as their mean, for each of B transitions.
+
+    Args:
+        slopes: by each of a model's outputs.
+        count: at least 1.
+        weights: how far theta moves each output: what is strong is judged by it, and nothing but noise depends on it.
+        rng: where the signs come from.
+    """
+    rows = torch.cat([slope.flatten(2) for slope in slopes], dim=2).transpose(0, 1)  # (B, m, C)
+    batch, residuals, _ = rows.shape
+    if count >= residuals:
+        return slopes
+    sizes = [slope[0, 0].numel() for slope in slopes]
+    weighted = rows * torch.as_tensor(np.repeat(weights, sizes))
+    rest = torch.as_tensor(rng.choice([-1.0, 1.0], (batch, residuals, 1)))
+    basis = torch.as_tensor(rng.standard_normal((batch, residuals, count - 1)))
+    for _ in range(ITERATIONS if count > 1 else 0):
+        basis = torch.linalg.qr(weighted @ (weighted.mT @ basis))[0]
+    directions = torch.cat([basis, rest - basis @ (basis.mT @ rest)], dim=2)
+    made = torch.split((directions.mT @ rows).transpose(0, 1), sizes, dim=2)
+    return tuple(part.reshape(count, *slope.shape[1:]) for part, slope in zip(made, slopes, strict=True))

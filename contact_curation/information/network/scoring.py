@@ -1,39 +1,45 @@
-"""A toss becomes information about a network: traces exactly, everything else through a sketch (METHOD 2.7).
+"""A toss becomes information about a model with networks: traces exactly, everything else through a sketch (METHOD 2.7).
 
 One forward pass over a toss and a backward pass per score give, without any gradient by a weight: per block the trace of the
 Fisher sum, by ghost norms; per transition a sketched gradient, from which the factor comes; and the toss's own score, where a
-folder takes it. The polytope inside a deep model has exact columns of its own before the sketched ones, or is all there is.
+folder takes it. Parameters outside the networks, such as those of the polytope inside a deep model, have exact columns of their
+own before the sketched ones, or are all there is.
 
 Tosses are taken one at a time, and random directions are drawn by toss id, so that no digit depends on the company.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from hashlib import sha256
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import scipy.linalg
 import torch
 
 from contact_curation.contact.evaluation import Estimator
-from contact_curation.contact.models.deep import DeepModel
-from contact_curation.contact.models.end_to_end import EndToEndModel
-from contact_curation.contact.models.model import Rows
-from contact_curation.contact.models.stream_network import StreamNetwork
+from contact_curation.contact.models.explicit_parameters import ExplicitParameters
+from contact_curation.contact.models.model import Model, Rows, setting
+from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.factors import Compression, Factor, factor_of_fisher
 from contact_curation.information.model_version import model_version
 from contact_curation.information.network.config import NetworkConfig, network_config_for
-from contact_curation.information.network.forward_pass import ForwardPass, NetworkModel, Slopes, forward_pass, frozen_copy
-from contact_curation.information.network.ghost_norms import ghost_norms, summed_gradient
-from contact_curation.information.network.leading_slopes import leading_slopes
-from contact_curation.information.network.physical_scores import PhysicalScores
-from contact_curation.information.network.row_factors import factor_of_rows
+from contact_curation.information.network.forward_pass import (
+    ForwardPass,
+    Slopes,
+    forward_pass,
+    frozen_copy,
+    leading_slopes,
+)
 from contact_curation.information.network.score_folder import ScoreFolder
-from contact_curation.information.network.sketch import NetworkSketch, network_sketch
+from contact_curation.information.network.sketch import NetworkSketch, ghost_norms, network_sketch, summed_gradient
+from contact_curation.information.recentring import sheared
 from contact_curation.information.record import ParameterBlock, TossInformation
-from contact_curation.information.scoring import STORED, NotScored, ScoringConfig
+from contact_curation.information.scoring import STORED, NotScored, Scorer, ScoringConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 
@@ -49,7 +55,7 @@ class _Scores(NamedTuple):
 
 
 class NetworkScorer:
-    """Scores tosses of one body at one theta of a network; holds nothing but its arguments and what follows from them.
+    """Scores tosses of one body at one theta of a model in torch; holds nothing but its arguments and what follows from them.
 
     Args:
         model: is copied, and may go on learning.
@@ -58,30 +64,31 @@ class NetworkScorer:
         folder: takes each toss's exact score by the networks' weights, under the toss's digest.
 
     Raises:
-        InvalidValueError: weights that are not finite, or the polytope alone is wanted of a model that has none to learn.
+        InvalidValueError: weights that are not finite, or the explicit parameters alone are wanted of a model that has none.
     """
 
     def __init__(
         self,
-        model: NetworkModel,
+        model: Model,
         config: ScoringConfig,
         network: NetworkConfig | None = None,
         folder: ScoreFolder | None = None,
     ) -> None:
         if not all(bool(torch.isfinite(value).all()) for value in model.parameters()):
-            raise InvalidValueError(f"parameters of {model.kind.value}", "a value that is not finite", "finite numbers")
+            raise InvalidValueError(f"parameters of {model.kind}", "a value that is not finite", "finite numbers")
         self.model, self.config, self.network = frozen_copy(model), config, network or network_config_for(model.kind)
         self.version = model_version(model)
         self._folder = folder
-        self._physical = PhysicalScores.of(model.polytope) if isinstance(model, DeepModel) else None
-        if self.network.physical_only and self._physical is None:
-            raise InvalidValueError("physical block of model", model.kind.value, "deep, the only network with one")
-        self._layers = _layers_of_networks(self.model)
+        self._explicit = self.model.explicit_parameters()
+        if self.network.physical_only and self._explicit is None:
+            expected = "a model with parameters outside its networks, such as deep"
+            raise InvalidValueError("physical block of model", model.kind, expected)
+        self._layers = {name: len(network.linear) for name, network in self.model.networks.items()}
 
     @cached_property
     def blocks(self) -> tuple[ParameterBlock, ...]:
-        """The polytope's, then a sketched one per network."""
-        own = () if self._physical is None else self._physical.blocks
+        """The explicit parameters', then a sketched one per network."""
+        own = () if self._explicit is None else explicit_blocks(self._explicit)
         if self._sketch is None:
             return own
         return (*own, *_network_blocks(self._sketch, self._layers, own[-1].stop if own else 0))
@@ -120,7 +127,7 @@ class NetworkScorer:
         return TossInformation(
             toss_id=toss.toss_id,
             body=toss.body,
-            model=self.model.kind.value,
+            model=self.model.kind,
             parameters_version=self.version,
             estimator=self.config.estimator.value,
             influence_bound=self.config.influence_bound,
@@ -133,7 +140,7 @@ class NetworkScorer:
             score_sum=scores.rows.sum(axis=0),
             factor=factor.rows.astype(STORED),
             centroid=centroid,
-            tilt_axes=np.zeros((0, 3)) if self._physical is None else self._physical.form.tilt_axes,
+            tilt_axes=np.zeros((0, 3)) if self._explicit is None else self._explicit.tilt_axes,
         )
 
     def _influence(self, found: ForwardPass) -> Array:
@@ -146,18 +153,18 @@ class NetworkScorer:
         """Slopes (n, B, ...) whose outer products sum to the Gauss-Newton matrix, or do so on average."""
         units = torch.eye(found.directions_size, dtype=torch.float64)[:, None].expand(-1, len(found.losses), -1)
         slopes = found.profile_slopes(units, influence)
-        if self.network.physical_only or isinstance(self.model, EndToEndModel):
+        if self._sketch is None or found.impulses is None:
             return slopes
         digest = sha256(f"{self.network.seed}/{toss_id}".encode()).digest()
         rng = np.random.default_rng(int.from_bytes(digest[:16]))
         return leading_slopes(slopes, self.network.draws, OUTPUT_WEIGHTS, rng)
 
     def _scores(self, found: ForwardPass, slopes: Slopes, centroid: Array, keep_as: str | None = None) -> _Scores:
-        """Scores from slopes (n, B, ...) by what the model says; the networks' sum goes to the folder as `keep_as`."""
+        """Scores from slopes (n, B, ...) by the model's outputs; the networks' sum goes to the folder as `keep_as`."""
         parts = []
-        if self._physical is not None:
-            own = self._physical.rows(found.frames, slopes, centroid).reshape(-1, self._physical.form.size)
-            traces = [float(np.square(own[:, block.start : block.stop]).sum()) for block in self._physical.blocks]
+        if self._explicit is not None:
+            own = explicit_scores(self._explicit, found, slopes, centroid).reshape(-1, self._explicit.size)
+            traces = [float(np.square(own[:, block.start : block.stop]).sum()) for block in explicit_blocks(self._explicit)]
             parts.append(_Scores(own, np.array(traces)))
         if self._sketch is not None:
             each = [self._network_scores(self._sketch, found, one, keep_as) for one in zip(*slopes, strict=True)]
@@ -176,15 +183,59 @@ class NetworkScorer:
 
     @cached_property
     def _sketch(self) -> NetworkSketch | None:
-        return None if self.network.physical_only else network_sketch(self.model, self.network.sketch)
+        none = self.network.physical_only or not self._layers
+        return None if none else network_sketch(self.model, self.network.sketch)
 
 
-def _layers_of_networks(model: NetworkModel) -> dict[str, int]:
-    """How many layers each network of a model puts on a tape, in the order of the tape."""
-    return {name: len(module.linear) for name, module in model.named_children() if isinstance(module, StreamNetwork)}
+def scorer_of(
+    model: Model, config: ScoringConfig, network: NetworkConfig | None = None, folder: ScoreFolder | None = None
+) -> Scorer | NetworkScorer:
+    """What scores tosses for a model: the kernel where theta is a polytope, in its own form, and torch elsewhere.
+
+    Args:
+        model: any.
+        config: how; a polytope's own form counts.
+        network, folder: as in `NetworkScorer`.
+    """
+    geometry = model.geometry()
+    if geometry is None:
+        return NetworkScorer(model, config, network, folder)
+    return Scorer(geometry, model.body, replace(config, form=setting(model.settings(), "form", Form)))
+
+
+def explicit_blocks(explicit: ExplicitParameters) -> tuple[ParameterBlock, ...]:
+    """The runs of the explicit parameters, the first columns of a record."""
+    edges = np.cumsum([0, *(block.size for block in explicit.blocks)]).tolist()
+    return tuple(ParameterBlock(block.name, *span) for block, span in zip(explicit.blocks, pairwise(edges)))
+
+
+def explicit_scores(explicit: ExplicitParameters, found: ForwardPass, slopes: Slopes, centroid: Array) -> Array:
+    """Scores (n, B, P) by the explicit parameters, the ground's tilt taken about `centroid` (3,)."""
+    rows, axes = explicit.scores(found.rows, found.frames, slopes), explicit.tilt_axes
+    return sheared(rows, explicit_blocks(explicit), axes @ (centroid - explicit.pivot)) if axes.size else rows
 
 
 def _network_blocks(sketch: NetworkSketch, layers: dict[str, int], start: int) -> tuple[ParameterBlock, ...]:
     columns = np.cumsum([start, *(layer.columns for layer in sketch.layers)]).tolist()
     edges = np.cumsum([0, *layers.values()]).tolist()
     return tuple(ParameterBlock(name, columns[first], columns[last]) for name, (first, last) in zip(layers, pairwise(edges)))
+
+
+def factor_of_rows(rows: Array, compression: Compression) -> Factor:
+    """The smallest factor of F = G^T G from rows G (N, P), scores in many columns, without forming F; see `factors.Factor`.
+
+    G G^T and F have the same non-zero eigenvalues, and with G G^T = U diag(lambda) U^T the rows U^T G are those of `factors`:
+    orthogonal, strongest first, of length sqrt(lambda).
+    """
+    count, columns = rows.shape
+    if count >= columns:
+        return factor_of_fisher(rows.T @ rows, compression)
+    gram = rows @ rows.T
+    first = max(count - compression.max_rows, 0)
+    values, vectors = scipy.linalg.eigh(gram, subset_by_index=(first, count - 1)) if count else (np.zeros(0), gram)
+    kept = values > compression.cut * max(float(values.max(initial=0.0)), 0.0)
+    found = (vectors[:, kept].T @ rows)[::-1]
+    strongest = found[np.arange(len(found)), np.abs(found).argmax(axis=1)] if len(found) else np.zeros(0)
+    found = found * np.where(strongest < 0.0, -1.0, 1.0)[:, None]
+    total = float(np.trace(gram))
+    return Factor(np.ascontiguousarray(found), float(values[kept].sum()) / total if total > 0.0 else 1.0)

@@ -1,4 +1,12 @@
-"""A gradient by a network's weights in a few hundred numbers, so that inner products are nearly those of the gradients.
+"""Gradients by a network's weights, a transition each, of which not a single one is formed (METHOD 2.7).
+
+A linear layer that sees streams a_r and whose outputs have slopes delta_r has, for one transition, the gradient
+dW = sum_r delta_r a_r^T by its weights and db = sum of the primal delta_r by its biases. Their lengths are exact:
+
+    |dW|^2 = sum_rs (delta_r . delta_s)(a_r . a_s)        |db|^2 = sum_rs (delta_r . delta_s) over primal r, s
+
+which takes R^2 (D + H) operations instead of the D H numbers of dW (Goodfellow 2015, with streams in place of a sequence). A
+sketch holds a gradient in a few hundred numbers, so that inner products are nearly those of the gradients.
 
 Each layer's gradient sum_r delta_r a_r^T is projected from both sides, sum_r (P_o delta_r)(P_i a_r)^T, which never forms it
 (LoGra, Choe et al. 2024). Random projections alone are too rough at this size, since what a Kronecker product of two of rank R
@@ -20,14 +28,11 @@ import torch
 from torch import Tensor
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.models.deep import DeepModel
-from contact_curation.contact.models.end_to_end import EndToEndModel
-from contact_curation.contact.models.model import Rows
+from contact_curation.contact.models.model import Model, Rows
 from contact_curation.contact.models.stream_network import LayerTrace
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.network.config import SketchConfig
-from contact_curation.information.network.forward_pass import NetworkModel, said_of
 
 REFERENCE_POSES = 256
 REFERENCE_PERIOD = 1.0 / 150.0
@@ -35,6 +40,23 @@ REFERENCE_PERIOD = 1.0 / 150.0
 
 SPREAD = 2.0
 """Of the reference's places on the board, in outer radii of the body (standard deviation)."""
+
+
+def ghost_norms(trace: LayerTrace, deltas: Tensor) -> Tensor:
+    """Squared lengths (B,) of the gradients by a layer's weights and biases, from slopes (B, S + R, H) by its outputs."""
+    inputs = trace.inputs.detach()
+    alike = inputs @ inputs.mT  # (B, S + R, S + R)
+    alike[:, : trace.primal, : trace.primal] += 1.0  # the bias, as one more input that is 1 for primal streams
+    return (alike * (deltas @ deltas.mT)).sum(dim=(1, 2))
+
+
+def summed_gradient(tape: Sequence[LayerTrace], deltas: Sequence[Tensor]) -> Tensor:
+    """(P,) the gradients of all layers summed over the transitions: weights and biases of each, in the order of the tape."""
+    parts = []
+    for trace, slopes in zip(tape, deltas, strict=True):
+        parts.append((slopes.flatten(0, 1).mT @ trace.inputs.detach().flatten(0, 1)).flatten())
+        parts.append(slopes[:, : trace.primal].sum(dim=(0, 1)))
+    return torch.cat(parts)
 
 
 class LayerSketch(NamedTuple):
@@ -71,13 +93,13 @@ class NetworkSketch:
         return torch.cat([layer.rows(trace, slopes) for layer, trace, slopes in each], dim=1)
 
 
-def network_sketch(model: NetworkModel, config: SketchConfig) -> NetworkSketch:
-    """The sketch of a model (`network_pass.frozen_copy`) at its theta."""
+def network_sketch(model: Model, config: SketchConfig) -> NetworkSketch:
+    """The sketch of a model (`forward_pass.frozen_copy`) at its theta."""
     rng = np.random.default_rng(config.seed)
     tape: list[LayerTrace] = []
-    said = said_of(model, reference_rows(model.body, _place(model), rng), tape)
-    slopes = [torch.as_tensor(rng.standard_normal(tuple(value.shape))) for value in said]
-    deltas = torch.autograd.grad(said, [trace.outputs for trace in tape], slopes)
+    outputs = model.outputs(reference_rows(model.body, model.place(), rng), tape)
+    slopes = [torch.as_tensor(rng.standard_normal(tuple(value.shape))) for value in outputs]
+    deltas = torch.autograd.grad(outputs, [trace.outputs for trace in tape], slopes)
     return NetworkSketch(tuple(_layer_sketch(*pair, config, rng) for pair in zip(tape, deltas, strict=True)))
 
 
@@ -95,15 +117,6 @@ def reference_rows(body: Body, place: Array, rng: np.random.Generator) -> Rows:
     after[:, :3] += REFERENCE_PERIOD * before[:, 7:10]
     after[:, 3:7] = quaternions.multiply(before[:, 3:7], quaternions.exp(REFERENCE_PERIOD * before[:, 10:]))
     return Rows(before, after, np.full(count, REFERENCE_PERIOD))
-
-
-def _place(model: NetworkModel) -> Array:
-    """The point (3,) of the board about which a model was trained, as far as it knows."""
-    if isinstance(model, DeepModel):
-        return model.polytope.geometry().pivot
-    if isinstance(model, EndToEndModel):
-        return np.array([*model.scaling.mean[:2].tolist(), 0.0])
-    return np.zeros(3)
 
 
 def _layer_sketch(trace: LayerTrace, deltas: Tensor, config: SketchConfig, rng: np.random.Generator) -> LayerSketch:

@@ -9,9 +9,10 @@ import numpy as np
 import torch
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.models.registry import tensors_of
+from contact_curation.contact.evaluation import Cone
+from contact_curation.contact.loss_config import LossConfig
+from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.learning.checkpoints.config_document import config_of, document_of
 from contact_curation.learning.checkpoints.safetensors_bytes import Packed, pack, unpack
 from contact_curation.learning.checkpoints.stored_model import (
     BEST,
@@ -22,10 +23,9 @@ from contact_curation.learning.checkpoints.stored_model import (
     named,
     named_back,
 )
-from contact_curation.learning.training.early_stop import EarlyStop
-from contact_curation.learning.training.memory import Counters, TrainingMemory
-from contact_curation.learning.training.progress import Evaluated, TrainingState
-from contact_curation.learning.training.protocols import TrainingConfig
+from contact_curation.learning.training.objective import InfluenceBound, InfluenceShape
+from contact_curation.learning.training.progress import Counters, EarlyStop, Evaluated, TrainingMemory, TrainingState
+from contact_curation.learning.training.protocols import AdamWConfig, Patience, Schedule, TrainingConfig
 from contact_curation.learning.training.training import Training
 from contact_curation.motion.transitions import Transitions
 
@@ -44,11 +44,11 @@ def checkpoint_bytes(training: Training, notes: dict[str, str] | None = None) ->
     memory = training.memory
     best = {} if memory.best_tensors is None else memory.best_tensors
     moments = {name: value.numpy() for name, value in memory.moments.items()}
-    arrays = {**named(LAST, tensors_of(training.model)), **named(BEST, best), **named(MOMENTS, moments), ORDER: memory.order}
+    arrays = {**named(LAST, training.model.tensors()), **named(BEST, best), **named(MOMENTS, moments), ORDER: memory.order}
     arrays |= named(ORIGIN, memory.origin or {})
     documents = {
         "model": description(training.model),
-        "training": {"config": document_of(training.config), **_document_of(memory)},
+        "training": {"config": document_of(training.config), **_memory_document(memory)},
         "notes": notes or {},
     }
     return pack(arrays, documents)
@@ -81,7 +81,33 @@ def training_of_bytes(
     return Training.resumed(model, transitions, held_out, config, memory)
 
 
-def _document_of(memory: TrainingMemory) -> dict[str, Any]:
+def document_of(config: TrainingConfig) -> dict[str, Any]:
+    """A protocol as JSON takes it: enumerations are strings already."""
+    return asdict(config)
+
+
+def config_of(document: dict[str, Any]) -> TrainingConfig:
+    """The inverse of `document_of`; every record checks its own values.
+
+    Raises:
+        KeyError, TypeError, ValueError, InvalidValueError: a document of another form.
+    """
+    patience, influence, loss = document["patience"], document["influence"], document["loss"]
+    return TrainingConfig(
+        **{
+            **document,
+            "form": Form(document["form"]),
+            "polytope": AdamWConfig(**document["polytope"]),
+            "network": AdamWConfig(**document["network"]),
+            "schedule": Schedule(document["schedule"]),
+            "patience": None if patience is None else Patience(**patience),
+            "influence": InfluenceBound(**{**influence, "shape": InfluenceShape(influence["shape"])}),
+            "loss": LossConfig(**{**loss, "cone": Cone(loss["cone"])}),
+        }
+    )
+
+
+def _memory_document(memory: TrainingMemory) -> dict[str, Any]:
     """JSON has no numbers that are not finite: they are null."""
     return {
         "counters": asdict(memory.counters),

@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import Model
-from contact_curation.contact.models.registry import model_of_tensors, tensors_of
+from contact_curation.contact.models.registry import model_class
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.checkpoints.safetensors_bytes import Packed, pack, unpack
@@ -28,7 +27,7 @@ def model_bytes(model: Model, notes: dict[str, str] | None = None) -> bytes:
         model: of any kind.
         notes: whatever else the reader should know.
     """
-    return pack(named(LAST, tensors_of(model)), {"model": description(model), "notes": notes or {}})
+    return pack(named(LAST, model.tensors()), {"model": description(model), "notes": notes or {}})
 
 
 def model_of_bytes(data: bytes, source: Path | str, body: Body | None = None, last: bool = False) -> Model:
@@ -59,10 +58,10 @@ def model_of_packed(packed: Packed, source: Path | str, body: Body | None, last:
     tensors = named_back(LAST, packed.arrays) if last else named_back(BEST, packed.arrays) or named_back(LAST, packed.arrays)
     try:
         told = packed.documents["model"]
-        kind, settings = ModelKind(told["kind"]), {str(name): str(value) for name, value in told["settings"].items()}
+        kind, settings = model_class(told["kind"]), {str(name): str(value) for name, value in told["settings"].items()}
         own = Body.from_mapping(told["body"])
         _check_body(own, body, source)
-        return model_of_tensors(kind, settings, tensors, body or own)
+        return kind.of_tensors(settings, tensors, body or own)
     except MALFORMED as error:
         raise UnreadableInputError(source, f"holds no model ({type(error).__name__}: {error})") from error
 
@@ -72,7 +71,7 @@ def description(model: Model) -> dict[str, object]:
     body = model.body
     constants = {name: float(getattr(body, name)) for name in ("mass", "friction", "length_scale", "gravity")}
     arrays = {"vertices": body.vertices.tolist(), "inertia": body.inertia.tolist()}
-    return {"kind": model.kind.value, "settings": model.settings(), "body": {"name": body.name, **constants, **arrays}}
+    return {"kind": model.kind, "settings": model.settings(), "body": {"name": body.name, **constants, **arrays}}
 
 
 def named(prefix: str, arrays: dict[str, Array]) -> dict[str, NDArray[Any]]:

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.models.model import Model, Rows
-from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.contact.models.rollout import roll_out_model
 from contact_curation.contact.rollout import Rollout
 from contact_curation.contact.time_step import DEFAULT_LIMITS, StepStatus, SweepLimits
 from contact_curation.errors import InvalidValueError
@@ -129,7 +127,7 @@ def predicted_motions(model: Model, tosses: Sequence[Toss], config: EvaluationCo
     states = [states_of(toss, model.body.length_scale) for toss in tosses]
     counts = np.array([len(each) for each in states])
     periods = np.array([toss.frame_period for toss in tosses])
-    rolled = roll_out_model(model, np.stack([each[0] for each in states]), counts, periods, config.sweeps, config.threads)
+    rolled = model.roll_out(np.stack([each[0] for each in states]), counts, periods, config.sweeps, config.threads)
     measured = np.concatenate(states)
     return PredictedMotions(rolled, measured, motion_errors(rolled.states, measured, rolled.starts, model.body))
 
@@ -174,10 +172,10 @@ def transition_losses(model: Model, rows: Rows, config: LossConfig) -> tuple[Arr
 
 
 def shape_errors(model: Model) -> ShapeErrors | None:
-    """What a model's vertices and friction are off by; None for a model that has no fixed ones, as all networks."""
-    if not isinstance(model, PolytopeModel):
-        return None
+    """What a model's vertices and friction are off by; None for a model that is no polytope."""
     geometry, body = model.geometry(), model.body
+    if geometry is None:
+        return None
     off = float(np.sqrt(np.square(geometry.vertices_normal - body.scaled_vertices).sum(axis=1).mean()))
     # A contact pushes with n l_n + T^T l_t, |l_t| <= l_n: friction is |T| / |n|, the geometric mean where directions differ.
     friction = float(np.sqrt(np.linalg.svd(geometry.tangents, compute_uv=False).prod()) / np.linalg.norm(geometry.normal))

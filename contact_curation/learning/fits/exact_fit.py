@@ -1,6 +1,6 @@
 """The exact protocol of a polytope: the optimum of its data at once, where gradient steps only go towards it.
 
-Every fit begins at theta_0, which also holds what no toss measures (learning/experiment_fit.py), over a level ground at the
+Every fit begins at theta_0, which also holds what no toss measures (learning/fits/held_fit.py), over a level ground at the
 board's zero. So theta follows from theta_0 and the data alone, and not from how training came there; and a fit that is killed
 is made again with the same digits.
 
@@ -51,10 +51,10 @@ def theta_0(model: Model) -> PolytopeModel:
     Raises:
         InvalidValueError: it is no polytope in the physical form.
     """
-    if not isinstance(model, PolytopeModel) or model.form is not Form.PHYSICAL:
-        form = f" in the {model.form} form" if isinstance(model, PolytopeModel) else ""
-        raise InvalidValueError("model to train exactly", f"a {model.kind.value}{form}", "a polytope in the physical form")
-    geometry = model.geometry()
+    geometry, form = model.geometry(), model.settings().get("form")
+    if geometry is None or form != Form.PHYSICAL:
+        found = model.kind if geometry is None else f"{model.kind} in the {form} form"
+        raise InvalidValueError("model to train exactly", f"a {found}", "a polytope in the physical form")
     friction = float(np.linalg.norm(geometry.tangents[0]))
     level = replace(geometry, normal=UPWARD, tangents=friction * np.eye(2, 3), height=0.0)
     return PolytopeModel(level, model.body, Form.PHYSICAL)

@@ -1,7 +1,7 @@
-"""What tosses say about a polytope's theta in its physical form: per toss the loss, its score and its Fisher matrices.
+"""Sums over tosses for a polytope in its physical form: per toss the loss, the score and the Fisher matrix.
 
 Unlike the records that rank (`information.scoring`) these are whole matrices about one pivot, neither compressed nor bounded:
-from them theta is fitted, and it is said how surely it is known.
+from them theta is fitted, and its uncertainty estimated.
 """
 
 from dataclasses import dataclass

@@ -1,12 +1,23 @@
 """A training whose tosses follow theta: it learns from the best k of a pool, and those are selected again on the way."""
 
 from collections.abc import Sequence
+from functools import partial
+from itertools import batched
 
+import numpy as np
+
+from contact_curation.contact.models.model import Model
+from contact_curation.information.network.scoring import scorer_of
+from contact_curation.information.record import ParameterBlock, TossInformation
+from contact_curation.information.scoring import NotScored, ScoringConfig
 from contact_curation.learning.training.progress import Progress, TrainingState
-from contact_curation.learning.training.reranking import EXACT_SELECTIONS, Reranking, Selected
+from contact_curation.learning.training.reranking import EXACT_SELECTIONS, THETA_FREE, Reranking, Selected, TossScorer
 from contact_curation.learning.training.training import Training
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
+
+BATCH = 64
+"""Tosses scored in one call."""
 
 
 class CuratedTraining:
@@ -80,3 +91,37 @@ def kept_transitions(pool: Sequence[Toss], kept: Sequence[str], length_scale: fl
     """The transitions of the kept tosses, in the order of the pool: equal sets, equal transitions."""
     wanted = set(kept)
     return transitions_of([toss for toss in pool if toss.toss_id in wanted], length_scale)
+
+
+def toss_scorer(config: ScoringConfig, criterion: str) -> TossScorer:
+    """What a criterion needs to know of tosses."""
+    return _unscored if criterion in THETA_FREE else partial(_scored, config)
+
+
+def _scored(config: ScoringConfig, model: Model, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:
+    scorer = scorer_of(model, config)
+    return tuple(one for batch in batched(tosses, BATCH) for one in scorer.score(batch))
+
+
+def _unscored(model: Model, tosses: Sequence[Toss]) -> tuple[TossInformation, ...]:
+    """Ids and durations, for criteria that ask for nothing else: no information about the one parameter that there is."""
+    return tuple(
+        TossInformation(
+            toss_id=toss.toss_id,
+            body=toss.body,
+            model=model.kind,
+            parameters_version="none",
+            estimator="none",
+            influence_bound=np.inf,
+            blocks=(ParameterBlock("none", 0, 1),),
+            transitions=toss.frames - 1,
+            not_scored=0,
+            duration=toss.duration,
+            mean_loss=np.nan,
+            block_traces=np.zeros(1),
+            score_sum=np.zeros(1),
+            factor=np.zeros((0, 1)),
+            centroid=np.zeros(3),
+        )
+        for toss in tosses
+    )

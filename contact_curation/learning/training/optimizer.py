@@ -1,16 +1,30 @@
-"""AdamW over a model, the networks' parameters apart from the polytope's, with its moments as named tensors."""
+"""AdamW over a model, the networks' parameters apart from all others, with its moments as named tensors.
+
+At a batch of one, as ContactNets trains, nearly all of a step's time is autograd's and Python's. The kernel does whole rows of
+steps instead (`SingleSteps`): the same numbers as along the long way but for rounding, several times as fast
+(benchmarks/training_step.py). It knows every published model, those with a polytope in the published form.
+"""
 
 from collections.abc import Mapping
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.optim.adamw import adamw
 
-from contact_curation.contact.compiled.descent import Moments
+from contact_curation.contact.compiled.descent import (
+    DescentRows,
+    DescentRules,
+    DescentTask,
+    KernelDescent,
+    Moments,
+    StepPace,
+)
 from contact_curation.contact.models.model import Model
 from contact_curation.errors import InvalidValueError
-from contact_curation.learning.training.protocols import Pace, TrainingConfig
+from contact_curation.learning.training.protocols import AdamWConfig, TrainingConfig
+from contact_curation.motion.transitions import Transitions
 
 MOMENTS = ("step", "exp_avg", "exp_avg_sq")
 """What AdamW remembers of each parameter."""
@@ -20,14 +34,14 @@ BETAS, EPSILON = (0.9, 0.999), 1e-8
 
 
 class Optimizer:
-    """AdamW with a pace for each kind of parameter. It remembers its moments.
+    """AdamW with a configuration for each kind of parameter. It remembers its moments.
 
     The parameters of one kind become views of one array, which torch's function sees as a single parameter: at small batches
     its time is the number of parameters, not their size, and torch's class would take three times as long.
 
     Args:
         model: whose parameters it changes.
-        config: paces and schedule.
+        config: learning rates, weight decays and schedule.
     """
 
     def __init__(self, model: Model, config: TrainingConfig) -> None:
@@ -40,7 +54,7 @@ class Optimizer:
             ({name: value for name, value in trained.items() if id(value) in inside}, config.network),
         )
         self._config = config
-        self._blocks = [_Block(parameters, pace) for parameters, pace in kinds if parameters]
+        self._blocks = [_Block(parameters, own) for parameters, own in kinds if parameters]
 
     def minimize(self, objective: Tensor, step: int) -> bool:
         """Takes step number `step` of the budget down `objective`, if its gradient is finite; says whether it is."""
@@ -89,11 +103,11 @@ class Optimizer:
 
 
 class _Block:
-    """Parameters of one pace as views of one array, with their gradients and AdamW's moments in arrays like it."""
+    """Parameters of one kind as views of one array, with their gradients and AdamW's moments in arrays like it."""
 
-    def __init__(self, parameters: Mapping[str, torch.nn.Parameter], pace: Pace) -> None:
+    def __init__(self, parameters: Mapping[str, torch.nn.Parameter], config: AdamWConfig) -> None:
         self.parameters = dict(parameters)
-        self._pace = pace
+        self._config = config
         self._flat = torch.cat([value.detach().flatten() for value in parameters.values()])
         self.gradient = torch.zeros_like(self._flat)
         self.step = torch.zeros(())
@@ -115,12 +129,12 @@ class _Block:
         return {name: Moments(theta[name], first[name], second[name]) for name in self.parameters}
 
     def descend(self, share: float) -> None:
-        """One step at this share of the pace."""
+        """One step at this share of the learning rate."""
         adamw(
             [self._flat], [self.gradient], [self._first], [self._second], [], [self.step],
             foreach=False, fused=True, amsgrad=False, maximize=False,
-            beta1=BETAS[0], beta2=BETAS[1], eps=EPSILON, lr=share * self._pace.learning_rate,
-            weight_decay=self._pace.weight_decay,
+            beta1=BETAS[0], beta2=BETAS[1], eps=EPSILON, lr=share * self._config.learning_rate,
+            weight_decay=self._config.weight_decay,
         )  # fmt: skip
 
     def moments(self) -> dict[str, Tensor]:
@@ -159,3 +173,47 @@ class _Block:
 
 def _keys(name: str) -> list[str]:
     return [f"{name}/{moment}" for moment in MOMENTS]
+
+
+class SingleSteps:
+    """Gradient steps of one transition each of one training, in the kernel; made by `of`.
+
+    Args:
+        descent: takes them.
+        config: the protocol, with batches of one.
+        optimizer: whose steps they are.
+    """
+
+    def __init__(self, descent: KernelDescent, config: TrainingConfig, optimizer: Optimizer) -> None:
+        self._descent, self._config, self._optimizer = descent, config, optimizer
+
+    @staticmethod
+    def of(model: Model, data: Transitions, config: TrainingConfig, optimizer: Optimizer) -> "SingleSteps | None":
+        """Such steps, where they are what a training does.
+
+        Args:
+            model: its parameters are the optimizer's.
+            data: what it learns from (`data.checked`).
+            config: the protocol.
+            optimizer: whose steps they are.
+        """
+        alone = config.batch == 1 and not config.exact
+        if not (alone and all(value.requires_grad for value in model.parameters())):
+            return None
+        rows = DescentRows(data.before, data.after, data.dt)
+        rules = DescentRules(config.loss, config.regularizer, BETAS, EPSILON)
+        polytope, network = (StepPace(each.learning_rate, each.weight_decay) for each in (config.polytope, config.network))
+        descent = model.kernel_descent(DescentTask(optimizer.arrays(), rows, rules, polytope, network))
+        return None if descent is None else SingleSteps(descent, config, optimizer)
+
+    def take(self, rows: NDArray[np.int64], step: int, loss_sum: float) -> tuple[int, float]:
+        """Takes the steps from number `step` of the budget on down the losses of some rows, one after the other.
+
+        Returns:
+            How many: it stops before a row whose loss is not solved or not finite, or whose slope is not. And the sum of their
+            losses, added to `loss_sum` in turn.
+        """
+        shares = np.array([self._config.rate(step + k) for k in range(len(rows))])
+        taken, loss_sum = self._descent.descend(rows, shares, self._optimizer.steps, loss_sum)
+        self._optimizer.stepped(taken)
+        return taken, loss_sum

@@ -14,19 +14,16 @@ from typing import Any
 import numpy as np
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import Model
-from contact_curation.contact.models.registry import initial_model, model_of_tensors, tensors_of
+from contact_curation.contact.models.registry import model_class
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.information.scoring import ScoringConfig
-from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes, training_of_bytes
-from contact_curation.learning.checkpoints.config_document import document_of
+from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes, document_of, training_of_bytes
 from contact_curation.learning.checkpoints.selection_document import document_of_selections, selections_of
 from contact_curation.learning.checkpoints.stored_model import MALFORMED, notes_of_bytes
 from contact_curation.learning.fits.exact_fit import theta_0
-from contact_curation.learning.training.curated import CuratedTraining, kept_transitions
+from contact_curation.learning.training.curated import CuratedTraining, kept_transitions, toss_scorer
 from contact_curation.learning.training.data import rows_of
-from contact_curation.learning.training.model_scoring import toss_scorer
 from contact_curation.learning.training.protocols import TrainingConfig
 from contact_curation.learning.training.reranking import Reranking, RerankingConfig, Selected
 from contact_curation.learning.training.training import Training
@@ -42,7 +39,7 @@ class TrainingPlan:
     """A training before it begins.
 
     Attributes:
-        kind: of the model.
+        kind: name of the model.
         body: what is known of the object.
         protocol: how it is trained.
         tosses: what it may learn from, at least one.
@@ -53,7 +50,7 @@ class TrainingPlan:
         scoring: how tosses are scored for that.
     """
 
-    kind: ModelKind
+    kind: str
     body: Body
     protocol: TrainingConfig
     tosses: tuple[Toss, ...]
@@ -79,7 +76,7 @@ class TrainingPlan:
         body = {name: np.asarray(getattr(self.body, name)).tolist() for name in self.body.__dataclass_fields__}
         selection = None if self.selection is None else {**asdict(self.selection), "scoring": asdict(self.scoring)}
         return {
-            "model": self.kind.value,
+            "model": self.kind,
             "body": f"{self.body.name}, digest {_digest(body)}",
             "protocol": json.dumps(document_of(self.protocol), sort_keys=True),
             "seed": str(self.seed),
@@ -98,8 +95,8 @@ def begin(plan: TrainingPlan) -> CuratedTraining:
     """
     noise, shuffles = np.random.SeedSequence(plan.seed).generate_state(2)
     everything = transitions_of(plan.tosses, plan.length_scale)
-    model = _copy_of(plan.start) if plan.start else initial_model(
-        plan.kind, plan.body, plan.protocol.form, rows_of(everything), np.random.default_rng(noise)
+    model = plan.start.with_tensors(plan.start.tensors()) if plan.start else model_class(plan.kind).initial(
+        plan.body, plan.protocol.form, rows_of(everything), np.random.default_rng(noise)
     )  # fmt: skip
     reranking = _reranking(plan)
     first = reranking.select(theta_0(model) if plan.protocol.exact else model) if reranking else None
@@ -148,11 +145,6 @@ def _reranking(plan: TrainingPlan, last: Selected | None = None) -> Reranking | 
     return Reranking(plan.tosses, scorer, plan.selection, last)
 
 
-def _copy_of(model: Model) -> Model:
-    """Training changes a model in place."""
-    return model_of_tensors(model.kind, model.settings(), tensors_of(model), model.body)
-
-
 def _check_identity(expected: Mapping[str, str], notes: Mapping[str, str], source: Path | str) -> None:
     for name, value in expected.items():
         if name not in notes:
@@ -183,8 +175,8 @@ def _start_described(start: Model | None) -> str:
     if start is None:
         return "the published initialisation"
     body = {name: np.asarray(getattr(start.body, name)).tolist() for name in ("mass", "inertia", "length_scale")}
-    tensors = {name: value.tolist() for name, value in tensors_of(start).items()}
-    return f"a {start.kind.value}, digest {_digest([start.settings(), body, tensors])}"
+    tensors = {name: value.tolist() for name, value in start.tensors().items()}
+    return f"a {start.kind}, digest {_digest([start.settings(), body, tensors])}"
 
 
 def _digest(content: Any) -> str:

@@ -4,7 +4,7 @@ Published: one transition a step, AdamW at a small constant rate, epochs until t
 int(500 / total) + 12 of them, where total = 2 * training tosses, since half of ContactNets' tosses were for training.
 Budgeted: steps of 128 transitions at a large rate that falls to zero along a cosine, the influence of large losses bounded. A
 longer selection of tosses gets no more steps than a short one.
-Exact: no such steps, but a polytope's optimum at once (learning/exact_fit.py).
+Exact: no such steps, but a polytope's optimum at once (learning/fits/exact_fit.py).
 """
 
 import math
@@ -12,10 +12,11 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
-from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.defaults import ModelDefaults
+from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
-from contact_curation.learning.training.bounded_influence import InfluenceBound, InfluenceShape
+from contact_curation.learning.training.objective import InfluenceBound, InfluenceShape
 
 PUBLISHED_REGULARIZER = 0.3
 """Weight of the regulariser that keeps theta's scale in place (METHOD 1.2)."""
@@ -32,7 +33,7 @@ class Schedule(StrEnum):
 
 
 @dataclass(frozen=True)
-class Pace:
+class AdamWConfig:
     """AdamW for one group of parameters.
 
     Attributes:
@@ -87,7 +88,7 @@ class TrainingConfig:
         evaluation_steps: gradient steps between two evaluations; None for an evaluation after each epoch.
         patience: when to stop early; None for never. Without it, too, the last parameters count as the result, not the best.
         regularizer: weight of the model's own, that keeps theta's scale in place.
-        ground: weight of the squared height of the ground, where one is learned (learning/known_ground.py).
+        ground: weight of the squared height of the ground, where one is learned (learning/training/objective.py).
         influence: bound on the influence of large losses.
         loss: weights, cone and solver.
         exact: whether a polytope's optimum is taken at once; then form, loss and `trimmed` are all of this that counts.
@@ -96,8 +97,8 @@ class TrainingConfig:
 
     form: Form
     batch: int
-    polytope: Pace
-    network: Pace
+    polytope: AdamWConfig
+    network: AdamWConfig
     schedule: Schedule
     steps: int | None
     epochs: int | None
@@ -132,14 +133,15 @@ class TrainingConfig:
         return 0.5 * (1.0 + math.cos(math.pi * min(step / self.steps, 1.0)))
 
 
-def published(kind: ModelKind) -> TrainingConfig:
-    """ContactNets' protocol for a model (METHOD 1.12)."""
-    pace = Pace(3e-5, 1e-3) if kind is ModelKind.END_TO_END else Pace(1e-4, 1e-2)
+def published(model: str) -> TrainingConfig:
+    """ContactNets' protocol for a model by its name (METHOD 1.12)."""
+    usual = model_class(model).defaults
+    adamw = AdamWConfig(usual.published_rate, usual.published_decay)
     return TrainingConfig(
         form=Form.CONTACTNETS,
         batch=1,
-        polytope=pace,
-        network=pace,
+        polytope=adamw,
+        network=adamw,
         schedule=Schedule.CONSTANT,
         steps=None,
         epochs=PUBLISHED_EPOCHS,
@@ -148,26 +150,24 @@ def published(kind: ModelKind) -> TrainingConfig:
     )
 
 
-def budgeted(kind: ModelKind) -> TrainingConfig:
-    """Our protocol for a model (METHOD 2.1, appendix A).
+def budgeted(model: str) -> TrainingConfig:
+    """Our protocol for a model by its name (METHOD 2.1, appendix A)."""
+    return _budgeted(model_class(model).defaults)
 
-    Networks on top of a polytope learn slowly beside it: what it can explain, it shall. End to end, the loss is a norm, whose
-    slope is bounded already.
-    """
-    end_to_end = kind is ModelKind.END_TO_END
-    alone = kind in (ModelKind.END_TO_END, ModelKind.DEEPVERTEX)
+
+def _budgeted(usual: ModelDefaults) -> TrainingConfig:
     return TrainingConfig(
         form=Form.PHYSICAL,
-        batch=64 if kind in (ModelKind.DEEP, ModelKind.DEEPVERTEX) else 128,
-        polytope=Pace(3e-2),
-        network=Pace(1e-3 if alone else 1e-4, 1e-2),
+        batch=usual.batch,
+        polytope=AdamWConfig(3e-2),
+        network=AdamWConfig(usual.network_rate, 1e-2),
         schedule=Schedule.COSINE,
-        steps=4000 if end_to_end else 1500,
+        steps=usual.steps,
         epochs=None,
         evaluation_steps=100,
         patience=None,
         ground=2.4,
-        influence=InfluenceBound() if end_to_end else InfluenceBound(0.95, 20.0, 1.0, InfluenceShape.GEMAN),
+        influence=InfluenceBound(0.95, 20.0, 1.0, InfluenceShape.GEMAN) if usual.bounds_influence else InfluenceBound(),
     )
 
 
@@ -177,4 +177,4 @@ ROUND_TRIMMED = 0.005
 
 def exact(trimmed: float = 0.0) -> TrainingConfig:
     """The protocol that takes a polytope's optimum at once; with a share of the transitions to leave out."""
-    return replace(budgeted(ModelKind.POLYTOPE), exact=True, trimmed=trimmed)
+    return replace(_budgeted(ModelDefaults()), exact=True, trimmed=trimmed)

@@ -26,7 +26,7 @@ from contact_curation.information.scoring import NotScored
 from contact_curation.motion.toss import Toss
 
 type TossScorer = Callable[[Model, Sequence[Toss]], Sequence[TossInformation | NotScored]]
-"""What each toss teaches about a model as it is now, in the order given."""
+"""The information of each toss about a model as it is now, in the order given."""
 
 THETA_FREE = ("longest", "random")
 """Criteria that no theta moves."""
@@ -45,7 +45,7 @@ class Trigger(StrEnum):
 
 
 @dataclass(frozen=True)
-class CanaryConfig:
+class StalenessConfig:
     """When a selection is stale.
 
     Attributes:
@@ -83,7 +83,7 @@ class RerankingConfig:
 
     ranking: RankingConfig = field(default_factory=RankingConfig)
     epochs: int | None = None
-    canary: CanaryConfig | None = None
+    canary: StalenessConfig | None = None
 
     def __post_init__(self) -> None:
         if self.epochs is not None and self.epochs < 1:
@@ -133,7 +133,7 @@ class Reranking:
         self._tosses = tuple(tosses)
         self._scorer = scorer
         self._config = config
-        self._canaries = _canaries(self._tosses, config.canary or CanaryConfig())
+        self._canaries = _canaries(self._tosses, config.canary or StalenessConfig())
         share = config.ranking.top / max(len(self._tosses), 1)
         self._canary_top = min(len(self._canaries), max(round(share * len(self._canaries)), len(self._canaries) // 4, 1))
         self.selected = selected
@@ -217,7 +217,7 @@ class Reranking:
         return spearman(one, other), top_overlap(one, other, min(self._canary_top, len(before), len(canaries)))
 
 
-def _canaries(tosses: Sequence[Toss], config: CanaryConfig) -> tuple[Toss, ...]:
+def _canaries(tosses: Sequence[Toss], config: StalenessConfig) -> tuple[Toss, ...]:
     """Those with the smallest digests of their ids: as good as random, and the same in any order."""
     return tuple(sorted(tosses, key=lambda toss: sha256(toss.toss_id.encode()).digest())[: config.tosses])
 

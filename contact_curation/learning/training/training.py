@@ -2,12 +2,12 @@
 
 A step takes the next batch of transitions, leaves out those whose impulses carry no certificate, and goes down
 
-    mean over the batch of bounded(L) + w_r R + w_h h^2        (METHOD 1.2, 2.1; learning/known_ground.py)
+    mean over the batch of bounded(L) + w_r R + w_h h^2        (METHOD 1.2, 2.1; learning/training/objective.py)
 
-In the exact protocol a single step goes all the way to the optimum instead (learning/exact_fit.py).
+In the exact protocol a single step goes all the way to the optimum instead (learning/fits/exact_fit.py).
 
 The same arguments give the same numbers bit for bit, however the steps are cut into calls of `advance`; so does a training that
-was stored and resumed (learning/checkpoint.py).
+was stored and resumed (learning/checkpoints/checkpoint.py).
 """
 
 from dataclasses import replace
@@ -18,25 +18,31 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import Model, Rows
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.contact.models.registry import initial_model, model_of_tensors, tensors_of
+from contact_curation.contact.models.registry import model_class
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.fits.exact_fit import optimum, theta_0
-from contact_curation.learning.training.batches import Batches
-from contact_curation.learning.training.bounded_influence import bounded
-from contact_curation.learning.training.data import checked, digest_of, rows_of, transition_name
-from contact_curation.learning.training.early_stop import EarlyStop
-from contact_curation.learning.training.known_ground import ground_excess, height_parameters
-from contact_curation.learning.training.mean_loss import mean_loss
-from contact_curation.learning.training.memory import Counters, TrainingMemory
-from contact_curation.learning.training.nonfinite import not_finite, not_finite_gradient
-from contact_curation.learning.training.optimizer import Optimizer
-from contact_curation.learning.training.progress import Evaluated, Progress, TrainingState
+from contact_curation.learning.training.data import Batches, checked, digest_of, rows_of, transition_name
+from contact_curation.learning.training.objective import (
+    bounded,
+    ground_excess,
+    height_parameters,
+    mean_loss,
+    not_finite,
+    not_finite_gradient,
+)
+from contact_curation.learning.training.optimizer import Optimizer, SingleSteps
+from contact_curation.learning.training.progress import (
+    Counters,
+    EarlyStop,
+    Evaluated,
+    Progress,
+    TrainingMemory,
+    TrainingState,
+)
 from contact_curation.learning.training.protocols import TrainingConfig
-from contact_curation.learning.training.single_steps import SingleSteps
 from contact_curation.motion.transitions import Transitions
 
 
@@ -51,7 +57,7 @@ class Training:
         seed: of the shuffles.
 
     Raises:
-        InvalidValueError: no transitions or bad ones (`training_data.checked`), an early stop and nothing held out, or an exact
+        InvalidValueError: no transitions or bad ones (`data.checked`), an early stop and nothing held out, or an exact
             protocol for another model than a polytope in the physical form.
     """
 
@@ -88,7 +94,7 @@ class Training:
         training.counters, training.history = memory.counters, memory.history
         training.optimizer.restore(memory.moments)
         if training._origin is not None and memory.origin is not None:
-            training._origin = theta_0(model_of_tensors(model.kind, model.settings(), memory.origin, model.body))
+            training._origin = theta_0(model.with_tensors(memory.origin))
         if training._held_out_digest == memory.held_out:
             training.early_stop, training.best_tensors = memory.early_stop, memory.best_tensors
         if digest_of(data) == memory.data:
@@ -116,7 +122,7 @@ class Training:
             batches=self._batches.state(),
             data=digest_of(self._data),
             held_out=self._held_out_digest,
-            origin=None if self._origin is None else tensors_of(self._origin),
+            origin=None if self._origin is None else self._origin.tensors(),
         )
 
     @property
@@ -181,9 +187,7 @@ class Training:
 
     def trained(self) -> Model:
         """A copy of what counts as the result: the best by held-out loss where training stops early, else the last."""
-        model = self.model
-        tensors = tensors_of(model) if self.best_tensors is None else self.best_tensors
-        return model_of_tensors(model.kind, model.settings(), tensors, model.body)
+        return self.model.with_tensors(self.model.tensors() if self.best_tensors is None else self.best_tensors)
 
     def _take(self, data: Transitions) -> None:
         self._data = checked(data)
@@ -196,14 +200,14 @@ class Training:
         rows = rows_of(self._data).take(chosen)
         batch = self.model.batch_loss(rows, self.config.loss)
         values, solved = batch.losses.detach().numpy(), batch.solved.numpy()  # for one row ten times as fast as torch
-        complaint = self._complaint(values, solved, rows, chosen)
-        if complaint:
-            self._end(TrainingState.FAILED, complaint)
+        failure = self._nonfinite(values, solved, rows, chosen)
+        if failure:
+            self._end(TrainingState.FAILED, failure)
             return
         count = int(np.count_nonzero(solved))
         if count and not self._descend(batch.losses if count == len(solved) else batch.losses[batch.solved], batch.regularizer):
-            culprit = not_finite_gradient(self.model, rows, self.config.loss)
-            self._end(TrainingState.FAILED, f"{self._name(int(chosen[culprit]))}: its gradient is not finite")
+            worst = not_finite_gradient(self.model, rows, self.config.loss)
+            self._end(TrainingState.FAILED, f"{self._name(int(chosen[worst]))}: its gradient is not finite")
             return
         self._count(1, self.counters.loss_sum + float(values.sum(where=solved)), count, len(solved) - count)
 
@@ -239,10 +243,10 @@ class Training:
         rows = rows_of(self._data)
         with torch.no_grad():
             batch = self.model.batch_loss(rows, self.config.loss)
-        complaint = self._complaint(batch.losses.numpy(), batch.solved.numpy(), rows, np.arange(len(rows.dt)))
-        found = None if complaint else optimum(origin, self._data, self.config.loss, self.config.trimmed)
+        failure = self._nonfinite(batch.losses.numpy(), batch.solved.numpy(), rows, np.arange(len(rows.dt)))
+        found = None if failure else optimum(origin, self._data, self.config.loss, self.config.trimmed)
         if found is None or not found.finite:
-            self._end(TrainingState.FAILED, complaint or "the sum that the fit minimises is not finite")
+            self._end(TrainingState.FAILED, failure or "the sum that the fit minimises is not finite")
             return
         self.model.load_state_dict(found.model.state_dict())
         mean, now = mean_loss(self.model, rows, self.config.loss), self.counters
@@ -267,7 +271,7 @@ class Training:
             objective = objective + config.ground * ground_excess(self._heights)
         return self.optimizer.minimize(objective, self.counters.gradient_steps - self.counters.first_step)
 
-    def _complaint(self, values: Array, solved: NDArray[np.bool_], rows: Rows, chosen: NDArray[np.int64]) -> str:
+    def _nonfinite(self, values: Array, solved: NDArray[np.bool_], rows: Rows, chosen: NDArray[np.int64]) -> str:
         """One line about the first transition of a batch whose loss is not finite, or nothing."""
         wrong = ~np.isfinite(values)
         if not wrong.any():
@@ -298,7 +302,7 @@ class Training:
         if self.config.patience is None:
             return
         if not self.early_stop.waited:
-            self.best_tensors = tensors_of(self.model)
+            self.best_tensors = self.model.tensors()
         if self.early_stop.waited >= self.config.patience.evaluations(len(self._data.toss_ids)):
             self._end(TrainingState.CONVERGED, f"the held-out loss has not fallen for {self.early_stop.waited} evaluations")
 
@@ -310,9 +314,9 @@ class Training:
 
 
 def new_training(
-    kind: ModelKind, body: Body, data: Transitions, held_out: Transitions | None, config: TrainingConfig, seed: int
+    model: str, body: Body, data: Transitions, held_out: Transitions | None, config: TrainingConfig, seed: int
 ) -> Training:
-    """A training from the published random initialisation (METHOD 1.1); one seed gives one model and one order of the data."""
+    """A training of a model by its name, from its random initialisation; a seed gives one model and one order of the data."""
     noise, shuffles = np.random.SeedSequence(seed).generate_state(2)
-    model = initial_model(kind, body, config.form, rows_of(checked(data)), np.random.default_rng(noise))
-    return Training(model, data, held_out, config, int(shuffles))
+    start = model_class(model).initial(body, config.form, rows_of(checked(data)), np.random.default_rng(noise))
+    return Training(start, data, held_out, config, int(shuffles))

@@ -30,6 +30,7 @@ import numpy as np
 
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
+from contact_curation.contact.models.model import Model
 from contact_curation.contact.models.polytope import INITIAL_NOISE, PolytopeModel
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.errors import InvalidValueError
@@ -119,7 +120,7 @@ class Known:
     not_solved: int
 
 
-def known(model: PolytopeModel, fitted: Transitions, others: Transitions, config: KnownConfig) -> Known:
+def known(model: Model, fitted: Transitions, others: Transitions, config: KnownConfig) -> Known:
     """What is known.
 
     Args:
@@ -129,7 +130,7 @@ def known(model: PolytopeModel, fitted: Transitions, others: Transitions, config
         config: loss and prior.
 
     Raises:
-        InvalidValueError: the geometry has no physical form, or no toss says anything of theta.
+        InvalidValueError: no polytope, or one without a physical form; or no toss has information about theta.
     """
     model = _about_the_middle(model, fitted)
     sums = polytope_sums(model, fitted, Estimator.GAUSS_NEWTON, config.loss)
@@ -174,9 +175,11 @@ def _inverse(matrix: Array) -> Array:
     return model_covariance(subspace, 1.0)
 
 
-def _about_the_middle(model: PolytopeModel, data: Transitions) -> PolytopeModel:
+def _about_the_middle(model: Model, data: Transitions) -> PolytopeModel:
     """The same ground, its height told where the tosses were; tilt and height then keep apart as well as they can."""
     geometry = model.geometry()
+    if geometry is None:
+        raise InvalidValueError("model whose parameters are estimated", model.kind, "a polytope")
     pivot = np.array([*data.before[:, :2].mean(axis=0), 0.0])
     height = geometry.height + float(geometry.normal @ (geometry.pivot - pivot))
     return PolytopeModel(replace(geometry, pivot=pivot, height=height), model.body, Form.PHYSICAL)

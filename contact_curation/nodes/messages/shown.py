@@ -7,7 +7,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.registry import model_entry
 from contact_curation.dashboard.evidence import KeptSet
 from contact_curation.dashboard.live.health_view import NodeHealth
 from contact_curation.dashboard.live.learning_view import TrainingMoment
@@ -43,7 +43,7 @@ def theta_of(message: Any, body: Body) -> ShownTheta:
 
 
 def _shown(version: str, model: str, data: bytes, body: Body) -> ShownTheta:
-    if model == ModelKind.POLYTOPE:
+    if model_entry(model).is_geometry:
         geometry = geometry_of_bytes(data)
         wanted = len(body.vertices)  # it is drawn along the body's edges
         if geometry.vertex_count != wanted:

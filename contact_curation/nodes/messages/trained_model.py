@@ -4,7 +4,6 @@ from contact_curation_msgs.msg import ModelParameters
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.models.model import Model
-from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.information.network.scoring import NetworkScorer
 from contact_curation.information.scoring import ScoringConfig
@@ -15,7 +14,8 @@ from contact_curation.nodes.messages.model_parameters import bytes_of_geometry
 
 def theta_bytes(model: Model) -> bytes:
     """What ModelParameters carries: of a polytope its geometry, of a network all of it."""
-    return bytes_of_geometry(model.geometry()) if isinstance(model, PolytopeModel) else model_bytes(model)
+    geometry = model.geometry()
+    return model_bytes(model) if geometry is None else bytes_of_geometry(geometry)
 
 
 def model_message(model: Model, version: str, gradient_steps: int, stamped: Stamped) -> ModelParameters:
@@ -23,7 +23,7 @@ def model_message(model: Model, version: str, gradient_steps: int, stamped: Stam
     return ModelParameters(
         header=header_message(stamped),
         body=model.body.name,
-        model=model.kind.value,
+        model=model.kind,
         version=version,
         gradient_steps=gradient_steps,
         safetensors=theta_bytes(model),
@@ -40,6 +40,6 @@ def network_scorer(kind: str, data: bytes, body: Body, config: ScoringConfig) ->
         model = model_of_bytes(data, "model_parameters", body)
     except UnreadableInputError as error:
         raise InvalidValueError("parameters", f"none ({error})", f"a {kind} for body {body.name}") from error
-    if model.kind.value != kind or isinstance(model, PolytopeModel):
-        raise InvalidValueError("model in the parameters", model.kind.value, kind)
-    return NetworkScorer(model, config)  # type: ignore[arg-type]  # a model that is no polytope is a network
+    if model.kind != kind:
+        raise InvalidValueError("model in the parameters", model.kind, kind)
+    return NetworkScorer(model, config)

@@ -30,7 +30,7 @@ def status_message(moment: Moment, version: str, errors: HeldOutErrors, stamped:
     lost = f"{errors.not_finite} held-out motions are not finite"
     return TrainingStatus(
         header=header_message(stamped),
-        model=moment.model.kind.value,
+        model=moment.model.kind,
         parameters_version=version,
         buffer_revision=moment.round.revision,
         gradient_steps=progress.gradient_steps,

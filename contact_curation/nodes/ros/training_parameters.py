@@ -9,10 +9,9 @@ from rclpy.node import Node
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.loss_config import DEFAULT_LOSS
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import Model, Rows
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.contact.models.registry import initial_model
+from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.training.protocols import ROUND_TRIMMED, TrainingConfig, budgeted, exact
@@ -31,7 +30,7 @@ PROTOCOLS_EXPLAINED = (
 )
 
 
-def declared_protocol(node: Node, kind: ModelKind) -> TrainingConfig:
+def declared_protocol(node: Node, kind: str) -> TrainingConfig:
     """The protocol of a round: ours for this kind of model, with what the parameters change.
 
     Raises:
@@ -40,9 +39,9 @@ def declared_protocol(node: Node, kind: ModelKind) -> TrainingConfig:
     ours = budgeted(kind)
     protocol = declare(node, "protocol", PROTOCOLS[0], PROTOCOLS_EXPLAINED, choices=PROTOCOLS)
     form = Form(declare(node, "form", ours.form.value, "of theta", choices=[form.value for form in Form]))
-    has_optimum = kind is ModelKind.POLYTOPE and form is Form.PHYSICAL
+    has_optimum = model_class(kind).has_exact_fit(form)
     if protocol == "exact" and not has_optimum:
-        raise InvalidValueError("protocol", f"exact for {kind.value}, {form.value}", "budgeted, or a polytope, physical")
+        raise InvalidValueError("protocol", f"exact for {kind}, {form.value}", "budgeted, or a polytope, physical")
     if protocol != "budgeted" and has_optimum:
         ours = exact(ROUND_TRIMMED)
     trimmed = declare(node, "trimmed", ours.trimmed, "share of the transitions that an exact fit leaves out", bounds=(0.0, 0.5))
@@ -61,7 +60,7 @@ def declared_protocol(node: Node, kind: ModelKind) -> TrainingConfig:
     )
 
 
-def declared_first_model(node: Node, kind: ModelKind, body: Body, form: Form, seed: int) -> Callable[[Rows], Model]:
+def declared_first_model(node: Node, kind: str, body: Body, form: Form, seed: int) -> Callable[[Rows], Model]:
     """What gives the model before the first round: a file, or the published random initialisation.
 
     Raises:
@@ -69,10 +68,10 @@ def declared_first_model(node: Node, kind: ModelKind, body: Body, form: Form, se
     """
     path = declare(node, "params", "", "theta to begin with: a JSON file or a checkpoint; empty: the random initialisation")
     if not path:
-        return lambda data: initial_model(kind, body, form, data, np.random.default_rng(seed))
+        return lambda data: model_class(kind).initial(body, form, data, np.random.default_rng(seed))
     model = _stored_model(Path(path), body, form)
-    if model.kind is not kind:
-        raise InvalidValueError(f"model in {path}", model.kind.value, kind.value)
+    if model.kind != kind:
+        raise InvalidValueError(f"model in {path}", model.kind, kind)
     return lambda _: model
 
 

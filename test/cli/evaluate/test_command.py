@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import Rows
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.contact.models.registry import initial_model
+from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.motion.transitions import transitions_of
 from contact_curation.storage.checkpoint_file import read_model, save_model
@@ -141,7 +140,7 @@ def test_two_models_are_compared_toss_by_toss(cli: Cli, folder: Path, tmp_path: 
     assert report["summaries"][f"{bad} - {good}, toss by toss"]["position"]["mean"]["low"] > 0.0
 
 
-def test_a_polytope_that_rubs_elsewhere_than_it_touches_is_judged_as_a_rigid_body_too(
+def test_a_polytope_that_has_own_friction_vertices_than_it_touches_is_judged_as_a_rigid_body_too(
     cli: Cli, folder: Path, checkpoint: Path, tmp_path: Path
 ) -> None:
     summaries = cli("evaluate", checkpoint, folder, *QUICK, "--json").json["summaries"]
@@ -149,7 +148,7 @@ def test_a_polytope_that_rubs_elsewhere_than_it_touches_is_judged_as_a_rigid_bod
     assert rigid == f"{own}, friction at the vertices of the gaps"
     model = read_model(checkpoint, CONTACTNETS_CUBE)
     assert isinstance(model, PolytopeModel)
-    save_model(tmp_path / "rigid.safetensors", model.rubbing_where_it_touches())
+    save_model(tmp_path / "rigid.safetensors", model.with_shared_vertices())
     words = ("evaluate", tmp_path / "rigid.safetensors", folder, *QUICK, "--held-out", "5,6", "--json")
     alone = cli(*words).json["summaries"]
     assert list(alone.values()) == [summaries[rigid]]  # it has nothing to add about itself
@@ -170,7 +169,7 @@ def test_a_seed_moves_intervals_and_nothing_else(cli: Cli, folder: Path, tmp_pat
 def test_a_network_is_judged_and_what_is_known_of_it_is_said_in_a_line(cli: Cli, folder: Path, tmp_path: Path) -> None:
     rows = transitions_of(simulated_tosses(2, seed=3), CONTACTNETS_CUBE.length_scale)
     data = Rows(rows.before, rows.after, rows.dt)
-    model = initial_model(ModelKind.END_TO_END, CONTACTNETS_CUBE, Form.PHYSICAL, data, np.random.default_rng(1))
+    model = model_class("end_to_end").initial(CONTACTNETS_CUBE, Form.PHYSICAL, data, np.random.default_rng(1))
     save_model(tmp_path / "e2e.safetensors", model)
     done = cli("evaluate", tmp_path / "e2e.safetensors", folder / "3.pt", *QUICK)
     assert done.status == 0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from contact_curation.contact.models.input_scaling import InputScaling
+from contact_curation.contact.models.stream_network import InputScaling
 from contact_curation.errors import InvalidValueError
 
 

@@ -8,12 +8,11 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.deep import DeepModel
 from contact_curation.contact.models.end_to_end import EndToEndModel, ImpulseLoss
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import Model, Rows
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.contact.models.registry import initial_model, model_of_tensors, tensors_of
+from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
-from contact_curation.contact.scale_regularizer import scale_regularizer
+from contact_curation.contact.torch_loss import scale_regularizer
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from test.contact.cases import CUBE
@@ -26,14 +25,14 @@ CONFIG = LossConfig(threads=1)
 @pytest.mark.parametrize(
     ("kind", "form", "count"),
     [
-        (ModelKind.POLYTOPE, Form.CONTACTNETS, 57),
-        (ModelKind.POLYTOPE, Form.PHYSICAL, 52),
-        (ModelKind.DEEP, Form.CONTACTNETS, 144_465),
-        (ModelKind.DEEPVERTEX, Form.PHYSICAL, 74_520),
-        (ModelKind.END_TO_END, Form.PHYSICAL, 205_318),
+        ("polytope", Form.CONTACTNETS, 57),
+        ("polytope", Form.PHYSICAL, 52),
+        ("deep", Form.CONTACTNETS, 144_465),
+        ("deepvertex", Form.PHYSICAL, 74_520),
+        ("end_to_end", Form.PHYSICAL, 205_318),
     ],
 )
-def test_sizes_are_the_published_ones(kind: ModelKind, form: Form, count: int) -> None:
+def test_sizes_are_the_published_ones(kind: str, form: Form, count: int) -> None:
     assert sum(value.numel() for value in model_of(kind, form).parameters()) == count
 
 
@@ -42,14 +41,14 @@ def test_a_body_with_fewer_vertices_has_fewer_contacts() -> None:
     body = Body("tetrahedron", 0.05 * corners, 0.3, np.full(3, 5e-4), 0.2, 0.05)
     rows = rows_of("impact", 3)
     for kind, form in VARIANTS:
-        model = initial_model(kind, body, form, tossed_rows(), np.random.default_rng(0))
+        model = model_class(kind).initial(body, form, tossed_rows(), np.random.default_rng(0))
         assert model.batch_loss(rows, CONFIG).solved.all()
-        if kind is ModelKind.DEEPVERTEX:
-            assert tensors_of(model)["vertices"].shape == (4, 3)
+        if kind == "deepvertex":
+            assert model.tensors()["vertices"].shape == (4, 3)
 
 
 @EVERY
-def test_a_seed_gives_the_same_bytes_and_another_others(kind: ModelKind, form: Form) -> None:
+def test_a_seed_gives_the_same_bytes_and_another_others(kind: str, form: Form) -> None:
     torch.manual_seed(1)
     first = bytes_of(model_of(kind, form, seed=3))
     torch.manual_seed(2)
@@ -67,16 +66,16 @@ def test_a_new_model_leaves_torchs_own_generator_alone() -> None:
 
 
 @EVERY
-def test_tensors_and_settings_give_the_model_back(kind: ModelKind, form: Form) -> None:
+def test_tensors_and_settings_give_the_model_back(kind: str, form: Form) -> None:
     model, rows = model_of(kind, form, seed=6), rows_of("impact", 4)
-    again = model_of_tensors(kind, model.settings(), tensors_of(model), CUBE)
+    again = model_class(kind).of_tensors(model.settings(), model.tensors(), CUBE)
     assert bytes_of(again) == bytes_of(model)
     assert torch.equal(again.batch_loss(rows, CONFIG).losses, model.batch_loss(rows, CONFIG).losses)
     assert again.settings() == model.settings()
 
 
 def damaged(name: str, value: Array | None) -> dict[str, Array]:
-    tensors = tensors_of(model_of(ModelKind.DEEP, Form.CONTACTNETS))
+    tensors = model_of("deep", Form.CONTACTNETS).tensors()
     if value is None:
         del tensors[name]
     else:
@@ -96,26 +95,26 @@ def damaged(name: str, value: Array | None) -> dict[str, Array]:
 )
 def test_tensors_that_are_not_a_models_are_refused(name: str, value: Array | None, says: str) -> None:
     with pytest.raises(InvalidValueError, match=says):
-        model_of_tensors(ModelKind.DEEP, {"form": "contactnets"}, damaged(name, value), CUBE)
+        model_class("deep").of_tensors({"form": "contactnets"}, damaged(name, value), CUBE)
 
 
 @pytest.mark.parametrize(
     ("kind", "settings", "says"),
     [
-        (ModelKind.POLYTOPE, {}, "setting form: found None, expected one of contactnets, physical"),
-        (ModelKind.DEEP, {"form": "round"}, "setting form: found round"),
-        (ModelKind.END_TO_END, {"loss": "cubed"}, "setting loss: found cubed, expected one of norm, squared"),
+        ("polytope", {}, "setting form: found None, expected one of contactnets, physical"),
+        ("deep", {"form": "round"}, "setting form: found round"),
+        ("end_to_end", {"loss": "cubed"}, "setting loss: found cubed, expected one of norm, squared"),
     ],
 )
-def test_settings_that_are_missing_or_unknown_are_refused(kind: ModelKind, settings: dict[str, str], says: str) -> None:
+def test_settings_that_are_missing_or_unknown_are_refused(kind: str, settings: dict[str, str], says: str) -> None:
     with pytest.raises(InvalidValueError, match=says):
-        model_of_tensors(kind, settings, {}, CUBE)
+        model_class(kind).of_tensors(settings, {}, CUBE)
 
 
-@pytest.mark.parametrize("kind", [ModelKind.DEEPVERTEX, ModelKind.END_TO_END])
-def test_one_transition_is_too_few_to_normalise_by(kind: ModelKind) -> None:
+@pytest.mark.parametrize("kind", ["deepvertex", "end_to_end"])
+def test_one_transition_is_too_few_to_normalise_by(kind: str) -> None:
     with pytest.raises(InvalidValueError, match="at least 2 to normalise"):
-        initial_model(kind, CUBE, Form.PHYSICAL, rows_of("impact", 2).take([0]), np.random.default_rng(0))
+        model_class(kind).initial(CUBE, Form.PHYSICAL, rows_of("impact", 2).take([0]), np.random.default_rng(0))
 
 
 def slopes_of(model: Model, losses: torch.Tensor) -> torch.Tensor:
@@ -125,7 +124,7 @@ def slopes_of(model: Model, losses: torch.Tensor) -> torch.Tensor:
 
 @EVERY
 @pytest.mark.parametrize("where", ["before", "after"])
-def test_a_bad_transition_is_not_solved_and_leaves_its_neighbours_alone(kind: ModelKind, form: Form, where: str) -> None:
+def test_a_bad_transition_is_not_solved_and_leaves_its_neighbours_alone(kind: str, form: Form, where: str) -> None:
     model, rows = model_of(kind, form, seed=7), rows_of("impact", 5)
     broken = Rows(rows.before.copy(), rows.after.copy(), rows.dt)
     getattr(broken, where)[2, 0] = np.nan
@@ -140,7 +139,7 @@ def test_a_bad_transition_is_not_solved_and_leaves_its_neighbours_alone(kind: Mo
 
 def test_deep_with_silent_networks_is_its_polytope_exactly() -> None:
     for form in Form:
-        plain, rows = model_of(ModelKind.POLYTOPE, form, seed=8), rows_of("impact", 6)
+        plain, rows = model_of("polytope", form, seed=8), rows_of("impact", 6)
         assert isinstance(plain, PolytopeModel)
         deep = DeepModel(plain.geometry(), CUBE, form)
         ours, theirs = deep.batch_loss(rows, CONFIG), plain.batch_loss(rows, CONFIG)
@@ -182,20 +181,20 @@ def test_the_regularizers_slopes_are_those_of_its_equation() -> None:
 
 
 def some_polytope() -> PolytopeModel:
-    model = model_of(ModelKind.POLYTOPE, Form.CONTACTNETS)
+    model = model_of("polytope", Form.CONTACTNETS)
     assert isinstance(model, PolytopeModel)
     return model
 
 
 def test_the_physical_form_and_deepvertex_need_no_regularizer() -> None:
-    for kind in (ModelKind.POLYTOPE, ModelKind.DEEPVERTEX):
+    for kind in ("polytope", "deepvertex"):
         assert float(model_of(kind, Form.PHYSICAL).batch_loss(rows_of("impact", 2), CONFIG).regularizer) == 0.0
 
 
 def test_end_to_end_measures_the_missed_velocity_as_it_is_told() -> None:
-    norm, rows = model_of(ModelKind.END_TO_END, Form.PHYSICAL, seed=9), rows_of("impact", 4)
+    norm, rows = model_of("end_to_end", Form.PHYSICAL, seed=9), rows_of("impact", 4)
     assert norm.settings() == {"loss": "norm"}
-    squared = model_of_tensors(ModelKind.END_TO_END, {"loss": ImpulseLoss.SQUARED.value}, tensors_of(norm), CUBE)
+    squared = model_class("end_to_end").of_tensors({"loss": ImpulseLoss.SQUARED.value}, norm.tensors(), CUBE)
     first, second = (model.batch_loss(rows, CONFIG).losses for model in (norm, squared))
     torch.testing.assert_close(first.square(), second)
     assert isinstance(squared, EndToEndModel)
@@ -207,7 +206,7 @@ def test_end_to_end_measures_the_missed_velocity_as_it_is_told() -> None:
 
 
 def test_impulses_that_diverged_are_not_solved() -> None:
-    model = model_of(ModelKind.END_TO_END, Form.PHYSICAL)
+    model = model_of("end_to_end", Form.PHYSICAL)
     with torch.no_grad():
         next(model.parameters()).fill_(torch.inf)
     batch = model.batch_loss(rows_of("impact", 3), CONFIG)
@@ -216,16 +215,16 @@ def test_impulses_that_diverged_are_not_solved() -> None:
 
 
 def test_deepvertex_starts_from_noisy_corners_and_its_constants_are_not_trained() -> None:
-    model = model_of(ModelKind.DEEPVERTEX, Form.PHYSICAL, seed=12)
-    noise = tensors_of(model)["vertices"] - CUBE.scaled_vertices
+    model = model_of("deepvertex", Form.PHYSICAL, seed=12)
+    noise = model.tensors()["vertices"] - CUBE.scaled_vertices
     assert 0.25 < noise.std() < 0.55
     assert {name.split(".")[0] for name, _ in model.named_parameters()} == {"network"}
 
 
 @EVERY
-def test_a_model_learns(kind: ModelKind, form: Form) -> None:
+def test_a_model_learns(kind: str, form: Form) -> None:
     model, rows = model_of(kind, form, seed=10), rows_of("impact", 8)
-    adam = torch.optim.Adam(model.parameters(), lr=2e-3 if kind is ModelKind.END_TO_END else 1e-2)
+    adam = torch.optim.Adam(model.parameters(), lr=2e-3 if kind == "end_to_end" else 1e-2)
     losses = []
     for _ in range(15):
         loss = model.batch_loss(rows, CONFIG).losses.mean()

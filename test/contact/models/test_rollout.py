@@ -14,7 +14,7 @@ from contact_curation.contact.models.deepvertex import DeepvertexModel
 from contact_curation.contact.models.end_to_end import EndToEndModel
 from contact_curation.contact.models.model import BatchLoss, ContactModel, Model, Rows
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.contact.models.rollout import BLOCK, roll_out_model
+from contact_curation.contact.models.rollout import BLOCK
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.rollout import rollout
 from contact_curation.contact.time_step import StepStatus, SweepLimits
@@ -53,7 +53,7 @@ every_network = pytest.mark.parametrize("network", NETWORKS, ids=lambda network:
 def test_a_polytope_takes_its_own_kernel(form: Form) -> None:
     model = PolytopeModel(CUBE, CONTACTNETS_CUBE, form)
     initial, limits = thrown_states(7, seed=1), SweepLimits(1e-8)
-    found = roll_out_model(model, initial, 90, DT, limits, threads=2)
+    found = model.roll_out(initial, 90, DT, limits, threads=2)
     expected = rollout(model.geometry(), CONTACTNETS_CUBE, initial, 90, DT, limits)
     np.testing.assert_array_equal(found.states, expected.states)
 
@@ -62,7 +62,7 @@ def test_a_polytope_takes_its_own_kernel(form: Form) -> None:
 def test_deep_without_its_networks_is_its_polytope_with_the_same_warm_starts(sweeps: int) -> None:
     initial, limits = thrown_states(BLOCK + 3, seed=2), SweepLimits(max_sweeps=sweeps)
     lengths = np.random.default_rng(3).integers(1, 120, len(initial))
-    found = roll_out_model(DeepModel(CUBE, CONTACTNETS_CUBE, Form.PHYSICAL), initial, lengths, DT, limits)
+    found = DeepModel(CUBE, CONTACTNETS_CUBE, Form.PHYSICAL).roll_out(initial, lengths, DT, limits)
     expected = rollout(CUBE, CONTACTNETS_CUBE, initial, lengths, DT, limits)
     np.testing.assert_allclose(found.states, expected.states, rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(found.residual, expected.residual, rtol=0.0, atol=1e-9)
@@ -78,7 +78,7 @@ def test_a_network_of_contacts_rolls_out_as_in_plain_loops(network: Callable[[],
     model, frames = network(), 6
     initial = touching_states(CUBE, 7, seed=4)[:count]
     initial[:, 7:] *= 0.3
-    found = roll_out_model(model, initial, frames, DT, EXACT)
+    found = model.roll_out(initial, frames, DT, EXACT)
     touched = 0
     for index in range(count):
         state = initial[index]
@@ -102,7 +102,7 @@ def contacts_alone(model: ContactModel, state: Array) -> tuple[Array, Array]:
 def test_end_to_end_integrates_its_own_impulses_as_in_plain_loops(count: int) -> None:
     initial = thrown_states(7, seed=5)[:count]
     lengths, periods = np.arange(40, 40 - count, -1), np.linspace(0.005, 0.008, 7)[:count]
-    found = roll_out_model(end_to_end(), initial, lengths, periods)
+    found = end_to_end().roll_out(initial, lengths, periods)
     for index in range(count):
         state, dt = initial[index], periods[index]
         for frame in range(1, lengths[index]):
@@ -130,13 +130,13 @@ def test_company_order_and_threads_change_no_digit(network: Callable[[], Model])
     count = 2 * BLOCK + 5
     initial, rng = thrown_states(count, seed=6), np.random.default_rng(7)
     lengths, periods = rng.integers(1, 60, count), rng.uniform(0.006, 0.007, count)
-    together = roll_out_model(network(), initial, lengths, periods)
+    together = network().roll_out(initial, lengths, periods)
     shuffled = rng.permutation(count)
-    other = roll_out_model(network(), initial[shuffled], lengths[shuffled], periods[shuffled], threads=3)
+    other = network().roll_out(initial[shuffled], lengths[shuffled], periods[shuffled], threads=3)
     for place, index in enumerate(shuffled):
         np.testing.assert_array_equal(other.trajectory(place), together.trajectory(index))
     for index in range(0, count, 9):
-        alone = roll_out_model(network(), initial[index : index + 1], lengths[index], periods[index])
+        alone = network().roll_out(initial[index : index + 1], lengths[index], periods[index])
         np.testing.assert_array_equal(alone.states, together.trajectory(index))
 
 
@@ -144,9 +144,9 @@ def test_company_order_and_threads_change_no_digit(network: Callable[[], Model])
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_bad_state_ends_its_own_trajectory_only(network: Callable[[], Model], bad: float) -> None:
     initial = thrown_states(7, seed=8)
-    clean = roll_out_model(network(), initial, 30, DT)
+    clean = network().roll_out(initial, 30, DT)
     initial[2, 8] = bad
-    mixed = roll_out_model(network(), initial, 30, DT)
+    mixed = network().roll_out(initial, 30, DT)
     assert mixed.finite.tolist() == [True, True, False, True, True, True, True]
     assert np.isnan(mixed.trajectory(2)).all()
     assert (mixed.status[60:90] == StepStatus.NOT_FINITE).all()
@@ -160,7 +160,7 @@ def test_a_network_that_is_not_finite_gives_no_motion_beyond_the_first_frame(net
     model = network.__wrapped__()  # type: ignore[attr-defined]
     with torch.no_grad():
         next(model.parameters()).fill_(torch.nan)
-    rolled = roll_out_model(model, thrown_states(3, seed=9), 5, DT)
+    rolled = model.roll_out(thrown_states(3, seed=9), 5, DT)
     assert np.isfinite(rolled.states[[0, 5, 10]]).all()
     assert np.isnan(np.delete(rolled.states, [0, 5, 10], axis=0)).all()
     assert not rolled.finite.any()
@@ -171,7 +171,7 @@ def test_a_motion_that_runs_away_keeps_its_finite_rows() -> None:
     with torch.no_grad():
         for value in model.parameters():
             value.mul_(1e12)
-    rolled = roll_out_model(model, thrown_states(2, seed=10), 40, DT)
+    rolled = model.roll_out(thrown_states(2, seed=10), 40, DT)
     for index in range(2):
         failed = np.isnan(rolled.trajectory(index)).any(axis=1)
         first = int(np.argmax(failed))
@@ -183,14 +183,14 @@ def test_a_motion_that_runs_away_keeps_its_finite_rows() -> None:
 
 def test_the_first_row_is_the_initial_state_and_lengths_may_differ() -> None:
     initial = thrown_states(7, seed=11)
-    rolled = roll_out_model(deep(), initial, [5, 1, 9, 2, 4, 3, 6], np.linspace(0.004, 0.01, 7))
+    rolled = deep().roll_out(initial, [5, 1, 9, 2, 4, 3, 6], np.linspace(0.004, 0.01, 7))
     assert rolled.starts.tolist() == [0, 5, 6, 15, 17, 21, 24, 30]
     np.testing.assert_array_equal(rolled.states[rolled.starts[:-1]], initial)
     assert np.isfinite(rolled.states).all()
 
 
 def test_nothing_to_roll_out_gives_nothing() -> None:
-    rolled = roll_out_model(deep(), np.empty((0, 13)), 5, DT)
+    rolled = deep().roll_out(np.empty((0, 13)), 5, DT)
     assert rolled.states.shape == (0, 13)
     assert rolled.starts.tolist() == [0]
 
@@ -198,16 +198,24 @@ def test_nothing_to_roll_out_gives_nothing() -> None:
 @pytest.mark.parametrize(("lengths", "threads"), [(0, 1), (2.5, 1), ([3, 3], 1), ([3, -1, 3], 1), (3, 0)])
 def test_wrong_lengths_and_threads_are_refused(lengths: float | list[int], threads: int) -> None:
     with pytest.raises(InvalidValueError):
-        roll_out_model(deep(), thrown_states(3, seed=12), lengths, DT, threads=threads)
+        deep().roll_out(thrown_states(3, seed=12), lengths, DT, threads=threads)
 
 
-def test_a_model_that_gives_neither_contacts_nor_impulses_is_refused() -> None:
+def test_a_model_that_gives_neither_contacts_nor_steps_is_refused() -> None:
     class Silent(Model):
+        @classmethod
+        def initial(cls, *_: object) -> "Silent":
+            raise NotImplementedError
+
+        @classmethod
+        def blank(cls, *_: object) -> "Silent":
+            raise NotImplementedError
+
         def batch_loss(self, rows: Rows, config: object) -> BatchLoss:
             raise NotImplementedError
 
-        def settings(self) -> dict[str, str]:
-            return {}
+        def outputs(self, rows: Rows, tape: object = None) -> tuple[torch.Tensor, ...]:
+            raise NotImplementedError
 
-    with pytest.raises(InvalidValueError, match="Silent"):
-        roll_out_model(Silent(CONTACTNETS_CUBE), thrown_states(1, seed=13), 3, DT)
+    with pytest.raises(TypeError, match=r"Silent.*steps"):
+        Silent(CONTACTNETS_CUBE)  # type: ignore[abstract]

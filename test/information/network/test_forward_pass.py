@@ -8,23 +8,20 @@ import torch
 
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.models.end_to_end import EndToEndModel
-from contact_curation.contact.models.kind import ModelKind
-from contact_curation.contact.models.model import Rows
+from contact_curation.contact.models.model import Model, Rows
 from contact_curation.contact.torch_contacts import Contacts
-from contact_curation.contact.torch_fisher import free_directions
 from contact_curation.contact.torch_loss import cone_problems
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.network.forward_pass import (
     ForwardPass,
-    NetworkModel,
     Slopes,
     contact_residuals,
     forward_pass,
     frozen_copy,
     residuals_by_impulses,
 )
-from contact_curation.information.network.ghost_norms import ghost_norms, summed_gradient
-from contact_curation.solver.certificate import objectives
+from contact_curation.information.network.sketch import ghost_norms, summed_gradient
+from contact_curation.solver.certificate import free_directions, objectives
 from test.information.network_cases import NETWORKS, long_scores, network, rows_of, tosses
 
 
@@ -35,7 +32,7 @@ def impacts(count: int) -> Rows:
     return rows.take(np.sort(np.argsort(-change)[:count]))
 
 
-def passed(model: NetworkModel, rows: Rows, config: LossConfig = DEFAULT_LOSS) -> tuple[ForwardPass, list[torch.Tensor]]:
+def passed(model: Model, rows: Rows, config: LossConfig = DEFAULT_LOSS) -> tuple[ForwardPass, list[torch.Tensor]]:
     """A forward pass and the slopes of the scores by every layer."""
     found = forward_pass(frozen_copy(model), rows, config)
     (slopes,) = zip(*found.score_slopes(found.solved.astype(float)), strict=True)
@@ -48,7 +45,7 @@ def traces(found: ForwardPass, deltas: list[torch.Tensor]) -> Array:
 
 @pytest.mark.parametrize("count", [1, 7])
 @pytest.mark.parametrize("kind", NETWORKS)
-def test_ghost_norms_and_sums_are_those_of_single_gradients(kind: ModelKind, count: int) -> None:
+def test_ghost_norms_and_sums_are_those_of_single_gradients(kind: str, count: int) -> None:
     model, rows = network(kind), impacts(count)
     found, deltas = passed(model, rows)
     scores = np.concatenate(list(long_scores(model, rows).values()), axis=1)
@@ -61,15 +58,15 @@ def test_ghost_norms_and_sums_are_those_of_single_gradients(kind: ModelKind, cou
 @pytest.mark.slow
 def test_ghost_norms_of_256_transitions_are_exact_to_1e_5() -> None:
     """METHOD 6, check 15; to rounding, in fact."""
-    model, rows = network(ModelKind.DEEP), rows_of(tosses()).take(slice(0, 256))
+    model, rows = network("deep"), rows_of(tosses()).take(slice(0, 256))
     norms = np.square(np.concatenate(list(long_scores(model, rows).values()), axis=1)).sum(axis=1)
     found = traces(*passed(model, rows))
     assert np.abs(found - norms).max() <= 1e-10 * norms.max()
     np.testing.assert_allclose(found, norms, rtol=1e-5, atol=1e-12 * norms.max())
 
 
-@pytest.mark.parametrize("kind", [ModelKind.DEEP, ModelKind.DEEPVERTEX])
-def test_what_is_not_solved_is_left_out_and_disturbs_nobody(kind: ModelKind) -> None:
+@pytest.mark.parametrize("kind", ["deep", "deepvertex"])
+def test_what_is_not_solved_is_left_out_and_disturbs_nobody(kind: str) -> None:
     model, rows = network(kind), impacts(7)
     misfits = forward_pass(frozen_copy(model), rows, DEFAULT_LOSS).misfits
     hardest = int(misfits.argmax())
@@ -84,7 +81,7 @@ def test_what_is_not_solved_is_left_out_and_disturbs_nobody(kind: ModelKind) -> 
 
 
 def test_a_model_that_is_scored_may_go_on_learning() -> None:
-    model = network(ModelKind.DEEP)
+    model = network("deep")
     copied = frozen_copy(model)
     with torch.no_grad():
         next(copied.parameters()).add_(1.0)
@@ -100,7 +97,7 @@ def second_moment(found: ForwardPass, directions: torch.Tensor) -> float:
 
 
 def test_random_directions_give_the_gauss_newton_trace_on_average() -> None:
-    found = forward_pass(frozen_copy(network(ModelKind.DEEP)), impacts(3), DEFAULT_LOSS)
+    found = forward_pass(frozen_copy(network("deep")), impacts(3), DEFAULT_LOSS)
     size = found.directions_size
     assert size == 6 + 9 * 8
     exact = second_moment(found, torch.eye(size, dtype=torch.float64)[:, None].expand(-1, 3, -1))
@@ -112,7 +109,7 @@ def test_random_directions_give_the_gauss_newton_trace_on_average() -> None:
 
 
 def test_residuals_by_impulses_are_their_derivatives() -> None:
-    model, rows = frozen_copy(network(ModelKind.DEEP)), impacts(5)
+    model, rows = frozen_copy(network("deep")), impacts(5)
     found = forward_pass(model, rows, DEFAULT_LOSS)
     contacts = Contacts(*(value.detach() for value in found.outputs))
     assert found.impulses is not None
@@ -125,7 +122,7 @@ def test_residuals_by_impulses_are_their_derivatives() -> None:
 
 def test_unit_directions_take_out_what_impulses_explain_and_no_more_than_their_regularization_allows() -> None:
     stiff = replace(DEFAULT_LOSS, regularization=1e-2)
-    found = forward_pass(frozen_copy(network(ModelKind.DEEP)), impacts(4), stiff)
+    found = forward_pass(frozen_copy(network("deep")), impacts(4), stiff)
     units = torch.eye(found.directions_size, dtype=torch.float64)[:, None].expand(-1, 4, -1)
     rows = torch.cat([slope.flatten(2) for slope in found.profile_slopes(units, np.ones(4))], dim=2)  # (n, B, C)
     leaves = Contacts(*(value.detach().requires_grad_() for value in found.outputs))
@@ -143,7 +140,7 @@ def test_unit_directions_take_out_what_impulses_explain_and_no_more_than_their_r
 
 
 def test_an_end_to_end_models_unit_directions_give_its_jacobian() -> None:
-    model, rows = network(ModelKind.END_TO_END), impacts(2)
+    model, rows = network("end_to_end"), impacts(2)
     assert isinstance(model, EndToEndModel)
     found = forward_pass(frozen_copy(model), rows, DEFAULT_LOSS)
     units = torch.eye(6, dtype=torch.float64)[:, None].expand(-1, 2, -1)

@@ -5,8 +5,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from contact_curation.information.network.forward_pass import Slopes
-from contact_curation.information.network.leading_slopes import leading_slopes
+from contact_curation.information.network.forward_pass import Slopes, leading_slopes
 
 BATCH, RESIDUALS = 2, 12
 

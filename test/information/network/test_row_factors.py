@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from contact_curation.information.factors import Compression, factor_of_fisher
-from contact_curation.information.network.row_factors import factor_of_rows
+from contact_curation.information.network.scoring import factor_of_rows
 
 
 @pytest.mark.parametrize("shape", [(5, 40), (40, 12), (30, 30), (1, 6)])

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.evaluation import Estimator
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.criteria.orthogonal import select_orthogonal, toss_scores
 from contact_curation.information.network import score_folder
@@ -45,7 +44,7 @@ def test_orthogonal_selection_by_coordinates_is_that_by_the_scores() -> None:
 
 @pytest.mark.slow
 def test_a_networks_toss_scores_are_exact_whatever_the_sketch(tmp_path: Path) -> None:
-    model, config = network(ModelKind.DEEP), ScoringConfig(estimator=Estimator.EMPIRICAL)
+    model, config = network("deep"), ScoringConfig(estimator=Estimator.EMPIRICAL)
     rough = NetworkConfig(sketch=SketchConfig(leading=0, random=1))
     given = sorted(tosses(3), key=lambda toss: toss.toss_id)
     scorer = NetworkScorer(model, config, rough, ScoreFolder(tmp_path))

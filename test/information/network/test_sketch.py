@@ -9,7 +9,6 @@ import torch
 from scipy.stats import spearmanr
 
 from contact_curation.contact.loss_config import DEFAULT_LOSS
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.network.config import NetworkConfig, SketchConfig, network_config_for
@@ -30,7 +29,7 @@ class Scores(NamedTuple):
 
 
 @cache
-def scores(kind: ModelKind, config: SketchConfig) -> Scores:
+def scores(kind: str, config: SketchConfig) -> Scores:
     model = frozen_copy(network(kind))
     found = forward_pass(model, rows_of(tosses()).take(slice(0, None, EVERY)), DEFAULT_LOSS)
     (slopes,) = zip(*found.score_slopes(found.solved.astype(float)), strict=True)
@@ -48,8 +47,8 @@ def leverages(gram: Array) -> Array:
     return np.asarray(np.square(vectors[:, -16:]).sum(axis=1))
 
 
-@pytest.mark.parametrize("kind", [ModelKind.DEEP, ModelKind.DEEPVERTEX, ModelKind.END_TO_END])
-def test_inner_products_are_right_to_a_few_percent_and_leverages_keep_their_order(kind: ModelKind) -> None:
+@pytest.mark.parametrize("kind", ["deep", "deepvertex", "end_to_end"])
+def test_inner_products_are_right_to_a_few_percent_and_leverages_keep_their_order(kind: str) -> None:
     """METHOD 6, check 15, for single transitions, which is harder than for tosses."""
     found = scores(kind, network_config_for(kind).sketch)
     exact, sketched = found.exact @ found.exact.T, found.sketched @ found.sketched.T
@@ -65,7 +64,7 @@ def test_leading_directions_are_worth_more_than_random_ones() -> None:
     """Of the same size, what METHOD 2.7 proposes is many times as rough."""
 
     def roughness(config: SketchConfig) -> float:
-        found = scores(ModelKind.DEEP, config)
+        found = scores("deep", config)
         exact, sketched = np.square(found.exact).sum(axis=1), np.square(found.sketched).sum(axis=1)
         heard = exact > 1e-9 * exact.max()
         return float(np.abs(sketched[heard] / exact[heard] - 1.0).mean())
@@ -75,19 +74,19 @@ def test_leading_directions_are_worth_more_than_random_ones() -> None:
 
 @pytest.mark.slow
 def test_random_rows_keep_lengths_right_on_average() -> None:
-    lengths = [np.square(scores(ModelKind.DEEPVERTEX, SketchConfig(2, 4, seed)).sketched).sum() for seed in range(12)]
+    lengths = [np.square(scores("deepvertex", SketchConfig(2, 4, seed)).sketched).sum() for seed in range(12)]
     error = float(np.std(lengths)) / np.sqrt(len(lengths))
-    exact = np.square(scores(ModelKind.DEEPVERTEX, SketchConfig(2, 4, 0)).exact).sum()
+    exact = np.square(scores("deepvertex", SketchConfig(2, 4, 0)).exact).sum()
     assert abs(np.mean(lengths) - exact) < 3.0 * error < 0.5 * exact
 
 
 def test_a_sketch_wider_than_the_layers_loses_nothing() -> None:
-    found = scores(ModelKind.DEEPVERTEX, SketchConfig(leading=300, random=0))
+    found = scores("deepvertex", SketchConfig(leading=300, random=0))
     np.testing.assert_allclose(np.square(found.sketched).sum(axis=1), np.square(found.exact).sum(axis=1), rtol=1e-9)
 
 
 def test_the_same_theta_has_the_same_sketch_and_another_seed_another() -> None:
-    model = frozen_copy(network(ModelKind.DEEP))
+    model = frozen_copy(network("deep"))
     one, again, other = (network_sketch(model, SketchConfig(seed=seed)) for seed in (0, 0, 1))
     for first, second in zip(one.layers, again.layers, strict=True):
         assert torch.equal(first.inputs, second.inputs)

@@ -9,15 +9,13 @@ import pytest
 import safetensors.numpy
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.models.kind import ModelKind
-from contact_curation.contact.models.registry import tensors_of
+from contact_curation.contact.models.registry import MODELS
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.learning.checkpoints import safetensors_bytes
 from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes, training_of_bytes
 from contact_curation.learning.checkpoints.safetensors_bytes import pack, unpack
 from contact_curation.learning.checkpoints.stored_model import model_bytes, model_of_bytes, notes_of_bytes
-from contact_curation.learning.training.early_stop import EarlyStop
-from contact_curation.learning.training.progress import TrainingState
+from contact_curation.learning.training.progress import EarlyStop, TrainingState
 from contact_curation.learning.training.protocols import Patience, TrainingConfig, budgeted, published
 from contact_curation.learning.training.training import Training, new_training
 from contact_curation.motion.transitions import Transitions
@@ -32,12 +30,12 @@ def part(first: int, last: int) -> Transitions:
     )
 
 
-def config_for(kind: ModelKind) -> TrainingConfig:
+def config_for(kind: str) -> TrainingConfig:
     """With everything that has a state: a schedule, small epochs, early stop."""
     return replace(budgeted(kind), batch=5, evaluation_steps=3, patience=Patience())
 
 
-def training_for(kind: ModelKind = ModelKind.POLYTOPE, seed: int = 0) -> Training:
+def training_for(kind: str = "polytope", seed: int = 0) -> Training:
     return new_training(kind, CUBE, part(0, 18), part(200, 210), config_for(kind), seed)
 
 
@@ -53,9 +51,9 @@ def bits(training: Training) -> bytes:
     return checkpoint_bytes(training)
 
 
-@pytest.mark.parametrize("kind", list(ModelKind))
+@pytest.mark.parametrize("kind", list(MODELS))
 @pytest.mark.parametrize("steps", [0, 4, 5])
-def test_a_resumed_training_is_bit_for_bit_an_uninterrupted_one(kind: ModelKind, steps: int) -> None:
+def test_a_resumed_training_is_bit_for_bit_an_uninterrupted_one(kind: str, steps: int) -> None:
     training = training_for(kind)
     if steps:
         training.advance(steps)
@@ -99,8 +97,8 @@ def test_an_ended_training_is_still_ended() -> None:
 
 
 def test_a_training_without_held_out_transitions_resumes_too() -> None:
-    config = replace(config_for(ModelKind.POLYTOPE), patience=None)
-    training = new_training(ModelKind.POLYTOPE, CUBE, part(0, 18), None, config, 0)
+    config = replace(config_for("polytope"), patience=None)
+    training = new_training("polytope", CUBE, part(0, 18), None, config, 0)
     training.advance(4)
     resumed = training_of_bytes(checkpoint_bytes(training), "checkpoint", part(0, 18), None)
     training.advance(3)
@@ -108,18 +106,18 @@ def test_a_training_without_held_out_transitions_resumes_too() -> None:
     assert bits(resumed) == bits(training)
 
 
-@pytest.mark.parametrize("kind", list(ModelKind))
-def test_the_model_of_a_checkpoint_is_the_best_one_or_if_wanted_the_last(kind: ModelKind) -> None:
+@pytest.mark.parametrize("kind", list(MODELS))
+def test_the_model_of_a_checkpoint_is_the_best_one_or_if_wanted_the_last(kind: str) -> None:
     training = training_for(kind)
     training.advance(3)
-    best = tensors_of(training.model)
+    best = training.model.tensors()
     training.early_stop = EarlyStop(-1.0)  # nothing is better from here on
     training.advance(4)
     data = checkpoint_bytes(training)
-    for last, expected in ((False, best), (True, tensors_of(training.model))):
-        found = tensors_of(model_of_bytes(data, "checkpoint", CUBE, last))
+    for last, expected in ((False, best), (True, training.model.tensors())):
+        found = model_of_bytes(data, "checkpoint", CUBE, last).tensors()
         assert all(np.array_equal(found[name], expected[name]) for name in expected)
-    trained = tensors_of(training.trained())
+    trained = training.trained().tensors()
     assert all(np.array_equal(trained[name], best[name]) for name in best)
 
 
@@ -243,7 +241,7 @@ def test_numbers_that_are_not_finite_are_refused(whole: bytes) -> None:
 
 
 def test_the_published_protocol_resumes_in_the_middle_of_an_epoch() -> None:
-    training = new_training(ModelKind.POLYTOPE, CUBE, part(0, 18), part(200, 210), published(ModelKind.POLYTOPE), 3)
+    training = new_training("polytope", CUBE, part(0, 18), part(200, 210), published("polytope"), 3)
     training.advance(11)
     resumed = again(training)
     assert resumed.advance(20) == training.advance(20)

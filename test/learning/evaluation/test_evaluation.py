@@ -9,10 +9,9 @@ import torch
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import Rows
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.contact.models.registry import initial_model
+from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.rollout import rollout
 from contact_curation.contact.time_step import SweepLimits
@@ -60,7 +59,7 @@ def test_friction_at_the_vertices_of_the_gaps_predicts_a_rigid_body_whatever_its
 ) -> None:
     apart = CUBE.vertices_tangent + 0.3 * np.random.default_rng(2).standard_normal(CUBE.vertices_tangent.shape)
     model = PolytopeModel(replace(CUBE, vertices_tangent=apart), CONTACTNETS_CUBE, Form.PHYSICAL)
-    rigid = model.rubbing_where_it_touches()
+    rigid = model.with_shared_vertices()
     own, gaps = (predicted_motions(each, tosses, CONFIG).errors for each in (model, rigid))
     assert own.rotation.mean() > 5.0
     assert gaps.rotation.max() < 0.05
@@ -86,11 +85,11 @@ def test_an_evaluation_is_what_its_parts_give(tosses: tuple[Toss, ...]) -> None:
     assert found.errors.position.min() > 1.0  # a friction that is far off
 
 
-@pytest.mark.parametrize("kind", [ModelKind.DEEP, ModelKind.DEEPVERTEX, ModelKind.END_TO_END])
-def test_networks_are_judged_likewise_and_have_no_shape_of_their_own(kind: ModelKind, tosses: tuple[Toss, ...]) -> None:
+@pytest.mark.parametrize("kind", ["deep", "deepvertex", "end_to_end"])
+def test_networks_are_judged_likewise_and_have_no_shape_of_their_own(kind: str, tosses: tuple[Toss, ...]) -> None:
     rows = transitions_of(tosses, CONTACTNETS_CUBE.length_scale)
     data = Rows(rows.before, rows.after, rows.dt)
-    model = initial_model(kind, CONTACTNETS_CUBE, Form.PHYSICAL, data, np.random.default_rng(1))
+    model = model_class(kind).initial(CONTACTNETS_CUBE, Form.PHYSICAL, data, np.random.default_rng(1))
     found = evaluate_model(model, [replace(toss, toss_id=f"{toss.toss_id}-b") for toss in tosses[:1]], CONFIG)
     assert found.shape is None
     assert found.errors.position.shape == (1,)

@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import Rows
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.contact.models.registry import initial_model, tensors_of
+from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes, training_of_bytes
 from contact_curation.learning.fits.exact_fit import _only, optimum, theta_0
 from contact_curation.learning.training.data import rows_of
-from contact_curation.learning.training.mean_loss import mean_loss
+from contact_curation.learning.training.objective import mean_loss
 from contact_curation.learning.training.progress import TrainingState
 from contact_curation.learning.training.protocols import ROUND_TRIMMED, TrainingConfig, budgeted, exact
 from contact_curation.learning.training.training import Training
@@ -31,7 +30,7 @@ def data() -> Transitions:
 
 
 def begun(data: Transitions, seed: int = 1, config: TrainingConfig = EXACT) -> Training:
-    model = initial_model(ModelKind.POLYTOPE, CONTACTNETS_CUBE, Form.PHYSICAL, rows_of(data), np.random.default_rng(seed))
+    model = model_class("polytope").initial(CONTACTNETS_CUBE, Form.PHYSICAL, rows_of(data), np.random.default_rng(seed))
     return Training(model, data, None, config, seed)
 
 
@@ -43,7 +42,7 @@ def test_one_step_goes_all_the_way_and_ends_the_training(data: Transitions) -> N
     assert progress.gradient_steps > 10
     assert "Gauss-Newton steps" in progress.reason
     assert progress.training_loss < 0.01 * untrained
-    stepped = Training(begun(data).model, data, None, replace(budgeted(ModelKind.POLYTOPE), steps=steps), 1)
+    stepped = Training(begun(data).model, data, None, replace(budgeted("polytope"), steps=steps), 1)
     stepped.advance(steps)
     assert progress.training_loss < 0.5 * mean_loss(stepped.model, rows_of(data), fitted.config.loss).loss
     assert fitted.advance(5).gradient_steps == progress.gradient_steps  # it has ended
@@ -54,9 +53,9 @@ def test_as_much_is_left_out_as_is_asked_for_and_nothing_otherwise(data: Transit
     fitted = begun(data, config=config)
     start = theta_0(fitted.model)
     fitted.advance(1)
-    ends = {share: tensors_of(optimum(start, data, config.loss, share).model) for share in (0.0, ROUND_TRIMMED)}
+    ends = {share: optimum(start, data, config.loss, share).model.tensors() for share in (0.0, ROUND_TRIMMED)}
     alike = [
-        share for share, end in ends.items() if all((end[name] == one).all() for name, one in tensors_of(fitted.model).items())
+        share for share, end in ends.items() if all((end[name] == one).all() for name, one in fitted.model.tensors().items())
     ]
     assert alike == [config.trimmed]
 
@@ -70,7 +69,7 @@ def test_a_training_that_was_stored_after_its_fit_fits_other_tosses_from_the_sam
     for training in (through, resumed):
         training.replace_data(second, fresh_budget=True)
         training.advance(1)
-    one, other = (tensors_of(training.model) for training in (through, resumed))
+    one, other = (training.model.tensors() for training in (through, resumed))
     assert {name: value.tobytes() for name, value in one.items()} == {name: value.tobytes() for name, value in other.items()}
 
 
@@ -109,22 +108,22 @@ def test_a_toss_of_which_nothing_is_left_leaves_no_gap() -> None:
 def test_a_network_and_the_published_form_have_no_exact_protocol(data: Transitions) -> None:
     rows: Rows = rows_of(data)
     for kind, form, found in (
-        (ModelKind.DEEP, Form.PHYSICAL, "a deep,"),
-        (ModelKind.POLYTOPE, Form.CONTACTNETS, "a polytope in the contactnets form"),
+        ("deep", Form.PHYSICAL, "a deep,"),
+        ("polytope", Form.CONTACTNETS, "a polytope in the contactnets form"),
     ):
-        model = initial_model(kind, CONTACTNETS_CUBE, form, rows, np.random.default_rng(0))
+        model = model_class(kind).initial(CONTACTNETS_CUBE, form, rows, np.random.default_rng(0))
         with pytest.raises(InvalidValueError, match=f"model to train exactly: found {found}"):
             Training(model, data, None, exact(), 0)
 
 
 def test_a_loss_that_is_not_finite_names_the_toss_and_leaves_the_parameters(data: Transitions) -> None:
     training = begun(data)
-    before = tensors_of(training.model)
+    before = training.model.tensors()
     far = data.before.copy()
     far[3, 2] = 1e200
     training.replace_data(replace(data, before=far))
     progress = training.advance(1)
     assert progress.state is TrainingState.FAILED
     assert f"{data.toss_ids[0]}, transition 3: its loss is not finite" in progress.reason
-    after = tensors_of(training.model)
+    after = training.model.tensors()
     assert all((before[name] == after[name]).all() for name in before)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.learning.training.batches import Batches
+from contact_curation.learning.training.data import Batches
 
 
 def batches(count: int = 10, size: int = 4, seed: int = 0) -> Batches:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from contact_curation.learning.training.bounded_influence import InfluenceBound, InfluenceShape, bounded
+from contact_curation.learning.training.objective import InfluenceBound, InfluenceShape, bounded
 
 LOSSES = torch.tensor([1.0, 2.0, 3.0, 4.0, 100.0], dtype=torch.float64)
 BOUND = 4.0

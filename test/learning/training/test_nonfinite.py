@@ -7,10 +7,10 @@ import pytest
 import torch
 
 from contact_curation.contact.loss_config import DEFAULT_LOSS
-from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.registry import MODELS
 from contact_curation.contact.parameter_form import Form
 from contact_curation.learning.training.data import rows_of
-from contact_curation.learning.training.nonfinite import not_finite, not_finite_gradient
+from contact_curation.learning.training.objective import not_finite, not_finite_gradient
 from contact_curation.learning.training.progress import TrainingState
 from contact_curation.learning.training.protocols import published
 from contact_curation.learning.training.training import Training
@@ -21,7 +21,7 @@ from test.learning.toy import SOLVED, STEEP, UNSOLVED, Toy, toy_data
 
 
 @pytest.mark.parametrize(("kind", "form"), VARIANTS[:-1])
-def test_contacts_that_cannot_be_squared_are_not_finite(kind: ModelKind, form: Form) -> None:
+def test_contacts_that_cannot_be_squared_are_not_finite(kind: str, form: Form) -> None:
     model, rows = model_of(kind, form), rows_of_kind("impact", 3)
     assert not not_finite(model, rows).any()
     after = rows.after.copy()
@@ -30,7 +30,7 @@ def test_contacts_that_cannot_be_squared_are_not_finite(kind: ModelKind, form: F
 
 
 def test_what_an_end_to_end_model_could_not_solve_is_not_finite() -> None:
-    assert not_finite(model_of(ModelKind.END_TO_END, Form.PHYSICAL), rows_of_kind("impact", 2)).all()
+    assert not_finite(model_of("end_to_end", Form.PHYSICAL), rows_of_kind("impact", 2)).all()
 
 
 @pytest.mark.parametrize(
@@ -47,8 +47,8 @@ def test_the_culprit_has_a_gradient_that_is_not_finite_or_the_largest(
     assert not_finite_gradient(Toy(), rows_of(toy_data(targets, what)), DEFAULT_LOSS) == culprit
 
 
-@pytest.mark.parametrize("kind", list(ModelKind))
-def test_parameters_that_have_run_away_stop_the_training_by_name(kind: ModelKind) -> None:
+@pytest.mark.parametrize("kind", list(MODELS))
+def test_parameters_that_have_run_away_stop_the_training_by_name(kind: str) -> None:
     data = tracked_transitions()
     model = model_of(kind, Form.CONTACTNETS)
     with torch.no_grad():

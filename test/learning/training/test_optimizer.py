@@ -7,11 +7,10 @@ import pytest
 import torch
 
 from contact_curation.contact.models.deep import DeepModel
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.training.optimizer import Optimizer
-from contact_curation.learning.training.protocols import Pace, Schedule
+from contact_curation.learning.training.protocols import AdamWConfig, Schedule
 from test.contact.model_cases import model_of
 from test.learning.toy import Toy, toy_config
 
@@ -22,7 +21,7 @@ def descend(optimizer: Optimizer, toy: Toy, steps: int, first: int = 0) -> None:
 
 
 def test_its_steps_are_adamws_at_the_rate_of_the_schedule() -> None:
-    config = replace(toy_config(steps=6), schedule=Schedule.COSINE, polytope=Pace(0.1, 0.5))
+    config = replace(toy_config(steps=6), schedule=Schedule.COSINE, polytope=AdamWConfig(0.1, 0.5))
     toy, twin = Toy(1.0), Toy(1.0)
     descend(Optimizer(toy, config), toy, 6)
     adam = torch.optim.AdamW(twin.parameters(), lr=0.1, weight_decay=0.5)
@@ -36,10 +35,10 @@ def test_its_steps_are_adamws_at_the_rate_of_the_schedule() -> None:
 
 
 def test_networks_have_a_pace_of_their_own() -> None:
-    model = model_of(ModelKind.DEEP, Form.PHYSICAL)
+    model = model_of("deep", Form.PHYSICAL)
     assert isinstance(model, DeepModel)
     before = {name: value.detach().clone() for name, value in model.named_parameters()}
-    optimizer = Optimizer(model, replace(toy_config(), polytope=Pace(1e-2), network=Pace(1e-4)))
+    optimizer = Optimizer(model, replace(toy_config(), polytope=AdamWConfig(1e-2), network=AdamWConfig(1e-4)))
     total = torch.stack([value.sum() for value in model.parameters()]).sum()
     assert optimizer.minimize(total, 0)
     for name, value in model.named_parameters():  # the first step of Adam is the rate, whatever the gradient's size
@@ -90,7 +89,7 @@ def test_moments_that_do_not_fit_are_refused(moments: dict[str, torch.Tensor]) -
 
 
 def test_moments_after_different_numbers_of_steps_are_refused() -> None:
-    model = model_of(ModelKind.DEEP, Form.PHYSICAL)
+    model = model_of("deep", Form.PHYSICAL)
     optimizer = Optimizer(model, toy_config())
     assert optimizer.minimize(torch.stack([value.sum() for value in model.parameters()]).sum(), 0)
     moments = optimizer.moments()

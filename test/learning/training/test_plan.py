@@ -9,9 +9,7 @@ import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.contact.models.registry import tensors_of
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.information.ranker import RankingConfig
@@ -21,7 +19,7 @@ from contact_curation.learning.checkpoints.selection_document import document_of
 from contact_curation.learning.training.plan import TrainingPlan, begin, resume, stored
 from contact_curation.learning.training.progress import TrainingState
 from contact_curation.learning.training.protocols import budgeted, exact, published
-from contact_curation.learning.training.reranking import CanaryConfig, RerankingConfig, Trigger
+from contact_curation.learning.training.reranking import RerankingConfig, StalenessConfig, Trigger
 from contact_curation.motion.toss import Toss
 from test.simulated import simulated_tosses
 
@@ -36,10 +34,10 @@ def tosses() -> tuple[Toss, ...]:
 @pytest.fixture(scope="module")
 def plan(tosses: tuple[Toss, ...]) -> TrainingPlan:
     """It trains on 3 of 6 tosses, which it selects again on both occasions."""
-    protocol = replace(budgeted(ModelKind.POLYTOPE), steps=STEPS, evaluation_steps=6)
-    canary = CanaryConfig(tosses=6, steps=5, spearman=1.0, overlap=1.0)
+    protocol = replace(budgeted("polytope"), steps=STEPS, evaluation_steps=6)
+    canary = StalenessConfig(tosses=6, steps=5, spearman=1.0, overlap=1.0)
     selection = RerankingConfig(RankingConfig("trace", top=3), epochs=2, canary=canary)
-    return TrainingPlan(ModelKind.POLYTOPE, CONTACTNETS_CUBE, protocol, tosses[:6], tosses[6:], seed=4, selection=selection)
+    return TrainingPlan("polytope", CONTACTNETS_CUBE, protocol, tosses[:6], tosses[6:], seed=4, selection=selection)
 
 
 def test_the_kept_tosses_and_nothing_else_are_trained_on(plan: TrainingPlan) -> None:
@@ -81,7 +79,7 @@ def test_a_training_that_is_killed_anywhere_ends_in_the_same_numbers(plan: Train
 
 
 def test_a_published_training_selects_at_the_same_steps_however_it_is_cut(plan: TrainingPlan) -> None:
-    protocol = replace(published(ModelKind.POLYTOPE), epochs=6)
+    protocol = replace(published("polytope"), epochs=6)
     selection = RerankingConfig(RankingConfig("trace", top=2), epochs=2)
     whole, cut = (begin(replace(plan, protocol=protocol, selection=selection)) for _ in range(2))
     progress = whole.advance(10**6)
@@ -90,7 +88,7 @@ def test_a_published_training_selects_at_the_same_steps_however_it_is_cut(plan: 
     assert progress.state is TrainingState.SPENT
     assert [one.epochs for one in whole.selections] == [0, 2, 4]
     assert str(cut.selections) == str(whole.selections)
-    found, expected = (tensors_of(one.training.model) for one in (cut, whole))
+    found, expected = (one.training.model.tensors() for one in (cut, whole))
     assert {name: value.tobytes() for name, value in found.items()} == {n: v.tobytes() for n, v in expected.items()}
 
 
@@ -104,13 +102,13 @@ def test_without_a_selection_all_tosses_are_trained_on(plan: TrainingPlan) -> No
 
 def test_a_given_start_is_trained_from_and_left_as_it_is(plan: TrainingPlan) -> None:
     start = PolytopeModel(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE, Form.PHYSICAL)
-    before = tensors_of(start)
+    before = start.tensors()
     curated = begin(replace(plan, start=start))
-    for name, value in tensors_of(curated.training.model).items():
+    for name, value in curated.training.model.tensors().items():
         assert np.array_equal(value, before[name])
     curated.advance(2)
-    assert not np.array_equal(tensors_of(curated.training.model)["vertices_normal"], before["vertices_normal"])
-    assert np.array_equal(tensors_of(start)["vertices_normal"], before["vertices_normal"])
+    assert not np.array_equal(curated.training.model.tensors()["vertices_normal"], before["vertices_normal"])
+    assert np.array_equal(start.tensors()["vertices_normal"], before["vertices_normal"])
 
 
 def changed(plan: TrainingPlan, name: str) -> TrainingPlan:

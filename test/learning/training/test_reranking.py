@@ -9,23 +9,22 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import Model
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.contact.models.registry import initial_model
+from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.curation import curate
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig
+from contact_curation.learning.training.curated import toss_scorer
 from contact_curation.learning.training.data import rows_of
-from contact_curation.learning.training.model_scoring import toss_scorer
 from contact_curation.learning.training.reranking import (
-    CanaryConfig,
     Reranking,
     RerankingConfig,
     Selected,
+    StalenessConfig,
     Trigger,
 )
 from contact_curation.motion.toss import Toss
@@ -35,7 +34,7 @@ from test.simulated import simulated_tosses
 
 COUNT = 40
 TRACE = RankingConfig("trace", top=10)
-CANARY = CanaryConfig(tosses=16, steps=5)
+CANARY = StalenessConfig(tosses=16, steps=5)
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +136,7 @@ def moved_canaries(swaps: Sequence[tuple[int, int]], spearman: float, overlap: f
     model = PolytopeModel(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE, Form.PHYSICAL)
     one, scorer = simulated_tosses(1, seed=1)[0], MadeUpScorer()
     pool = [replace(one, toss_id=f"toss-{k:02d}") for k in range(COUNT)]
-    config = CanaryConfig(tosses=20, steps=1, spearman=spearman, overlap=overlap)
+    config = StalenessConfig(tosses=20, steps=1, spearman=spearman, overlap=overlap)
     reranking = Reranking(pool, scorer, RerankingConfig(TRACE, canary=config))
     places = [int(toss_id[-2:]) for toss_id in reranking.select(model).canaries]
     for a, b in swaps:
@@ -162,7 +161,7 @@ def test_the_limit_of_the_correlation_is_met_from_both_sides() -> None:
 @pytest.mark.parametrize("criterion", ["longest", "random"])
 def test_what_no_theta_moves_is_selected_once(model: Model, tosses: tuple[Toss, ...], criterion: str) -> None:
     scorer = MadeUpScorer()
-    config = RerankingConfig(RankingConfig(criterion, top=4), epochs=1, canary=CanaryConfig(steps=1))
+    config = RerankingConfig(RankingConfig(criterion, top=4), epochs=1, canary=StalenessConfig(steps=1))
     reranking = Reranking(tosses, scorer, config)
     reranking.select(model)
     assert all(reranking.consider(model, step, step) is None for step in range(1, 5))
@@ -195,7 +194,7 @@ def test_tosses_that_cannot_be_scored_are_named_and_not_kept(model: Model, tosse
 
 @pytest.mark.parametrize(("canary", "taken", "left", "quiet"), [(None, 7, 12, 12), (CANARY, 7, 12, 3), (CANARY, 5, 2, 2)])
 def test_no_occasion_comes_before_the_end_of_the_epoch_and_the_canaries(
-    tosses: tuple[Toss, ...], canary: CanaryConfig | None, taken: int, left: int, quiet: int
+    tosses: tuple[Toss, ...], canary: StalenessConfig | None, taken: int, left: int, quiet: int
 ) -> None:
     reranking = Reranking(tosses, MadeUpScorer(), RerankingConfig(TRACE, canary=canary))
     assert reranking.quiet_steps(taken, left) == quiet
@@ -211,7 +210,7 @@ def test_nothing_is_considered_before_a_first_selection(model: Model, tosses: tu
 )
 def test_canaries_without_sense_are_refused(field: str, value: float) -> None:
     with pytest.raises(InvalidValueError, match=f"canary.{field}: found {value}"):
-        CanaryConfig(**{field: value})  # type: ignore[arg-type]
+        StalenessConfig(**{field: value})  # type: ignore[arg-type]
 
 
 def test_no_epochs_between_selections_are_refused() -> None:
@@ -234,7 +233,7 @@ def test_a_polytope_is_ranked_as_the_library_ranks_its_geometry_in_its_own_form(
 def test_theta_that_moves_far_moves_the_canaries_of_real_scores() -> None:
     pool = simulated_tosses(12, seed=5)
     scorer = toss_scorer(ScoringConfig(), "trace")
-    config = RerankingConfig(RankingConfig("trace", top=4), canary=CanaryConfig(tosses=8, steps=1))
+    config = RerankingConfig(RankingConfig("trace", top=4), canary=StalenessConfig(tosses=8, steps=1))
     true = ContactGeometry.of_body(CONTACTNETS_CUBE)
     reranking = Reranking(pool, scorer, config)
     reranking.select(PolytopeModel(true, CONTACTNETS_CUBE, Form.PHYSICAL))
@@ -256,11 +255,11 @@ def test_what_needs_no_scores_ranks_as_the_library_does(model: Model, criterion:
     assert Reranking(pool, scorer, RerankingConfig(ranking)).select(model).kept == expected.ranking.kept_ids
 
 
-@pytest.mark.parametrize("kind", [ModelKind.DEEP, ModelKind.DEEPVERTEX, ModelKind.END_TO_END])
-def test_networks_are_ranked_by_what_they_learn(kind: ModelKind) -> None:
+@pytest.mark.parametrize("kind", ["deep", "deepvertex", "end_to_end"])
+def test_networks_are_ranked_by_what_they_learn(kind: str) -> None:
     pool = simulated_tosses(2, seed=5)
     rows = rows_of(transitions_of(pool, CONTACTNETS_CUBE.length_scale))
-    network = initial_model(kind, CONTACTNETS_CUBE, Form.PHYSICAL, rows, np.random.default_rng(1))
+    network = model_class(kind).initial(CONTACTNETS_CUBE, Form.PHYSICAL, rows, np.random.default_rng(1))
     config = ScoringConfig(estimator=Estimator.EMPIRICAL)
     scorer = toss_scorer(config, "trace")
     traces = {one.toss_id: one.trace for one in scorer(network, pool) if isinstance(one, TossInformation)}

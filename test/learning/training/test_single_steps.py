@@ -9,23 +9,21 @@ import torch
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.models.end_to_end import EndToEndModel, ImpulseLoss
-from contact_curation.contact.models.kind import ModelKind
-from contact_curation.contact.models.registry import tensors_of
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.training.data import rows_of
+from contact_curation.learning.training.optimizer import SingleSteps
 from contact_curation.learning.training.progress import TrainingState
-from contact_curation.learning.training.protocols import Pace, Schedule, TrainingConfig, budgeted, published
-from contact_curation.learning.training.single_steps import SingleSteps
+from contact_curation.learning.training.protocols import AdamWConfig, Schedule, TrainingConfig, budgeted, published
 from contact_curation.learning.training.training import Training, new_training
 from contact_curation.motion.transitions import Transitions
 from contact_curation.solver.cone_problem import Cone
 from test.contact.cases import CUBE, tracked_transitions
 
-CONFIG = replace(published(ModelKind.POLYTOPE), patience=None, epochs=2)
+CONFIG = replace(published("polytope"), patience=None, epochs=2)
 LONG_WAY = replace(CONFIG, steps=80)
 """A step takes some milliseconds there."""
-NETWORKS = (ModelKind.DEEP, ModelKind.DEEPVERTEX, ModelKind.END_TO_END)
+NETWORKS = ("deep", "deepvertex", "end_to_end")
 
 
 @pytest.fixture
@@ -34,22 +32,25 @@ def long_way(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     return monkeypatch
 
 
-def training(
-    config: TrainingConfig = CONFIG, data: Transitions | None = None, kind: ModelKind = ModelKind.POLYTOPE
-) -> Training:
+def training(config: TrainingConfig = CONFIG, data: Transitions | None = None, kind: str = "polytope") -> Training:
     return new_training(kind, CUBE, tracked_transitions() if data is None else data, None, config, 0)
 
 
-def networks_config(kind: ModelKind, **changes: Any) -> TrainingConfig:
+def networks_config(kind: str, **changes: Any) -> TrainingConfig:
     """So fast that a step counts, the two paces apart, at falling rates."""
     fast = replace(
-        published(kind), polytope=Pace(1e-2, 0.1), network=Pace(2e-3, 0.2), schedule=Schedule.COSINE, patience=None, steps=60
+        published(kind),
+        polytope=AdamWConfig(1e-2, 0.1),
+        network=AdamWConfig(2e-3, 0.2),
+        schedule=Schedule.COSINE,
+        patience=None,
+        steps=60,
     )
     return replace(fast, **changes)
 
 
 def told(one: Training) -> tuple[object, ...]:
-    return one.progress, one.history, {name: value.tolist() for name, value in tensors_of(one.model).items()}
+    return one.progress, one.history, {name: value.tolist() for name, value in one.model.tensors().items()}
 
 
 def assert_alike(one: Training, other: Training) -> None:
@@ -57,8 +58,8 @@ def assert_alike(one: Training, other: Training) -> None:
     for name in ("gradient_steps", "epochs", "not_solved", "state"):
         assert getattr(one.progress, name) == getattr(other.progress, name)
     assert one.progress.training_loss == pytest.approx(other.progress.training_loss, rel=1e-12)
-    theirs = tensors_of(other.model)
-    for name, value in tensors_of(one.model).items():
+    theirs = other.model.tensors()
+    for name, value in one.model.tensors().items():
         np.testing.assert_allclose(value, theirs[name], rtol=0.0, atol=1e-11)
 
 
@@ -74,10 +75,10 @@ def test_both_ways_give_the_same_numbers(long_way: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("kind", NETWORKS)
-def test_both_ways_give_the_same_networks(long_way: pytest.MonkeyPatch, kind: ModelKind) -> None:
+def test_both_ways_give_the_same_networks(long_way: pytest.MonkeyPatch, kind: str) -> None:
     config = networks_config(kind)
     other = training(config, kind=kind)
-    began = tensors_of(other.model)
+    began = other.model.tensors()
     other.advance(10**6)
     long_way.undo()
     ours = training(config, kind=kind)
@@ -85,13 +86,13 @@ def test_both_ways_give_the_same_networks(long_way: pytest.MonkeyPatch, kind: Mo
     ours.advance(10**6)
     assert ours.progress.state is TrainingState.SPENT
     assert_alike(ours, other)
-    ended = tensors_of(ours.model)
+    ended = ours.model.tensors()
     for name, _ in ours.model.named_parameters():
         assert np.abs(ended[name] - began[name]).max() > 1e-4, name
 
 
 def test_both_ways_give_the_same_squared_end_to_end(long_way: pytest.MonkeyPatch) -> None:
-    config = networks_config(ModelKind.END_TO_END)
+    config = networks_config("end_to_end")
     ends = []
     for _ in range(2):
         model = EndToEndModel(CUBE, ImpulseLoss.SQUARED)
@@ -104,7 +105,7 @@ def test_both_ways_give_the_same_squared_end_to_end(long_way: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("kind", NETWORKS)
-def test_networks_whose_steps_are_cut_or_resumed_have_the_same_bits(kind: ModelKind) -> None:
+def test_networks_whose_steps_are_cut_or_resumed_have_the_same_bits(kind: str) -> None:
     config = networks_config(kind, evaluation_steps=7)
     whole, cut = training(config, kind=kind), training(config, kind=kind)
     whole.advance(40)
@@ -116,7 +117,7 @@ def test_networks_whose_steps_are_cut_or_resumed_have_the_same_bits(kind: ModelK
 
 
 @pytest.mark.parametrize("kind", NETWORKS[:2])
-def test_rows_that_are_not_solved_are_left_out_by_networks_both_ways(long_way: pytest.MonkeyPatch, kind: ModelKind) -> None:
+def test_rows_that_are_not_solved_are_left_out_by_networks_both_ways(long_way: pytest.MonkeyPatch, kind: str) -> None:
     config = networks_config(kind, loss=replace(CONFIG.loss, max_iterations=9))
     ends = []
     for _ in range(2):
@@ -130,7 +131,7 @@ def test_rows_that_are_not_solved_are_left_out_by_networks_both_ways(long_way: p
 
 @pytest.mark.parametrize("kind", NETWORKS)
 @pytest.mark.parametrize("size", [1e200, np.inf])
-def test_networks_that_are_not_finite_end_the_training_and_change_nothing(kind: ModelKind, size: float) -> None:
+def test_networks_that_are_not_finite_end_the_training_and_change_nothing(kind: str, size: float) -> None:
     one = training(networks_config(kind), kind=kind)
     for value in one.model.parameters():
         value.data.fill_(size)
@@ -200,17 +201,15 @@ def test_a_resumed_training_goes_on_with_the_same_bits() -> None:
     assert told(resumed) == told(whole)
 
 
-@pytest.mark.parametrize(
-    "config", [replace(CONFIG, batch=2), replace(CONFIG, form=Form.PHYSICAL), budgeted(ModelKind.POLYTOPE)]
-)
+@pytest.mark.parametrize("config", [replace(CONFIG, batch=2), replace(CONFIG, form=Form.PHYSICAL), budgeted("polytope")])
 def test_other_protocols_go_the_long_way(config: TrainingConfig) -> None:
     one = training(config)
     assert SingleSteps.of(one.model, one.data, config, one.optimizer) is None
 
 
 def test_deep_in_the_physical_form_goes_the_long_way() -> None:
-    config = networks_config(ModelKind.DEEP, form=Form.PHYSICAL)
-    one = training(config, kind=ModelKind.DEEP)
+    config = networks_config("deep", form=Form.PHYSICAL)
+    one = training(config, kind="deep")
     assert SingleSteps.of(one.model, one.data, config, one.optimizer) is None
 
 
@@ -226,7 +225,7 @@ def test_a_loss_that_is_not_finite_ends_the_training_by_name_and_changes_nothing
 
 
 def test_a_slope_that_is_not_finite_ends_the_training_by_name_and_changes_nothing() -> None:
-    one = training(networks_config(ModelKind.END_TO_END), kind=ModelKind.END_TO_END)
+    one = training(networks_config("end_to_end"), kind="end_to_end")
     for name, value in one.model.named_parameters():
         value.data.fill_({"network.layers.0.bias": 1e-310}.get(name, 0.0))
     for depth, weight in ((1, 1.0), (2, 1e160), (3, 1e160), (4, 1e-17)):  # a loss of some hundred, slopes of 1e310
@@ -238,8 +237,8 @@ def test_a_slope_that_is_not_finite_ends_the_training_by_name_and_changes_nothin
     assert told(one)[-1] == broken
 
 
-@pytest.mark.parametrize("kind", [ModelKind.POLYTOPE, *NETWORKS])
-def test_states_that_the_loss_is_not_defined_for_are_refused(kind: ModelKind) -> None:
+@pytest.mark.parametrize("kind", ["polytope", *NETWORKS])
+def test_states_that_the_loss_is_not_defined_for_are_refused(kind: str) -> None:
     data = tracked_transitions()
     before = data.before.copy()
     before[3, 3:7] *= 2.0
@@ -247,8 +246,8 @@ def test_states_that_the_loss_is_not_defined_for_are_refused(kind: ModelKind) ->
         training(replace(published(kind), patience=None), replace(data, before=before), kind)
 
 
-@pytest.mark.parametrize("kind", [ModelKind.POLYTOPE, *NETWORKS])
-def test_data_that_are_refused_change_nothing(kind: ModelKind) -> None:
+@pytest.mark.parametrize("kind", ["polytope", *NETWORKS])
+def test_data_that_are_refused_change_nothing(kind: str) -> None:
     data = tracked_transitions()
     bad = data.before.copy()
     bad[3, 3:7] *= 2.0
@@ -275,9 +274,7 @@ PYRAMID = Body(
 
 
 @pytest.mark.parametrize("kind", NETWORKS)
-def test_both_ways_give_the_same_networks_of_another_body_in_a_polyhedral_cone(
-    long_way: pytest.MonkeyPatch, kind: ModelKind
-) -> None:
+def test_both_ways_give_the_same_networks_of_another_body_in_a_polyhedral_cone(long_way: pytest.MonkeyPatch, kind: str) -> None:
     config = networks_config(kind, loss=replace(CONFIG.loss, cone=Cone.POLYHEDRAL))
     ends = []
     for _ in range(2):
@@ -290,8 +287,8 @@ def test_both_ways_give_the_same_networks_of_another_body_in_a_polyhedral_cone(
 
 
 def test_frozen_parameters_go_the_long_way() -> None:
-    config = networks_config(ModelKind.DEEP)
-    one = training(config, kind=ModelKind.DEEP)
+    config = networks_config("deep")
+    one = training(config, kind="deep")
     one.model.get_submodule("polytope").requires_grad_(False)
     frozen = Training(one.model, one.data, None, config, seed=0)
     frozen.advance(3)
@@ -299,10 +296,10 @@ def test_frozen_parameters_go_the_long_way() -> None:
 
 
 def test_deepvertex_stands_on_the_plane_that_it_was_loaded_with(long_way: pytest.MonkeyPatch) -> None:
-    config = networks_config(ModelKind.DEEPVERTEX)
+    config = networks_config("deepvertex")
     ends = []
     for _ in range(2):
-        model = training(config, kind=ModelKind.DEEPVERTEX).model
+        model = training(config, kind="deepvertex").model
         model.get_buffer("normal").copy_(torch.tensor([0.1, 0.0, 1.0]))
         one = Training(model, tracked_transitions(), None, config, seed=3)
         one.advance(10**6)
@@ -312,9 +309,9 @@ def test_deepvertex_stands_on_the_plane_that_it_was_loaded_with(long_way: pytest
 
 
 def test_moments_of_a_part_of_the_parameters_are_refused() -> None:
-    config = networks_config(ModelKind.DEEP)
-    one = training(config, kind=ModelKind.DEEP)
+    config = networks_config("deep")
+    one = training(config, kind="deep")
     one.advance(3)
     part = {name: value for name, value in one.optimizer.moments().items() if name.startswith("polytope.")}
     with pytest.raises(InvalidValueError, match="of all of them, or of none"):
-        training(config, kind=ModelKind.DEEP).optimizer.restore(part)
+        training(config, kind="deep").optimizer.restore(part)

@@ -6,10 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from contact_curation.contact.models.registry import tensors_of
 from contact_curation.errors import InvalidValueError
-from contact_curation.learning.training.early_stop import EarlyStop
-from contact_curation.learning.training.progress import Progress, TrainingState
+from contact_curation.learning.training.progress import EarlyStop, Progress, TrainingState
 from contact_curation.learning.training.protocols import Patience, TrainingConfig
 from contact_curation.learning.training.training import Training
 from contact_curation.motion.transitions import Transitions
@@ -23,7 +21,7 @@ def toy_training(
 
 
 def theta_of(training: Training) -> float:
-    return float(tensors_of(training.model)["theta"])
+    return float(training.model.tensors()["theta"])
 
 
 def test_a_training_goes_down_to_the_mean_of_the_targets() -> None:

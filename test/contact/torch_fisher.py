@@ -1,4 +1,4 @@
-"""Fisher matrices of tosses in plain torch: the fallback where no kernel can be loaded, and the reference it is tested against.
+"""Fisher matrices of tosses in plain torch, the reference that the kernel is tested against.
 
 Gauss-Newton matrices are built densely from the Jacobians of all residuals r by automatic differentiation (METHOD 1.5):
 
@@ -15,17 +15,13 @@ from contact_curation.contact.evaluation import Estimator, FisherSums
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.torch_contacts import Frames, Theta, contacts_of
-from contact_curation.contact.torch_evaluation import evaluate_in_torch
 from contact_curation.contact.torch_loss import cone_problems, residuals
 from contact_curation.geometry.quaternions import Array
-from contact_curation.solver.certificate import FACET_NORMALS, objectives
-from contact_curation.solver.cone_problem import Cone
+from contact_curation.solver.certificate import free_directions, objectives
+from test.contact.torch_evaluation import evaluate_in_torch
 
 CHUNK = 512
 """Transitions that are differentiated at a time."""
-
-FREE_TOLERANCE = 1e-6
-"""An impulse is at the cone's apex below this, inside the cone when its dual is below this, on a facet when its gap is."""
 
 
 def fisher_sums_in_torch(
@@ -67,35 +63,6 @@ def profile_fishers(geometry: ContactGeometry, frames: Frames, impulses: Array, 
     pieces = [slice(first, first + CHUNK) for first in range(0, len(given), CHUNK)]
     matrices = [_profiled(theta, frames.rows(piece), given[piece], bases[piece], config) for piece in pieces]
     return torch.cat(matrices).cpu().numpy() if matrices else np.zeros((0, len(theta.vector()), len(theta.vector())))
-
-
-def free_directions(impulses: Array, gradients: Array, cone: Cone) -> Array:
-    """Orthonormal directions (B, V, 3, 3), as columns, in which optimal impulses (B, V, 3) may move; other columns are zero.
-
-    All three inside the cone, none at its apex; on its surface those along it: of the circular cone the ray and the rim's
-    direction, of the polyhedral one those of the facet, or the ray where two facets meet.
-    """
-    found = np.zeros((*impulses.shape, 3))
-    for place in np.ndindex(impulses.shape[:2]):
-        columns = _free(impulses[place], float(gradients[place][0]), cone)
-        found[place][:, : columns.shape[1]] = columns
-    return found
-
-
-def _free(impulse: Array, dual: float, cone: Cone) -> Array:
-    """Columns (3, 0 to 3)."""
-    if impulse[0] <= FREE_TOLERANCE:
-        return np.zeros((3, 0))
-    if dual <= FREE_TOLERANCE:
-        return np.eye(3)
-    if cone is Cone.CIRCULAR:
-        across = np.array([0.0, -impulse[2], impulse[1]])
-        return np.stack([impulse / np.linalg.norm(impulse), across / np.linalg.norm(across)], axis=1)
-    touching = FACET_NORMALS[FACET_NORMALS @ impulse <= FREE_TOLERANCE]
-    if len(touching) == 1:
-        normal = touching[0]
-        return np.stack([np.array([1.0, *-normal[1:]]) / np.sqrt(2.0), [0.0, normal[2], -normal[1]]], axis=1)
-    return (impulse / np.linalg.norm(impulse))[:, None]
 
 
 def _profiled(theta: Theta, frames: Frames, impulses: Tensor, bases: Tensor, config: LossConfig) -> Tensor:

@@ -1,4 +1,4 @@
-"""Solves the inner problem in plain torch: where no compiled kernel is at hand, and on GPUs.
+"""Solves the inner problem in plain torch, by a method of its own: the reference that the kernel is tested against.
 
 The slack becomes a variable t >= 0, w_s min(0, r)^2 = min over t of w_s (r - t)^2, so that the objective is a strictly convex
 quadratic in x = (l, t) over a product of cones. Its minimum is the zero of x - proj(x - step gradient), found by a semismooth
@@ -13,7 +13,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from contact_curation.solver.central_path import follow_central_path
 from contact_curation.solver.certificate import EDGES, FACET_NORMALS, natural_residuals
 from contact_curation.solver.cone_problem import (
     DEFAULT_TOLERANCE,
@@ -23,6 +22,7 @@ from contact_curation.solver.cone_problem import (
     SolveStatus,
     quadratic_form,
 )
+from test.solver.central_path import follow_central_path
 
 MAX_ITERATIONS = 30
 """Newton steps at a time."""

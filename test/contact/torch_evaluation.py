@@ -1,4 +1,4 @@
-"""Loss, impulses and scores in plain torch: the fallback where no kernel can be loaded, and the reference it is tested against.
+"""Loss, impulses and scores in plain torch, the reference that the kernel is tested against.
 
 Scores come from autograd of the loss at fixed impulses, one theta per transition.
 """
@@ -11,10 +11,11 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.evaluation import Evaluation, checked_transitions
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
-from contact_curation.contact.torch_contacts import Frames, Theta, contacts_of
-from contact_curation.contact.torch_loss import cone_problems, loss_terms
+from contact_curation.contact.torch_contacts import Contacts, Frames, Theta, contacts_of
+from contact_curation.contact.torch_loss import cone_problems, residuals
 from contact_curation.geometry.quaternions import Array
-from contact_curation.solver.torch_solver import solve_in_torch
+from contact_curation.solver.cone_problem import ConeWeights
+from test.solver.torch_solver import solve_in_torch
 
 CHUNK = 4096
 """Transitions that are differentiated at a time."""
@@ -40,6 +41,11 @@ def evaluate_in_torch(
     impulses = torch.as_tensor(solutions.impulses, device=device)
     terms, scores = _terms_and_scores(theta, frames, impulses, config)
     return Evaluation(terms, solutions.impulses, scores, solutions.residuals, solutions.status, solutions.iterations)
+
+
+def loss_terms(contacts: Contacts, frames: Frames, impulses: Tensor, weights: ConeWeights) -> Tensor:
+    """The weighted terms (..., 5) of the loss in the order of `evaluation.LOSS_TERMS`, impulses (..., K, 3) given."""
+    return torch.stack([r.square().sum(dim=-1) for r in residuals(contacts, frames, impulses, weights)], dim=-1)
 
 
 def _terms_and_scores(theta: Theta, frames: Frames, impulses: Tensor, config: LossConfig) -> tuple[Array, Array]:
