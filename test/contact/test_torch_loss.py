@@ -1,21 +1,18 @@
 """The loss in torch: the kernel's numbers, Jacobians that are derivatives, and a differentiable loss for training."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
-from contact_curation.contact import evaluation
 from contact_curation.contact.evaluation import Cone, Estimator, SolveStatus, evaluate, fisher_sums
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.torch_contacts import Contacts, Frames, Theta, contacts_of
 from contact_curation.contact.torch_loss import contact_losses, loss_and_slopes, polytope_losses
-from contact_curation.errors import InvalidValueError, MissingDependencyError
-from contact_curation.solver import compiled
+from contact_curation.errors import InvalidValueError
 from contact_curation.solver.cone_problem import ConeWeights
 from test.contact.cases import CUBE, DT, TRUE, full_vector, noisy_geometry, rows_of_kind, tracked_transitions
 from test.contact.torch_evaluation import evaluate_in_torch, loss_terms
@@ -91,22 +88,6 @@ def test_torch_and_the_kernel_sum_alike(estimator: Estimator) -> None:
     np.testing.assert_allclose(plain.fishers, kernel.fishers, atol=1e-6 * scale)
     np.testing.assert_allclose(plain.score_sums, kernel.score_sums, atol=1e-6)
     np.testing.assert_array_equal(plain.status, kernel.status)
-
-
-def test_without_a_kernel_torch_does_the_work(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    rows = rows_of_kind("impact")
-    arguments = (TRUE, CUBE, rows.before, rows.after, DT)
-    with_kernel, sums = evaluate(*arguments), fisher_sums(*arguments, [0, 8], Estimator.GAUSS_NEWTON)
-
-    def no_kernel() -> None:
-        compiled.choose_kernel(tmp_path, frozenset())
-
-    with pytest.raises(MissingDependencyError):
-        no_kernel()
-    monkeypatch.setattr(evaluation, "load_kernel", no_kernel)
-    np.testing.assert_allclose(evaluate(*arguments).losses, with_kernel.losses, atol=1e-9)
-    fallen_back = fisher_sums(*arguments, [0, 8], Estimator.GAUSS_NEWTON)
-    np.testing.assert_allclose(fallen_back.fishers, sums.fishers, atol=1e-6 * np.abs(sums.fishers).max())
 
 
 def test_torch_gives_a_bad_transition_a_status_and_leaves_its_neighbours_alone() -> None:

@@ -1,7 +1,8 @@
 """Scores by the parameters outside a model's networks: few, with names, so that they are exact columns (METHOD 2.7).
 
 Whatever the estimator, a score is a backward pass from slopes by a model's outputs o, s^T do/dtheta, for each transition by
-itself. `ModuleParameters` forms do/dtheta in forward mode, a parameter at a time, for whatever a model computes with torch.
+itself. `ModuleParameters` forms do/dtheta a parameter at a time for whatever a model computes with torch: with weights u on the
+outputs, u^T do/dtheta is linear in u, so that its derivative by u is do/dtheta of every transition at once.
 """
 
 from abc import ABC, abstractmethod
@@ -43,7 +44,7 @@ class ModuleParameters(ExplicitParameters):
     """Parameters of any module that gives its outputs when it is called with rows.
 
     Args:
-        module: a model; its operations have a forward mode, as torch's own do.
+        module: a model; its operations can be differentiated twice, as torch's own.
         names: of its parameters.
     """
 
@@ -53,15 +54,16 @@ class ModuleParameters(ExplicitParameters):
         self.blocks = tuple(Block(name, value.numel()) for name, value in self._values.items())
 
     def scores(self, rows: Rows, frames: Frames, slopes: tuple[Tensor, ...]) -> Array:
-        def outputs(values: dict[str, Tensor]) -> tuple[Tensor, ...]:
-            return tuple(torch.func.functional_call(self._module, values, (rows,)))
-
+        values = {name: value.clone().requires_grad_() for name, value in self._values.items()}
+        outputs = torch.func.functional_call(self._module, values, (rows,))
+        parts = [(output, slope) for output, slope in zip(outputs, slopes, strict=True) if output.requires_grad]
+        weights = [torch.zeros_like(output, requires_grad=True) for output, _ in parts]
+        sums = torch.autograd.grad(
+            [output for output, _ in parts], list(values.values()), weights, create_graph=True, materialize_grads=True
+        )
         columns = []
-        for name, value in self._values.items():
-            for direction in torch.eye(value.numel(), dtype=value.dtype):
-                along = {each: torch.zeros_like(other) for each, other in self._values.items()}
-                along[name] = direction.reshape(value.shape)
-                change = torch.func.jvp(outputs, (self._values,), (along,))[1]
-                parts = [(one * other).flatten(2).sum(dim=2) for one, other in zip(slopes, change, strict=True)]
-                columns.append(torch.stack(parts).sum(dim=0))  # (n, B)
+        for element in torch.cat([value.flatten() for value in sums]):
+            changes = torch.autograd.grad(element, weights, retain_graph=True, materialize_grads=True)  # do/dtheta_p, (B, ...)
+            each = [(slope * change).flatten(2).sum(dim=2) for (_, slope), change in zip(parts, changes, strict=True)]
+            columns.append(torch.stack(each).sum(dim=0))  # (n, B)
         return torch.stack(columns, dim=-1).numpy()
