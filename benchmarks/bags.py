@@ -23,8 +23,7 @@ from rosbags.typesys.store import Typestore
 
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.bags.writer import BagWriter
-from contact_curation.storage.stores.pose_journal import JournalPose
-from contact_curation.storage.stores.tosses import TossStore
+from contact_curation.storage.stores.tosses import JournalPose, TossStore
 
 TOPIC = "/tagslam/odom/body_cube"
 ODOMETRY = "nav_msgs/msg/Odometry"

@@ -33,8 +33,7 @@ from contact_curation.contact.rollout import Rollout, rollout
 from contact_curation.contact.time_step import StepStatus, SweepLimits
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.motion_errors import motion_errors
-from contact_curation.simulation.free_motion import free_motion
-from contact_curation.simulation.world import DEFAULT_WORLD, MUJOCO_DEFAULTS, WorldConfig
+from contact_curation.simulation.world import DEFAULT_WORLD, MUJOCO_DEFAULTS, WorldConfig, free_motion
 
 DT = 1.0 / 148.0
 FRICTIONS = (0.10, 0.15, 0.18, 0.22, 0.30)

@@ -45,7 +45,7 @@ from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
 from contact_curation.motion.transitions import transitions_of
 from contact_curation.simulation.camera.camera import CameraConfig, CameraView
 from contact_curation.simulation.camera.tag_detection import TagDetector
-from contact_curation.simulation.free_motion import free_motion
+from contact_curation.simulation.world import free_motion
 from contact_curation.storage.inputs.pose_messages import Measured
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 from contact_curation.storage.inputs.tag_detections import TagDetections

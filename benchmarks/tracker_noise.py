@@ -26,7 +26,7 @@ from contact_curation.motion.ingest import IngestConfig, IngestEvent, TossIngest
 from contact_curation.motion.pose_stream import FramePose
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
-from contact_curation.simulation.free_motion import free_motion
+from contact_curation.simulation.world import free_motion
 from test.simulated import RIG_NOISE, TrackerNoise, release_states, with_noise
 
 RATES = (60, 148, 240)

@@ -16,11 +16,10 @@ from typing import Any
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.scalars import Quaternion, Vector, third_row
-from contact_curation.motion.free_fall import MEMORY, FallDetector
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.smoothing import noise_growth
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
-from contact_curation.motion.toss_rules import Frame, Motion, cut, reasons_against
+from contact_curation.motion.toss_rules import MEMORY, FallDetector, Frame, Motion, cut, reasons_against
 
 DOUBTFUL = 1.2
 """Times the real rig's noise, that of accelerations by rate counted in: from there on it may look like free fall."""

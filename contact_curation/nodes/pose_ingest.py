@@ -29,7 +29,7 @@ from contact_curation.nodes.ros.worker import Latest, Worker
 from contact_curation.stages.ingest import Arrival, IngestJournal
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig
-from contact_curation.storage.inputs.recorded_rules import NOTE, with_recorded_rules
+from contact_curation.storage.inputs.recording_notes import NOTE, with_recorded_rules
 from contact_curation.storage.stores.tosses import StoredRejected, StoredToss, TossStore
 
 LOOK_PERIOD = 0.2

@@ -19,7 +19,7 @@ from contact_curation.session.offline_ranking import rank_command, ranking_figur
 from contact_curation.session.parameter_files import Parameters
 from contact_curation.session.report_data import story_of
 from contact_curation.session.summary import Summary
-from contact_curation.storage.atomic_file import write_atomically
+from contact_curation.storage.files import write_atomically
 
 
 def finish_record(

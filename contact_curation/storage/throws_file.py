@@ -13,8 +13,7 @@ from typing import Any
 
 from contact_curation.design.throw import Throw
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.storage.atomic_file import write_atomically
-from contact_curation.storage.bounded_file import read_json
+from contact_curation.storage.files import read_json, write_atomically
 
 VERSION = 1
 LARGEST_BYTES = 64 << 20

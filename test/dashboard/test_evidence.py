@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from contact_curation.dashboard.evidence import KeptSet, evidence_of
-from contact_curation.dashboard.live.pages import number, table
 from contact_curation.dashboard.live.ranking_view import ranking_page, short_id
+from contact_curation.dashboard.live.screen import number, table
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.criteria.representative import standing_of
 from contact_curation.information.pool_subspace import pool_subspace

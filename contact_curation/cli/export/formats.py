@@ -10,7 +10,7 @@ from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.datasets.contactnets import SUBFOLDER
 from contact_curation.storage.export.contactnets import write_contactnets
-from contact_curation.storage.export.lerobot_dataset import write_lerobot
+from contact_curation.storage.export.lerobot import write_lerobot
 from contact_curation.storage.export.mcap import BagExport, export_bag
 from contact_curation.storage.export.selected import Advance, changed_inputs, check_all_found, find_kept, kept_rows
 from contact_curation.storage.inputs.inputs import is_contactnets

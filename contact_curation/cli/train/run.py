@@ -33,7 +33,7 @@ from contact_curation.learning.training.progress import Progress, TrainingState
 from contact_curation.motion.calibration import Rig
 from contact_curation.pipeline.training_tosses import LearningTosses, learning_tosses
 from contact_curation.solver.compiled import load_kernel
-from contact_curation.storage.atomic_file import write_atomically
+from contact_curation.storage.files import write_atomically
 
 BEFORE = "held-out loss before"
 """The note that says it."""

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from contact_curation.dashboard.colours import BLUE, GREEN, INK, PALE, VERMILION
-from contact_curation.dashboard.figures.file import save_figure
+from contact_curation.dashboard.style import BLUE, GREEN, INK, PALE, VERMILION, save_figure
 from contact_curation.geometry.quaternions import Array
 
 if TYPE_CHECKING:

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from textwrap import shorten
 
-from contact_curation.dashboard.live.pages import table
-from contact_curation.dashboard.live.screen import Screen
+from contact_curation.dashboard.live.screen import Screen, table
 
 TABLE = "health"
 HEADER = ("node", "state", "says", "details")

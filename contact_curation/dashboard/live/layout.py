@@ -5,7 +5,6 @@ import rerun.blueprint as rrb
 from contact_curation.contact.body import Body
 from contact_curation.dashboard.live import (
     body_view,
-    gate_view,
     health_view,
     learning_view,
     motion_view,
@@ -114,7 +113,7 @@ def _throws() -> rrb.TextDocumentView:
 
 
 def _gated() -> rrb.TextLogView:
-    return rrb.TextLogView(origin=gate_view.GATED, name="Kept back by the gates", columns=COLUMNS)
+    return rrb.TextLogView(origin=ranking_view.GATED, name="Kept back by the gates", columns=COLUMNS)
 
 
 def _health() -> rrb.TextDocumentView:

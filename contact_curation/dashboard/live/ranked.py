@@ -7,9 +7,8 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.dashboard.evidence import DEFAULT, KeptSet, evidence_of, kept_spectrum
 from contact_curation.dashboard.live.body_view import BodyView
-from contact_curation.dashboard.live.gate_view import GateView
 from contact_curation.dashboard.live.motion_view import MotionView
-from contact_curation.dashboard.live.ranking_view import RankingView
+from contact_curation.dashboard.live.ranking_view import GateView, RankingView
 from contact_curation.dashboard.live.screen import Moment, Screen
 from contact_curation.dashboard.toss_motion import ShownTheta, motion_of
 from contact_curation.dashboard.vertex_uncertainty import uncertainty_if_told

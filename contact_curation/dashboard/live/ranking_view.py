@@ -1,12 +1,13 @@
-"""Views: the ranking with its reasons, the spectrum of the kept set's information, the theorem's epsilon over the session."""
+"""Views: the ranking with its reasons, the selected set's spectrum, epsilon over the session, and what the gates rejected."""
+
+from collections.abc import Sequence
 
 import numpy as np
 import rerun as rr
 
-from contact_curation.dashboard.colours import BLUE, GREEN, VERMILION
 from contact_curation.dashboard.evidence import Evidence, EvidenceRow, KeptSet, KeptSpectrum
-from contact_curation.dashboard.live.pages import number, table
-from contact_curation.dashboard.live.screen import Screen
+from contact_curation.dashboard.live.screen import Screen, number, table
+from contact_curation.dashboard.style import BLUE, GREEN, VERMILION
 from contact_curation.motion.toss import NANOSECONDS
 
 TABLE, SPECTRUM, EPSILON = "ranking", "spectrum", "epsilon"
@@ -75,3 +76,22 @@ def short_id(toss_id: str) -> str:
         return toss_id
     seconds, nanoseconds = divmod(int(stamp), NANOSECONDS)
     return f"{seconds}.{nanoseconds // 1_000_000:03d}"
+
+
+GATED = "gated"
+
+
+class GateView:
+    """Writes what was kept back.
+
+    Args:
+        screen: to write to.
+    """
+
+    def __init__(self, screen: Screen) -> None:
+        self._screen = screen
+
+    def show(self, toss_id: str, frames: int, reasons: Sequence[str]) -> None:
+        """Writes a motion and why it is no toss to learn from."""
+        text = f"{short_id(toss_id)}, {frames} frames: {'; '.join(reasons)}"
+        self._screen.log(GATED, rr.TextLog(text, level=rr.TextLogLevel.WARN))

@@ -11,11 +11,10 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.dashboard.evidence import KeptSet, evidence_of
 from contact_curation.dashboard.live.body_view import BodyView
-from contact_curation.dashboard.live.gate_view import GateView
 from contact_curation.dashboard.live.health_view import HealthView, NodeHealth
 from contact_curation.dashboard.live.learning_view import LearningView, TrainingMoment
 from contact_curation.dashboard.live.motion_view import MotionView
-from contact_curation.dashboard.live.ranking_view import RankingView
+from contact_curation.dashboard.live.ranking_view import GateView, RankingView
 from contact_curation.dashboard.live.screen import Moment, Screen
 from contact_curation.dashboard.live.throw_view import NEXT_STATE, ThrowMade, ThrowView
 from contact_curation.dashboard.toss_motion import ShownTheta, motion_of

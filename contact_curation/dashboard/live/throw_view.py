@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contact_curation.dashboard.colours import BLUE, PURPLE
-from contact_curation.dashboard.live.pages import number, table
-from contact_curation.dashboard.live.screen import Screen
+from contact_curation.dashboard.live.screen import Screen, number, table
+from contact_curation.dashboard.style import BLUE, PURPLE
 from contact_curation.design.throw import Throw
 
 TABLE, GAINS = "throws", "gains"

@@ -17,10 +17,8 @@ import numpy as np
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.simulation.arm.collision_reflex import CollisionReflex, ReflexConfig
 from contact_curation.simulation.arm.frame import ArmFrame, Phase
-from contact_curation.simulation.arm.limit_use import LimitUse, Peaks
-from contact_curation.simulation.arm.limits import JOINTS
+from contact_curation.simulation.arm.limits import JOINTS, CollisionReflex, LimitUse, Peaks, ReflexConfig
 from contact_curation.simulation.arm.model import DEFAULT_ARM, ArmConfig
 from contact_curation.simulation.arm.path import DEFAULT_RAMP, JointPath, moving
 from contact_curation.simulation.arm.throw_motion import STEP, STEPS_PER_FRAME, ThrowMotion

@@ -13,8 +13,13 @@ from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.bags.records import BagMessage
 from contact_curation.storage.inputs.pose_messages import Measured
 from contact_curation.storage.inputs.pose_source import PoseSource, TypedTopic, find_pose_source, is_of_another
-from contact_curation.storage.inputs.recorded_numbers import NUMBERS_NOTE, RecordedNumbers, recorded_numbers
-from contact_curation.storage.inputs.recorded_rules import NOTE, with_recorded_rules
+from contact_curation.storage.inputs.recording_notes import (
+    NOTE,
+    NUMBERS_NOTE,
+    RecordedNumbers,
+    recorded_numbers,
+    with_recorded_rules,
+)
 from contact_curation.storage.inputs.records import Found, InputReading, InputsConfig, InputSummary, Problem
 from contact_curation.storage.provenance import TossProvenance
 

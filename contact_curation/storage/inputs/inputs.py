@@ -12,8 +12,7 @@ from contact_curation.contact.body import Body
 from contact_curation.errors import ContactCurationError
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.storage.bags.folder import STORAGE_ENDINGS
-from contact_curation.storage.datasets.contactnets import SUBFOLDER
-from contact_curation.storage.datasets.contactnets_tosses import read_contactnets_tosses
+from contact_curation.storage.datasets.contactnets import SUBFOLDER, read_contactnets_tosses
 from contact_curation.storage.inputs.bag_tosses import read_bag_tosses
 from contact_curation.storage.inputs.known_tosses import KnownTosses
 from contact_curation.storage.inputs.records import Found

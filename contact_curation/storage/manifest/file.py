@@ -1,15 +1,204 @@
-"""Manifests on disk: Parquet, CSV or JSON by the file's ending, with the same content in each."""
+"""Manifests on disk: Parquet, CSV or JSON by the file's ending, with the same content in each.
 
-from collections.abc import Callable
+    JSON      one object: the head, and a toss per line
+    CSV       comment lines `# name: JSON` with the head, then the table, a toss per line; an empty cell is no value
+    Parquet   a row per toss; the head as JSON in the schema's metadata
+
+The head is all that is not about one toss. The same manifest always gives the same bytes.
+"""
+
+import csv
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, fields
+from io import BytesIO, StringIO
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
-from contact_curation.storage.atomic_file import write_atomically
-from contact_curation.storage.manifest.csv_form import from_csv, to_csv
-from contact_curation.storage.manifest.json_form import from_json, to_json
-from contact_curation.storage.manifest.manifest import Manifest
-from contact_curation.storage.manifest.parquet_form import from_parquet, to_parquet
+from contact_curation.storage.files import write_atomically
+from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
+from contact_curation.storage.provenance import InputProvenance, RunProvenance
+
+FORMAT = "contact_curation_manifest"
+VERSION = 1
+ROWS = "tosses"
+NOT_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
+"""JSON has no such numbers: they are written as these strings."""
+FLOATS = {field.name for field in fields(ManifestRow) if field.type in (float, float | None)}
+
+
+def head_of(manifest: Manifest) -> dict[str, Any]:
+    """Everything but the rows, as JSON values."""
+    head = {FORMAT: VERSION, **asdict(manifest.run), "diagnostics": dict(manifest.diagnostics)}
+    return {name: _with_strings(value) for name, value in head.items()}
+
+
+def manifest_of(head: Mapping[str, Any], rows: tuple[ManifestRow, ...]) -> Manifest:
+    """The manifest of a head and its rows.
+
+    Raises:
+        ValueError: the head is of a newer version or of something else.
+        KeyError: it lacks something.
+    """
+    if head[FORMAT] != VERSION:
+        raise ValueError(f"it is of version {head[FORMAT]}, this package knows version {VERSION}")
+    run = {field.name: head[field.name] for field in fields(RunProvenance)}
+    inputs = tuple(InputProvenance(**{**entry, "losses": tuple(entry["losses"])}) for entry in head["inputs"])
+    run.update(command=tuple(head["command"]), inputs=inputs, influence_bound=_with_numbers(head["influence_bound"]))
+    return Manifest(RunProvenance(**run), rows, _with_numbers(head["diagnostics"]))
+
+
+def to_json(manifest: Manifest) -> bytes:
+    """The same manifest always gives the same bytes."""
+    head = json.dumps(head_of(manifest), indent=2, ensure_ascii=False, allow_nan=False)
+    rows = [json.dumps(_with_strings(asdict(row)), ensure_ascii=False, allow_nan=False) for row in manifest.rows]
+    listed = ",\n    ".join(rows)
+    return f'{head[:-2]},\n  "{ROWS}": [\n    {listed}\n  ]\n}}\n'.encode()
+
+
+def from_json(data: bytes) -> Manifest:
+    """Reads what `to_json` wrote.
+
+    Raises:
+        ValueError, KeyError, TypeError: it is something else.
+    """
+    content = json.loads(data)
+    return manifest_of(content, tuple(row_of(_with_floats(row)) for row in content[ROWS]))
+
+
+def row_of(values: Mapping[str, Any]) -> ManifestRow:
+    """A row of its values by name."""
+    return ManifestRow(**{**values, "reasons": tuple(values["reasons"])})
+
+
+def _with_strings(value: Any) -> Any:
+    def leaf(number: Any) -> Any:
+        if isinstance(number, float) and not math.isfinite(number):
+            return next(name for name, meant in NOT_FINITE.items() if str(meant) == str(number))
+        return number
+
+    return _mapped(value, leaf)
+
+
+def _with_floats(row: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: _with_numbers(value) if name in FLOATS else value for name, value in row.items()}
+
+
+def _with_numbers(value: Any) -> Any:
+    return _mapped(value, lambda text: NOT_FINITE.get(text, text) if isinstance(text, str) else text)
+
+
+def _mapped(value: Any, leaf: Callable[[Any], Any]) -> Any:
+    """`value` with `leaf` applied to all that is neither list nor dict in it."""
+    if isinstance(value, Mapping):
+        return {name: _mapped(part, leaf) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_mapped(part, leaf) for part in value]
+    return leaf(value)
+
+
+COMMENT = "# "
+COLUMNS = tuple(field.name for field in fields(ManifestRow))
+BOOLEANS = {"true": True, "false": False}
+READERS: dict[object, Callable[[str], Any]] = {
+    str: str,
+    bool: BOOLEANS.__getitem__,
+    int: int,
+    float: float,
+    int | None: lambda text: int(text) if text else None,
+    float | None: lambda text: float(text) if text else None,
+    tuple[str, ...]: json.loads,
+}
+"""By the type of the row's field."""
+
+
+def to_csv(manifest: Manifest) -> bytes:
+    """The same manifest always gives the same bytes."""
+    out = StringIO(newline="")
+    for name, value in {**head_of(manifest), ROWS: len(manifest.rows)}.items():
+        out.write(f"{COMMENT}{name}: {json.dumps(value, ensure_ascii=False)}\n")
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    writer.writerows([_cell(getattr(row, name)) for name in COLUMNS] for row in manifest.rows)
+    return out.getvalue().encode()
+
+
+def from_csv(data: bytes) -> Manifest:
+    """Reads what `to_csv` wrote.
+
+    Raises:
+        ValueError, KeyError, TypeError: it is something else.
+    """
+    lines = data.decode().split("\n")
+    comments = 0
+    while lines[comments].startswith(COMMENT):
+        comments += 1
+    parts = (line.removeprefix(COMMENT).partition(": ") for line in lines[:comments])
+    head = {name: json.loads(value) for name, _, value in parts}
+    table = csv.DictReader(StringIO("\n".join(lines[comments:]), newline=""), strict=True)
+    try:
+        rows = tuple(_row(cells) for cells in table)
+    except csv.Error as error:
+        raise ValueError(f"its table is malformed: {error}") from error
+    if len(rows) != head[ROWS] or lines[-1]:
+        raise ValueError(f"it was cut: {head[ROWS]} tosses are announced")
+    return manifest_of(head, rows)
+
+
+def _row(cells: dict[str, str]) -> ManifestRow:
+    if set(cells) != set(COLUMNS) or None in cells.values():
+        raise ValueError(f"its columns are {', '.join(map(str, cells))}")
+    return row_of({field.name: READERS[field.type](cells[field.name]) for field in fields(ManifestRow)})
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, tuple) else str(value)
+
+
+METADATA_KEY = b"contact_curation"
+TYPES: dict[object, pa.DataType] = {
+    str: pa.string(),
+    bool: pa.bool_(),
+    int: pa.int64(),
+    float: pa.float64(),
+    int | None: pa.int64(),
+    float | None: pa.float64(),
+    tuple[str, ...]: pa.list_(pa.string()),
+}
+"""By the type of the row's field."""
+OPTIONAL = (int | None, float | None)
+
+
+def to_parquet(manifest: Manifest) -> bytes:
+    """The same manifest always gives the same bytes."""
+    head = json.dumps(head_of(manifest), ensure_ascii=False).encode()
+    columns = [pa.field(field.name, TYPES[field.type], field.type in OPTIONAL) for field in fields(ManifestRow)]
+    schema = pa.schema(columns, metadata={METADATA_KEY: head})
+    arrays = [pa.array([getattr(row, column.name) for row in manifest.rows], column.type) for column in columns]
+    out = BytesIO()
+    pq.write_table(pa.Table.from_arrays(arrays, schema=schema), out, compression="zstd")
+    return out.getvalue()
+
+
+def from_parquet(data: bytes) -> Manifest:
+    """Reads what `to_parquet` wrote.
+
+    Raises:
+        ValueError, KeyError, TypeError: it is something else.
+    """
+    table = pq.read_table(BytesIO(data))
+    head = json.loads((table.schema.metadata or {})[METADATA_KEY])
+    return manifest_of(head, tuple(row_of(row) for row in table.to_pylist()))
+
 
 AROUND = 20
 """Characters beside one that cannot be written, for the message."""

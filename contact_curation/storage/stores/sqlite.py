@@ -146,3 +146,27 @@ class SqliteStore:
         if version > schema.version:
             newer = f"version {version}, this package knows versions up to {schema.version}"
             raise UnreadableInputError(self.path, f"is {schema.what} of {newer}")
+
+
+class Store:
+    """What all stores are: one SQLite file that is closed in the end. Use them as context managers.
+
+    Args:
+        path: of the file; made when there is none.
+        schema: what it must look like.
+
+    Raises:
+        UnreadableInputError: the file is something else, is of a newer version, or cannot be opened.
+    """
+
+    def __init__(self, path: Path, schema: StoreSchema) -> None:
+        self._store = SqliteStore(path, schema)
+
+    def close(self) -> None:
+        self._store.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()

@@ -14,9 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.storage.export.lerobot_dataset import EVIDENCE, write_lerobot
-from contact_curation.storage.export.lerobot_features import FEATURES
-from contact_curation.storage.export.lerobot_stats import feature_stats
+from contact_curation.storage.export.lerobot import EVIDENCE, FEATURES, feature_stats, write_lerobot
 from contact_curation.storage.export.selected import KeptToss
 from contact_curation.storage.manifest.manifest import ManifestRow
 from contact_curation.storage.provenance import TossProvenance

@@ -14,9 +14,8 @@ import pytest
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.storage.provenance import TossProvenance
 from contact_curation.storage.stores.information import InformationStore
-from contact_curation.storage.stores.pose_journal import JournalPose
-from contact_curation.storage.stores.sequenced_table import Added
-from contact_curation.storage.stores.tosses import TossStore
+from contact_curation.storage.stores.record_table import Added
+from contact_curation.storage.stores.tosses import JournalPose, TossStore
 from test.storage.stored_records import rejected, toss
 
 WRITER = """

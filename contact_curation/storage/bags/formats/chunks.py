@@ -6,11 +6,8 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from contact_curation.storage.bags.errors import DamagedBagError, Losses
-from contact_curation.storage.bags.file import BagFile
-from contact_curation.storage.bags.limits import BagLimits
+from contact_curation.storage.bags.file import BagFile, BagLimits, DamagedBagError, Losses, unpack, unpack_some
 from contact_curation.storage.bags.records import Channel, StoredMessage
-from contact_curation.storage.bags.unpacking import unpack, unpack_some
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,23 @@
-"""Kept tosses as a LeRobot dataset, format v3.0, written with pyarrow; LeRobot itself is not needed.
+"""Selected tosses as a LeRobot dataset, format v3.0, written with pyarrow; LeRobot itself is not needed.
 
     meta/info.json                              features, frame rate, counts, where the files are
-    meta/stats.json                             of each feature over all frames
+    meta/stats.json                             of each feature over all frames, which LeRobot normalises data by
     meta/tasks.parquet                          one task
-    meta/episodes/chunk-000/file-000.parquet    an episode per toss, best first, with what the ranking says of it
+    meta/episodes/chunk-000/file-000.parquet    an episode per toss, best first, with its row of the ranking
     meta/curation.json                          the ranking itself: the manifest of these tosses
     data/chunk-000/file-000.parquet             frames, a row group per episode
+
+Columns of a frame, beside those of every dataset of LeRobot's:
+
+    observation.state   position (3) [m], orientation wxyz (4), linear velocity (3) [m/s] in the board's frame, angular velocity
+                        (3) [rad/s] in the body's, all of the body on the board
+    stamp_ns            the frame's own stamp: LeRobot's `timestamp` is frame_index / fps
 
 Read and checked against LeRobot 0.6.1 (lerobot/datasets: dataset_writer, dataset_metadata, io_utils).
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -19,14 +25,90 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.toss import Toss
-from contact_curation.storage.export.lerobot_features import FEATURES, Columns, episode_columns, frames_table
-from contact_curation.storage.export.lerobot_stats import dataset_stats
+from contact_curation.motion.transitions import states_of
 from contact_curation.storage.export.selected import KeptToss
+from contact_curation.storage.manifest.file import TYPES
 from contact_curation.storage.manifest.manifest import ManifestRow
-from contact_curation.storage.manifest.parquet_form import TYPES
+
+METRES = 1.0
+
+STATE_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz")
+
+FEATURES: dict[str, dict[str, Any]] = {
+    "observation.state": {"dtype": "float32", "shape": [len(STATE_NAMES)], "names": list(STATE_NAMES)},
+    "stamp_ns": {"dtype": "int64", "shape": [1], "names": None},
+    "timestamp": {"dtype": "float32", "shape": [1], "names": None},
+    "frame_index": {"dtype": "int64", "shape": [1], "names": None},
+    "episode_index": {"dtype": "int64", "shape": [1], "names": None},
+    "index": {"dtype": "int64", "shape": [1], "names": None},
+    "task_index": {"dtype": "int64", "shape": [1], "names": None},
+}
+"""As in meta/info.json; the last five are in every dataset of LeRobot's."""
+
+Columns = dict[str, NDArray[Any]]
+
+
+def episode_columns(toss: Toss, episode: int, first_index: int, fps: int) -> Columns:
+    """The frames of a toss, (T,) or (T, 13) each.
+
+    Args:
+        toss: T frames.
+        episode: its number.
+        first_index: of its first frame among all frames.
+        fps: of the dataset.
+    """
+    frames = np.arange(toss.frames, dtype=np.int64)
+    return {
+        "observation.state": states_of(toss, METRES).astype(np.float32),
+        "stamp_ns": toss.stamps_ns,
+        "timestamp": (frames / fps).astype(np.float32),
+        "frame_index": frames,
+        "episode_index": np.full(toss.frames, episode, dtype=np.int64),
+        "index": first_index + frames,
+        "task_index": np.zeros(toss.frames, dtype=np.int64),
+    }
+
+
+def frames_table(columns: Mapping[str, NDArray[Any]]) -> pa.Table:
+    """The same as a table whose types are those of `FEATURES`."""
+    return pa.table([_array(columns[name], about) for name, about in FEATURES.items()], names=list(FEATURES))
+
+
+def _array(values: NDArray[Any], about: Mapping[str, Any]) -> pa.Array:
+    flat = pa.array(values.ravel(), type=pa.from_numpy_dtype(about["dtype"]))
+    width = about["shape"][0]
+    return flat if width == 1 else pa.FixedSizeListArray.from_arrays(flat, width)
+
+
+QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
+
+Stats = dict[str, list[float] | list[int]]
+
+
+def feature_stats(values: NDArray[Any]) -> Stats:
+    """Of the frames of one feature.
+
+    Args:
+        values: (N,) or (N, D).
+
+    Returns:
+        Lists of D numbers by the statistic's name (D is 1 for a scalar); `count` has one number.
+    """
+    rows = np.asarray(values, dtype=float).reshape(len(values), -1)
+    plain = {"min": rows.min(axis=0), "max": rows.max(axis=0), "mean": rows.mean(axis=0), "std": rows.std(axis=0)}
+    quantiles = dict(zip(QUANTILES, np.quantile(rows, list(QUANTILES.values()), axis=0)))
+    found: Stats = {name: value.tolist() for name, value in plain.items()}
+    return {**found, "count": [len(rows)], **{name: value.tolist() for name, value in quantiles.items()}}
+
+
+def dataset_stats(columns: Mapping[str, NDArray[Any]]) -> dict[str, Stats]:
+    """Of all features, by their names."""
+    return {name: feature_stats(values) for name, values in columns.items()}
+
 
 VERSION = "v3.0"
 FILE = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
