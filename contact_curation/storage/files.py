@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.errors import InvalidValueError, NewerVersionError, UnreadableInputError
 
 
 def read_bounded(path: Path, largest: int, expected: str) -> bytes:
@@ -48,6 +48,25 @@ def read_json(path: Path, largest: int, expected: str) -> Any:
         return json.loads(read_bounded(path, largest, expected))
     except (ValueError, RecursionError) as error:
         raise UnreadableInputError(path, f"is not JSON ({_why(error)}), expected {expected}") from error
+
+
+def check_version(path: Path, what: str, found: object, newest: int) -> None:
+    """Refuses a file in a version of its format that this release does not know.
+
+    Args:
+        path: of the file, for the message.
+        what: its format, for the message.
+        found: the version that the file names; the first is 1.
+        newest: that is known.
+
+    Raises:
+        NewerVersionError: a later release wrote the file.
+        UnreadableInputError: what the file names is no version.
+    """
+    if type(found) is not int or found < 1:
+        raise UnreadableInputError(path, f"found version {str(found)[:40]} of {what}, expected 1 to {newest}")
+    if found > newest:
+        raise NewerVersionError(path, what, found, newest)
 
 
 def _why(error: Exception) -> str:

@@ -20,7 +20,7 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.storage.files import read_json
+from contact_curation.storage.files import check_version, read_json
 
 if TYPE_CHECKING:
     from contact_curation.contact.models.model import Model
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 REQUIRED = ("vertices_normal", "normal", "vertices_tangent", "tangents")
 OPTIONAL = ("mass", "inertia", "length_scale")
+VERSION = 1
+"""Of the JSON; a file may name it under the key "version", and is of the first version where it does not."""
 LARGEST_BYTES = 1 << 20
 """Far more than 32 vertices take."""
 
@@ -68,6 +70,7 @@ def _json_object(path: Path) -> dict[str, Any]:
     data = read_json(path, LARGEST_BYTES, f"a JSON object with {_accepted()}")
     if not isinstance(data, dict):
         raise UnreadableInputError(path, f"holds a JSON {type(data).__name__}, expected an object with {_accepted()}")
+    check_version(path, "parameters", data.pop("version", 1), VERSION)
     return data
 
 

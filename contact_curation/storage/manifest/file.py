@@ -10,7 +10,7 @@ The head is all that is not about one toss. The same manifest always gives the s
 import csv
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, fields
 from io import BytesIO, StringIO
 from pathlib import Path
@@ -20,7 +20,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
-from contact_curation.storage.files import write_atomically
+from contact_curation.storage.files import check_version, write_atomically
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 from contact_curation.storage.provenance import InputProvenance, RunProvenance
 
@@ -32,25 +32,15 @@ NOT_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
 FLOATS = {field.name for field in fields(ManifestRow) if field.type in (float, float | None)}
 
 
+type Parsed = tuple[Mapping[str, Any], Iterator[ManifestRow]]
+"""The head of a manifest and its rows, which are read when the version of the head is known. Bytes that are no manifest end in
+ValueError, LookupError or TypeError."""
+
+
 def head_of(manifest: Manifest) -> dict[str, Any]:
     """Everything but the rows, as JSON values."""
     head = {FORMAT: VERSION, **asdict(manifest.run), "diagnostics": dict(manifest.diagnostics)}
     return {name: _with_strings(value) for name, value in head.items()}
-
-
-def manifest_of(head: Mapping[str, Any], rows: tuple[ManifestRow, ...]) -> Manifest:
-    """The manifest of a head and its rows.
-
-    Raises:
-        ValueError: the head is of a newer version or of something else.
-        KeyError: it lacks something.
-    """
-    if head[FORMAT] != VERSION:
-        raise ValueError(f"it is of version {head[FORMAT]}, this package knows version {VERSION}")
-    run = {field.name: head[field.name] for field in fields(RunProvenance)}
-    inputs = tuple(InputProvenance(**{**entry, "losses": tuple(entry["losses"])}) for entry in head["inputs"])
-    run.update(command=tuple(head["command"]), inputs=inputs, influence_bound=_with_numbers(head["influence_bound"]))
-    return Manifest(RunProvenance(**run), rows, _with_numbers(head["diagnostics"]))
 
 
 def to_json(manifest: Manifest) -> bytes:
@@ -61,14 +51,10 @@ def to_json(manifest: Manifest) -> bytes:
     return f'{head[:-2]},\n  "{ROWS}": [\n    {listed}\n  ]\n}}\n'.encode()
 
 
-def from_json(data: bytes) -> Manifest:
-    """Reads what `to_json` wrote.
-
-    Raises:
-        ValueError, KeyError, TypeError: it is something else.
-    """
+def from_json(data: bytes) -> Parsed:
+    """Reads what `to_json` wrote."""
     content = json.loads(data)
-    return manifest_of(content, tuple(row_of(_with_floats(row)) for row in content[ROWS]))
+    return content, (row_of(_with_floats(row)) for row in content[ROWS])
 
 
 def row_of(values: Mapping[str, Any]) -> ManifestRow:
@@ -128,26 +114,25 @@ def to_csv(manifest: Manifest) -> bytes:
     return out.getvalue().encode()
 
 
-def from_csv(data: bytes) -> Manifest:
-    """Reads what `to_csv` wrote.
-
-    Raises:
-        ValueError, KeyError, TypeError: it is something else.
-    """
+def from_csv(data: bytes) -> Parsed:
+    """Reads what `to_csv` wrote."""
     lines = data.decode().split("\n")
     comments = 0
     while lines[comments].startswith(COMMENT):
         comments += 1
     parts = (line.removeprefix(COMMENT).partition(": ") for line in lines[:comments])
     head = {name: json.loads(value) for name, _, value in parts}
-    table = csv.DictReader(StringIO("\n".join(lines[comments:]), newline=""), strict=True)
+    return head, _csv_rows(head, lines[comments:])
+
+
+def _csv_rows(head: Mapping[str, Any], lines: list[str]) -> Iterator[ManifestRow]:
     try:
-        rows = tuple(_row(cells) for cells in table)
+        rows = [_row(cells) for cells in csv.DictReader(StringIO("\n".join(lines), newline=""), strict=True)]
     except csv.Error as error:
         raise ValueError(f"its table is malformed: {error}") from error
     if len(rows) != head[ROWS] or lines[-1]:
         raise ValueError(f"it was cut: {head[ROWS]} tosses are announced")
-    return manifest_of(head, rows)
+    yield from rows
 
 
 def _row(cells: dict[str, str]) -> ManifestRow:
@@ -189,15 +174,11 @@ def to_parquet(manifest: Manifest) -> bytes:
     return out.getvalue()
 
 
-def from_parquet(data: bytes) -> Manifest:
-    """Reads what `to_parquet` wrote.
-
-    Raises:
-        ValueError, KeyError, TypeError: it is something else.
-    """
+def from_parquet(data: bytes) -> Parsed:
+    """Reads what `to_parquet` wrote."""
     table = pq.read_table(BytesIO(data))
     head = json.loads((table.schema.metadata or {})[METADATA_KEY])
-    return manifest_of(head, tuple(row_of(row) for row in table.to_pylist()))
+    return head, (row_of(row) for row in table.to_pylist())
 
 
 AROUND = 20
@@ -206,7 +187,7 @@ AROUND = 20
 
 class _Format(NamedTuple):
     write: Callable[[Manifest], bytes]
-    read: Callable[[bytes], Manifest]
+    read: Callable[[bytes], Parsed]
 
 
 FORMATS = {
@@ -236,15 +217,28 @@ def read_manifest(path: Path) -> Manifest:
 
     Raises:
         InvalidValueError: the ending of `path` is not one of `FORMATS`.
-        UnreadableInputError: the file is no manifest, or one of a newer version.
+        UnreadableInputError: the file is no manifest.
+        NewerVersionError: it is one of a newer version.
     """
     read = _format(path).read
     try:
-        return read(path.read_bytes())
+        head, rows = read(path.read_bytes())
+        check_version(path, "a manifest", head[FORMAT], VERSION)
+        return manifest_of(head, rows)
     except OSError as error:
         raise UnreadableInputError(path, f"cannot be read: {error.strerror or error}") from error
+    except UnreadableInputError:
+        raise
     except (ValueError, LookupError, TypeError, ContactCurationError) as error:
         raise UnreadableInputError(path, f"is no manifest of `contact-curation rank`: {_why(error)}") from error
+
+
+def manifest_of(head: Mapping[str, Any], rows: Iterable[ManifestRow]) -> Manifest:
+    """The manifest of a head and its rows, as the readers of the formats give them."""
+    run = {field.name: head[field.name] for field in fields(RunProvenance)}
+    inputs = tuple(InputProvenance(**{**entry, "losses": tuple(entry["losses"])}) for entry in head["inputs"])
+    run.update(command=tuple(head["command"]), inputs=inputs, influence_bound=_with_numbers(head["influence_bound"]))
+    return Manifest(RunProvenance(**run), tuple(rows), _with_numbers(head["diagnostics"]))
 
 
 def _why(error: Exception) -> str:

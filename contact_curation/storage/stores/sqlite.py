@@ -15,6 +15,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from contact_curation.errors import UnreadableInputError
+from contact_curation.storage.files import check_version
 
 WAIT_FOR_WRITERS = 30.0
 """[s] until another process's transaction is over."""
@@ -143,9 +144,7 @@ class SqliteStore:
         if application_id != schema.application_id:
             found = f"a database of something else (application id {application_id})"
             raise UnreadableInputError(self.path, f"is {found}, expected {schema.what}")
-        if version > schema.version:
-            newer = f"version {version}, this package knows versions up to {schema.version}"
-            raise UnreadableInputError(self.path, f"is {schema.what} of {newer}")
+        check_version(self.path, schema.what, version, schema.version)
 
 
 class Store:
