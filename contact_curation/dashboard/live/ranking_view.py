@@ -8,7 +8,7 @@ import rerun as rr
 from contact_curation.dashboard.evidence import Evidence, EvidenceRow, KeptSet, KeptSpectrum
 from contact_curation.dashboard.live.screen import Screen, number, table
 from contact_curation.dashboard.style import BLUE, GREEN, VERMILION
-from contact_curation.motion.toss import NANOSECONDS
+from contact_curation.motion.toss import NANOSECONDS, first_stamp_in
 
 TABLE, SPECTRUM, EPSILON = "ranking", "spectrum", "epsilon"
 LISTED_OTHERS = 12
@@ -71,10 +71,10 @@ def _cells(row: EvidenceRow) -> tuple[str, ...]:
 
 def short_id(toss_id: str) -> str:
     """What tells tosses of a session apart in their ids: the first stamp [s]; any other id as it is."""
-    stamp = toss_id.rpartition("-")[0].rpartition("-")[2]
-    if not stamp.isdecimal():
+    stamp_ns = first_stamp_in(toss_id)
+    if stamp_ns is None:
         return toss_id
-    seconds, nanoseconds = divmod(int(stamp), NANOSECONDS)
+    seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
     return f"{seconds}.{nanoseconds // 1_000_000:03d}"
 
 
