@@ -24,7 +24,7 @@ EVEN = 1.2
 """Successive steps of time that differ by a larger factor are left out."""
 
 LOUD = 1.6
-"""Times what was told; from there on tosses are lost (benchmarks/tracker_noise.py)."""
+"""Times what was told; from there on tosses are lost (benchmarks/data/tracker_noise.py)."""
 
 MOST = 8.0
 """With more, tosses are lost whatever is told."""

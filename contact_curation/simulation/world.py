@@ -23,7 +23,7 @@ class WorldConfig:
     """How finely the world moves. The defaults hold for every world here: thrown by the arm, or replayed from a release.
 
     With MuJoCo's own time constant of 20 ms a cube sinks 6 to 10 mm into the board where it lands, further than any real one;
-    with 6 ms it sinks 1 to 4 mm, and comes as near to the real tosses (`python -m benchmarks.rollout`).
+    with 6 ms it sinks 1 to 4 mm, and comes as near to the real tosses (`python -m benchmarks.speed.rollout`).
 
     Attributes:
         longest_step: frames are cut into equal steps of at most this [s].

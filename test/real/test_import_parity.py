@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.import_parity import KEPT, Parity, compared_velocities, parities, sources
+from benchmarks.data.import_parity import KEPT, Parity, compared_velocities, parities, sources
 
 NO_DIRECTION = {"trace", "longest", "random"}
 """Criteria that do not know which way a board is tilted; the files' random yaw is nothing to them."""

@@ -134,8 +134,8 @@ def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: st
     """Chooses the topics that tell of a body.
 
     The body's topic is the one configured; or the one named after the body (TagSLAM's `.../body_<name>`); or the only one of
-    the first of `POSE_MESSAGES` that there is; or TF. What a simulation knows of the truth has to be named. The board has a topic
-    if one is named after its frame; where nothing else could lead to it, the poses are taken to be given on it.
+    the first of `POSE_MESSAGES` that there is; or TF. What a simulation knows of the truth has to be named. The board has a
+    topic if one is named after its frame; where nothing else could lead to it, the poses are taken to be given on it.
 
     Args:
         where: the bag or graph, for messages.

@@ -2,7 +2,7 @@
 
 The bags are made on the spot from poses like TagSLAM's, in a temporary folder.
 
-    python -m benchmarks.bags [--json] [--messages N] [--repeats N]
+    python -m benchmarks.speed.bags [--json] [--messages N] [--repeats N]
 """
 
 import argparse

@@ -5,7 +5,7 @@ e = 0 is the model as it is (METHOD 4.2). For the cube as described, the fit to 
 at the vertices of the gaps; judged by tosses below 400 alone, put right by what they say of their rig. The tosses are found
 through CONTACTNETS_DATA.
 
-    python -m benchmarks.restitution [--slowest SPEED]
+    python -m benchmarks.learning.restitution [--slowest SPEED]
 """
 
 import argparse
@@ -14,7 +14,7 @@ import sys
 import numpy as np
 import torch
 
-from benchmarks.rules import recorded_bench
+from benchmarks.selection.rules import recorded_bench
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.given_contacts import step_at_contacts
 from contact_curation.contact.models.polytope import PolytopeModel

@@ -1,6 +1,6 @@
 """What keeping less of a factor does to rankings of the 570 real tosses: single precision, and fewer rows.
 
-python -m benchmarks.rank_compression [--json]; the tosses are found through CONTACTNETS_DATA.
+python -m benchmarks.selection.rank_compression [--json]; the tosses are found through CONTACTNETS_DATA.
 """
 
 import argparse

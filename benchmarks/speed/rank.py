@@ -1,8 +1,9 @@
 """`contact-curation rank` from process start to manifest: seconds and memory, for the 570 real tosses and for many more.
 
-python -m benchmarks.rank [--json] [--full] [--repeats N]; the tosses are found through CONTACTNETS_DATA. Larger pools are the
-same tosses imported again with later stamps, a bag each, so that every toss has an id of its own. With `--full` up to 100 times
-as many.
+    python -m benchmarks.speed.rank [--json] [--full] [--repeats N]
+
+The tosses are found through CONTACTNETS_DATA. Larger pools are the same tosses imported again with later stamps, a bag each, so
+that every toss has an id of its own. With `--full` up to 100 times as many.
 """
 
 import argparse

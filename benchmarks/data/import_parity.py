@@ -1,6 +1,6 @@
 """Ranks ContactNets' tosses from their files and from the bag that `import contactnets` makes of them: are the kept sets one?
 
-    python -m benchmarks.import_parity [--json]
+    python -m benchmarks.data.import_parity [--json]
 
 Three pools: the files; the files, each turned back by its yaw (`motion.restored_toss`); the bag, read and segmented as any.
 The bag against the files turned back shows what the way over the bag does to a ranking. Against the files themselves, places

@@ -5,7 +5,7 @@ once more with MuJoCo's own softness of contacts ("its own"). The polytope is th
 size and random initialisation, for their time does not depend on what they learned. torch works on one thread. The tosses are
 found through CONTACTNETS_DATA.
 
-    python -m benchmarks.rollout [--json] [--repeats N]
+    python -m benchmarks.speed.rollout [--json] [--repeats N]
 """
 
 import argparse

@@ -4,7 +4,8 @@ The loop in one process, as `contact-curation reproduce designed-throws` has it 
 designer with its canary), with a learner of the node's own kind and settings. Judged by ContactNets' tosses below 400, put
 right by what they say of their rig: settings are chosen by them, and what all learn from is thrown by the simulated arm.
 
-    python -m benchmarks.trainer_rounds [--seeds 10] [--throws 12] [--arms budgeted exact without-2 ...] [--save RUNS.jsonl]
+    python -m benchmarks.learning.trainer_rounds [--seeds 10] [--throws 12] [--arms budgeted exact without-2 ...]
+                                                 [--save RUNS.jsonl]
 
 With `--save` runs are kept, and those that are there already are not made again.
 """
@@ -17,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.rules import Row, print_summaries, recorded_bench, releases_of
+from benchmarks.selection.rules import Row, print_summaries, recorded_bench, releases_of
 from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form

@@ -5,7 +5,7 @@ its poses in multiples of the real rig's, 0.022 mm and 0.024 degrees per axis. T
 published bounds and once told how noisy the tracker is (`segmenter.tracker_noise`). A toss that begins in the hand teaches
 what is not so: it does not count as passed. No data are needed.
 
-    python -m benchmarks.tracker_noise [--tosses N] [--seed N] [--json]
+    python -m benchmarks.data.tracker_noise [--tosses N] [--seed N] [--json]
 """
 
 import argparse

@@ -8,11 +8,11 @@ expects of their release, by what it expects, and by spin; and of what each rule
 acting at the vertices of the gaps. `search` trains on what rules keep of four fifths of the training tosses and judges by the
 last fifth; a seed is a fifth and an initialisation. The tosses are found through CONTACTNETS_DATA.
 
-    python -m benchmarks.rules          the first three
-    python -m benchmarks.rules rig
-    python -m benchmarks.rules why
-    python -m benchmarks.rules ground
-    python -m benchmarks.rules search [--rules random longest log-det representative] [--sizes 8 16 32] [--seeds 10]
+    python -m benchmarks.selection.rules          the first three
+    python -m benchmarks.selection.rules rig
+    python -m benchmarks.selection.rules why
+    python -m benchmarks.selection.rules ground
+    python -m benchmarks.selection.rules search [--rules random longest log-det representative] [--sizes 8 16 32] [--seeds 10]
                                       [--faults] [--share 0.05] [--out cells.jsonl] [--jobs N]
 """
 

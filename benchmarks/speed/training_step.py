@@ -4,7 +4,7 @@ The tosses are ContactNets', found through CONTACTNETS_DATA; without them, simul
 initialisation. A whole step is what `Training` does: draw a batch, loss, gradient, AdamW; the model's part is the loss
 with its regulariser and the gradient. Processor time is what counts where others use the processors too.
 
-    python -m benchmarks.training_step [--json] [--repeats N] [--threads N]
+    python -m benchmarks.speed.training_step [--json] [--repeats N] [--threads N]
 """
 
 import argparse
@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from benchmarks.evaluation import BODY, transitions
+from benchmarks.speed.evaluation import BODY, transitions
 from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import Model, Rows
 from contact_curation.contact.models.registry import initial_model

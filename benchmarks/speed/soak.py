@@ -1,6 +1,6 @@
 """The whole loop for long, faster than real time, with nodes killed on the way: what grows, what gets lost, what comes out.
 
-    python -m benchmarks.soak --throws 200 --folder soak
+    python -m benchmarks.speed.soak --throws 200 --folder soak
 
 Every so many throws one of the eight nodes is killed with SIGKILL; the seed says in which order they come. At the end:
 

@@ -6,8 +6,8 @@ products of their scores relative to the scores' lengths, and Spearman's correla
 directions, against gradients by all weights. Transitions that hold the last 1e-4 of the trace, or are more than 1500, are left
 out of that comparison, exact and sketched.
 
-    python -m benchmarks.network_information [--json] [--model deep ...] [--params CHECKPOINT] [--steps N] [--threads N]
-                                             [--tosses N]
+    python -m benchmarks.selection.network_information [--json] [--model deep ...] [--params CHECKPOINT] [--steps N]
+                                                       [--threads N] [--tosses N]
 """
 
 import argparse

@@ -6,7 +6,7 @@ folder, a file per toss, so that a run goes on where the last one stopped. Then 
 to other tosses with true poses. Wanted are under 1 mm and 0.5 degrees (median), no flip past the gates, and a Spearman
 correlation of log-det over 0.9.
 
-    python -m benchmarks.tag_poses [--tosses N] [--seed N] [--folder DIR] [--json]
+    python -m benchmarks.data.tag_poses [--tosses N] [--seed N] [--folder DIR] [--json]
 """
 
 import argparse

@@ -4,7 +4,7 @@ A toss is a handful of impacts out of two hundred kinds, of very different stren
 METHOD 2.3. Times are the best of some repetitions of the whole call, from a list of tosses to a ranking, by the clock and by
 the processor, which a busy machine disturbs less. NumPy's own threads count in the latter; OPENBLAS_NUM_THREADS=1 leaves one.
 
-    python -m benchmarks.information [--json] [--tosses K ...] [--top K] [--repeats N]
+    python -m benchmarks.speed.information [--json] [--tosses K ...] [--top K] [--repeats N]
 """
 
 import argparse

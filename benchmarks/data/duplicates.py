@@ -2,7 +2,7 @@
 
 Heights and body-frame velocities do not depend on the heading. The tosses are found through CONTACTNETS_DATA.
 
-    python -m benchmarks.data_duplicates [--json]
+    python -m benchmarks.data.duplicates [--json]
 """
 
 import argparse

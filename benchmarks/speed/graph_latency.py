@@ -3,7 +3,7 @@
 Both moments are times of publication by the middleware's clock, on one machine: of the pose with the stamp of the toss's last
 frame, and of the information. A toss is known to be over one frame after its last (6.8 ms), which is part of the latency.
 
-    python -m benchmarks.graph_latency [--tosses N] [--rate R] [--json]
+    python -m benchmarks.speed.graph_latency [--tosses N] [--rate R] [--json]
 """
 
 import argparse

@@ -4,7 +4,7 @@ The judge is the Gauss-Newton information at the true parameters, whitened so th
 (METHOD 2.3). Each design ranks with its own information; "both" averages two noisy initialisations (METHOD 2.4). Streams are
 compared with keeping the first k tosses that come. The tosses are found through CONTACTNETS_DATA.
 
-    python -m benchmarks.selection [--json]
+    python -m benchmarks.selection.criteria [--json]
 """
 
 import argparse

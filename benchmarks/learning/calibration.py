@@ -5,7 +5,7 @@ initialisation, and again to as many drawn from them with replacement, for every
 is as large as it was said to be (METHOD 6, check 16: 0.7 to 1.4 for friction and for at least 6 of 8 vertex heights). sigma^2
 is that of tosses 400 to 569. The tosses are found through CONTACTNETS_DATA.
 
-    python -m benchmarks.calibration [--tosses N] [--resamples N] [--seed N] [--json]
+    python -m benchmarks.learning.calibration [--tosses N] [--resamples N] [--seed N] [--json]
 """
 
 import argparse

@@ -4,7 +4,7 @@ A polytope learns to the optimum from what each keeps of four fifths of the trai
 rules do, and is judged by the last fifth; a seed is a fifth and an initialisation. The tosses are found through
 CONTACTNETS_DATA and are put right by what they say of their rig.
 
-    python -m benchmarks.candidate_rules [--candidates NAME ...] [--sizes 8 16 32] [--seeds 10] [--jobs N]
+    python -m benchmarks.selection.candidate_rules [--candidates NAME ...] [--sizes 8 16 32] [--seeds 10] [--jobs N]
                                          [--out FILE.jsonl] [--table FILE.csv]
 
 random, longest, log-det, representative   as in docs/criteria.md, to compare with
@@ -29,7 +29,7 @@ import numpy as np
 import torch
 from scipy.stats import rankdata
 
-from benchmarks.rules import Row, finished_rows, fold_bench, foreseen_motions, print_summaries, recorded_bench, traits
+from benchmarks.selection.rules import Row, finished_rows, fold_bench, foreseen_motions, print_summaries, recorded_bench, traits
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.design.particle import Particle

@@ -1,6 +1,6 @@
 """Random throws by the simulated arm: how accurately, within which limits, how fast, and what is refused.
 
-    python -m benchmarks.arm_throws [--throws 200] [--seed 0] [--heedless]
+    python -m benchmarks.design.arm_throws [--throws 200] [--seed 0] [--heedless]
 
 Prints percentiles of the release errors over feasible throws, the largest shares of the limits that were used, and that every
 throw beyond a limit was refused. With --heedless throws are planned without a look at where the body bounces, to see what

@@ -2,7 +2,7 @@
 
 The tosses are ContactNets', found through CONTACTNETS_DATA; without them, simulated ones. Parameters are the true ones.
 
-    python -m benchmarks.evaluation [--json] [--repeats N] [--plain N]
+    python -m benchmarks.speed.evaluation [--json] [--repeats N] [--plain N]
 """
 
 import argparse

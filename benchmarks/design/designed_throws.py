@@ -8,9 +8,9 @@ statistics; canonical: normal in the heading frame; raw: the paper's normal in t
 a theta fitted to 16 random tosses, or at a random initialisation (there without limits on motions: it
 predicts few that keep them).
 
-    python -m benchmarks.design [--json] [--seeds N] [--only timing|worth|trust|arm] [--pool N]
+    python -m benchmarks.design.designed_throws [--json] [--seeds N] [--only timing|worth|trust|arm] [--pool N]
 
-Part `arm` has the simulated arm make the throws (benchmarks/_design_by_arm.py).
+Part `arm` has the simulated arm make the throws (benchmarks/design/_by_arm.py).
 
 The fits use real tosses of 0-399 where they are at hand, else tosses thrown in MuJoCo. Everything else is simulated.
 """
@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks._data import contactnets_folder
-from benchmarks._design_by_arm import ByArm, worths_by_arm
+from benchmarks.design._by_arm import ByArm, worths_by_arm
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig

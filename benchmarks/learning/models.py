@@ -4,8 +4,8 @@ From ContactNets' tosses 0 to 399, less the twins of held-out ones, some are cho
 trains on them from its published random initialisation by our protocol, and is judged on tosses 400 to 569. A seed stands for
 the choice, the initialisation and the shuffles. Intervals are bootstrap ones over seeds.
 
-    python -m benchmarks.learning [--models polytope deep deepvertex end_to_end] [--criteria random longest] [--tosses 64]
-                                  [--seeds 10] [--network-seeds 3] [--out results.json] [--json]
+    python -m benchmarks.learning.models [--models polytope deep deepvertex end_to_end] [--criteria random longest]
+                                         [--tosses 64] [--seeds 10] [--network-seeds 3] [--out results.json] [--json]
 """
 
 import argparse
