@@ -23,7 +23,7 @@ from contact_curation.experiments.cell_run import Bench
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.motion_errors import MotionErrors, motion_errors
-from contact_curation.motion.calibration import rig_of
+from contact_curation.motion.calibration import calibration_of
 from contact_curation.motion.transitions import states_of
 
 RESTITUTIONS = (0.0, 0.05, 0.1, 0.125, 0.15, 0.2, 0.3)
@@ -39,7 +39,7 @@ def main() -> int:
     recorded = recorded_bench()
     if recorded is None:
         return 0
-    bench = recorded.on(rig_of(recorded.training, recorded.body.polytope))
+    bench = recorded.on(calibration_of(recorded.training, recorded.body.polytope))
     described = PolytopeModel(ContactGeometry.of_body(bench.body), bench.body, Form.PHYSICAL)
     fitted = PolytopeModel(bench.reference, bench.body, Form.PHYSICAL)
     models = {"described": described, "fitted": fitted, "fitted, friction at the gaps": fitted.rubbing_where_it_touches()}

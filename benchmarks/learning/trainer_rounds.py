@@ -29,7 +29,7 @@ from contact_curation.experiments.designed_throws import judged
 from contact_curation.experiments.throw_choice import DesignedThrows
 from contact_curation.experiments.toss_by_toss import RoundsLearner
 from contact_curation.learning.training.protocols import TrainingConfig, budgeted, exact
-from contact_curation.motion.calibration import rig_of
+from contact_curation.motion.calibration import calibration_of
 from contact_curation.motion.toss import Toss
 from contact_curation.simulation.arm.rig import ArmRig
 
@@ -109,7 +109,7 @@ def main() -> int:
     recorded = recorded_bench()
     if recorded is None:
         return 1
-    bench = recorded.on(rig_of(recorded.training, recorded.body.polytope))
+    bench = recorded.on(calibration_of(recorded.training, recorded.body.polytope))
     bench = replace(bench, held_out=bench.training)
     there = arguments.save is not None and arguments.save.exists()
     runs = [Run(**json.loads(line)) for line in arguments.save.read_text().splitlines()] if there else []

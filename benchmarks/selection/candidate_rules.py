@@ -48,7 +48,7 @@ from contact_curation.learning.fits.held_fit import fit_held
 from contact_curation.learning.training.curated import kept_transitions
 from contact_curation.learning.training.model_scoring import toss_scorer
 from contact_curation.learning.training.reranking import EXACT_SELECTIONS
-from contact_curation.motion.calibration import rig_of
+from contact_curation.motion.calibration import calibration_of
 from contact_curation.motion.toss import Toss
 
 SIZES = (8, 16, 32)
@@ -202,7 +202,7 @@ def main() -> int:
     bench = recorded_bench()
     if bench is None:
         return 0
-    bench = bench.on(rig_of(bench.training, bench.body.polytope))
+    bench = bench.on(calibration_of(bench.training, bench.body.polytope))
     trials = [
         Trial(name, size, seed) for seed in range(arguments.seeds) for size in arguments.sizes for name in arguments.candidates
     ]

@@ -50,7 +50,7 @@ from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Inte
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
 from contact_curation.learning.fits.held_fit import fit_held
 from contact_curation.learning.fits.polytope_sums import polytope_sums
-from contact_curation.motion.calibration import LEVEL, RigEvidence, evidence_of
+from contact_curation.motion.calibration import NO_CORRECTION, RigMeasurements, measurements_of
 from contact_curation.motion.gates import GateConfig, footing
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of, transitions_of
@@ -109,8 +109,8 @@ def main() -> int:
     recorded = recorded_bench()
     if recorded is None:
         return 0
-    evidence = evidence_of(recorded.training, recorded.body.polytope)
-    bench = recorded.on(evidence.rig())
+    evidence = measurements_of(recorded.training, recorded.body.polytope)
+    bench = recorded.on(evidence.calibration())
     asked = [arguments.what] if arguments.what else QUESTIONS
     if "rig" in asked:
         print_rig(recorded, evidence)
@@ -129,15 +129,15 @@ def recorded_bench() -> Bench | None:
     return None if folder is None else Bench(CONTACTNETS_CUBE, training_and_held_out(folder).training, (), GateConfig())
 
 
-def print_rig(bench: Bench, evidence: RigEvidence) -> None:
+def print_rig(bench: Bench, evidence: RigMeasurements) -> None:
     """Lean, metre and rest of the tosses as recorded, and fits to them and to what is put right."""
-    rig, at_rest, falls = evidence.rig(), evidence.rests.sum(), evidence.falls.sum()
-    print(f"{at_rest} tosses at rest: the board leans by {np.degrees(rig.lean):.2f} degrees, normal {np.round(rig.normal, 4)}")
+    rig, at_rest, falls = evidence.calibration(), evidence.rests.sum(), evidence.falls.sum()
+    print(f"{at_rest} tosses at rest: the board leans by {np.degrees(rig.tilt):.2f} degrees, normal {np.round(rig.normal, 4)}")
     print(f"{falls} tosses in the air: lengths are to be multiplied with {rig.scale:.4f}")
     rigs = {
-        "as recorded": LEVEL,
+        "as recorded": NO_CORRECTION,
         "levelled": replace(rig, scale=1.0),
-        "lengthened": replace(rig, normal=LEVEL.normal),
+        "lengthened": replace(rig, normal=NO_CORRECTION.normal),
         "put right": rig,
     }
     columns = f"{'position %':>12}{'rotation':>10}"

@@ -14,8 +14,8 @@ that contact (and nothing else) has given in between:
 
 Faster than 150 frames a second the bounds on velocities grow with the rate and those on accelerations with its square, as a
 tracker's noise does (`smoothing.noise_growth`). Stamps and quaternion norms complete the list. The jump gate sees what a
-filter hid: a median of three takes a spike of a frame out of the velocities, but not out of the positions. A flagged toss is
-kept aside and shown, never deleted.
+filter hid: a median of three takes an outlier of one frame out of the velocities, but not out of the positions. A rejected toss
+is stored and shown, never deleted.
 """
 
 from collections.abc import Callable
@@ -172,7 +172,7 @@ def rest_normal(corners: Array) -> Array:
 
 
 def inspect(toss: Toss, polytope: Polytope, config: GateConfig) -> tuple[str, ...]:
-    """Why a toss is kept back, one line per gate that it fails; empty when it passes."""
+    """Why a toss is rejected, one line per gate that it fails; empty when it passes."""
     if not config.enabled:
         return ()
     steps = steps_of(toss, polytope, config)

@@ -1,7 +1,7 @@
 """A stored toss as the tracker saw it: with the stamps that its velocities were made with, on the board they were made on.
 
-The velocities tell the yaw up to quarter turns. The throw tells the rest: turned back, every public toss leaves within 12
-degrees of an axis of the board, as from one machine at one side of it, so each is turned on until it leaves along x.
+The velocities determine the yaw up to quarter turns. The throw determines the rest: turned back, every public toss leaves
+within 12 degrees of an axis of the board, as from one machine at one side of it, so each is turned on until it leaves along x.
 
 The tracker's own stamps, and the board it measured on, read out of the velocities that were made with them.
 
@@ -12,9 +12,9 @@ position, three of rotation) into frame j, and dt_j its time,
     v_k = median(theta_k-1 / dt_k-1, theta_k / dt_k, theta_k+1 / dt_k+1)
 
 so v_k is exactly one of the three, and dt_j is among the ratios theta_j / v_k, k = j - 1 .. j + 1, of nearly every channel.
-Witnesses tell which: several channels that give the same period to rounding, or one that gives a multiple of 2^-22 s, as every
+Witnesses show which: several channels that give the same period to rounding, or one that gives a multiple of 2^-22 s, as every
 difference of Unix times in float64 seconds is (from 2004 to 2038; 238 ns apart, against ratios good to 1e-4 ns). Witnesses
-that contradict each other tell nothing: a body that slides straight on makes every neighbour's ratio one.
+that contradict each other show nothing: a body that slides straight on makes every neighbour's ratio one.
 
 The yaw is found likewise. Where the medians of x and y come from different frames, v_k - theta_j / dt_j is along an axis of the
 board that the medians were taken on; those directions agree, up to the quarter turns that medians cannot tell apart.
@@ -68,7 +68,7 @@ class RecoveredTiming:
     Attributes:
         periods: (T,) time since the frame before [s]; nominal for the first.
         yaw: the file is the tracker's board turned by this about the vertical [rad], in [0, pi/2).
-        witnesses: (T,) how many tell each period.
+        witnesses: (T,) how many determine each period.
         linear_residuals: (T,) largest difference of a stored linear velocity, turned back, from the median [length/s]. At both
             ends the frames outside are taken as what suits best.
         angular_residuals: (T,) likewise [rad/s].
@@ -178,7 +178,7 @@ def _witnessed(ratios: Array, slack: Array) -> tuple[Array, NDArray[np.int64]]:
 
 
 def _yaw(steps: Array, rates: Array, periods: Array) -> float:
-    """The direction of the board's axes, up to quarter turns, in [0, pi/2); 0 where nothing tells it.
+    """The direction of the board's axes, up to quarter turns, in [0, pi/2); 0 where nothing determines it.
 
     Args:
         steps: (T, 2) horizontal.
@@ -188,10 +188,10 @@ def _yaw(steps: Array, rates: Array, periods: Array) -> float:
     raw = steps / periods[:, np.newaxis]
     off = np.concatenate([rates - raw, rates[:-1] - raw[1:], rates[1:] - raw[:-1]])  # the medians of a frame and its neighbours
     lengths = np.hypot(off[:, 0], off[:, 1])
-    told = lengths > 1e-6 * np.abs(rates).max()  # not rounding, and not unknown
-    if not told.any():
+    known = lengths > 1e-6 * np.abs(rates).max()  # not rounding, and not unknown
+    if not known.any():
         return 0.0
-    off, lengths = off[told], lengths[told]
+    off, lengths = off[known], lengths[known]
     angles = np.arctan2(off[:, 1], off[:, 0])
     ordered = np.sort(np.mod(angles, 0.5 * np.pi))
     agreeing = np.searchsorted(ordered, ordered + SAME_DIRECTION, side="right") - np.arange(len(angles))

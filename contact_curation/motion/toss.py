@@ -92,7 +92,7 @@ class Toss:
 
 @dataclass(frozen=True, eq=False)
 class Rejected:
-    """A motion that was kept back, with all that was seen of it.
+    """A motion that was rejected, with all that was seen of it.
 
     Attributes:
         toss: what was recorded.

@@ -1,7 +1,7 @@
 """The simulated world as a MuJoCo specification, built in code: a board, the body tossed onto it, and the body's free motion.
 
 MuJoCo shares nothing with our own rollouts: its contacts are soft, it finds them between convex shapes, and it solves for
-forces in another way. So it tells whether a result is one of physics or of our solver. The specification can be added to (an
+forces in another way. So it shows whether a result is one of physics or of our solver. The specification can be added to (an
 arm, a camera) before it is compiled. MuJoCo's free joint has our conventions: position, quaternion wxyz, velocity in the
 world's frame, angular velocity in the body's.
 """

@@ -1,4 +1,4 @@
-"""What `score` writes: everything the loss says of each transition, as one .npz file that loads without pickle.
+"""What `score` writes: all terms of the loss of each transition, as one .npz file that loads without pickle.
 
 The number of transitions is known at the end only, so that the columns grow in files of their own first: memory stays flat
 however much is scored, and the .npz appears whole or not at all.
@@ -75,7 +75,7 @@ class ScoreFileWriter:
         Args:
             toss_id: whose they are.
             index: (N,) their numbers in the toss.
-            evaluation: what the loss says of them.
+            evaluation: their losses, impulses and scores.
         """
         rows: dict[str, Any] = {
             "index": np.asarray(index, dtype=np.int64),

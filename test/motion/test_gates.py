@@ -1,4 +1,4 @@
-"""The gates let good tosses pass and keep glitches back (METHOD 2.1, check 11)."""
+"""The gates accept good tosses and reject tracking outliers (METHOD 2.1, check 11)."""
 
 from dataclasses import replace
 from itertools import product
@@ -14,7 +14,7 @@ from contact_curation.geometry.polytopes import Polytope
 from contact_curation.motion.gates import GateConfig, cone_gate, impulse_gate, inspect, spin_by_push, steps_of, twist_gate
 from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import Toss
-from test.motion.faults import contaminated, spiked
+from test.motion.faults import contaminated, with_outliers
 from test.motion.streams import CUBE, PERIOD_NS, noisy, stream
 from test.motion.test_segmenter import cut
 
@@ -243,9 +243,9 @@ def test_bounds_that_make_no_sense_are_refused() -> None:
 
 @pytest.mark.parametrize("velocities", ["raw", "filtered", "hidden"])
 @pytest.mark.parametrize("frames", [1, 2, 3])
-def test_a_spike_in_a_synthetic_toss_is_caught_however_the_tracker_filters(good: Toss, velocities: str, frames: int) -> None:
+def test_an_outlier_in_a_synthetic_toss_is_caught_however_the_tracker_filters(good: Toss, velocities: str, frames: int) -> None:
     rng = np.random.default_rng(7)
-    assert all(inspect(spiked(good, rng, frames=frames, velocities=velocities), CUBE, CONFIG) for _ in range(20))
+    assert all(inspect(with_outliers(good, rng, frames=frames, velocities=velocities), CUBE, CONFIG) for _ in range(20))
 
 
 class TestOnTheRealTosses:
@@ -262,29 +262,29 @@ class TestOnTheRealTosses:
 
     @pytest.mark.parametrize("tolerance", [1.5, 3.0, 6.0])
     @pytest.mark.parametrize("seed", [0, 1])
-    def test_the_impulse_gate_finds_28_of_28_spikes_without_a_false_alarm(
+    def test_the_impulse_gate_finds_28_of_28_outliers_without_a_false_alarm(
         self, real_tosses: list[Toss], tolerance: float, seed: int
     ) -> None:
         """In half widths per second, as METHOD has them."""
         config = GateConfig(impulse_tolerance=tolerance * CONTACTNETS_CUBE.length_scale)
-        tosses, spikes = contaminated(real_tosses, 28, seed)
-        assert self.impulse_flags(tosses, config) == spikes
+        tosses, outliers = contaminated(real_tosses, 28, seed)
+        assert self.impulse_flags(tosses, config) == outliers
 
     def test_with_a_narrow_cone_one_clean_toss_is_flagged(self, real_tosses: list[Toss]) -> None:
         config = GateConfig(impulse_tolerance=1.5 * CONTACTNETS_CUBE.length_scale, largest_friction=0.3)
         assert len(self.impulse_flags(real_tosses, config)) == 1
 
-    def test_a_median_hides_spikes_from_the_impulse_gate_but_not_from_the_jump_gate(self, real_tosses: list[Toss]) -> None:
-        tosses, spikes = contaminated(real_tosses, 28, 0, velocities="filtered")
+    def test_a_median_hides_outliers_from_the_impulse_gate_but_not_from_the_jump_gate(self, real_tosses: list[Toss]) -> None:
+        tosses, outliers = contaminated(real_tosses, 28, 0, velocities="filtered")
         assert len(self.impulse_flags(tosses, CONFIG)) <= 1
         jumps = {
             number
             for number, toss in enumerate(tosses)
             if any(line.startswith("displacement") for line in inspect(toss, CONTACTNETS_CUBE.polytope, CONFIG))
         }
-        assert jumps == spikes
+        assert jumps == outliers
 
     @pytest.mark.parametrize("frames", [2, 3])
     def test_glitches_of_two_and_three_frames_after_filtering_are_caught(self, real_tosses: list[Toss], frames: int) -> None:
-        tosses, spikes = contaminated(real_tosses, 28, 0, frames=frames)
-        assert self.impulse_flags(tosses, CONFIG) == spikes
+        tosses, outliers = contaminated(real_tosses, 28, 0, frames=frames)
+        assert self.impulse_flags(tosses, CONFIG) == outliers

@@ -139,7 +139,7 @@ def _selection(arguments: argparse.Namespace, ranking: RankingConfig, canary: Ca
 def _kept_ids(manifest: Path | None) -> tuple[str, ...] | None:
     if manifest is None:
         return None
-    kept = tuple(row.toss_id for row in read_manifest(manifest).kept)
+    kept = tuple(row.toss_id for row in read_manifest(manifest).selected)
     if not kept:
         raise InvalidValueError(f"kept tosses of {manifest}", "none", "at least one")
     return kept

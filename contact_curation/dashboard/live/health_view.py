@@ -1,4 +1,4 @@
-"""View: what the nodes say of themselves, and what the dashboard had to leave out."""
+"""View: the nodes' diagnostics, and what the dashboard had to leave out."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

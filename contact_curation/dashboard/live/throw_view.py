@@ -1,4 +1,4 @@
-"""Views: throws as planned and as made, and what they were planned to teach against what they taught."""
+"""Views: throws as planned and as made, and what they were planned to gain against what they gained."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

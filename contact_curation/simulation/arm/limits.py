@@ -113,7 +113,7 @@ class LimitUse:
         self.forget()
 
     def forget(self) -> None:
-        """Begins anew."""
+        """Starts from zero."""
         self._torque, self._speed, self._position = np.zeros((3, JOINTS))
 
     def note(self, torques: Array, joints: Array, speeds: Array) -> None:
@@ -164,5 +164,5 @@ class CollisionReflex:
         return bool((np.abs(self._outside) > self._largest).any())
 
     def forget(self) -> None:
-        """Begins anew."""
+        """Starts from zero."""
         self._outside = np.zeros_like(self._outside)

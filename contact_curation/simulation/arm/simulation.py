@@ -238,7 +238,7 @@ class ArmSimulation:
         elif self.phase is Phase.RETURNING and self._worlds.held and self._at <= 0.0:
             self._home()
         elif self.phase in (Phase.RELEASED, Phase.RETURNING) and at_end and self._gone:
-            self._worlds.take_anew()
+            self._worlds.take_body()
             self._gone = False
             self._home()
 

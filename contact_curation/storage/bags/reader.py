@@ -1,6 +1,6 @@
 """Bags in: any format, whole or damaged. Whole ones fast; damaged ones as far as they go, saying what was lost.
 
-The way of a message: the bytes of a file (`bags.file`) -> its records (`bags.formats`, told by the first bytes, not by the
+The way of a message: the bytes of a file (`bags.file`) -> its records (`bags.formats`, chosen by the first bytes, not by the
 name) -> merged in order of log time (here) -> an object (`bags.decoding`) -> a pose (`inputs.pose_messages`).
 """
 
@@ -48,7 +48,7 @@ class BagStorage(Protocol):
         """First and last log time, as declared."""
 
     def counts(self) -> Mapping[Channel, int] | None:
-        """Messages per channel; None when only reading everything would tell."""
+        """Messages per channel; None when only reading everything would show them."""
 
     def messages(self, topics: Collection[str] | None) -> Iterator[StoredMessage]:
         """Messages of `topics` (None: all) in order of log time."""

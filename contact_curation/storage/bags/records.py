@@ -32,7 +32,7 @@ class TopicInfo:
     Attributes:
         name: with its leading slash.
         type: ROS 2 type name, e.g. `nav_msgs/msg/Odometry`.
-        count: number of messages the bag holds; None when only reading the whole bag would tell.
+        count: number of messages the bag holds; None when only reading the whole bag would show it.
     """
 
     name: str

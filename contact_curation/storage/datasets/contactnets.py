@@ -20,7 +20,7 @@ import numpy as np
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.calibration import put_right
+from contact_curation.motion.calibration import apply_calibration
 from contact_curation.motion.gates import inspect
 from contact_curation.motion.restored_toss import restored
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
@@ -195,7 +195,7 @@ def read_contactnets_tosses(path: Path, body: Body, config: InputsConfig) -> Inp
 
 def _gated(file: Path, digest: str, body: Body, config: InputsConfig) -> Found:
     stored = read_contactnets_toss(file, body)
-    toss = stored if config.as_stored else put_right(restored(stored).toss, config.rig)
+    toss = stored if config.as_stored else apply_calibration(restored(stored).toss, config.rig)
     reasons = inspect(toss, body.polytope, config.gates)
     return Found(Rejected(toss, reasons) if reasons else toss, TossProvenance(str(file), digest))
 

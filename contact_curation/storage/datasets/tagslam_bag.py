@@ -30,7 +30,13 @@ from contact_curation.motion.toss import NANOSECONDS, Toss
 from contact_curation.storage.bags.writer import BagWriter
 from contact_curation.storage.datasets.contactnets import contactnets_files, read_contactnets
 from contact_curation.storage.inputs.pose_messages import ODOMETRY, TF
-from contact_curation.storage.inputs.recording_notes import NOTE, NUMBERS_NOTE, RecordedNumbers, note_of_rules, number_of_file
+from contact_curation.storage.inputs.recording_notes import (
+    NUMBERS_NOTE,
+    RULES_NOTE,
+    RecordedNumbers,
+    note_of_rules,
+    number_of_file,
+)
 
 EXACT = 1e-5
 """Velocities that differ by no more are equal [m/s, rad/s]."""
@@ -164,7 +170,7 @@ def record(bag: BagWriter, body: str, tosses: Iterable[Toss], rig: TagslamRig) -
         InvalidValueError: a toss of another body.
     """
     messages = _Messages(rig, f"body_{body}")
-    bag.note(NOTE, note_of_rules(rig.rules))
+    bag.note(RULES_NOTE, note_of_rules(rig.rules))
     bag.write("/tf_static", messages.board(), rig.epoch_ns, latched=True)
     start_ns, count, frames = rig.epoch_ns + NANOSECONDS, 0, 0
     numbered: list[tuple[int, int]] = []

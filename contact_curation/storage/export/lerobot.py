@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of
-from contact_curation.storage.export.selected import KeptToss
+from contact_curation.storage.export.selected import SelectedToss
 from contact_curation.storage.manifest.file import TYPES
 from contact_curation.storage.manifest.manifest import ManifestRow
 
@@ -120,12 +120,12 @@ LARGEST_RATE_ERROR = 0.01
 
 PREFIX = "curation/"
 SAID_OTHERWISE = ("kept", "gated", "reasons", "frames")
-"""Of a manifest's row: of kept tosses alike, or LeRobot's `length`."""
+"""Of a manifest's row: of selected tosses alike, or LeRobot's `length`."""
 
 EVIDENCE = tuple(field for field in fields(ManifestRow) if field.name not in SAID_OTHERWISE)
 
 
-def write_lerobot(tosses: Sequence[KeptToss], body: str, folder: Path) -> None:
+def write_lerobot(tosses: Sequence[SelectedToss], body: str, folder: Path) -> None:
     """Writes the dataset.
 
     Args:
@@ -136,14 +136,14 @@ def write_lerobot(tosses: Sequence[KeptToss], body: str, folder: Path) -> None:
     Raises:
         InvalidValueError: the tosses differ in their frame rates.
     """
-    fps = common_rate([kept.toss for kept in tosses])
+    fps = common_rate([selected.toss for selected in tosses])
     task = f"toss the {body}"
     episodes: list[dict[str, Any]] = []
     data: list[Columns] = []
-    for number, kept in enumerate(tosses):
+    for number, selected in enumerate(tosses):
         first = episodes[-1]["dataset_to_index"] if episodes else 0
-        data.append(episode_columns(kept.toss, number, first, fps))
-        episodes.append(_episode(kept, number, first, task, data[-1]))
+        data.append(episode_columns(selected.toss, number, first, fps))
+        episodes.append(_episode(selected, number, first, task, data[-1]))
     _write_row_groups([frames_table(columns) for columns in data], folder / "data" / FIRST_FILE)
     _write_row_groups([_episodes_table(episodes)], folder / "meta" / "episodes" / FIRST_FILE)
     _write_row_groups([_tasks_table(task)], folder / "meta" / "tasks.parquet")
@@ -166,22 +166,22 @@ def common_rate(tosses: Sequence[Toss]) -> int:
     return fps
 
 
-def _episode(kept: KeptToss, number: int, first: int, task: str, columns: Columns) -> dict[str, Any]:
+def _episode(selected: SelectedToss, number: int, first: int, task: str, columns: Columns) -> dict[str, Any]:
     stats = {
         f"stats/{feature}/{name}": value for feature, found in dataset_stats(columns).items() for name, value in found.items()
     }
     return {
         "episode_index": number,
         "tasks": [task],
-        "length": kept.toss.frames,
+        "length": selected.toss.frames,
         "data/chunk_index": 0,
         "data/file_index": 0,
         "dataset_from_index": first,
-        "dataset_to_index": first + kept.toss.frames,
+        "dataset_to_index": first + selected.toss.frames,
         **stats,
         "meta/episodes/chunk_index": 0,
         "meta/episodes/file_index": 0,
-        **{f"{PREFIX}{field.name}": getattr(kept.row, field.name) for field in EVIDENCE},
+        **{f"{PREFIX}{field.name}": getattr(selected.row, field.name) for field in EVIDENCE},
     }
 
 

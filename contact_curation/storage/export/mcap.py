@@ -1,4 +1,4 @@
-"""Recordings as MCAP files of their kept tosses alone: the same bytes, and the same tosses when they are read again.
+"""Recordings as MCAP files of their selected tosses alone: the same bytes, and the same tosses when they are read again.
 
 What was written is read back, and each toss must be the one of the whole recording, bit for bit; where it is not, more of what
 is around it is taken. A part is the messages of some times, byte for byte, and what must be known before them.
@@ -42,7 +42,7 @@ class SubsetFile:
     Args:
         path: of the file.
         windows: log times.
-        source: the topics that tell where the body is.
+        source: the topics with the body's poses.
         qos: what a topic was offered with.
     """
 
@@ -122,7 +122,7 @@ def write_subsets(reader: BagReader, parts: dict[Path, tuple[Window, ...]], sour
     Args:
         reader: of the bag.
         parts: log times by the file that they go to.
-        source: the topics that tell where the body is.
+        source: the topics with the body's poses.
 
     Raises:
         InvalidValueError: a file cannot be written.
@@ -194,16 +194,16 @@ def export_bag(
         files: where each toss goes that is wanted, by its id; several may go to one file.
         body: what was tossed.
         config: how the bag is read.
-        advance: told how many motions more were read.
+        advance: called with how many more motions were read.
 
     Raises:
         UnreadableInputError: it is no bag, or a toss does not come out of a part of it as it comes out of the whole.
-        MissingTopicError: no topic, or several, could tell where the body is.
+        MissingTopicError: no topic, or several, may hold the body's poses.
         InvalidValueError: a file cannot be written.
     """
     with BagReader(path) as reader:
         found = survey(reader, body, config, advance)
-        motions = found.kept(files)
+        motions = found.wanted(files)
         if not motions:
             return BagExport(found.origin, {}, found.left_out)
         for surroundings in Surroundings:
@@ -217,7 +217,7 @@ def export_bag(
             raise UnreadableInputError(path, f"found toss {changed[0]} to be another in a part of it, expected the same")
     taken = {motion.toss_id: files[motion.toss_id] for motion in motions}
     others = sorted(set(again) - set(taken))
-    extra = (f"{path}: the export holds motions that were not kept, too: {', '.join(others)}",) if others else ()
+    extra = (f"{path}: the export holds motions that were not selected, too: {', '.join(others)}",) if others else ()
     return BagExport(found.origin, taken, (*found.left_out, *extra))
 
 

@@ -160,7 +160,7 @@ class Survey:
 
     Attributes:
         origin: the bag.
-        source: the topics that tell where the body is.
+        source: the topics with the body's poses.
         motions: in their order.
         settle_ns: time that separates two motions.
         times: of the poses.
@@ -174,7 +174,7 @@ class Survey:
     times: PoseTimes
     left_out: tuple[str, ...]
 
-    def kept(self, wanted: Mapping[str, object]) -> tuple[Motion, ...]:
+    def wanted(self, wanted: Mapping[str, object]) -> tuple[Motion, ...]:
         """Those whose ids are wanted; of two with one id the last, which is whole if one of them is."""
         return tuple({motion.toss_id: motion for motion in self.motions if motion.toss_id in wanted}.values())
 
@@ -193,7 +193,7 @@ def survey(reader: BagReader, body: Body, config: InputsConfig, advance: Callabl
     """Reads a bag's poses.
 
     Raises:
-        MissingTopicError: no topic, or several, could tell where the body is.
+        MissingTopicError: no topic, or several, may hold the body's poses.
     """
     tosses = bag_tosses(reader, body, config)
     times, motions = PoseTimes(), list[Motion]()

@@ -1,4 +1,4 @@
-"""Which topics of a bag or a graph tell where the body is, and how their messages are read."""
+"""Which topics of a bag or a graph hold the body's poses, and how their messages are read."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
@@ -111,7 +111,7 @@ class PoseSource:
         return tuple(dict.fromkeys((*(one.name for one in self.typed), *self.transforms)))
 
     def measured(self, topic: str, message: Any, detections: TagDetections | None = None) -> tuple[Measured, ...]:
-        """What a message of one of `topics` tells of the body and the rig.
+        """The poses of the body and the rig in a message of one of `topics`.
 
         TF often repeats what the body's own topic says; there it is left out.
 
@@ -131,7 +131,7 @@ class PoseSource:
 
 
 def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: str, config: PoseTopicConfig) -> PoseSource:
-    """Chooses the topics that tell of a body.
+    """Chooses the topics with a body's poses.
 
     The body's topic is the one configured; or the one named after the body (TagSLAM's `.../body_<name>`); or the only one of
     the first of `POSE_MESSAGES` that there is; or TF. What a simulation knows of the truth has to be named. The board has a

@@ -1,8 +1,8 @@
 """What a recording notes about itself: the rules that its tosses were cut by, and the numbers of the files it was made of.
 
 ContactNets' data need the rules: the cube rests 1.2 mm low, and a rest at 0.052 m or higher went unseen when its tosses were
-cut (`motion.segmenter_config`). Another reader of the same bag gets the same tosses without being told. Each number is noted
-with the stamp at which the frames made of its file begin, so that a bag of some files still says which toss is the 417th.
+cut (`motion.segmenter_config`). Another reader of the same bag gets the same tosses without further settings. Each number is
+noted with the stamp at which the frames made of its file begin, so that a bag of some files still says which toss is the 417th.
 """
 
 from bisect import bisect_right
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.segmenter_config import SegmenterConfig
 
-NOTE = "contact_curation.segmenter"
+RULES_NOTE = "contact_curation.segmenter"
 UNSET = SegmenterConfig()
 """By default the rest height follows from the body, and the frame period from the stamps; a recording may know better."""
 
@@ -32,7 +32,7 @@ def with_recorded_rules(rules: SegmenterConfig, note: Mapping[str, str]) -> Segm
     try:
         said = {name: float(value) for name, value in note.items()}
     except ValueError as error:
-        raise InvalidValueError(f"note {NOTE} of the recording", dict(note), "numbers") from error
+        raise InvalidValueError(f"note {RULES_NOTE} of the recording", dict(note), "numbers") from error
     if rules.rest_height == UNSET.rest_height and "rest_height" in said:
         rules = replace(rules, rest_height=said["rest_height"])
     if rules.frame_period is None and "frame_period" in said:

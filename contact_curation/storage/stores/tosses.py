@@ -98,7 +98,7 @@ class TossStore(Store):
         return self._add(self._tosses, toss, {}, provenance or TossProvenance())
 
     def add_rejected(self, rejected: Rejected, *, provenance: TossProvenance | None = None) -> Added:
-        """Stores a motion that was kept back, with the reasons.
+        """Stores a rejected motion, with the reasons.
 
         Raises:
             InvalidValueError: another motion, or the same for other reasons, is stored under its id.

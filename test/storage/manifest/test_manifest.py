@@ -137,7 +137,7 @@ def test_other_tools_read_the_three_formats(tmp_path: Path) -> None:
 
 def test_kept_tosses_come_best_first() -> None:
     second = replace(RANKED, toss_id="cube-4-ab", rank=2)
-    assert [row.rank for row in Manifest(RUN, (second, GATED, RANKED)).kept] == [1, 2]
+    assert [row.rank for row in Manifest(RUN, (second, GATED, RANKED)).selected] == [1, 2]
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,7 @@ class ChunkedStorage:
         chunks: in any order.
         declarations: channels, as far as they are known without unpacking the chunks.
         parse: gives the messages of an unpacked chunk, and declares the channels in it.
-        counts: messages per channel id where the chunks do not tell.
+        counts: messages per channel id where the chunks do not say.
         limits: bounds.
         losses: where damage is said.
     """
@@ -113,7 +113,7 @@ class ChunkedStorage:
         return min((c.start_ns for c in self._chunks), default=0), max((c.end_ns for c in self._chunks), default=0)
 
     def counts(self) -> Mapping[Channel, int] | None:
-        """Messages per channel; None when only reading everything would tell."""
+        """Messages per channel; None when only reading everything would show them."""
         known = [chunk.counts for chunk in self._chunks if chunk.counts is not None]
         by_id: Mapping[int, int] | None = self._declared_counts
         if len(known) == len(self._chunks):

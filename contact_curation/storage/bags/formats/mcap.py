@@ -185,7 +185,7 @@ def _gone_on(walk: McapWalk, stop: Stop, summary: McapSummary, name: str, losses
 
 
 def _surveyed(file: BagFile, chunk: Chunk, declarations: McapDeclarations, limits: BagLimits, count: bool) -> Chunk:
-    """The chunk, unpacked once if only that tells its channels and, when those count, how many messages it has."""
+    """The chunk, unpacked once if only that shows its channels and, when those count, how many messages it has."""
     uncounted = chunk.counts is None and count
     if not uncounted and all(number in declarations.channels for number in chunk.counts or {}):
         return chunk
