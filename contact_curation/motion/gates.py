@@ -268,7 +268,10 @@ def turn_gate(steps: Steps, config: GateConfig) -> str:
     return _worst("turn beside the angular velocity", off, config.jump_spin * steps.noise, "rad/s")
 
 
-GATES: tuple[Callable[[Steps, GateConfig], str], ...] = (
+type Gate = Callable[[Steps, GateConfig], str]
+"""Gives the line of what it finds wrong with a toss; an empty one where nothing is."""
+
+GATES: tuple[Gate, ...] = (
     stamps_gate,
     quaternion_gate,
     depth_gate,
@@ -283,6 +286,7 @@ GATES: tuple[Callable[[Steps, GateConfig], str], ...] = (
     jump_gate,
     turn_gate,
 )
+"""In the order of their lines. Another gate takes a function and a line here; a bound of its own, a field of `GateConfig`."""
 
 
 def _worst(what: str, values: Array, bound: float, unit: str, first: int = 1) -> str:

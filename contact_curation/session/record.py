@@ -45,6 +45,7 @@ def finish_record(
     save_report(story, figures, folder.report)
     summary = replace(summary, document={**summary.document, "report": str(folder.report)})
     own = {
+        "format_version": 1,
         "command": list(command),
         "rank_command": words,
         "version": __version__,

@@ -11,7 +11,17 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope
-from contact_curation.motion.gates import GateConfig, cone_gate, impulse_gate, inspect, spin_by_push, steps_of, twist_gate
+from contact_curation.motion import gates
+from contact_curation.motion.gates import (
+    GateConfig,
+    Steps,
+    cone_gate,
+    impulse_gate,
+    inspect,
+    spin_by_push,
+    steps_of,
+    twist_gate,
+)
 from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import Toss
 from test.motion.faults import contaminated, with_outliers
@@ -230,6 +240,14 @@ def test_a_toss_tracked_240_times_a_second_with_the_rigs_noise_passes() -> None:
     (toss,) = cut(noisy(stream(period_ns=10**9 // 240), 1.0))
     assert isinstance(toss, Toss)
     assert inspect(toss, CUBE, CONFIG) == ()
+
+
+def test_a_gate_that_is_added_to_the_table_is_asked(good: Toss, monkeypatch: pytest.MonkeyPatch) -> None:
+    def longest_gate(steps: Steps, config: GateConfig) -> str:
+        return f"frames: found {steps.toss.frames}, expected at most 2"
+
+    monkeypatch.setattr(gates, "GATES", (*gates.GATES, longest_gate))
+    assert inspect(good, CUBE, CONFIG) == (f"frames: found {good.frames}, expected at most 2",)
 
 
 def test_a_disabled_gate_lets_everything_pass() -> None:

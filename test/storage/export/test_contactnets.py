@@ -19,7 +19,7 @@ from contact_curation.storage.inputs.inputs import open_inputs
 from contact_curation.storage.inputs.records import InputsConfig
 from contact_curation.storage.provenance import TossProvenance
 from test.storage.datasets.test_tagslam_bag import save_contactnets, synthetic_toss
-from test.storage.kept_rows import row
+from test.storage.selected_rows import row
 
 CUBE = CONTACTNETS_CUBE
 

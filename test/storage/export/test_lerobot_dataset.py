@@ -19,7 +19,7 @@ from contact_curation.storage.export.selected import SelectedToss
 from contact_curation.storage.manifest.manifest import ManifestRow
 from contact_curation.storage.provenance import TossProvenance
 from test.storage.datasets.test_tagslam_bag import synthetic_toss
-from test.storage.kept_rows import row
+from test.storage.selected_rows import row
 
 HEIGHTS = (0.25, 0.2, 0.18)
 EPISODES = "meta/episodes/chunk-000/file-000.parquet"
