@@ -9,7 +9,7 @@ from contact_curation.design.planner import Plan, Planner
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.accumulated import Accumulated
-from contact_curation.information.criteria.ties import descending
+from contact_curation.information.ties import descending
 
 
 def random_plan(planner: Planner, names: Sequence[str], known: Sequence[Accumulated], seed: int) -> Plan:

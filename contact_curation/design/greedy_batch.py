@@ -88,7 +88,7 @@ def greedy_batch(particles: Sequence[Particle], states: Sequence[Accumulated], f
     """
     pools = [_pool(particle, matrices) for particle, matrices in zip(particles, fishers, strict=True)]
     selection = select_by_log_det(pools, [state.half_inverse for state in states], count)
-    indices = selection.order[: selection.kept]
+    indices = selection.order[: selection.count]
     return Picked(indices, selection.gains[indices])
 
 

@@ -54,7 +54,7 @@ class RankingView:
 def ranking_page(kept: KeptSet, evidence: Evidence) -> str:
     """The ranking as a page."""
     proven = f", at least {100.0 * kept.bound:.0f} % of the best set's D-efficiency" if kept.bound > 0.0 else ""
-    off, by_chance = number(evidence.answer.off), number(evidence.answer.by_chance)
+    off, by_chance = number(evidence.shift.distance), number(evidence.shift.at_random)
     title = f"**{len(kept.toss_ids)} of {kept.seen} tosses kept** by {kept.criterion}{proven}; theta `{kept.version[:12]}`"
     answer = f"Their answer is {off} from that of all, in units of a toss's scatter; as many at random about {by_chance}."
     count = len(kept.toss_ids) + LISTED_OTHERS
