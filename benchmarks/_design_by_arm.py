@@ -11,12 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contact_curation.design.execution_noise import ExecutionNoise
-from contact_curation.design.particle import Particle
+from contact_curation.design.greedy_batch import RefinementConfig
 from contact_curation.design.planner import DesignConfig, Planner
-from contact_curation.design.predicted_information import ForecastConfig, Motions, forecast, predicted_motions
-from contact_curation.design.refinement import RefinementConfig
+from contact_curation.design.predicted_information import ForecastConfig, Motions, Particle, forecast, predicted_motions
+from contact_curation.design.releases import ReleasePrior, fitted_prior, raw_prior
 from contact_curation.design.throw import Throw
-from contact_curation.design.throw_prior import ReleasePrior, fitted_prior, raw_prior
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.subspace import identifiable_subspace

@@ -32,8 +32,7 @@ from scipy.stats import rankdata
 from benchmarks.rules import Row, finished_rows, fold_bench, foreseen_motions, print_summaries, recorded_bench, traits
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.design.particle import Particle
-from contact_curation.design.predicted_information import DEFAULT_FORECAST, expected
+from contact_curation.design.predicted_information import DEFAULT_FORECAST, Particle, expected
 from contact_curation.experiments.cell import Cell
 from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, judged, pool_of_cell
 from contact_curation.geometry.quaternions import Array

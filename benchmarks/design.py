@@ -35,15 +35,12 @@ from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.design.execution_noise import ERRORS, ExecutionNoise
-from contact_curation.design.greedy_batch import greedy_batch
-from contact_curation.design.particle import Particle
+from contact_curation.design.greedy_batch import RefinementConfig, greedy_batch
 from contact_curation.design.planner import DesignConfig, Planner
-from contact_curation.design.predicted_information import ForecastConfig, forecast, predicted_motions
+from contact_curation.design.predicted_information import ForecastConfig, Particle, forecast, predicted_motions
 from contact_curation.design.readiness import spearman
-from contact_curation.design.refinement import RefinementConfig
-from contact_curation.design.releases import Placement
+from contact_curation.design.releases import Placement, ReleasePrior, fitted_prior, published_releases, raw_prior
 from contact_curation.design.throw import throw_of_state
-from contact_curation.design.throw_prior import ReleasePrior, fitted_prior, published_releases, raw_prior
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
 from contact_curation.information.subspace import identifiable_subspace

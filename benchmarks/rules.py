@@ -37,8 +37,7 @@ from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.polytope import INITIAL_NOISE, PolytopeModel
 from contact_curation.contact.parameter_form import Form
 from contact_curation.design.execution_noise import ExecutionNoise, balanced_draws
-from contact_curation.design.particle import Particle
-from contact_curation.design.predicted_information import DEFAULT_FORECAST, Motions, predicted_motions
+from contact_curation.design.predicted_information import DEFAULT_FORECAST, Motions, Particle, predicted_motions
 from contact_curation.experiments.cell import Cell
 from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, run_cell, select
 from contact_curation.experiments.faults import Fault

@@ -9,18 +9,17 @@ from numpy.typing import NDArray
 
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.design.execution_noise import DEFAULT_NOISE, ExecutionNoise, NoiseConfig, balanced_draws
-from contact_curation.design.particle import Particle
 from contact_curation.design.predicted_information import (
     DEFAULT_FORECAST,
     Forecast,
     ForecastConfig,
+    Particle,
     expected,
     predicted_motions,
 )
-from contact_curation.design.releases import Placement, Releases
-from contact_curation.design.safety_set import DEFAULT_SAFETY, Feasible, SafetyConfig, SafetySet
+from contact_curation.design.releases import Placement, ReleasePrior, Releases
+from contact_curation.design.safety import DEFAULT_SAFETY, Feasible, SafetyConfig, SafetySet
 from contact_curation.design.throw import throw_of_state
-from contact_curation.design.throw_prior import ReleasePrior
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 

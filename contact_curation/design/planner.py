@@ -1,6 +1,9 @@
 """The throws to make next: a safe pool, the greedy batch from it, refined.
 
 Everything follows from the thetas, what is known, the noise as it was learned and the seed; the same four give the same throws.
+
+Beside it stand the plans that designed throws are compared with: throws at random, and the paper's, the best of many by the
+trace of each alone.
 """
 
 from collections import Counter
@@ -13,17 +16,25 @@ from numpy.typing import NDArray
 
 from contact_curation.design.candidates import Candidates, Outlook, OutlookConfig
 from contact_curation.design.execution_noise import ExecutionNoise
-from contact_curation.design.greedy_batch import accumulated, gains, greedy_batch, prior_coordinates, with_fishers
-from contact_curation.design.particle import Particle
-from contact_curation.design.refinement import DEFAULT_REFINEMENT, RefinementConfig, refined
-from contact_curation.design.releases import Releases
-from contact_curation.design.safety_set import Feasible
+from contact_curation.design.greedy_batch import (
+    DEFAULT_REFINEMENT,
+    RefinementConfig,
+    accumulated,
+    gains,
+    greedy_batch,
+    prior_coordinates,
+    refined,
+    with_fishers,
+)
+from contact_curation.design.predicted_information import Particle
+from contact_curation.design.releases import PUBLISHED_PRIOR, ReleasePrior, Releases
+from contact_curation.design.safety import Feasible
 from contact_curation.design.throw import Throw, throw_of_state
-from contact_curation.design.throw_prior import PUBLISHED_PRIOR, ReleasePrior
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.accumulated import Accumulated
 from contact_curation.information.record import TossInformation
+from contact_curation.information.ties import descending
 
 FINALISTS_EACH = 16
 """Of a pool for many throws there are at least so many finalists for each."""
@@ -255,3 +266,33 @@ def _check_comparable(particle: Particle, info: TossInformation) -> None:
     for name, value in own.items():
         if getattr(info, name) != value:
             raise InvalidValueError(f"{name} of toss {info.toss_id}", getattr(info, name), f"{value}")
+
+
+def random_plan(planner: Planner, names: Sequence[str], known: Sequence[Accumulated], seed: int) -> Plan:
+    """The first throws of the pool that may be made; errors as `Planner.plan`."""
+    candidates = planner.pool(seed)
+    return _first(planner, names, known, candidates, -np.arange(len(candidates.states), dtype=float))
+
+
+def top_trace_plan(planner: Planner, names: Sequence[str], known: Sequence[Accumulated], seed: int) -> Plan:
+    """The throws of the largest trace each, summed over the particles (Algorithm 2 of the paper); errors as `Planner.plan`.
+
+    By the Gauss-Newton matrix: by the empirical one that the paper takes, throws that the model itself predicted would be
+    ranked by rounding errors (METHOD 0.4).
+    """
+    candidates = planner.pool(seed)
+    traces = np.sum([np.trace(fishers, axis1=1, axis2=2) for fishers in candidates.fishers], axis=0)
+    return _first(planner, names, known, candidates, traces)
+
+
+def _first(planner: Planner, names: Sequence[str], known: Sequence[Accumulated], candidates: Candidates, scores: Array) -> Plan:
+    """The safe throws of the largest scores."""
+    picked: list[int] = []
+    for index in descending(scores):
+        if len(picked) == len(names):
+            break
+        if candidates.refusals[index] is None and planner.outlook.last_refusals(candidates.states[[index]])[0] is None:
+            picked.append(int(index))
+    if len(picked) < len(names):
+        raise InvalidValueError("releases that may be thrown", f"{len(picked)} of {len(scores)}", f"{len(names)}")
+    return planner.planned(names, candidates.taken(picked), known, candidates.refusals)

@@ -14,8 +14,8 @@ from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.design.designer import Designer, DesignerConfig
 from contact_curation.design.planner import Planner
+from contact_curation.design.releases import ReleasePrior, fitted_prior, raw_prior
 from contact_curation.design.throw import Throw
-from contact_curation.design.throw_prior import ReleasePrior, fitted_prior, raw_prior
 from contact_curation.errors import InvalidValueError
 from contact_curation.experiments.cell import Protocol
 from contact_curation.experiments.cell_run import ONE_THREAD, Bench, Row, motion_row

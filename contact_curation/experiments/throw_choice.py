@@ -4,10 +4,9 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Protocol
 
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.design.adaptive import AdaptiveDesign, Realised
-from contact_curation.design.designer import Designer
-from contact_curation.design.particle import Particle
+from contact_curation.design.designer import AdaptiveDesign, Designer, Realised
 from contact_curation.design.planner import Planner
+from contact_curation.design.predicted_information import Particle
 from contact_curation.design.throw import Throw
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array

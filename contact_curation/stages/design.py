@@ -13,14 +13,12 @@ import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.design.adaptive import AdaptiveDesign, overall_ratio
-from contact_curation.design.designer import Designer, DesignerConfig
-from contact_curation.design.particle import Particle
+from contact_curation.design.designer import AdaptiveDesign, Designer, DesignerConfig, overall_ratio
 from contact_curation.design.planner import Planner
-from contact_curation.design.safety_set import Feasible
-from contact_curation.design.throw import Throw
-from contact_curation.design.throw_prior import PUBLISHED_PRIOR, ReleasePrior
-from contact_curation.design.throw_report import ThrowReport
+from contact_curation.design.predicted_information import Particle
+from contact_curation.design.releases import PUBLISHED_PRIOR, ReleasePrior
+from contact_curation.design.safety import Feasible
+from contact_curation.design.throw import Throw, ThrowReport
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation

@@ -9,13 +9,11 @@ from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.design.candidates import OutlookConfig
 from contact_curation.design.execution_noise import ExecutionNoise, NoiseConfig
-from contact_curation.design.particle import Particle
+from contact_curation.design.greedy_batch import RefinementConfig
 from contact_curation.design.planner import DesignConfig
-from contact_curation.design.predicted_information import ForecastConfig
-from contact_curation.design.refinement import RefinementConfig
-from contact_curation.design.releases import Placement
-from contact_curation.design.safety_set import SafetyConfig
-from contact_curation.design.throw_prior import PUBLISHED_PRIOR
+from contact_curation.design.predicted_information import ForecastConfig, Particle
+from contact_curation.design.releases import PUBLISHED_PRIOR, Placement
+from contact_curation.design.safety import SafetyConfig
 from contact_curation.geometry.quaternions import Array
 
 CUBE = CONTACTNETS_CUBE

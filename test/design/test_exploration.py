@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from contact_curation.design.exploration import VELOCITY_WEIGHT, coverage, impact_features, spread
-from contact_curation.design.exploration_plan import warm_up_plan
+from contact_curation.design.exploration import VELOCITY_WEIGHT, coverage, impact_features, spread, warm_up_plan
 from contact_curation.design.planner import Planner
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array

@@ -9,16 +9,21 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.evaluation import Estimator
-from contact_curation.design.baselines import random_plan, top_trace_plan
 from contact_curation.design.candidates import Candidates
 from contact_curation.design.execution_noise import ERRORS, ExecutionNoise
-from contact_curation.design.exploration_plan import warm_up_plan
-from contact_curation.design.greedy_batch import accumulated, gains, greedy_batch, prior_coordinates, with_fishers
-from contact_curation.design.particle import Particle
-from contact_curation.design.planner import Planner
-from contact_curation.design.predicted_information import ForecastConfig, forecast, predicted_motions
+from contact_curation.design.exploration import warm_up_plan
+from contact_curation.design.greedy_batch import (
+    RefinementConfig,
+    accumulated,
+    gains,
+    greedy_batch,
+    prior_coordinates,
+    refined,
+    with_fishers,
+)
+from contact_curation.design.planner import Planner, random_plan, top_trace_plan
+from contact_curation.design.predicted_information import ForecastConfig, Particle, forecast, predicted_motions
 from contact_curation.design.readiness import spearman
-from contact_curation.design.refinement import RefinementConfig, refined
 from contact_curation.design.throw import Throw
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array

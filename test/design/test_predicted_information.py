@@ -8,8 +8,7 @@ import pytest
 
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.design.execution_noise import ExecutionNoise, balanced_draws
-from contact_curation.design.particle import Particle
-from contact_curation.design.predicted_information import DEFAULT_FORECAST, expected, forecast, predicted_motions
+from contact_curation.design.predicted_information import DEFAULT_FORECAST, Particle, expected, forecast, predicted_motions
 from contact_curation.design.readiness import spearman
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array

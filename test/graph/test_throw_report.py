@@ -7,8 +7,7 @@ import pytest
 from contact_curation_msgs.msg import ThrowReport as ThrowReportMessage
 from rclpy.serialization import deserialize_message, serialize_message
 
-from contact_curation.design.throw import throw_of_state
-from contact_curation.design.throw_report import ThrowKind, ThrowReport, ThrowState
+from contact_curation.design.throw import ThrowKind, ThrowReport, ThrowState, throw_of_state
 from contact_curation.errors import InvalidValueError
 from contact_curation.nodes.messages.throw_report import report_message, report_of
 from test.design.cases import releases

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from contact_curation.design.designer import DesignerConfig
-from contact_curation.design.particle import Particle
+from contact_curation.design.predicted_information import Particle
 from contact_curation.design.readiness import CanaryConfig
-from contact_curation.design.throw import Throw
-from contact_curation.design.throw_report import ThrowKind, ThrowState
+from contact_curation.design.throw import Throw, ThrowKind, ThrowState
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.record import TossInformation
 from contact_curation.simulation.thrown_toss import thrown_toss

@@ -13,12 +13,11 @@ from contact_curation.cli.options.theta import polytope_of
 from contact_curation.cli.report import counted, print_json, warn
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.design.baselines import random_plan, top_trace_plan
-from contact_curation.design.exploration_plan import warm_up_plan
-from contact_curation.design.particle import Particle
-from contact_curation.design.planner import DesignConfig, Plan, Planner
-from contact_curation.design.safety_set import Feasible
-from contact_curation.design.throw_prior import PUBLISHED_PRIOR, ReleasePrior, fitted_prior, published_releases, raw_prior
+from contact_curation.design.exploration import warm_up_plan
+from contact_curation.design.planner import DesignConfig, Plan, Planner, random_plan, top_trace_plan
+from contact_curation.design.predicted_information import Particle
+from contact_curation.design.releases import PUBLISHED_PRIOR, ReleasePrior, fitted_prior, published_releases, raw_prior
+from contact_curation.design.safety import Feasible
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
 from contact_curation.motion.toss import Toss

@@ -9,7 +9,7 @@ from contact_curation.design.candidates import OutlookConfig
 from contact_curation.design.designer import ONE_THREAD, DesignerConfig
 from contact_curation.design.planner import DesignConfig
 from contact_curation.design.readiness import CanaryConfig
-from contact_curation.design.safety_set import Feasible
+from contact_curation.design.safety import Feasible
 from contact_curation.nodes.ros.parameters import declare, declare_config
 
 JUDGED = ("forecast", "safety", "noise", "placement")

@@ -12,8 +12,7 @@ import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.design.execution_noise import ERRORS, ExecutionNoise
-from contact_curation.design.particle import Particle
-from contact_curation.design.predicted_information import DEFAULT_FORECAST, ForecastConfig, Motions, predicted_motions
+from contact_curation.design.predicted_information import DEFAULT_FORECAST, ForecastConfig, Motions, Particle, predicted_motions
 from contact_curation.design.throw import Throw
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
