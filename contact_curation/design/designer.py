@@ -18,11 +18,11 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.design.execution_noise import ExecutionNoise
-from contact_curation.design.exploration import warm_up_plan
+from contact_curation.design.exploration import exploration_plan
 from contact_curation.design.greedy_batch import gains
 from contact_curation.design.planner import DesignConfig, Plan, Planner
 from contact_curation.design.predicted_information import Particle
-from contact_curation.design.readiness import CanaryConfig, distrust
+from contact_curation.design.readiness import ReadinessConfig, unready_reason
 from contact_curation.design.releases import PUBLISHED_PRIOR, ReleasePrior, Releases
 from contact_curation.design.safety import Feasible
 from contact_curation.design.throw import Throw
@@ -81,7 +81,7 @@ class AdaptiveDesign:
     @property
     def noise(self) -> ExecutionNoise:
         """As it is known now."""
-        return self._planner.outlook.noise
+        return self._planner.evaluator.noise
 
     def plan(self, names: Sequence[str], seed: int) -> Plan:
         """The next throws, chosen together; errors as `Planner.plan`."""
@@ -92,9 +92,9 @@ class AdaptiveDesign:
         self._throws.append((commanded, executed))
         self._learn()
 
-    def forecast(self, throw: Throw) -> Throw:
-        """A throw that was planned elsewhere, with the gain that is expected of it here and now."""
-        candidate = self._planner.outlook.candidates(Releases.of_states(throw.release[None]))
+    def predicted(self, throw: Throw) -> Throw:
+        """A throw that was planned elsewhere, with the gain that is predicted for it here and now."""
+        candidate = self._planner.evaluator.evaluate(Releases.of_states(throw.release[None]))
         gain = float(gains(self._known, candidate.fishers)[0])
         return replace(throw, expected_information=gain, parameters_version=self._planner.version)
 
@@ -119,7 +119,7 @@ class AdaptiveDesign:
     def _learn(self) -> None:
         if self._throws:
             commanded, executed = (np.array([pair[side].release for pair in self._throws]) for side in (0, 1))
-            noise = ExecutionNoise.learned(commanded, executed, self._planner.config.outlook.noise)
+            noise = ExecutionNoise.learned(commanded, executed, self._planner.config.candidates.noise)
             self._planner = self._planner.with_noise(noise)
 
 
@@ -139,12 +139,12 @@ class DesignerConfig:
 
     Attributes:
         planner: how throws are chosen.
-        canary: when theta is trusted.
+        readiness: when theta is trusted with it.
         loss: of the information.
     """
 
     planner: DesignConfig = field(default_factory=DesignConfig)
-    canary: CanaryConfig = field(default_factory=CanaryConfig)
+    readiness: ReadinessConfig = field(default_factory=ReadinessConfig)
     loss: LossConfig = ONE_THREAD
 
 
@@ -172,20 +172,20 @@ class Designer:
         """Of throws at a theta; errors as there."""
         return Planner([particle], self.prior, config=self.config.planner, feasible=self.feasible)
 
-    def distrust(self, losses: Sequence[float], scores: Callable[[], Sequence[Array]]) -> str | None:
-        """Why a theta is not trusted with choosing throws, in one line; None when it is.
+    def unready_reason(self, losses: Sequence[float], scores: Callable[[], Sequence[Array]]) -> str | None:
+        """Why a theta does not pass the readiness check, in one line; None when it does.
 
         Args:
             losses: mean loss of each toss that is known at it, when it was first scored, oldest first.
             scores: gives the reference throws' scores at it and at the theta before; costly, and asked for last.
         """
-        canary = self.config.canary
-        if not canary.enabled:
+        check = self.config.readiness
+        if not check.enabled:
             return None
-        without_scores = distrust(replace(canary, least_agreement=-1.0), losses, [np.arange(2.0)] * 2)
-        return without_scores or distrust(canary, losses, scores())
+        without_scores = unready_reason(replace(check, least_agreement=-1.0), losses, [np.arange(2.0)] * 2)
+        return without_scores or unready_reason(check, losses, scores())
 
-    def warm_up(self, name: str, seed: int, thrown: Sequence[Array]) -> Throw:
+    def explore(self, name: str, seed: int, thrown: Sequence[Array]) -> Throw:
         """A throw that first touches the board differently from those before; no theta is asked.
 
         Args:
@@ -197,7 +197,7 @@ class Designer:
             InvalidValueError: no release may be thrown.
         """
         planner = self._as_described
-        plan = warm_up_plan(planner, [name], planner.known(), seed, thrown)
+        plan = exploration_plan(planner, [name], planner.known(), seed, thrown)
         return replace(plan.throws[0], expected_information=0.0, parameters_version="")
 
     @cached_property

@@ -85,7 +85,7 @@ def features_of(body: Body, releases: Sequence[Array]) -> Array:
     return impact_features(body, np.array(releases)) if releases else np.zeros((0, 6))
 
 
-def warm_up_plan(
+def exploration_plan(
     planner: Planner, names: Sequence[str], known: Sequence[Accumulated], seed: int, thrown: Sequence[Array] = ()
 ) -> Plan:
     """Throws that first touch the board differently from each other and from those before.
@@ -103,18 +103,18 @@ def warm_up_plan(
         InvalidValueError: fewer releases may be thrown than throws are wanted.
     """
     body = planner.particles[0].body
-    releases = planner.outlook.safe(planner.prior, planner.config.pool, np.random.default_rng(seed))
-    states = releases.states(planner.config.outlook.placement)
-    refusals = planner.outlook.described_refusals(states)
+    releases = planner.evaluator.draw_safe(planner.prior, planner.config.pool, np.random.default_rng(seed))
+    states = releases.states(planner.config.candidates.placement)
+    refusals = planner.evaluator.described_refusals(states)
     fine = np.array([index for index, refusal in enumerate(refusals) if refusal is None], dtype=np.int64)
     features, seen = impact_features(body, states), features_of(body, thrown)
     while True:
         if len(fine) < len(names):
             raise InvalidValueError("releases that may be thrown", f"{len(fine)} of {len(states)}", f"{len(names)}")
         picked = fine[spread(features[fine], len(names), seen, seed)]
-        answers = planner.outlook.thrower_refusals(states[picked])
+        answers = planner.evaluator.thrower_refusals(states[picked])
         refused = [index for index, answer in zip(picked, answers) if answer]
         if not refused:
             break
         fine = fine[~np.isin(fine, refused)]
-    return planner.planned(names, planner.outlook.candidates(releases.taken(picked)), known, refusals)
+    return planner.planned(names, planner.evaluator.evaluate(releases.taken(picked)), known, refusals)

@@ -19,7 +19,7 @@ import numpy as np
 from cmaes import CMA  # type: ignore[import-untyped]  # its wheel has no py.typed
 from numpy.typing import NDArray
 
-from contact_curation.design.candidates import Candidates, Outlook
+from contact_curation.design.candidates import CandidateEvaluator, Candidates
 from contact_curation.design.predicted_information import Particle
 from contact_curation.design.releases import Releases
 from contact_curation.errors import InvalidValueError
@@ -145,7 +145,7 @@ class RefinementConfig:
         step: first standard deviation of a move, in units of `scales`.
         scales: of height [m], speed along and up [m/s], spin (3) [rad/s] and turn (3) [rad].
         tries: a move that may not be made is drawn again so often.
-        executions: of each move, over which its information is averaged, of those of the forecast; an even number.
+        executions: of each move, over which its information is averaged, of those by which it is predicted; an even number.
     """
 
     generations: int = 40
@@ -171,12 +171,12 @@ DEFAULT_REFINEMENT = RefinementConfig()
 
 
 def refined(
-    outlook: Outlook, states: Sequence[Accumulated], batch: Candidates, config: RefinementConfig, seed: int
+    evaluator: CandidateEvaluator, states: Sequence[Accumulated], batch: Candidates, config: RefinementConfig, seed: int
 ) -> Candidates:
     """A batch at least as good as the given one, about it.
 
     Args:
-        outlook: judges moves.
+        evaluator: judges moves.
         states: per particle, what is known without the batch.
         batch: throws that may be made.
         config: how.
@@ -186,25 +186,25 @@ def refined(
         others = np.delete(np.arange(len(batch.states)), place)
         given = [with_fishers(state, fishers[others]) for state, fishers in zip(states, batch.fishers, strict=True)]
         own_seed = int(np.random.default_rng([seed, place]).integers(2**31 - 1))
-        better = _moved(outlook, given, batch.taken([place]), config, own_seed)
+        better = _moved(evaluator, given, batch.taken([place]), config, own_seed)
         batch = _replaced(batch, place, better)
     return batch
 
 
 def _moved(
-    outlook: Outlook, given: Sequence[Accumulated], throw: Candidates, config: RefinementConfig, seed: int
+    evaluator: CandidateEvaluator, given: Sequence[Accumulated], throw: Candidates, config: RefinementConfig, seed: int
 ) -> Candidates:
     """One throw, moved to the best place that was found and may be thrown from."""
     strategy = CMA(np.zeros(COORDINATES), config.step, seed=seed, population_size=config.population)
-    start = outlook.candidates(throw.releases, config.executions)
+    start = evaluator.evaluate(throw.releases, config.executions)
     found, best_gain = [start], float(gains(given, start.fishers)[0])
     for _ in range(config.generations):
         moves = np.array([strategy.ask() for _ in range(config.population)])
-        candidates = _judged(outlook, throw.releases, moves, config, strategy)
+        candidates = _judged(evaluator, throw.releases, moves, config, strategy)
         values = np.where(candidates.usable, gains(given, candidates.fishers), -np.inf)
         while values.max() > best_gain + LEAST_GAIN:
             winner = int(values.argmax())
-            if outlook.thrower_refusals(candidates.states[[winner]])[0] is None:
+            if evaluator.thrower_refusals(candidates.states[[winner]])[0] is None:
                 found.append(candidates.taken([winner]))
                 best_gain = float(values[winner])
             else:
@@ -213,31 +213,31 @@ def _moved(
         strategy.tell([(move, -value) for move, value in zip(moves, np.maximum(values, worst).tolist())])
         if strategy.should_stop():
             break
-    while len(found) > 1 and outlook.motion_refusals(found[-1].states)[0]:  # by many executions, from the best down
+    while len(found) > 1 and evaluator.motion_refusals(found[-1].states)[0]:  # by many executions, from the best down
         found.pop()
-    return _better(outlook, given, throw, found[-1]) if len(found) > 1 else throw
+    return _better(evaluator, given, throw, found[-1]) if len(found) > 1 else throw
 
 
-def _better(outlook: Outlook, given: Sequence[Accumulated], throw: Candidates, moved: Candidates) -> Candidates:
+def _better(evaluator: CandidateEvaluator, given: Sequence[Accumulated], throw: Candidates, moved: Candidates) -> Candidates:
     """The better one of two by all executions."""
-    judged = outlook.candidates(moved.releases)
+    judged = evaluator.evaluate(moved.releases)
     better = judged.usable[0] and gains(given, judged.fishers)[0] > gains(given, throw.fishers)[0] + LEAST_GAIN
     return judged if better else throw
 
 
-def _judged(outlook: Outlook, base: Releases, moves: Array, config: RefinementConfig, strategy: CMA) -> Candidates:
+def _judged(evaluator: CandidateEvaluator, base: Releases, moves: Array, config: RefinementConfig, strategy: CMA) -> Candidates:
     """The moved releases; `moves` (B, 9) that may not be thrown are drawn again, in place, and the last try stands."""
-    refusals = list(outlook.refusals(_moved_releases(base, moves, config)))
+    refusals = list(evaluator.refusals(_moved_releases(base, moves, config)))
     for _ in range(config.tries):
         refused = [index for index, refusal in enumerate(refusals) if refusal is not None]
         if not refused:
             break
         for index in refused:
             moves[index] = strategy.ask()
-        again = outlook.refusals(_moved_releases(base, moves[refused], config))
+        again = evaluator.refusals(_moved_releases(base, moves[refused], config))
         for index, refusal in zip(refused, again):
             refusals[index] = refusal
-    judged = outlook.candidates(_moved_releases(base, moves, config), config.executions)
+    judged = evaluator.evaluate(_moved_releases(base, moves, config), config.executions)
     merged = tuple(first or second for first, second in zip(refusals, judged.refusals))
     return Candidates(judged.releases, judged.states, judged.fishers, merged)
 

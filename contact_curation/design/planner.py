@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from contact_curation.design.candidates import Candidates, Outlook, OutlookConfig
+from contact_curation.design.candidates import CandidateConfig, CandidateEvaluator, Candidates
 from contact_curation.design.execution_noise import ExecutionNoise
 from contact_curation.design.greedy_batch import (
     DEFAULT_REFINEMENT,
@@ -48,10 +48,10 @@ class DesignConfig:
         pool: safe releases that throws are picked from.
         sieve: executions of each release of the pool by which the finalists are found; an even number.
         finalists: releases of the pool that are looked at with all executions.
-        reference: releases of the prior whose mean information, times `share`, is the prior information A0; the canary also
-            asks about them.
+        reference: releases of the prior whose mean information, times `share`, is the prior information A0; the readiness
+            check also asks about them.
         share: delta of METHOD 1.6.
-        outlook: how releases are judged.
+        candidates: how releases are evaluated.
         refinement: how picked throws are moved.
     """
 
@@ -60,7 +60,7 @@ class DesignConfig:
     finalists: int = 64
     reference: int = 64
     share: float = 1e-3
-    outlook: OutlookConfig = field(default_factory=OutlookConfig)
+    candidates: CandidateConfig = field(default_factory=CandidateConfig)
     refinement: RefinementConfig = DEFAULT_REFINEMENT
 
     def __post_init__(self) -> None:
@@ -119,21 +119,21 @@ class Planner:
     ) -> None:
         self.config = config or DesignConfig()
         self.prior = prior
-        outlook = self.config.outlook
-        self.outlook = Outlook(particles, noise or ExecutionNoise.expected(outlook.noise), outlook, feasible)
-        self._reference = self.outlook.with_noise(ExecutionNoise.expected(outlook.noise)).candidates(self._referred())
+        how = self.config.candidates
+        self.evaluator = CandidateEvaluator(particles, noise or ExecutionNoise.expected(how.noise), how, feasible)
+        self._reference = self.evaluator.with_noise(ExecutionNoise.expected(how.noise)).evaluate(self._referred())
         self._coordinates = [prior_coordinates(fishers, self.config.share) for fishers in self._reference.fishers]
 
     def with_noise(self, noise: ExecutionNoise) -> "Planner":
         """The same with other noise of executions; A0 stays what it was, so that gains can be compared."""
         planner = copy(self)
-        planner.outlook = self.outlook.with_noise(noise)
+        planner.evaluator = self.evaluator.with_noise(noise)
         return planner
 
     @property
     def particles(self) -> tuple[Particle, ...]:
         """The thetas."""
-        return self.outlook.particles
+        return self.evaluator.particles
 
     @property
     def version(self) -> str:
@@ -170,7 +170,7 @@ class Planner:
             batch = self._checked_batch(candidates, known, len(names))
         if batch is None:
             raise self._too_few(candidates, len(names))
-        batch = refined(self.outlook, known, batch, self.config.refinement, seed)
+        batch = refined(self.evaluator, known, batch, self.config.refinement, seed)
         batch = batch.taken(greedy_batch(self.particles, known, batch.fishers, len(names)).indices)  # best first
         return self.planned(names, batch, known, candidates.refusals)
 
@@ -189,7 +189,7 @@ class Planner:
 
     def pool(self, seed: int) -> Candidates:
         """Releases to pick from, and what they teach."""
-        return self.outlook.candidates(self._drawn(seed))
+        return self.evaluator.evaluate(self._drawn(seed))
 
     def finalists(self, seed: int, known: Sequence[Accumulated], count: int) -> Candidates:
         """What the pool teaches, as far as it may come into question (successive halving, Jamieson and Talwalkar 2016).
@@ -202,14 +202,14 @@ class Planner:
             known: what is known.
             count: of throws that are wanted.
         """
-        first = self.outlook.candidates(self._drawn(seed), self.config.sieve)
+        first = self.evaluator.evaluate(self._drawn(seed), self.config.sieve)
         usable = np.flatnonzero(first.usable)
         wanted = max(self.config.finalists, FINALISTS_EACH * count)
         if len(usable) > wanted:
             usable = usable[self._promising([one[usable] for one in first.fishers], known, count, wanted)]
         if not len(usable):
             return first
-        last = self.outlook.candidates(first.releases.taken(usable))
+        last = self.evaluator.evaluate(first.releases.taken(usable))
         refused = first.taken(np.flatnonzero(~first.usable))
         return Candidates.joined([last, refused])
 
@@ -224,10 +224,10 @@ class Planner:
         return np.unique(np.concatenate([alone[: wanted // 2], batch, beside[: wanted // 2]]))
 
     def _drawn(self, seed: int) -> Releases:
-        return self.outlook.safe(self.prior, self.config.pool, np.random.default_rng(seed))
+        return self.evaluator.draw_safe(self.prior, self.config.pool, np.random.default_rng(seed))
 
     def reference_scores(self, particle: int = 0) -> Array:
-        """(R,) what each reference release tells at one theta, in units of what their mean tells: what the canary compares.
+        """(R,) information of each reference release at one theta relative to their mean: what the readiness check compares.
 
         The trace, whitened: of all measures tried it agrees best between thetas that are near each other.
         """
@@ -240,7 +240,7 @@ class Planner:
         usable = candidates.taken(np.flatnonzero(candidates.usable))
         while len(usable.states) >= count:
             picked = greedy_batch(self.particles, known, usable.fishers, count)
-            refusals = self.outlook.last_refusals(usable.states[picked.indices])
+            refusals = self.evaluator.last_refusals(usable.states[picked.indices])
             refused = [int(index) for index, refusal in zip(picked.indices, refusals) if refusal]
             if not refused:
                 return usable.taken(picked.indices)
@@ -249,7 +249,7 @@ class Planner:
 
     def _too_few(self, candidates: Candidates, count: int) -> InvalidValueError:
         usable = candidates.taken(np.flatnonzero(candidates.usable))
-        refusals = [*candidates.refusals, *self.outlook.last_refusals(usable.states)]
+        refusals = [*candidates.refusals, *self.evaluator.last_refusals(usable.states)]
         found = sum(refusal is None for refusal in refusals[len(candidates.states) :])
         reasons = Counter(refusal for refusal in refusals if refusal).most_common(1)
         said = f"{found} of {len(candidates.states)}" + "".join(f" ({reason})" for reason, _ in reasons)
@@ -257,7 +257,7 @@ class Planner:
 
     def _referred(self) -> Releases:
         """Releases of the prior, the same at every theta and noise; not all of them need be safe to throw."""
-        return self.prior.draw(self.config.reference, np.random.default_rng(self.config.outlook.seed))
+        return self.prior.draw(self.config.reference, np.random.default_rng(self.config.candidates.seed))
 
 
 def _check_comparable(particle: Particle, info: TossInformation) -> None:
@@ -291,7 +291,7 @@ def _first(planner: Planner, names: Sequence[str], known: Sequence[Accumulated],
     for index in descending(scores):
         if len(picked) == len(names):
             break
-        if candidates.refusals[index] is None and planner.outlook.last_refusals(candidates.states[[index]])[0] is None:
+        if candidates.refusals[index] is None and planner.evaluator.last_refusals(candidates.states[[index]])[0] is None:
             picked.append(int(index))
     if len(picked) < len(names):
         raise InvalidValueError("releases that may be thrown", f"{len(picked)} of {len(scores)}", f"{len(names)}")

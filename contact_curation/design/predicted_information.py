@@ -69,7 +69,7 @@ SWEEPS = SweepLimits(tolerance=1e-3)
 
 
 @dataclass(frozen=True)
-class ForecastConfig:
+class PredictionConfig:
     """How motions are predicted.
 
     Attributes:
@@ -112,7 +112,7 @@ class ForecastConfig:
         return round(self.longest / self.frame_period)
 
 
-DEFAULT_FORECAST = ForecastConfig()
+DEFAULT_PREDICTION = PredictionConfig()
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +136,7 @@ class Motions:
         return np.asarray(np.arange(self.states.shape[1]) < self.frames[:, None])
 
 
-class Forecast(NamedTuple):
+class PredictedInformation(NamedTuple):
     """What N motions teach.
 
     Attributes:
@@ -148,7 +148,7 @@ class Forecast(NamedTuple):
     known: NDArray[np.bool_]
 
 
-def predicted_motions(particle: Particle, states: Array, config: ForecastConfig = DEFAULT_FORECAST) -> Motions:
+def predicted_motions(particle: Particle, states: Array, config: PredictionConfig = DEFAULT_PREDICTION) -> Motions:
     """The model's motions from releases.
 
     Args:
@@ -170,13 +170,17 @@ def predicted_motions(particle: Particle, states: Array, config: ForecastConfig 
     return _until_rest(motion, rolled, scale, config)
 
 
-def forecast(particle: Particle, motions: Motions, config: ForecastConfig = DEFAULT_FORECAST) -> Forecast:
-    """What predicted motions teach at the same theta."""
+def predicted_information(
+    particle: Particle, motions: Motions, config: PredictionConfig = DEFAULT_PREDICTION
+) -> PredictedInformation:
+    """The information of predicted motions at the same theta."""
     sums = _kernel_sums(particle, motions, config)
-    return Forecast(_in_form(particle, sums.fishers), sums.known)
+    return PredictedInformation(_in_form(particle, sums.fishers), sums.known)
 
 
-def expected(particle: Particle, motions: Motions, executions: int, config: ForecastConfig = DEFAULT_FORECAST) -> Forecast:
+def expected_information(
+    particle: Particle, motions: Motions, executions: int, config: PredictionConfig = DEFAULT_PREDICTION
+) -> PredictedInformation:
     """Mean information of K throws over E executions of each.
 
     Args:
@@ -191,7 +195,7 @@ def expected(particle: Particle, motions: Motions, executions: int, config: Fore
     sums = _kernel_sums(particle, motions, config)
     good = sums.known.reshape(-1, executions).sum(axis=1)
     totals = sums.fishers.reshape(-1, executions, *sums.fishers.shape[1:]).sum(axis=1)
-    return Forecast(_in_form(particle, totals / np.maximum(good, 1)[:, None, None]), 2 * good >= executions)
+    return PredictedInformation(_in_form(particle, totals / np.maximum(good, 1)[:, None, None]), 2 * good >= executions)
 
 
 def scaled(states: Array, length: float) -> Array:
@@ -202,7 +206,7 @@ def scaled(states: Array, length: float) -> Array:
     return result
 
 
-def _until_rest(motion: Array, rolled: Rollout, scale: float, config: ForecastConfig) -> Motions:
+def _until_rest(motion: Array, rolled: Rollout, scale: float, config: PredictionConfig) -> Motions:
     with np.errstate(invalid="ignore", over="ignore"):  # of motions that the model could not follow
         slow = np.linalg.norm(motion[:, :, 7:10], axis=2) * scale < config.still_speed
         still = slow & (np.linalg.norm(motion[:, :, 10:], axis=2) < config.still_spin)
@@ -216,7 +220,7 @@ def _until_rest(motion: Array, rolled: Rollout, scale: float, config: ForecastCo
     return Motions(motion, frames.astype(np.int64), rested, finite & ~bad)
 
 
-def _kernel_sums(particle: Particle, motions: Motions, config: ForecastConfig) -> Forecast:
+def _kernel_sums(particle: Particle, motions: Motions, config: PredictionConfig) -> PredictedInformation:
     """What motions teach by the kernel's own numbers, (N, Q, Q); a piece of them in one call."""
     size = 6 * particle.geometry.vertex_count + 10
     sums, known = np.zeros((len(motions.frames), size, size)), motions.finite.copy()
@@ -225,11 +229,11 @@ def _kernel_sums(particle: Particle, motions: Motions, config: ForecastConfig) -
         if chosen.size:
             sums[chosen], known[chosen] = _piece_sums(particle, motions, chosen, config)
     sums[~known] = 0.0
-    return Forecast(sums, known)
+    return PredictedInformation(sums, known)
 
 
 def _piece_sums(
-    particle: Particle, motions: Motions, chosen: NDArray[np.int64], config: ForecastConfig
+    particle: Particle, motions: Motions, chosen: NDArray[np.int64], config: PredictionConfig
 ) -> tuple[Array, NDArray[np.bool_]]:
     states = _about_the_pivot(particle, motions.states[chosen], motions.frames[chosen])
     rows = _teaching(particle, states, motions.frames[chosen], config)
@@ -286,7 +290,7 @@ class _Rows(NamedTuple):
     weights: Array
 
 
-def _teaching(particle: Particle, states: Array, frames: NDArray[np.int64], config: ForecastConfig) -> _Rows:
+def _teaching(particle: Particle, states: Array, frames: NDArray[np.int64], config: PredictionConfig) -> _Rows:
     """The transitions of motions (M, T, 13) that teach, and that stand for others."""
     gaps = particle.geometry.gaps(states)  # (M, T, V)
     felt = gaps.min(axis=2) < config.airborne

@@ -19,7 +19,7 @@ from contact_curation.design.throw import Throw
 from contact_curation.errors import InvalidValueError
 from contact_curation.experiments.cell import Protocol
 from contact_curation.experiments.cell_run import ONE_THREAD, Bench, Row, motion_row
-from contact_curation.experiments.throw_choice import Choice, Chooser, DesignedThrows, RandomThrows, WarmUpThrows
+from contact_curation.experiments.throw_choice import Choice, Chooser, DesignedThrows, ExplorationThrows, RandomThrows
 from contact_curation.experiments.throws import RANDOM, RAW, ThrowsCell
 from contact_curation.experiments.toss_by_toss import RoundsLearner
 from contact_curation.geometry.quaternions import Array
@@ -97,7 +97,7 @@ def _chooser(cell: ThrowsCell, bench: Bench, rig: ArmRig, config: DesignerConfig
     if cell.rule in (RANDOM, RAW):
         return RandomThrows(_random_throws(cell, rig, config, releases))
     designer = Designer(bench.body, config, fitted_prior(releases), rig.feasibility)
-    return DesignedThrows(designer, geometry, cell.seed) if cell.rule == "designed" else WarmUpThrows(designer, cell.seed)
+    return DesignedThrows(designer, geometry, cell.seed) if cell.rule == "designed" else ExplorationThrows(designer, cell.seed)
 
 
 def _random_throws(cell: ThrowsCell, rig: ArmRig, config: DesignerConfig, releases: Array) -> list[Throw]:

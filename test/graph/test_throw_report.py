@@ -17,7 +17,7 @@ BEGUN = ThrowReport(ThrowKind.DESIGNED, ThrowState.COMMANDED, COMMANDED, planned
 MADE = replace(BEGUN, state=ThrowState.EXECUTED, executed=EXECUTED, released_ns=5_000_000_001)
 REPORTS = (
     BEGUN,
-    replace(BEGUN, kind=ThrowKind.WARM_UP, planned=0.0, detail="tosses: found 0, expected at least 4"),
+    replace(BEGUN, kind=ThrowKind.EXPLORATION, planned=0.0, detail="tosses: found 0, expected at least 4"),
     replace(BEGUN, state=ThrowState.NOT_MADE, detail="joint 4 is too fast"),
     MADE,
     replace(MADE, state=ThrowState.SCORED, toss_id="cube-1"),

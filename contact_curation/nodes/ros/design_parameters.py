@@ -5,10 +5,10 @@ from dataclasses import replace
 from rclpy.node import Node
 
 from contact_curation.contact.body import Body
-from contact_curation.design.candidates import OutlookConfig
+from contact_curation.design.candidates import CandidateConfig
 from contact_curation.design.designer import ONE_THREAD, DesignerConfig
 from contact_curation.design.planner import DesignConfig
-from contact_curation.design.readiness import CanaryConfig
+from contact_curation.design.readiness import ReadinessConfig
 from contact_curation.design.safety import Feasible
 from contact_curation.nodes.ros.parameters import declare, declare_config
 
@@ -50,11 +50,11 @@ def declared_design(node: Node) -> DesignerConfig:
         "share": "of their mean information that is the prior information",
     }
     own = {name: declare(node, f"design.{name}", getattr(default, name), text) for name, text in described.items()}
-    outlook = OutlookConfig()
-    judged = {name: declare_config(node, getattr(outlook, name), f"{name}.") for name in JUDGED}
+    candidates = CandidateConfig()
+    judged = {name: declare_config(node, getattr(candidates, name), f"{name}.") for name in JUDGED}
     refinement = declare_config(node, default.refinement, "refinement.")
     return DesignerConfig(
-        planner=replace(default, **own, outlook=replace(outlook, **judged), refinement=refinement),
-        canary=declare_config(node, CanaryConfig(), "canary."),
+        planner=replace(default, **own, candidates=replace(candidates, **judged), refinement=refinement),
+        readiness=declare_config(node, ReadinessConfig(), "canary."),
         loss=declare_config(node, ONE_THREAD, "loss."),
     )
