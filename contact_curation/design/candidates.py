@@ -125,17 +125,17 @@ class CandidateEvaluator:
         Raises:
             InvalidValueError: hardly any may be; the limit that refused most is named.
         """
-        kept: list[Releases] = []
+        safe: list[Releases] = []
         found, refused = 0, Counter[str]()
         for _ in range(MOST_DRAWS):
             drawn = prior.draw(max(count - found, 32), rng)
             refusals = self.refusals(drawn)
             good = [index for index, refusal in enumerate(refusals) if refusal is None]
             refused.update(refusal.partition(":")[0] for refusal in refusals if refusal)
-            kept.append(drawn.taken(good))
+            safe.append(drawn.taken(good))
             found += len(good)
             if found >= count:
-                return Releases.joined(kept).taken(np.arange(count))
+                return Releases.joined(safe).taken(np.arange(count))
         limits = ", ".join(f"{name} {times} times" for name, times in refused.most_common(3))
         raise InvalidValueError("safe releases", f"{found} of {found + refused.total()} (refused by {limits})", f"{count}")
 

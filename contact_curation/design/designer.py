@@ -57,7 +57,7 @@ class AdaptiveDesign:
 
     Args:
         planner: at the present theta.
-        known: per particle, what the kept tosses teach at it.
+        known: per particle, what the selected tosses teach at it.
         throws: pairs of commands and executions so far.
     """
 

@@ -144,7 +144,7 @@ class Planner:
         """What is known: A0 and the tosses.
 
         Args:
-            informations: per particle, what the kept tosses teach at it; none where there are none.
+            informations: per particle, what the selected tosses teach at it; none where there are none.
 
         Raises:
             InvalidValueError: not once per particle, or scored at another theta or by another estimator.

@@ -46,7 +46,7 @@ def declared_design(node: Node) -> DesignerConfig:
         "pool": "safe releases that throws are picked from",
         "sieve": "executions of each release of the pool by which the finalists are found",
         "finalists": "releases of the pool that are looked at with all executions",
-        "reference": "releases that make the prior information, and that the canary asks about",
+        "reference": "releases that make the prior information, and that the readiness check asks about",
         "share": "of their mean information that is the prior information",
     }
     own = {name: declare(node, f"design.{name}", getattr(default, name), text) for name, text in described.items()}
