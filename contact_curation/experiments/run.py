@@ -1,6 +1,5 @@
 """The run of an experiment: tosses in, finished cells into the ledger one by one, tables and a figure out."""
 
-import argparse
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -16,6 +15,7 @@ from contact_curation import __version__
 from contact_curation.cli.options.body import chosen_body
 from contact_curation.cli.options.held_out import held_out_rule
 from contact_curation.cli.options.reading import inputs_of, stages_of
+from contact_curation.cli.options.types import Arguments
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import counted, print_json, warn
 from contact_curation.contact.models.registry import model_class
@@ -36,7 +36,7 @@ from contact_curation.experiments.ledger import Ledger
 from contact_curation.experiments.reproduce import BUDGET, PUBLIC_HELD_OUT
 from contact_curation.experiments.tables import write_tables
 from contact_curation.experiments.throws import ThrowsCell
-from contact_curation.motion.calibration import rig_of
+from contact_curation.motion.calibration import calibration_of
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.training_tosses import TossesConfig, learning_tosses
 from contact_curation.pipeline.workers import Advance, each
@@ -51,7 +51,7 @@ class Finished(NamedTuple):
     seconds: float
 
 
-def run_experiment(arguments: argparse.Namespace) -> int:
+def run_experiment(arguments: Arguments) -> int:
     """What `reproduce` does; see there."""
     torch.set_num_threads(1)
     began = time.monotonic()
@@ -83,7 +83,7 @@ def run_experiment(arguments: argparse.Namespace) -> int:
     return 1 if failed else 0
 
 
-def experiment_config(arguments: argparse.Namespace) -> ExperimentConfig:
+def experiment_config(arguments: Arguments) -> ExperimentConfig:
     """What the options ask for.
 
     Raises:
@@ -107,7 +107,7 @@ def experiment_config(arguments: argparse.Namespace) -> ExperimentConfig:
     return quick(config) if arguments.quick else config
 
 
-def _bench(arguments: argparse.Namespace) -> Bench:
+def _bench(arguments: Arguments) -> Bench:
     """Tosses that pass the gates, put right by what the training tosses say of their rig.
 
     The gates see a pool again once faults are put into it.
@@ -125,11 +125,11 @@ def _bench(arguments: argparse.Namespace) -> Bench:
 
 def _put_right(bench: Bench) -> Bench:
     try:
-        rig = rig_of(bench.training, bench.body.polytope)
+        rig = calibration_of(bench.training, bench.body.polytope)
     except InvalidValueError as error:
         warn([f"tosses are taken as recorded: {error}"])
         return bench
-    lean, off = np.degrees(rig.lean), 100.0 * (rig.scale - 1.0)
+    lean, off = np.degrees(rig.tilt), 100.0 * (rig.scale - 1.0)
     warn([f"the rig's board leans by {lean:.2f} degrees and its metre is {off:.1f} % short: put right; --as-recorded does not"])
     return bench.on(rig)
 

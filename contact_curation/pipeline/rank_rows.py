@@ -84,7 +84,7 @@ def _row(toss: PoolToss, entry: RankedToss | None) -> ManifestRow:
     information = next((one for one in toss.scores if isinstance(one, TossInformation)), None)
     return ManifestRow(
         toss_id=toss.seen.toss_id,
-        kept=entry.kept if entry else False,
+        kept=entry.selected if entry else False,
         gated=bool(toss.seen.reasons),
         reasons=toss.reasons,
         rank=entry.rank if entry else None,

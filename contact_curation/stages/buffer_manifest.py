@@ -1,7 +1,6 @@
 """A buffer as a manifest: every toss that was ranked, with its place and the evidence for it."""
 
 from collections.abc import Callable
-from dataclasses import asdict
 
 from contact_curation import __version__
 from contact_curation.information.ranking import RankedToss
@@ -39,7 +38,7 @@ def manifest_of(buffer: Buffer, last_stamp_ns: Callable[[str], int]) -> Manifest
         "efficiency_bound": buffer.efficiency_bound,
         "epsilon": curation.epsilon,
         "sufficient_k": curation.sufficient_k,
-        "answer": asdict(curation.answer),
+        "answer": curation.optimum_shift.to_mapping(),
         "block_shares": {share.name: share.share for share in curation.block_shares},
         "warnings": list(curation.warnings),
     }
@@ -50,7 +49,7 @@ def manifest_of(buffer: Buffer, last_stamp_ns: Callable[[str], int]) -> Manifest
 def _row(information: TossInformation, entry: RankedToss, last_ns: int) -> ManifestRow:
     return ManifestRow(
         toss_id=entry.toss_id,
-        kept=entry.kept,
+        kept=entry.selected,
         gated=False,
         reasons=(),
         rank=entry.rank,

@@ -13,12 +13,11 @@ from contact_curation.cli.options.theta import polytope_of
 from contact_curation.cli.report import counted, print_json, warn
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.design.baselines import random_plan, top_trace_plan
-from contact_curation.design.exploration_plan import warm_up_plan
-from contact_curation.design.particle import Particle
-from contact_curation.design.planner import DesignConfig, Plan, Planner
-from contact_curation.design.safety_set import Feasible
-from contact_curation.design.throw_prior import PUBLISHED_PRIOR, ReleasePrior, fitted_prior, published_releases, raw_prior
+from contact_curation.design.exploration import exploration_plan
+from contact_curation.design.planner import DesignConfig, Plan, Planner, random_plan, top_trace_plan
+from contact_curation.design.predicted_information import Particle
+from contact_curation.design.releases import PUBLISHED_PRIOR, ReleasePrior, fitted_prior, published_releases, raw_prior
+from contact_curation.design.safety import Feasible
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
 from contact_curation.motion.toss import Toss
@@ -47,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         ContactCurationError: a file cannot be used, nothing safe can be thrown, or `--out` cannot be written.
     """
-    load_kernel()  # forecasts are rollouts
+    load_kernel()  # information is predicted by rollouts
     check_outputs(out=arguments.out)
     config = design_config(arguments)
     body = chosen_body(arguments)
@@ -93,7 +92,7 @@ class _Situation:
         if method == "paper":
             return top_trace_plan(planner, names, known, seed)
         if method == "warm-up":
-            return warm_up_plan(planner, names, known, seed, [states_of(toss, 1.0)[0] for toss in self.known])
+            return exploration_plan(planner, names, known, seed, [states_of(toss, 1.0)[0] for toss in self.known])
         return planner.plan(names, known, seed)
 
     def _prior(self, method: str | None, seed: int) -> ReleasePrior:

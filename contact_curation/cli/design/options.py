@@ -10,7 +10,7 @@ from contact_curation.cli.options.settings import add_settings
 from contact_curation.cli.options.types import PathEndingIn, natural_number, positive_integer
 from contact_curation.cli.report import add_json_option
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
-from contact_curation.design.candidates import OutlookConfig
+from contact_curation.design.candidates import CandidateConfig
 from contact_curation.design.planner import DesignConfig
 from contact_curation.pipeline.reading import ReadingConfig
 
@@ -87,21 +87,21 @@ def design_config(arguments: argparse.Namespace) -> DesignOptions:
     Raises:
         ContactCurationError: the body's file cannot be used, or a setting is not accepted.
     """
-    outlook = OutlookConfig()
+    candidates = CandidateConfig()
     design = DesignConfig()
     plain = {
         "design": design,
-        "forecast": outlook.forecast,
-        "safety": outlook.safety,
-        "noise": outlook.noise,
-        "placement": outlook.placement,
+        "forecast": candidates.forecast,
+        "safety": candidates.safety,
+        "noise": candidates.noise,
+        "placement": candidates.placement,
         "refinement": design.refinement,
         "loss": DEFAULT_LOSS,
     }
     stages = stages_of(arguments, plain)
-    judged = replace(outlook, **{name: stages[name] for name in ("forecast", "safety", "noise", "placement")})
+    judged = replace(candidates, **{name: stages[name] for name in ("forecast", "safety", "noise", "placement")})
     return DesignOptions(
-        design=replace(stages["design"], outlook=judged, refinement=stages["refinement"]),
+        design=replace(stages["design"], candidates=judged, refinement=stages["refinement"]),
         loss=stages["loss"],
         reading=ReadingConfig(chosen_body(arguments), inputs_of(stages)),
     )

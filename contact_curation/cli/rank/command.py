@@ -118,7 +118,7 @@ def _particle(tosses: Sequence[PoolToss], theta: int, folder: ScoreFolder | None
 
 def kept_shares(pool: TossPool, curation: Curation) -> tuple[BlockShare, ...]:
     """The parameter blocks' shares of the trace of the kept tosses, at the first theta."""
-    kept = set(curation.ranking.kept_ids)
+    kept = set(curation.ranking.selected_ids)
     return block_shares([toss.informations[0] for toss in pool.rankable if toss.seen.toss_id in kept])
 
 

@@ -19,7 +19,7 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.information.criteria.orthogonal import VARIANTS
 from contact_curation.information.network.config import network_config_for
 from contact_curation.information.network.score_folder import ScoreFolder
-from contact_curation.information.ranker import CRITERIA, DEFAULT_CRITERION, RankingConfig
+from contact_curation.information.ranker import DEFAULT_CRITERION, RankingConfig, criterion_named, criterion_names
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.evaluation.held_out import HeldOutRule
 from contact_curation.pipeline.held_out_tosses import HeldOutTosses
@@ -84,7 +84,10 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
 def _add_ranking_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("how they are ranked")
     group.add_argument(
-        "--criterion", choices=CRITERIA, default=DEFAULT_CRITERION, help=f"by what --top chooses (default {DEFAULT_CRITERION})"
+        "--criterion",
+        choices=criterion_names(),
+        default=DEFAULT_CRITERION,
+        help=f"by what --top chooses (default {DEFAULT_CRITERION})",
     )
     group.add_argument("--variant", choices=VARIANTS, default="pivoted", help="of criterion orthogonal (default pivoted)")
     group.add_argument("--top", type=positive_integer, default=32, metavar="K", help="how many are kept (default 32)")
@@ -126,7 +129,7 @@ class RankConfig:
 
     def with_exact_scores_in(self, folder: Path) -> "RankConfig":
         """The same; where the criterion asks for networks' scores themselves they go to a folder, whole."""
-        wanted = self.ranking.criterion == "orthogonal" and not self.ranking.whiten
+        wanted = criterion_named(self.ranking.criterion).reads_exact_scores(self.ranking)
         if not (wanted and self.pool.of_weights):
             return self
         return replace(self, pool=replace(self.pool, score_folder=ScoreFolder(folder)))

@@ -65,9 +65,9 @@ def diagnostics_of(curation: Curation, config: PoolConfig) -> dict[str, Diagnost
         "spectrum": curation.spectrum.tolist(),
         "efficiency": asdict(curation.efficiency),
         "frame_efficiency": asdict(curation.frame_efficiency),
-        "answer": asdict(curation.answer),
+        "answer": curation.optimum_shift.to_mapping(),
         "certificate": asdict(certificate) if certificate else None,
-        "kept_gram": asdict(curation.kept_gram) if curation.kept_gram else None,
+        "kept_gram": asdict(curation.selected_gram) if curation.selected_gram else None,
         "block_shares": {share.name: share.share for share in curation.block_shares},
         "warnings": list(curation.warnings),
     }
@@ -140,9 +140,9 @@ def _print_evidence(report: RankReport, curation: Curation) -> None:
         f"D-efficiency {per_toss.determinant:.3g} per toss, {per_transition.determinant:.3g} per transition; "
         f"E-efficiency {per_toss.smallest:.3g} per toss (1 is the average toss)"
     )
-    answer = curation.answer
+    shift = curation.optimum_shift
     print(
-        f"the kept tosses' answer is {answer.off:.3g} from that of all, as many at random about {answer.by_chance:.3g} "
+        f"the kept tosses' answer is {shift.distance:.3g} from that of all, as many at random about {shift.at_random:.3g} "
         "(1 is what single tosses scatter by)"
     )
     certificate = curation.ranking.certificate
@@ -151,7 +151,7 @@ def _print_evidence(report: RankReport, curation: Curation) -> None:
             f"certificate: D-efficiency at least {certificate.subset:.3g} of the best set of that size, "
             f"{certificate.kiefer_wolfowitz:.3g} of the best weighting"
         )
-    gram = curation.kept_gram
+    gram = curation.selected_gram
     if gram:
         print(
             f"Gram matrix of the kept scores: eigenvalues {gram.smallest:.3g} to {gram.largest:.3g}, rank {gram.rank}, "
@@ -172,7 +172,7 @@ def picture_of(report: RankReport, curation: Curation, kept_shares: Sequence[Blo
         criterion=run.criterion,
         scores=np.array([row.score for row in ranked], dtype=float),
         gains=np.array([row.marginal_gain for row in ranked], dtype=float),
-        kept=report.outcomes["kept"],
+        selected=report.outcomes["kept"],
         spectrum=curation.spectrum,
         epsilon=curation.epsilon,
         shares={share.name: (share.share, kept.share) for share, kept in zip(curation.block_shares, kept_shares)},

@@ -10,7 +10,7 @@ from contact_curation.cli.report import add_json_option
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.models.registry import DEFAULT_MODEL, MODELS
 from contact_curation.information.criteria.orthogonal import VARIANTS
-from contact_curation.information.ranker import CRITERIA, DEFAULT_CRITERION
+from contact_curation.information.ranker import DEFAULT_CRITERION, criterion_names
 
 STAGES = (*SHARED_STAGES, "training", "ranking", "canary")
 PROTOCOLS = ("budgeted", "published", "exact")
@@ -63,7 +63,7 @@ def _add_toss_options(parser: argparse.ArgumentParser) -> None:
     chosen = group.add_mutually_exclusive_group()
     chosen.add_argument("--manifest", type=Path, metavar="FILE", help="those that `rank` kept")
     chosen.add_argument("--top", type=positive_integer, metavar="K", help="the best K, as the model sees them")
-    group.add_argument("--criterion", choices=CRITERIA, help=f"by what --top chooses (default {DEFAULT_CRITERION})")
+    group.add_argument("--criterion", choices=criterion_names(), help=f"by what --top chooses (default {DEFAULT_CRITERION})")
     group.add_argument("--variant", choices=VARIANTS, help="of criterion orthogonal (default pivoted)")
     group.add_argument(
         "--estimator",

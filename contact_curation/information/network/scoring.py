@@ -37,7 +37,7 @@ from contact_curation.information.network.forward_pass import (
 )
 from contact_curation.information.network.score_folder import ScoreFolder
 from contact_curation.information.network.sketch import NetworkSketch, ghost_norms, network_sketch, summed_gradient
-from contact_curation.information.recentring import sheared
+from contact_curation.information.pool import sheared
 from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.information.scoring import STORED, NotScored, Scorer, ScoringConfig
 from contact_curation.motion.toss import Toss

@@ -8,10 +8,11 @@ import numpy as np
 
 from contact_curation.contact.models.model import Model
 from contact_curation.information.network.scoring import scorer_of
+from contact_curation.information.ranker import moved_by_theta
 from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.information.scoring import NotScored, ScoringConfig
 from contact_curation.learning.training.progress import Progress, TrainingState
-from contact_curation.learning.training.reranking import EXACT_SELECTIONS, THETA_FREE, Reranking, Selected, TossScorer
+from contact_curation.learning.training.reranking import EXACT_SELECTIONS, Reranking, Selected, TossScorer
 from contact_curation.learning.training.training import Training
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
@@ -95,7 +96,7 @@ def kept_transitions(pool: Sequence[Toss], kept: Sequence[str], length_scale: fl
 
 def toss_scorer(config: ScoringConfig, criterion: str) -> TossScorer:
     """What a criterion needs to know of tosses."""
-    return _unscored if criterion in THETA_FREE else partial(_scored, config)
+    return partial(_scored, config) if moved_by_theta(criterion) else _unscored
 
 
 def _scored(config: ScoringConfig, model: Model, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:

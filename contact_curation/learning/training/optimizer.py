@@ -2,7 +2,7 @@
 
 At a batch of one, as ContactNets trains, nearly all of a step's time is autograd's and Python's. The kernel does whole rows of
 steps instead (`SingleSteps`): the same numbers as along the long way but for rounding, several times as fast
-(benchmarks/training_step.py). It knows every published model, those with a polytope in the published form.
+(benchmarks/speed/training_step.py). It knows every published model, those with a polytope in the published form.
 """
 
 from collections.abc import Mapping

@@ -14,7 +14,7 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.information.curation import curate
-from contact_curation.information.ranker import CRITERIA, RankingConfig
+from contact_curation.information.ranker import RankingConfig, criterion_names
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import Scorer, ScoringConfig
 from contact_curation.motion.toss import Rejected, Toss
@@ -44,7 +44,7 @@ def test_it_is_the_ranking_of_the_library_and_the_glitches_are_kept_back(cli: Cl
     assert report["outcomes"] == {"kept": 8, "ranked, not kept": 13, **dict.fromkeys(sorted(GLITCHES), 1)}
     assert report["diagnostics"]["epsilon"] == expected.epsilon
     assert report["diagnostics"]["sufficient_k"] == expected.sufficient_k
-    assert report["diagnostics"]["answer"] == {"off": expected.answer.off, "by_chance": expected.answer.by_chance}
+    assert report["diagnostics"]["answer"] == expected.optimum_shift.to_mapping()
     assert report["diagnostics"]["certificate"] is None
     proven = cli("rank", golden, "--top", "8", "--criterion", "log-det", "--json").json["diagnostics"]
     assert 0.0 < proven["certificate"]["subset"] <= 1.0
@@ -59,7 +59,7 @@ def test_the_manifest_says_what_the_report_says_and_a_figure_lies_beside_it(
     report = cli("rank", golden, "--top", "5", "--out", out, "--json").json
     manifest = read_manifest(out)
     assert [row.toss_id for row in manifest.rows] == [row["toss_id"] for row in report["tosses"]]
-    assert [row.toss_id for row in manifest.kept] == ids(report)[:5]
+    assert [row.toss_id for row in manifest.selected] == ids(report)[:5]
     assert manifest.run.command[:2] == ("contact-curation", "rank")
     assert (manifest.run.criterion, manifest.run.estimator, manifest.run.model) == (
         "representative",
@@ -103,7 +103,7 @@ def test_people_get_a_table_totals_and_evidence(cli: Cli, golden: Path, tmp_path
     assert "certificate: D-efficiency at least" in cli("rank", golden, "--top", "8", "--criterion", "log-det").out
 
 
-@pytest.mark.parametrize(("criterion", "estimator"), list(zip(CRITERIA, cycle(["empirical", "gauss-newton"]))))
+@pytest.mark.parametrize(("criterion", "estimator"), list(zip(criterion_names(), cycle(["empirical", "gauss-newton"]))))
 def test_every_criterion_and_estimator_ranks_every_sound_toss(cli: Cli, golden: Path, criterion: str, estimator: str) -> None:
     report = cli("rank", golden, "--criterion", criterion, "--estimator", estimator, "--top", "4", "--json").json
     assert len(ids(report)) == len(set(ids(report))) == 21
@@ -210,7 +210,7 @@ def test_a_toss_that_was_cut_short_in_one_recording_is_ranked_whole_from_another
         assert report["outcomes"] == alone["outcomes"] == {"kept": 2, "ranked, not kept": 0}
         assert [row["frames"] for row in report["tosses"]] == [row["frames"] for row in alone["tosses"]]
         assert any(
-            line.startswith(f"{cut}: toss ") and f"kept back here and whole in {whole}" in line for line in report["warnings"]
+            line.startswith(f"{cut}: toss ") and f"rejected here and accepted in {whole}" in line for line in report["warnings"]
         )
 
 

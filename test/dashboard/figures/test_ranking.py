@@ -7,23 +7,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact_curation.dashboard.figures.ranking import UNITS, RankingPicture, save_ranking_figure
+from contact_curation.dashboard.figures.ranking import RankingPicture, save_ranking_figure
 from contact_curation.errors import InvalidValueError
-from contact_curation.information.ranker import CRITERIA
+from contact_curation.information.ranker import criterion_named, criterion_names
 
 
-def picture(count: int = 40, kept: int = 8) -> RankingPicture:
+def picture(count: int = 40, selected: int = 8) -> RankingPicture:
     rng = np.random.default_rng(0)
     return RankingPicture(
         title=f"{count} tosses",
         criterion="log-det",
         scores=np.sort(rng.lognormal(size=count))[::-1],
         gains=np.sort(rng.lognormal(size=count))[::-1],
-        kept=kept,
+        selected=selected,
         spectrum=rng.uniform(0.01, 0.5, 52),
         epsilon=0.99,
         shares={"vertices_normal": (0.8, 0.7), "friction": (0.2, 0.3)},
-        outcomes=(("kept", kept), ("ranked, not kept", count - kept), ("impulse outside the friction cone", 3)),
+        outcomes=(("kept", selected), ("ranked, not kept", count - selected), ("impulse outside the friction cone", 3)),
     )
 
 
@@ -40,7 +40,11 @@ def test_it_is_1600_by_1000(tmp_path: Path) -> None:
 
 
 def test_every_criterion_has_its_unit() -> None:
-    assert set(UNITS) == set(CRITERIA)
+    labels = {name: criterion_named(name).axis_label() for name in criterion_names()}
+    assert labels["log-det"] == "log-det gain of the toss alone [nats]"
+    assert labels["random"] == "random number"
+    assert len(set(labels.values())) == len(labels)
+    assert criterion_named("longest").axis_label("gain") == "gain [s]"
 
 
 UNUSUAL = {
