@@ -19,6 +19,7 @@ from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
 from contact_curation.pipeline.reading import InputReader, ReadingConfig
+from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.inputs.inputs import InputsConfig
 from contact_curation.storage.inputs.known_tosses import KnownTosses
 from contact_curation.storage.parameters_file import Parameters
@@ -76,6 +77,7 @@ class Tally:
 
 def run(arguments: argparse.Namespace) -> int:
     """Scores all inputs and says how it went."""
+    load_kernel()  # better said before tosses are read
     body = chosen_body(arguments)
     theta = polytope_of(arguments.params, body)
     stages = stages_of(arguments, {"loss": LossConfig(cone=Cone(arguments.cone))})

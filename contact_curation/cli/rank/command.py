@@ -21,6 +21,7 @@ from contact_curation.information.pool import Pool, pool_of
 from contact_curation.pipeline.held_out_tosses import held_out_tosses
 from contact_curation.pipeline.pool_scoring import ScoredPool, score_pool
 from contact_curation.pipeline.rank_rows import PoolToss, TossPool, manifest_rows, pool_of_inputs
+from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.manifest.file import write_manifest
 from contact_curation.storage.manifest.manifest import Manifest
 from contact_curation.storage.provenance import InputProvenance, RunProvenance
@@ -45,6 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         InvalidValueError: nothing could be ranked, or an output cannot be written.
     """
+    load_kernel()  # better said before tosses are read
     check_outputs(out=arguments.out, figure=_figure(arguments), recording=arguments.recording)
     config = rank_config(arguments)
     dashboard = dashboard_of(arguments, config)
