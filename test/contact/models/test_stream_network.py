@@ -1,11 +1,11 @@
-"""Networks on streams: values and derivatives of plain torch, gradients per transition from a tape, seeds, errors."""
+"""Networks on streams: values and derivatives of plain torch, gradients per transition from a tape, seeds, scaled inputs."""
 
 import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
-from contact_curation.contact.models.stream_network import Activation, LayerTrace, StreamNetwork
+from contact_curation.contact.models.stream_network import Activation, InputScaling, LayerTrace, StreamNetwork
 from contact_curation.errors import InvalidValueError
 
 SIZES = (5, 16, 12, 3)
@@ -95,3 +95,25 @@ def test_the_initialisation_is_torchs_own() -> None:
 def test_sizes_that_are_no_network_are_refused(sizes: tuple[int, ...]) -> None:
     with pytest.raises(InvalidValueError, match="sizes"):
         StreamNetwork(sizes)
+
+
+def test_inputs_come_out_with_mean_zero_and_unbiased_deviation_one() -> None:
+    data = np.random.default_rng(0).normal([1.0, -2.0], [3.0, 0.01], size=(5, 2))
+    scaled = InputScaling(2).fit(data)(torch.as_tensor(data)).numpy()
+    np.testing.assert_allclose(scaled.mean(axis=0), 0.0, atol=1e-12)
+    np.testing.assert_allclose(scaled.std(axis=0, ddof=1), 1.0, rtol=1e-12)
+
+
+def test_an_input_that_never_varied_is_zero_whatever_it_becomes() -> None:
+    scaling = InputScaling(2).fit(np.array([[0.1, 1.0], [0.1, 2.0], [0.1, 4.0]]))
+    assert scaling(torch.tensor([[7.0, 1.0]], dtype=torch.float64))[0, 0] == 0.0
+
+
+def test_it_passes_inputs_as_they_are_until_it_is_fitted() -> None:
+    values = torch.tensor([[1.5, -2.0]], dtype=torch.float64)
+    assert torch.equal(InputScaling(2)(values), values)
+
+
+def test_one_row_has_no_deviation() -> None:
+    with pytest.raises(InvalidValueError, match="1 transitions, expected at least 2"):
+        InputScaling(2).fit(np.ones((1, 2)))
