@@ -81,7 +81,7 @@ class NetworkScorer:
         self._folder = folder
         self._explicit = self.model.explicit_parameters()
         if self.network.physical_only and self._explicit is None:
-            expected = "a model with parameters outside its networks, such as deep"
+            expected = "deep, or another model with parameters outside its networks"
             raise InvalidValueError("physical block of model", model.kind, expected)
         self._layers = {name: len(network.linear) for name, network in self.model.networks.items()}
 
