@@ -42,7 +42,7 @@ def model_entry(name: str) -> ModelEntry:
         InvalidValueError: there is no such model.
     """
     if name not in MODELS:
-        raise InvalidValueError("model", repr(name), f"one of {', '.join(MODELS)}")
+        raise InvalidValueError("model", name, f"one of {', '.join(MODELS)}")
     return MODELS[name]
 
 
