@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-from test.storage.selected_rows import row
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError
@@ -14,6 +13,7 @@ from contact_curation.storage.inputs.records import InputsConfig
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 from test.storage.inputs.test_inputs import GOLDEN
 from test.storage.manifest.test_manifest import RUN
+from test.storage.selected_rows import row
 
 
 def found(inputs: list[Path], rows: dict[str, ManifestRow]) -> SelectedTosses:
