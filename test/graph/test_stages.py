@@ -301,3 +301,8 @@ def test_a_stream_cannot_keep_to_every_criterion(tmp_path: Path) -> None:
     config = CurationConfig(selection="streaming")
     with stores(tmp_path) as (informations, states), pytest.raises(InvalidValueError, match="trace or log-det"):
         CurationStage(RankingConfig(criterion="orthogonal"), config, informations, states)
+
+
+def test_a_selection_that_there_is_no_more_is_refused_with_those_that_there_are() -> None:
+    with pytest.raises(InvalidValueError, match="selection: found sieve, expected one of exact, streaming"):
+        CurationConfig(selection="sieve")
