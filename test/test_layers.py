@@ -38,11 +38,6 @@ TO_MEND = {
     "contact_curation.session.record",
     "contact_curation.session.session",
     "contact_curation.session.summary",
-    "contact_curation.stages.curation",
-    "contact_curation.stages.design",
-    "contact_curation.stages.held_out_tosses",
-    "contact_curation.stages.scored_theta",
-    "contact_curation.stages.scoring",
 }
 """Modules that were moved to their part and still import from its right."""
 
