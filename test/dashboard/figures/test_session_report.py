@@ -7,21 +7,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact_curation.dashboard.figures.report_data import SessionStory, ToldEvent, ToldThrow, ToldToss, save_figures
+from contact_curation.dashboard.figures.report_data import NodeEvent, RankedRow, ReportData, ThrowRow, save_figures
 from contact_curation.dashboard.figures.session_report import LARGEST_TABLE, report_text, save_report
 from contact_curation.errors import InvalidValueError
 
-STORY = SessionStory(
+DATA = ReportData(
     title="Session of 2 throws",
     facts=[("throws", "2 made"), ("restarts", "curator 1")],
-    throws=[ToldThrow(1, "warm-up", None, None, "rejected: gap"), ToldThrow(2, "designed", 3.25, 2.125, "kept, rank 1 of 1")],
-    ranking=[ToldToss(1, "cube-1", 12.5, 12.5, 80.0, True), ToldToss(2, "cube-2", 7.0, 1.0, 60.0, False)],
+    throws=[
+        ThrowRow(1, "exploration", None, None, "rejected: gap"),
+        ThrowRow(2, "designed", 3.25, 2.125, "selected, rank 1 of 1"),
+    ],
+    ranking=[RankedRow(1, "cube-1", 12.5, 12.5, 80.0, True), RankedRow(2, "cube-2", 7.0, 1.0, 60.0, False)],
     rejected=[("cube-0", ["gap: found 3 < 4", "lowest corner"])],
     events=[
-        ToldEvent(0.0, "started", "curator"),
-        ToldEvent(5.0, "died", "curator", "signal SIGKILL: last words"),
-        ToldEvent(6.0, "restarted", "curator"),
-        ToldEvent(10.0, "stopped", "curator", "status 0"),
+        NodeEvent(0.0, "started", "curator"),
+        NodeEvent(5.0, "died", "curator", "signal SIGKILL: last words"),
+        NodeEvent(6.0, "restarted", "curator"),
+        NodeEvent(10.0, "stopped", "curator", "status 0"),
     ],
     seconds=10.0,
     errors={"position error [% of width]": np.array([80.0, 20.0]), "held-out loss": np.array([0.8, 0.02])},
@@ -29,19 +32,24 @@ STORY = SessionStory(
     spectrum=np.array([0.4, 1.1, 1.6]),
     epsilon=0.6,
 )
-EMPTY = SessionStory("Session of 0 throws", [], [], [], [], [], 0.0)
+EMPTY = ReportData("Session of 0 throws", [], [], [], [], [], 0.0)
 
 
 def test_the_page_tells_everything_and_loads_nothing(tmp_path: Path) -> None:
-    figures = save_figures(STORY, tmp_path)
-    assert list(figures) == ["Errors on held-out tosses", "Planned and realised gains", "What the kept set knows", "Nodes"]
-    save_report(STORY, figures, tmp_path / "report.html")
+    figures = save_figures(DATA, tmp_path)
+    assert list(figures) == [
+        "Errors on held-out tosses",
+        "Planned and realised gains",
+        "Information of the selected tosses",
+        "Nodes",
+    ]
+    save_report(DATA, figures, tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
     for text in (
         "2 made",
         "3.25",
         "2.125",
-        "kept, rank 1 of 1",
+        "selected, rank 1 of 1",
         "cube-2",
         "gap: found 3 &lt; 4; lowest corner",
         "signal SIGKILL",
@@ -52,13 +60,13 @@ def test_the_page_tells_everything_and_loads_nothing(tmp_path: Path) -> None:
 
 
 def test_every_tag_is_closed() -> None:
-    page = report_text(STORY, {})
+    page = report_text(DATA, {})
     for tag in ("html", "body", "table", "tr", "td", "th", "h1", "h2", "p"):
         assert len(re.findall(f"<{tag}[ >]", page)) == page.count(f"</{tag}>"), tag
 
 
 def test_names_are_no_markup() -> None:
-    page = report_text(replace(STORY, title="<b>"), {})
+    page = report_text(replace(DATA, title="<b>"), {})
     assert "<b>" not in page
     assert "&lt;b&gt;" in page
 
@@ -66,18 +74,18 @@ def test_names_are_no_markup() -> None:
 def test_a_session_without_anything_has_a_page_without_figures(tmp_path: Path) -> None:
     assert save_figures(EMPTY, tmp_path) == {}
     page = report_text(EMPTY, {})
-    assert "The gates kept nothing back." in page
+    assert "The gates rejected nothing." in page
     assert "No node died." in page
 
 
 def test_long_tables_say_what_they_leave_out() -> None:
-    many = [ToldToss(place, f"cube-{place}", 1.0, 1.0, 1.0, False) for place in range(LARGEST_TABLE + 7)]
-    page = report_text(replace(STORY, ranking=many), {})
+    many = [RankedRow(place, f"cube-{place}", 1.0, 1.0, 1.0, False) for place in range(LARGEST_TABLE + 7)]
+    page = report_text(replace(DATA, ranking=many), {})
     assert "7 more are left out here." in page
 
 
 def test_a_place_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(InvalidValueError, match="expected a place"):
-        save_report(STORY, {}, tmp_path / "none" / "report.html")
+        save_report(DATA, {}, tmp_path / "none" / "report.html")
     with pytest.raises(InvalidValueError, match="expected a place"):
-        save_figures(STORY, tmp_path / "none")
+        save_figures(DATA, tmp_path / "none")
