@@ -71,7 +71,7 @@ class Dashboard(StageNode):
         self._buffer: Any = None
         self._revision, self._pending = 0, False
         self._nodes: dict[str, NodeHealth] = {}
-        self._parameters: Any = None
+        self._model_parameters: Any = None
         self._worker = Worker(self.fail)
         self._ranking = Latest(self._worker, partial(self._guarded, self._draw_ranking))
         self._theta = Latest(self._worker, partial(self._guarded, self._take_theta))
@@ -119,7 +119,7 @@ class Dashboard(StageNode):
         self._ranking.want()
 
     def _parameters_came(self, message: Any) -> None:
-        self._parameters = message
+        self._model_parameters = message
         self._theta.want()
 
     def _health_came(self, message: Any) -> None:
@@ -156,7 +156,7 @@ class Dashboard(StageNode):
 
     def _take_theta(self) -> None:
         """The newest only."""
-        self._session.set_theta(theta_of(self._parameters, self._body))
+        self._session.set_theta(theta_of(self._model_parameters, self._body))
         self._session.show_motion()
 
     def _draw_ranking(self) -> None:

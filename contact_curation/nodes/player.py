@@ -59,14 +59,14 @@ class Player(StageNode):
         wanted = [name for name in declare(self, "topics", [""], "topics to play; empty: all") if name]
         renamed = [pair for pair in declare(self, "remap", [""], "topics to rename, as old:=new") if pair]
         hertz = declare(self, "clock", 0.0, "rate of /clock [Hz]; 0: none", bounds=(0.0, 1e4))
-        self._clock = PlaybackClock(rate, declare(self, "start_paused", False, "wait for ~/resume"))
+        self._recorded_time = PlaybackClock(rate, declare(self, "start_paused", False, "wait for ~/resume"))
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._published = 0
         if not path:
             raise InvalidValueError("parameter bag", "nothing", "the path of a recording")
         self._reader = BagReader(Path(path))
         self._outlets = self._advertised(played_topics(self._reader, wanted), new_names(renamed))
-        self._playback = Playback(self._reader, self._clock, self._now, offset, loop=loop, fast=self._fast)
+        self._playback = Playback(self._reader, self._recorded_time, self._now, offset, loop=loop, fast=self._fast)
         self._triggers()
         if hertz:
             self._clock_topic = self.create_publisher(ClockMessage, "/clock", profile(1, reliable=True, latched=False))
@@ -133,14 +133,14 @@ class Player(StageNode):
         actions: dict[str, Callable[[], None]] = {
             "pause": lambda: self._playback.pause(True),
             "resume": lambda: self._playback.pause(False),
-            "toggle_paused": lambda: self._playback.pause(not self._clock.paused),
+            "toggle_paused": lambda: self._playback.pause(not self._recorded_time.paused),
             "is_paused": lambda: None,
         }
         for name, act in actions.items():
 
             def answer(_: Any, response: Any, act: Callable[[], None] = act) -> Any:
                 act()
-                response.success, response.message = True, "paused" if self._clock.paused else "playing"
+                response.success, response.message = True, "paused" if self._recorded_time.paused else "playing"
                 return response
 
             self.create_service(Trigger, f"~/{name}", answer)
@@ -154,8 +154,8 @@ class Player(StageNode):
         return SetParametersResult(successful=True)
 
     def _tell_time(self) -> None:
-        if self._clock.begun:
-            self._clock_topic.publish(ClockMessage(clock=time_message(self._clock.now(self._now()))))
+        if self._recorded_time.begun:
+            self._clock_topic.publish(ClockMessage(clock=time_message(self._recorded_time.now(self._now()))))
 
     def _now(self) -> int:
         return int(self._steady.now().nanoseconds)

@@ -59,7 +59,7 @@ class Trainer(StageNode):
         )
         self._warnings = ThrottledWarnings(self)
         self._stamped = Stamped(0, "")
-        self._parameters = self.create_publisher(ModelParameters, "model_parameters", kept(1))
+        self._model_parameters = self.create_publisher(ModelParameters, "model_parameters", kept(1))
         self._status = self.create_publisher(TrainingStatus, "training_status", kept(STATUSES_KEPT))
         self._worker = Worker(self.fail)
         self._training = Latest(self._worker, self._train)
@@ -113,7 +113,7 @@ class Trainer(StageNode):
     def _announce(self, moment: Moment) -> None:
         version = model_version(moment.model)
         if moment.ended:
-            self._parameters.publish(model_message(moment.model, version, moment.progress.gradient_steps, self._stamped))
+            self._model_parameters.publish(model_message(moment.model, version, moment.progress.gradient_steps, self._stamped))
         errors = self._held_out.errors(moment.model)
         self._status.publish(status_message(moment, version, errors, self._stamped, waiting=not self._stage.due))
 
