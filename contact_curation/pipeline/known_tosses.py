@@ -51,7 +51,7 @@ def tosses_in(
 def _wanted(found: dict[str, Toss], manifest: Path | None) -> list[str]:
     if manifest is None:
         return sorted(found)
-    kept = sorted(row.toss_id for row in read_manifest(manifest).kept)
+    kept = sorted(row.toss_id for row in read_manifest(manifest).selected)
     absent = [toss_id for toss_id in kept if toss_id not in found]
     if absent:
         raise InvalidValueError(f"kept tosses of {manifest}", f"no {absent[0]} in the recordings", "all of them")

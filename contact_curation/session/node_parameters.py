@@ -17,7 +17,7 @@ from contact_curation.session.parameter_files import EVERY_NODE, Parameters, rea
 from contact_curation.stages.held_out_tosses import HeldOutConfig
 from contact_curation.stages.parameters import with_parameters
 from contact_curation.stages.throw_loop import LoopConfig
-from contact_curation.storage.atomic_file import write_atomically
+from contact_curation.storage.files import write_atomically
 from contact_curation.storage.inputs.inputs import InputsConfig
 from contact_curation.storage.tag_map_file import tag_rig_yaml
 

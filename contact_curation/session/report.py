@@ -14,13 +14,13 @@ import numpy as np
 from contact_curation import __version__
 from contact_curation.configs import ConfigField, fields_of
 from contact_curation.contact.loss_config import DEFAULT_LOSS
-from contact_curation.dashboard.figures.report_data import NodeEvent, RankedRow, ReportData, ThrowRow, save_figures
+from contact_curation.dashboard.figures.report_data import ReportData, ReportedEvent, ReportedThrow, ReportedToss, save_figures
 from contact_curation.dashboard.figures.session_report import save_report
 from contact_curation.design.throw_report import ThrowState
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.scoring import ScoringConfig
-from contact_curation.motion.calibration import LEVEL
+from contact_curation.motion.calibration import NO_CORRECTION
 from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.pipeline.wording import json_line
@@ -32,8 +32,8 @@ from contact_curation.session.supervisor import ProgramFailedError
 from contact_curation.stages.curation import CurationConfig
 from contact_curation.stages.parameters import as_parameter, with_parameters
 from contact_curation.stages.selection import kept_to
-from contact_curation.storage.atomic_file import write_atomically
 from contact_curation.storage.bags.reader import BagReader
+from contact_curation.storage.files import write_atomically
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 
 NAME = "contact-curation"
@@ -83,6 +83,7 @@ def finish_record(
     save_report(data, figures, folder.report)
     summary = replace(summary, report=str(folder.report))
     own = {
+        "format_version": 1,
         "command": list(command),
         "rank_command": words,
         "version": __version__,
@@ -116,7 +117,7 @@ def rank_command(
     words += _options(scoring, ScoringConfig(), SCORING_OPTIONS, scorer)
     words += [word for name in POSE_OPTIONS if ingest.get(name) for word in (_option(name), str(ingest[name]))]
     words += _settings("segmenter", with_parameters(SegmenterConfig(), ingest, "segmenter."), SegmenterConfig())
-    words += _settings("rig", with_parameters(LEVEL, ingest, "rig."), LEVEL)
+    words += _settings("rig", with_parameters(NO_CORRECTION, ingest, "rig."), NO_CORRECTION)
     words += _settings("gates", with_parameters(GateConfig(), ingest, "gates."), GateConfig())
     words += _settings("poses", with_parameters(PoseTopicConfig(), ingest), PoseTopicConfig(), POSE_OPTIONS)
     words += _settings("loss", scoring.loss, DEFAULT_LOSS)
@@ -154,11 +155,13 @@ def report_data(
     return ReportData(
         title=f"Session of {len(summary.throws)} throws",
         facts=summary.facts(),
-        throws=[ThrowRow(one.number, one.kind, one.planned_gain, one.realised_gain, one.outcome) for one in summary.throws],
+        throws=[
+            ReportedThrow(one.number, one.kind, one.planned_gain, one.realised_gain, one.outcome) for one in summary.throws
+        ],
         ranking=_ranking(ranked.get("tosses", ())),
         rejected=list(summary.rejected.items()),
         events=[
-            NodeEvent(event["time"], event["event"], event["node"], event.get("detail", ""))
+            ReportedEvent(event["time"], event["event"], event["node"], event.get("detail", ""))
             for event in events
             if event["event"] in OF_NODES
         ],
@@ -219,10 +222,11 @@ def _replayed(words: Sequence[str], summary: SessionSummary) -> tuple[dict[str, 
     )
 
 
-def _ranking(rows: Sequence[Mapping[str, Any]]) -> list[RankedRow]:
+def _ranking(rows: Sequence[Mapping[str, Any]]) -> list[ReportedToss]:
     ranked = sorted((row for row in rows if row["rank"] is not None), key=lambda row: int(row["rank"]))
     return [
-        RankedRow(row["rank"], row["toss_id"], row["score"], row["marginal_gain"], row["trace"], row["kept"]) for row in ranked
+        ReportedToss(row["rank"], row["toss_id"], row["score"], row["marginal_gain"], row["trace"], row["kept"])
+        for row in ranked
     ]
 
 

@@ -12,7 +12,7 @@ from contact_curation.contact.models.model import Model
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
-from contact_curation.motion.calibration import LEVEL, Rig
+from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.motion.toss import Toss
 from contact_curation.storage.inputs.inputs import InputsConfig, Problem, open_inputs
 
@@ -38,7 +38,7 @@ class HeldOutConfig:
     """
 
     segmenter: TrackerConfig = TrackerConfig()
-    rig: Rig = LEVEL
+    rig: RigCalibration = NO_CORRECTION
 
     @property
     def inputs(self) -> InputsConfig:

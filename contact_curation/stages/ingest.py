@@ -16,8 +16,7 @@ from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
 from contact_curation.stages.records import AnnouncedTosses, IngestPosition, IngestSnapshot, kept_records, load_record
 from contact_curation.storage.provenance import TossProvenance
-from contact_curation.storage.stores.pose_journal import JournalPose
-from contact_curation.storage.stores.tosses import StoredRejected, StoredToss, TossStore
+from contact_curation.storage.stores.tosses import JournalPose, StoredRejected, StoredToss, TossStore
 
 JOURNAL_LENGTH = 512
 """Measurements after which the state is saved and the journal emptied, at the next moment without a toss in progress."""

@@ -17,8 +17,7 @@ from contact_curation.design.adaptive import Realised
 from contact_curation.design.throw import Throw
 from contact_curation.design.throw_report import ThrowKind, ThrowReport, ThrowState
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.storage.atomic_file import write_atomically
-from contact_curation.storage.bounded_file import read_bounded
+from contact_curation.storage.files import read_bounded, write_atomically
 
 FORMAT = 1
 """Version of the layout of all records."""

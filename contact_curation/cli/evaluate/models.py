@@ -11,8 +11,7 @@ from contact_curation.errors import UnreadableInputError
 from contact_curation.learning.checkpoints.selection_document import selections_of
 from contact_curation.learning.checkpoints.stored_model import MALFORMED
 from contact_curation.storage.checkpoint_file import read_notes
-from contact_curation.storage.parameters_file import Parameters
-from contact_curation.storage.theta_file import read_theta
+from contact_curation.storage.parameters_file import Parameters, read_theta
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from contact_curation.errors import ContactCurationError, InvalidValueError
-from contact_curation.motion.calibration import LEVEL
+from contact_curation.motion.calibration import NO_CORRECTION
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.datasets.contactnets import SUBFOLDER
 from contact_curation.storage.export.contactnets import write_contactnets
-from contact_curation.storage.export.lerobot_dataset import write_lerobot
+from contact_curation.storage.export.lerobot import write_lerobot
 from contact_curation.storage.export.mcap import BagExport, export_bag
-from contact_curation.storage.export.selected import Advance, changed_inputs, check_all_found, find_kept, kept_rows
+from contact_curation.storage.export.selected import Advance, changed_inputs, check_all_found, find_selected, selected_rows
 from contact_curation.storage.inputs.inputs import is_contactnets
 from contact_curation.storage.manifest.file import read_manifest, write_manifest
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
@@ -65,14 +65,14 @@ def export_job(inputs: Sequence[Path], reading: ReadingConfig, manifest: Path, *
         InvalidValueError: it kept nothing.
     """
     content = read_manifest(manifest)
-    return ExportJob(tuple(inputs), reading, manifest, content, kept_rows(content, manifest), per_toss)
+    return ExportJob(tuple(inputs), reading, manifest, content, selected_rows(content, manifest), per_toss)
 
 
 def to_contactnets(job: ExportJob, folder: Path, advance: Advance) -> Exported:
     """tosses_processed/N.pt and manifest.json, the N-th row of which is N.pt."""
-    level = job.reading.inputs.rig == LEVEL  # what is put right is no file's content any more
+    level = job.reading.inputs.rig == NO_CORRECTION  # what is put right is no file's content any more
     inputs = replace(job.reading.inputs, as_stored=level)
-    found = find_kept(job.inputs, job.rows, job.manifest_path, job.reading.body, inputs, advance)
+    found = find_selected(job.inputs, job.rows, job.manifest_path, job.reading.body, inputs, advance)
     write_contactnets(found.tosses, job.reading.body, folder, copied=level)
     write_manifest(job.kept_manifest, folder / "manifest.json")
     return Exported({toss_id: f"{SUBFOLDER}/{number}.pt" for number, toss_id in enumerate(job.rows)}, found.warnings)
@@ -80,7 +80,7 @@ def to_contactnets(job: ExportJob, folder: Path, advance: Advance) -> Exported:
 
 def to_lerobot(job: ExportJob, folder: Path, advance: Advance) -> Exported:
     """A LeRobot dataset, and the manifest in its meta/."""
-    found = find_kept(job.inputs, job.rows, job.manifest_path, job.reading.body, job.reading.inputs, advance)
+    found = find_selected(job.inputs, job.rows, job.manifest_path, job.reading.body, job.reading.inputs, advance)
     write_lerobot(found.tosses, job.reading.body.name, folder)
     write_manifest(job.kept_manifest, folder / "meta" / "curation.json")
     return Exported({toss_id: f"episode {number}" for number, toss_id in enumerate(job.rows)}, found.warnings)

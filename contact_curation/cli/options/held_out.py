@@ -58,7 +58,7 @@ def _span(text: str) -> tuple[int, int]:
 
 def _ids_in(path: Path) -> frozenset[str]:
     if path.suffix in FORMATS:
-        return frozenset(row.toss_id for row in read_manifest(path).kept)
+        return frozenset(row.toss_id for row in read_manifest(path).selected)
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST_FILE + 1)

@@ -61,11 +61,17 @@ def stages_of(arguments: argparse.Namespace, others: Mapping[str, Any]) -> dict[
     Raises:
         ContactCurationError: a setting that no stage accepts, or `--tag-map` names no map of tags.
     """
-    from contact_curation.motion.calibration import LEVEL
+    from contact_curation.motion.calibration import NO_CORRECTION
     from contact_curation.motion.gates import GateConfig
     from contact_curation.motion.segmenter_config import SegmenterConfig
 
-    stages = {"poses": _poses_of(arguments), "segmenter": SegmenterConfig(), "rig": LEVEL, "gates": GateConfig(), **others}
+    stages = {
+        "poses": _poses_of(arguments),
+        "segmenter": SegmenterConfig(),
+        "rig": NO_CORRECTION,
+        "gates": GateConfig(),
+        **others,
+    }
     chosen = with_settings(stages, arguments.settings)
     if tag_map := chosen["poses"].tag_map:
         from contact_curation.storage.tag_map_file import read_tag_maps

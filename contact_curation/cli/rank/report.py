@@ -172,7 +172,7 @@ def picture_of(report: RankReport, curation: Curation, kept_shares: Sequence[Blo
         criterion=run.criterion,
         scores=np.array([row.score for row in ranked], dtype=float),
         gains=np.array([row.marginal_gain for row in ranked], dtype=float),
-        kept=report.outcomes["kept"],
+        selected=report.outcomes["kept"],
         spectrum=curation.spectrum,
         epsilon=curation.epsilon,
         shares={share.name: (share.share, kept.share) for share, kept in zip(curation.block_shares, kept_shares)},

@@ -28,8 +28,7 @@ from contact_curation.learning.training.reranking import CanaryConfig, Reranking
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.training_tosses import LearningTosses, TossesConfig
 from contact_curation.storage.manifest.file import read_manifest
-from contact_curation.storage.parameters_file import Parameters
-from contact_curation.storage.theta_file import is_checkpoint, read_theta
+from contact_curation.storage.parameters_file import Parameters, is_checkpoint, read_theta
 
 PROTOCOLS = {"budgeted": budgeted, "published": published}
 """Those that every model has."""
@@ -140,7 +139,7 @@ def _selection(arguments: argparse.Namespace, ranking: RankingConfig, canary: Ca
 def _kept_ids(manifest: Path | None) -> tuple[str, ...] | None:
     if manifest is None:
         return None
-    kept = tuple(row.toss_id for row in read_manifest(manifest).kept)
+    kept = tuple(row.toss_id for row in read_manifest(manifest).selected)
     if not kept:
         raise InvalidValueError(f"kept tosses of {manifest}", "none", "at least one")
     return kept

@@ -30,10 +30,10 @@ from contact_curation.learning.training.data import rows_of
 from contact_curation.learning.training.mean_loss import mean_loss
 from contact_curation.learning.training.plan import TrainingPlan, begin, resume, stored
 from contact_curation.learning.training.progress import Progress, TrainingState
-from contact_curation.motion.calibration import Rig
+from contact_curation.motion.calibration import RigCalibration
 from contact_curation.pipeline.training_tosses import LearningTosses, learning_tosses
 from contact_curation.solver.compiled import load_kernel
-from contact_curation.storage.atomic_file import write_atomically
+from contact_curation.storage.files import write_atomically
 
 BEFORE = "held-out loss before"
 """The note that says it."""
@@ -156,7 +156,7 @@ def _losses(progress: Progress) -> str:
     return f"loss {progress.training_loss:.4g}{held_out}"
 
 
-def _notes(plan: TrainingPlan, before: float, rig: Rig) -> dict[str, str]:
+def _notes(plan: TrainingPlan, before: float, rig: RigCalibration) -> dict[str, str]:
     return {
         BEFORE: repr(before),
         "package version": __version__,

@@ -1,4 +1,4 @@
-"""The data of a session's report, and its figures: what was learned, gained and selected, and what happened on the way.
+"""The data of a session's report and its figures: what was learned, gained and selected, and what happened on the way.
 
 matplotlib is imported when a figure is drawn.
 """
@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from contact_curation.dashboard.colours import BLUE, GREEN, INK, PALE, VERMILION
-from contact_curation.dashboard.figures.file import save_figure
+from contact_curation.dashboard.style import BLUE, GREEN, INK, PALE, VERMILION, save_figure
 from contact_curation.geometry.quaternions import Array
 
 if TYPE_CHECKING:
@@ -23,12 +22,12 @@ GONE = ("died", "given up", "stopped")
 
 
 @dataclass(frozen=True)
-class ThrowRow:
+class ReportedThrow:
     """A throw and what came of it.
 
     Attributes:
         number: from 1.
-        kind: why it was chosen.
+        kind: designed or exploration.
         planned: gain in log-det; None for exploration.
         realised: gain of its toss; None where it is not known.
         outcome: of its toss, in words.
@@ -42,7 +41,7 @@ class ThrowRow:
 
 
 @dataclass(frozen=True)
-class RankedRow:
+class ReportedToss:
     """A toss of the final ranking.
 
     Attributes:
@@ -61,7 +60,7 @@ class RankedRow:
 
 
 @dataclass(frozen=True)
-class NodeEvent:
+class ReportedEvent:
     """Something that happened to a node.
 
     Attributes:
@@ -91,16 +90,16 @@ class ReportData:
         seconds: how long the session took.
         errors: by name with its unit, (N,) held-out errors at the end of the rounds of training; none without held-out tosses.
         throws_then: (N,) throws that had been scored then.
-        spectrum: (p,) eigenvalues of the selected tosses' information per toss relative to the pool's.
+        spectrum: (p,) eigenvalues of the selected set's information per toss relative to the pool's.
         epsilon: how far that spectrum reaches from 1.
     """
 
     title: str
     facts: Sequence[tuple[str, str]]
-    throws: Sequence[ThrowRow]
-    ranking: Sequence[RankedRow]
+    throws: Sequence[ReportedThrow]
+    ranking: Sequence[ReportedToss]
     rejected: Sequence[tuple[str, Sequence[str]]]
-    events: Sequence[NodeEvent]
+    events: Sequence[ReportedEvent]
     seconds: float
     errors: dict[str, Array] = field(default_factory=dict)
     throws_then: Array = field(default_factory=lambda: np.zeros(0))
@@ -127,7 +126,7 @@ def save_figures(data: ReportData, folder: Path) -> dict[str, Path]:
     if data.throws:
         drawn["Planned and realised gains"] = "gains", gains_figure
     if data.spectrum.size:
-        drawn["Information of the selected tosses"] = "spectrum", spectrum_figure
+        drawn["Information of the selected set"] = "spectrum", spectrum_figure
     if data.events:
         drawn["Nodes"] = "nodes", nodes_figure
     return {title: save_figure(draw(data), folder / f"{name}.png") for title, (name, draw) in drawn.items()}
@@ -165,14 +164,13 @@ def gains_figure(data: ReportData) -> "Figure":
 
 
 def spectrum_figure(data: ReportData) -> "Figure":
-    """Eigenvalues of the selected tosses' information per toss, relative to the pool's."""
+    """Eigenvalues of the selected set's information per toss, relative to the pool's."""
     figure = _figure(3.2)
     panel = figure.subplots()
     panel.plot(np.arange(1, data.spectrum.size + 1), np.sort(data.spectrum)[::-1], color=BLUE.web, marker="o", markersize=4)
     panel.axhline(1.0, color=INK.web, linestyle=":", label="as the pool")
-    panel.set(
-        xlabel="direction of theta", ylabel="information per toss,\nselected tosses / pool", title=f"epsilon {data.epsilon:.3g}"
-    )
+    ratio = "information per toss,\nselected set / pool"
+    panel.set(xlabel="direction of theta", ylabel=ratio, title=f"epsilon {data.epsilon:.3g}")
     panel.legend(frameon=False)
     panel.grid(alpha=0.3)
     return figure
@@ -194,7 +192,7 @@ def nodes_figure(data: ReportData) -> "Figure":
     return figure
 
 
-def _runs(events: Sequence[NodeEvent], end: float) -> list[tuple[float, float]]:
+def _runs(events: Sequence[ReportedEvent], end: float) -> list[tuple[float, float]]:
     """Begin and end of each run of a node."""
     runs: list[tuple[float, float]] = []
     began: float | None = None

@@ -26,7 +26,7 @@ def save_report(data: ReportData, figures: Mapping[str, Path], path: Path) -> No
     """Writes the page.
 
     Args:
-        data: what is reported.
+        data: of the session.
         figures: PNG files by their titles.
         path: of the HTML file.
 
@@ -93,7 +93,7 @@ def _restarts(data: ReportData) -> str:
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = (), marked: Iterable[int] = ()) -> str:
-    """Rows of texts; columns of `numbers` are set to the right, `marked` rows are of the selected tosses."""
+    """Rows of texts; columns of `numbers` are set to the right, `marked` rows are of the selected set."""
     if not rows:
         return '<p class="note">None.</p>'
     chosen = set(marked)

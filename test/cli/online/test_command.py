@@ -15,7 +15,7 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.design.adaptive import Realised
 from contact_curation.design.throw import throw_of_state
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.motion.calibration import Rig
+from contact_curation.motion.calibration import RigCalibration
 from contact_curation.motion.pose_stream import FramePose
 from contact_curation.session.config import SessionConfig, SessionFolder
 from contact_curation.session.events import EventLog
@@ -343,7 +343,7 @@ def test_recordings_to_judge_by_are_read_as_the_trainer_is_told_to(tmp_path: Pat
         "/**:\n  ros__parameters: {segmenter.tracker_noise: 5.0}\ntrainer:\n  ros__parameters: {rig.normal: [0.01, 0.0, 1.0]}\n"
     )
     inputs = held_out_inputs(SessionConfig(params_file=told))
-    assert (inputs.segmenter.tracker_noise, inputs.rig) == (5.0, Rig(normal=(0.01, 0.0, 1.0)))
+    assert (inputs.segmenter.tracker_noise, inputs.rig) == (5.0, RigCalibration(normal=(0.01, 0.0, 1.0)))
     assert held_out_inputs(SessionConfig()) == InputsConfig()
 
 

@@ -12,8 +12,8 @@ from contact_curation.cli.evaluate import run as evaluation_run
 from contact_curation.cli.rank import command as rank
 from contact_curation.cli.train import run as training_run
 from contact_curation.errors import InvalidValueError
-from contact_curation.storage.atomic_file import write_atomically
 from contact_curation.storage.bags.writer import BagWriter
+from contact_curation.storage.files import write_atomically
 from test.cli.commands import Cli
 
 

@@ -7,24 +7,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact_curation.dashboard.figures.report_data import NodeEvent, RankedRow, ReportData, ThrowRow, save_figures
+from contact_curation.dashboard.figures.report_data import ReportData, ReportedEvent, ReportedThrow, ReportedToss, save_figures
 from contact_curation.dashboard.figures.session_report import LARGEST_TABLE, report_text, save_report
 from contact_curation.errors import InvalidValueError
 
-DATA = ReportData(
+STORY = ReportData(
     title="Session of 2 throws",
     facts=[("throws", "2 made"), ("restarts", "curator 1")],
     throws=[
-        ThrowRow(1, "exploration", None, None, "rejected: gap"),
-        ThrowRow(2, "designed", 3.25, 2.125, "selected, rank 1 of 1"),
+        ReportedThrow(1, "warm-up", None, None, "rejected: gap"),
+        ReportedThrow(2, "designed", 3.25, 2.125, "kept, rank 1 of 1"),
     ],
-    ranking=[RankedRow(1, "cube-1", 12.5, 12.5, 80.0, True), RankedRow(2, "cube-2", 7.0, 1.0, 60.0, False)],
+    ranking=[ReportedToss(1, "cube-1", 12.5, 12.5, 80.0, True), ReportedToss(2, "cube-2", 7.0, 1.0, 60.0, False)],
     rejected=[("cube-0", ["gap: found 3 < 4", "lowest corner"])],
     events=[
-        NodeEvent(0.0, "started", "curator"),
-        NodeEvent(5.0, "died", "curator", "signal SIGKILL: last words"),
-        NodeEvent(6.0, "restarted", "curator"),
-        NodeEvent(10.0, "stopped", "curator", "status 0"),
+        ReportedEvent(0.0, "started", "curator"),
+        ReportedEvent(5.0, "died", "curator", "signal SIGKILL: last words"),
+        ReportedEvent(6.0, "restarted", "curator"),
+        ReportedEvent(10.0, "stopped", "curator", "status 0"),
     ],
     seconds=10.0,
     errors={"position error [% of width]": np.array([80.0, 20.0]), "held-out loss": np.array([0.8, 0.02])},
@@ -36,20 +36,16 @@ EMPTY = ReportData("Session of 0 throws", [], [], [], [], [], 0.0)
 
 
 def test_the_page_tells_everything_and_loads_nothing(tmp_path: Path) -> None:
-    figures = save_figures(DATA, tmp_path)
-    assert list(figures) == [
-        "Errors on held-out tosses",
-        "Planned and realised gains",
-        "Information of the selected tosses",
-        "Nodes",
-    ]
-    save_report(DATA, figures, tmp_path / "report.html")
+    figures = save_figures(STORY, tmp_path)
+    titles = ["Errors on held-out tosses", "Planned and realised gains", "Information of the selected set", "Nodes"]
+    assert list(figures) == titles
+    save_report(STORY, figures, tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
     for text in (
         "2 made",
         "3.25",
         "2.125",
-        "selected, rank 1 of 1",
+        "kept, rank 1 of 1",
         "cube-2",
         "gap: found 3 &lt; 4; lowest corner",
         "signal SIGKILL",
@@ -60,13 +56,13 @@ def test_the_page_tells_everything_and_loads_nothing(tmp_path: Path) -> None:
 
 
 def test_every_tag_is_closed() -> None:
-    page = report_text(DATA, {})
+    page = report_text(STORY, {})
     for tag in ("html", "body", "table", "tr", "td", "th", "h1", "h2", "p"):
         assert len(re.findall(f"<{tag}[ >]", page)) == page.count(f"</{tag}>"), tag
 
 
 def test_names_are_no_markup() -> None:
-    page = report_text(replace(DATA, title="<b>"), {})
+    page = report_text(replace(STORY, title="<b>"), {})
     assert "<b>" not in page
     assert "&lt;b&gt;" in page
 
@@ -79,13 +75,13 @@ def test_a_session_without_anything_has_a_page_without_figures(tmp_path: Path) -
 
 
 def test_long_tables_say_what_they_leave_out() -> None:
-    many = [RankedRow(place, f"cube-{place}", 1.0, 1.0, 1.0, False) for place in range(LARGEST_TABLE + 7)]
-    page = report_text(replace(DATA, ranking=many), {})
+    many = [ReportedToss(place, f"cube-{place}", 1.0, 1.0, 1.0, False) for place in range(LARGEST_TABLE + 7)]
+    page = report_text(replace(STORY, ranking=many), {})
     assert "7 more are left out here." in page
 
 
 def test_a_place_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(InvalidValueError, match="expected a place"):
-        save_report(DATA, {}, tmp_path / "none" / "report.html")
+        save_report(STORY, {}, tmp_path / "none" / "report.html")
     with pytest.raises(InvalidValueError, match="expected a place"):
-        save_figures(DATA, tmp_path / "none")
+        save_figures(STORY, tmp_path / "none")
