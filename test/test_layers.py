@@ -1,6 +1,6 @@
 """The parts of the package know only the parts to their left, and each outside library stays in its part.
 
-errors < geometry | solver < contact | motion < information < learning < design < simulation | storage | dashboard
+errors < configs < geometry | solver < contact | motion < information < learning < design < simulation | storage | dashboard
 < pipeline | stages < session < nodes | cli < experiments
 """
 
@@ -14,6 +14,7 @@ FOLDER = Path(__file__).resolve().parents[1] / PACKAGE
 
 LAYERS = (
     ("errors",),
+    ("configs",),
     ("geometry", "solver"),
     ("contact", "motion"),
     ("information",),
@@ -34,15 +35,6 @@ TO_MEND = {
     "contact_curation.pipeline.numbered_pool",
     "contact_curation.pipeline.pool_scoring",
     "contact_curation.pipeline.training_tosses",
-    "contact_curation.session.node_settings",
-    "contact_curation.session.record",
-    "contact_curation.session.session",
-    "contact_curation.session.summary",
-    "contact_curation.stages.curation",
-    "contact_curation.stages.design",
-    "contact_curation.stages.held_out_tosses",
-    "contact_curation.stages.scored_theta",
-    "contact_curation.stages.scoring",
 }
 """Modules that were moved to their part and still import from its right."""
 

@@ -11,8 +11,8 @@ from contact_curation.contact.models.deepvertex import DeepvertexModel
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.checkpoints.stored_model import model_bytes
+from contact_curation.learning.checkpoints.theta_bytes import bytes_of_geometry, geometry_of_bytes
 from contact_curation.nodes.messages.headers import Stamped, stamped_of
-from contact_curation.nodes.messages.model_parameters import bytes_of_geometry, geometry_of_bytes
 from contact_curation.nodes.messages.shown import theta_of
 from contact_curation.nodes.messages.toss import toss_message, toss_of
 from contact_curation.nodes.messages.toss_information import information_message, information_of

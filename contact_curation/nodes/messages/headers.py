@@ -1,23 +1,12 @@
 """Stamps and frames of messages; nanoseconds inside."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
 from contact_curation.motion.toss import NANOSECONDS
-
-
-class Stamped(NamedTuple):
-    """What a header says.
-
-    Attributes:
-        stamp_ns: time.
-        frame_id: frame.
-    """
-
-    stamp_ns: int
-    frame_id: str
+from contact_curation.stages.records import Stamped as Stamped
 
 
 def time_message(stamp_ns: int) -> Time:

@@ -14,7 +14,7 @@ from contact_curation.dashboard.live.learning_view import TrainingMoment
 from contact_curation.dashboard.live.throw_view import ThrowMade
 from contact_curation.dashboard.toss_motion import ShownTheta
 from contact_curation.errors import InvalidValueError
-from contact_curation.nodes.messages.model_parameters import geometry_of_bytes
+from contact_curation.learning.checkpoints.theta_bytes import geometry_of_bytes
 from contact_curation.nodes.messages.throw import throw_of
 from contact_curation.stages.scored_theta import read_scored_theta
 

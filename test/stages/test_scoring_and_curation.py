@@ -17,8 +17,8 @@ from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.nodes.messages.curated_buffer import buffer_message
-from contact_curation.nodes.ros.catch_up import Cursor
 from contact_curation.stages.curation import CurationConfig, CurationStage
+from contact_curation.stages.records import Cursor
 from contact_curation.stages.scored_theta import theta_of_geometry
 from contact_curation.stages.scoring import ScoringStage, checked_body
 from contact_curation.stages.selection import StreamingSelection
