@@ -11,7 +11,7 @@ class ThrowKind(StrEnum):
     """Why a throw was chosen."""
 
     DESIGNED = "designed"
-    WARM_UP = "warm-up"
+    EXPLORATION = "exploration"
 
 
 class ThrowState(StrEnum):
@@ -34,9 +34,9 @@ class ThrowReport:
         executed: as it left the thrower; None until then.
         released_ns: stamp of that; 0 until then.
         toss_id: its toss; empty until one was scored.
-        planned: gain in log-det; once the toss was scored, forecast at the theta it was scored at; 0 in warm-up.
-        realised: gain of its toss over what was known before, at that theta; not a number until then, and in warm-up.
-        detail: why it is for warm-up, why it was not made, or why its motion was rejected.
+        planned: gain in log-det; once the toss was scored, forecast at the theta it was scored at; 0 for exploration.
+        realised: gain of its toss over what was known before, at that theta; not a number until then, and for exploration.
+        detail: why it is an exploration throw, why it was not made, or why its motion was rejected.
     """
 
     kind: ThrowKind

@@ -63,12 +63,15 @@ LAG = 0.5
 """A simulation that is later than this does not try to catch up [s]."""
 
 PHASES = {
-    Phase.RESTING: "released",
-    Phase.RETURNING: "released",
-    Phase.STOPPING: "stopped",
-    Phase.STOPPED: "stopped",
+    Phase.MOVING: ExecuteThrow.Feedback.MOVING,
+    Phase.THROWING: ExecuteThrow.Feedback.THROWING,
+    Phase.RELEASED: ExecuteThrow.Feedback.RELEASED,
+    Phase.RESTING: ExecuteThrow.Feedback.RELEASED,
+    Phase.RETURNING: ExecuteThrow.Feedback.RELEASED,
+    Phase.STOPPING: ExecuteThrow.Feedback.STOPPED,
+    Phase.STOPPED: ExecuteThrow.Feedback.STOPPED,
 }
-"""What feedback calls phases that it has no word for."""
+"""The phases as feedback names them."""
 
 
 class SimArm(StageNode):
@@ -171,7 +174,7 @@ class SimArm(StageNode):
             self._finish(handle, Ending(False, refusal))
             return
         self._goal = handle
-        self._feedback("planning", 0.0)
+        self._feedback(ExecuteThrow.Feedback.PLANNING, 0.0)
         self._wake.set()
 
     def _cancelled(self, handle: Any) -> CancelResponse:
@@ -209,7 +212,7 @@ class SimArm(StageNode):
         self._tell_time(frame)
         if self._goal is not None and (frame.phase is not self._told_phase or self._frames % FRAMES_PER_FEEDBACK == 0):
             self._told_phase = frame.phase
-            self._feedback(PHASES.get(frame.phase, frame.phase.value), frame.progress)
+            self._feedback(PHASES[frame.phase], frame.progress)
 
     def _tell_time(self, frame: ArmFrame) -> None:
         if self._time is not None and self._frames % max(round(148.0 / self._clock_hertz), 1) == 0:

@@ -163,7 +163,7 @@ class ThrowLog:
 
 
 def _kind(warm_up: str | None) -> ThrowKind:
-    return ThrowKind.DESIGNED if warm_up is None else ThrowKind.WARM_UP
+    return ThrowKind.DESIGNED if warm_up is None else ThrowKind.EXPLORATION
 
 
 def _unmade(proposal: Proposal, state: ThrowState, detail: str) -> ThrowReport:

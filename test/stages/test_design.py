@@ -217,7 +217,7 @@ def test_a_throw_that_was_not_made_is_told_with_the_reason_and_one_of_warm_up_wi
     stage = DesignStage(CUBE, CONFIG, states)
     proposal = stage.propose()
     begun = stage.begin(proposal)
-    assert (begun.kind, begun.planned, begun.detail) == (ThrowKind.WARM_UP, 0.0, proposal.warm_up)
+    assert (begun.kind, begun.planned, begun.detail) == (ThrowKind.EXPLORATION, 0.0, proposal.warm_up)
     report = stage.abandon("joint 4 is too fast")
     assert (report.state, report.detail) == (ThrowState.NOT_MADE, "joint 4 is too fast")
     assert report.commanded.throw_id == "cube-throw-0"

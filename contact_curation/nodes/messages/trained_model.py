@@ -21,6 +21,7 @@ def theta_bytes(model: Model) -> bytes:
 def model_message(model: Model, version: str, gradient_steps: int, stamped: Stamped) -> ModelParameters:
     """A model as the trainer publishes it."""
     return ModelParameters(
+        format_version=ModelParameters.FORMAT_VERSION,
         header=header_message(stamped),
         body=model.body.name,
         model=model.kind.value,
