@@ -16,7 +16,7 @@ from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.design.throw import ThrowKind
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.motion.toss import NANOSECONDS
-from contact_curation.nodes.messages.headers import Stamped, nanoseconds_of
+from contact_curation.nodes.messages.headers import Stamped, check_format, nanoseconds_of
 from contact_curation.nodes.messages.throw import throw_message, throw_of
 from contact_curation.nodes.messages.toss_information import information_of
 from contact_curation.nodes.ros.body_parameter import declared_body
@@ -152,6 +152,7 @@ class ThrowDesigner(StageNode):
     def _renew(self, message: Any) -> None:
         """On the worker's thread."""
         try:
+            check_format(message)
             if message.body != self._body.name:
                 raise InvalidValueError("body of the parameters", message.body, self._body.name)
             self._stage.renew(polytope_of(ScoredTheta(message.model, bytes(message.safetensors))))
@@ -161,7 +162,15 @@ class ThrowDesigner(StageNode):
 
     def _buffer_came(self, message: Any) -> None:
         if message.body == self._body.name:
-            self._worker.do(partial(self._stage.select, tuple(message.toss_ids)))
+            self._worker.do(partial(self._select, message))
+
+    def _select(self, message: Any) -> None:
+        """On the worker's thread."""
+        try:
+            check_format(message)
+            self._stage.select(tuple(message.toss_ids))
+        except InvalidValueError as error:
+            self._warnings.note("bad buffer", str(error))
 
     def _rejected_came(self, message: Any) -> None:
         if message.body == self._body.name:
@@ -169,7 +178,11 @@ class ThrowDesigner(StageNode):
 
     def _reject(self, message: Any) -> None:
         """On the worker's thread: no toss will come of that throw."""
-        self._stage.reject(nanoseconds_of(message.header.stamp), tuple(message.reasons))
+        try:
+            check_format(message)
+            self._stage.reject(nanoseconds_of(message.header.stamp), tuple(message.reasons))
+        except InvalidValueError as error:
+            self._warnings.note("bad rejection", str(error))
         self._reports.tell(self._stage.reports)
 
     def _take(self, messages: Sequence[Any], cursor: Cursor) -> None:

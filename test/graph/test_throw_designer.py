@@ -87,7 +87,7 @@ def test_without_a_theta_that_it_can_use_throws_warm_up(graph: Graph) -> None:
     request = ProposeThrow.Request(body="cube", seed=1)
     first = graph.listener.call(ProposeThrow, "propose_throw", request, LONG)
     assert first.success
-    assert first.message == "warm-up (parameters: found none, expected model_parameters)"
+    assert first.message == "exploration (parameters: found none, expected model_parameters)"
     assert first.throw_command.expected_information == 0.0
 
 
