@@ -4,7 +4,7 @@ import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
-from contact_curation.cli.options.body import add_body_option
+from contact_curation.cli.options.reading import add_body_option
 from contact_curation.cli.options.types import natural_number, number_from_zero, positive_integer
 from contact_curation.cli.report import add_json_option
 from contact_curation.information.ranker import CRITERIA, DEFAULT_CRITERION

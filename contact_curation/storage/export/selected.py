@@ -1,19 +1,13 @@
-"""The tosses that a manifest kept, found again in the recordings that it was made of."""
+"""The tosses that a manifest selected, and whether the recordings at hand are those that it was made of."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
-from contact_curation.motion.toss import Rejected, Toss
-from contact_curation.storage.inputs.inputs import open_inputs
-from contact_curation.storage.inputs.records import InputsConfig, Problem
+from contact_curation.motion.toss import Toss
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 from contact_curation.storage.provenance import TossProvenance
-
-Advance = Callable[[int], None]
-"""Told how many tosses more were read."""
 
 MOST_LISTED = 3
 """Ids in one message."""
@@ -56,40 +50,6 @@ def kept_rows(manifest: Manifest, path: Path) -> dict[str, ManifestRow]:
     if not manifest.kept:
         raise InvalidValueError(f"kept tosses of {path}", f"none of {len(manifest.rows)}", "at least one")
     return {row.toss_id: row for row in manifest.kept}
-
-
-def find_kept(
-    inputs: Sequence[Path], rows: Mapping[str, ManifestRow], manifest: Path, body: Body, config: InputsConfig, advance: Advance
-) -> KeptTosses:
-    """Reads recordings for the tosses that were kept; those that the gates would keep back now, too.
-
-    Args:
-        inputs: at least one.
-        rows: of what was kept.
-        manifest: where they come from, for messages.
-        body: what was tossed.
-        config: how recordings are read.
-        advance: told of progress.
-
-    Raises:
-        InvalidValueError: one that was kept is in no input.
-    """
-    found: dict[str, KeptToss] = {}
-    problems: list[str] = []
-    reading = open_inputs(inputs, body, config)
-    for item in reading:
-        if isinstance(item, Problem):
-            problems.append(str(item))
-            continue
-        toss = item.toss if isinstance(item, Rejected) else item
-        advance(1)
-        if toss.toss_id in rows:
-            found[toss.toss_id] = KeptToss(toss, rows[toss.toss_id], reading.origin)
-    check_all_found(rows, found, manifest, problems)
-    lost = [f"{one.path}: {line}" for one in reading.summaries for line in one.losses]
-    tosses = tuple(found[toss_id] for toss_id in rows)
-    changed = changed_inputs((one.row, one.origin) for one in tosses)
-    return KeptTosses(tosses, (*problems, *lost, *changed))
 
 
 def check_all_found(rows: Mapping[str, ManifestRow], found: Collection[str], manifest: Path, problems: Sequence[str]) -> None:

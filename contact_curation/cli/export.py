@@ -1,21 +1,71 @@
-"""What goes into the folder of an export, by its format."""
+"""`export INPUT... --manifest M --format F --out DIR`: what a ranking selected, for other tools."""
 
+import argparse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from contact_curation.cli.options.reading import SHARED_STAGES, add_reading_options, chosen_body, inputs_of, stages_of
+from contact_curation.cli.progress import Progress
+from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.motion.calibration import LEVEL
 from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.tosses import read_tosses
+from contact_curation.pipeline.wording import counted
+from contact_curation.pipeline.workers import Advance
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.datasets.contactnets import SUBFOLDER
 from contact_curation.storage.export.contactnets import write_contactnets
+from contact_curation.storage.export.folder import staged_folder
 from contact_curation.storage.export.lerobot_dataset import write_lerobot
 from contact_curation.storage.export.mcap import BagExport, export_bag
-from contact_curation.storage.export.selected import Advance, changed_inputs, check_all_found, find_kept, kept_rows
-from contact_curation.storage.inputs.inputs import is_contactnets
+from contact_curation.storage.export.selected import KeptToss, KeptTosses, changed_inputs, check_all_found, kept_rows
+from contact_curation.storage.inputs.inputs import InputsConfig, is_contactnets
 from contact_curation.storage.manifest.file import read_manifest, write_manifest
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the verb's options to its parser."""
+    parser.description = (
+        "Writes the tosses that a ranking kept: as parts of their recordings, as ContactNets' files, or as a LeRobot dataset. "
+        "Inputs and options are those that were ranked; no input is changed."
+    )
+    add_reading_options(parser, SHARED_STAGES)
+    parser.add_argument("--manifest", type=Path, required=True, metavar="FILE", help="what `contact-curation rank` wrote")
+    parser.add_argument("--format", choices=tuple(FORMATS), required=True, help="mcap: the recorded messages, byte for byte")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="a folder that is empty or not there yet")
+    parser.add_argument("--per-toss", action="store_true", help="of format mcap: a file per toss, not per recording")
+    add_json_option(parser)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exports, and says what went where.
+
+    Raises:
+        UnreadableInputError: the manifest is none.
+        InvalidValueError: a kept toss is in no input, the folder is not empty, or the format cannot hold the tosses.
+    """
+    if arguments.per_toss and arguments.format != "mcap":
+        raise InvalidValueError("--per-toss", f"--format {arguments.format}", "--format mcap")
+    stages = stages_of(arguments, {})
+    reading = ReadingConfig(chosen_body(arguments), inputs_of(stages))
+    with staged_folder(arguments.out) as folder:
+        job = export_job(arguments.inputs, reading, arguments.manifest, per_toss=arguments.per_toss)
+        with Progress("reading", "tosses") as progress:
+            exported = FORMATS[arguments.format](job, folder, progress.advance)
+    warn(exported.warnings)
+    if arguments.json:
+        tosses = [
+            {"toss_id": toss_id, "rank": job.rows[toss_id].rank, "place": place} for toss_id, place in exported.places.items()
+        ]
+        print_json({"out": str(arguments.out), "format": arguments.format, "tosses": tosses, "warnings": exported.warnings})
+    else:
+        files = counted(sum(1 for path in arguments.out.rglob("*") if path.is_file()), "file")
+        print(f"{arguments.out}: {len(exported.places)} of {len(job.manifest.rows)} tosses, {files}")
+    return 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +122,7 @@ def to_contactnets(job: ExportJob, folder: Path, advance: Advance) -> Exported:
     """tosses_processed/N.pt and manifest.json, the N-th row of which is N.pt."""
     level = job.reading.inputs.rig == LEVEL  # what is put right is no file's content any more
     inputs = replace(job.reading.inputs, as_stored=level)
-    found = find_kept(job.inputs, job.rows, job.manifest_path, job.reading.body, inputs, advance)
+    found = _found(job, inputs, advance)
     write_contactnets(found.tosses, job.reading.body, folder, copied=level)
     write_manifest(job.kept_manifest, folder / "manifest.json")
     return Exported({toss_id: f"{SUBFOLDER}/{number}.pt" for number, toss_id in enumerate(job.rows)}, found.warnings)
@@ -80,7 +130,7 @@ def to_contactnets(job: ExportJob, folder: Path, advance: Advance) -> Exported:
 
 def to_lerobot(job: ExportJob, folder: Path, advance: Advance) -> Exported:
     """A LeRobot dataset, and the manifest in its meta/."""
-    found = find_kept(job.inputs, job.rows, job.manifest_path, job.reading.body, job.reading.inputs, advance)
+    found = _found(job, job.reading.inputs, advance)
     write_lerobot(found.tosses, job.reading.body.name, folder)
     write_manifest(job.kept_manifest, folder / "meta" / "curation.json")
     return Exported({toss_id: f"episode {number}" for number, toss_id in enumerate(job.rows)}, found.warnings)
@@ -107,6 +157,20 @@ FORMATS: Mapping[str, Callable[[ExportJob, Path, Advance], Exported]] = {
     "contactnets": to_contactnets,
     "lerobot": to_lerobot,
 }
+
+
+def _found(job: ExportJob, inputs: InputsConfig, advance: Advance) -> KeptTosses:
+    """The selected tosses, best first; those that the gates would reject now, too.
+
+    Raises:
+        InvalidValueError: one of them is in no input.
+    """
+    read = read_tosses(job.inputs, replace(job.reading, inputs=inputs), advance=advance, only=job.rows)
+    outcomes = {**read.by_id, **{one.toss.toss_id: one.toss for one in read.rejected}}
+    check_all_found(job.rows, outcomes, job.manifest_path, read.warnings)
+    tosses = tuple(KeptToss(outcomes[toss_id], row, read.taken[toss_id].seen.origin) for toss_id, row in job.rows.items())
+    changed = changed_inputs((one.row, one.origin) for one in tosses)
+    return KeptTosses(tosses, (*read.warnings, *changed))
 
 
 def _exported_bags(job: ExportJob, folder: Path, advance: Advance) -> tuple[list[BagExport], list[str]]:
