@@ -29,6 +29,13 @@ GOLDEN = REPOSITORY / "bags" / "golden.mcap"
 CONTACTNETS_BESIDE = REPOSITORY.parent / "shared" / "data" / "contactnets"
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests of live graphs are marked: their course depends on timing."""
+    for item in items:
+        if "graph" in getattr(item, "fixturenames", ()):
+            item.add_marker("live")
+
+
 @pytest.fixture(scope="session")
 def contactnets_folder() -> Path:
     """The folder with ContactNets' real tosses, one `N.pt` each; skips the test where they are not at hand."""

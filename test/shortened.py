@@ -14,15 +14,10 @@ BEFORE, AFTER = 0.05, 0.32
 
 
 def write_shortened(recording: Path, poses: str, path: Path) -> Path:
-    """Writes an MCAP file again, with the messages of topic `poses` around its motions and all others.
-
-    The rest before the first motion stays: a graph that it is played to many times faster than it was recorded may need the
-    time to find the rig's transforms.
-    """
+    """Writes an MCAP file again, with the messages of topic `poses` around its motions and all others."""
     motions = [one.toss if isinstance(one, Rejected) else one for one in open_inputs([recording], CONTACTNETS_CUBE)]
     tosses = [motion for motion in motions if isinstance(motion, Toss)]
     spans = [(one.stamps_ns[0] - BEFORE * NANOSECONDS, one.stamps_ns[-1] + AFTER * NANOSECONDS) for one in tosses]
-    spans.append((0, spans[0][1]))
     with recording.open("rb") as source, path.open("wb") as target:
         reader, writer = make_reader(source), Writer(target)
         summary = reader.get_summary()

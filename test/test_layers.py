@@ -1,6 +1,6 @@
 """The parts of the package know only the parts to their left, and each outside library stays in its part.
 
-errors < geometry | solver < contact | motion < information < learning < design < simulation | storage | dashboard
+errors < configs < geometry | solver < contact | motion < information < learning < design < simulation | storage | dashboard
 < pipeline | stages < session < nodes | cli < experiments
 """
 
@@ -14,6 +14,7 @@ FOLDER = Path(__file__).resolve().parents[1] / PACKAGE
 
 LAYERS = (
     ("errors",),
+    ("configs",),
     ("geometry", "solver"),
     ("contact", "motion"),
     ("information",),
@@ -30,10 +31,6 @@ MOST_FILES = 20
 """In one folder."""
 
 TO_MEND = {
-    "contact_curation.pipeline.known_tosses",
-    "contact_curation.pipeline.numbered_pool",
-    "contact_curation.pipeline.pool_scoring",
-    "contact_curation.pipeline.training_tosses",
     "contact_curation.session.node_settings",
     "contact_curation.session.record",
     "contact_curation.session.session",

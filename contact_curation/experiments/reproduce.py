@@ -1,11 +1,10 @@
 """`reproduce EXPERIMENT INPUT... --out DIR`: an experiment of the paper's or ours, from its tosses to tables and figures."""
 
-import argparse
 import os
 from pathlib import Path
 
 from contact_curation.cli.options.reading import SHARED_STAGES, add_held_out_option, add_reading_options
-from contact_curation.cli.options.types import natural_number, number_from_zero, positive_integer
+from contact_curation.cli.options.types import Arguments, Parser, natural_number, number_from_zero, positive_integer
 from contact_curation.cli.report import add_json_option
 from contact_curation.errors import InvalidValueError
 
@@ -17,7 +16,7 @@ BUDGET = 400
 """Gradient steps of the budgeted protocol (METHOD, appendix A)."""
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: Parser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
         "Runs an experiment cell by cell: a rule keeps some tosses, a model learns from them, held-out motion judges it. Every "
@@ -52,7 +51,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=run)
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Arguments) -> int:
     """Reads, runs what is not finished, and writes tables and figures.
 
     Raises:

@@ -1,6 +1,5 @@
 """The run of an experiment: tosses in, finished cells into the ledger one by one, tables and a figure out."""
 
-import argparse
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,6 +13,7 @@ import torch
 
 from contact_curation import __version__
 from contact_curation.cli.options.reading import chosen_body, inputs_of, stages_of
+from contact_curation.cli.options.types import Arguments
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import print_json, warn
 from contact_curation.contact.models.kind import ModelKind
@@ -50,7 +50,7 @@ class Finished(NamedTuple):
     seconds: float
 
 
-def run_experiment(arguments: argparse.Namespace) -> int:
+def run_experiment(arguments: Arguments) -> int:
     """What `reproduce` does; see there."""
     torch.set_num_threads(1)
     began = time.monotonic()
@@ -82,7 +82,7 @@ def run_experiment(arguments: argparse.Namespace) -> int:
     return 1 if failed else 0
 
 
-def experiment_config(arguments: argparse.Namespace) -> ExperimentConfig:
+def experiment_config(arguments: Arguments) -> ExperimentConfig:
     """What the options ask for.
 
     Raises:
@@ -105,7 +105,7 @@ def experiment_config(arguments: argparse.Namespace) -> ExperimentConfig:
     return quick(config) if arguments.quick else config
 
 
-def _bench(arguments: argparse.Namespace) -> Bench:
+def _bench(arguments: Arguments) -> Bench:
     """Tosses that pass the gates, put right by what the training tosses say of their rig.
 
     The gates see a pool again once faults are put into it.

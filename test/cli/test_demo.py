@@ -40,6 +40,7 @@ def wait_until(holds: Callable[[], bool], seconds: float = 60.0) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.live
 def test_nodes_and_library_agree_on_the_golden_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--data", str(GOLDEN_BAG), "--out", str(tmp_path / "demo")]) == 0
     said = capsys.readouterr().out
@@ -51,6 +52,7 @@ def test_nodes_and_library_agree_on_the_golden_bag(tmp_path: Path, capsys: pytes
 
 
 @pytest.mark.slow
+@pytest.mark.live
 def test_the_loop_is_closed_for_twelve_throws_and_their_report_is_there(tmp_path: Path) -> None:
     done = subprocess.run([*COMMAND, str(tmp_path / "demo")], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -61,6 +63,7 @@ def test_the_loop_is_closed_for_twelve_throws_and_their_report_is_there(tmp_path
 
 
 @pytest.mark.slow
+@pytest.mark.live
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_no_node_outlives_the_demo(tmp_path: Path, how: signal.Signals) -> None:
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
@@ -97,6 +100,7 @@ def test_a_bag_is_replayed_as_it_is_named_by_its_file_or_its_folder(
 
 
 @pytest.mark.slow
+@pytest.mark.live
 def test_a_node_that_cannot_be_kept_running_ends_it_with_its_last_words(tmp_path: Path) -> None:
     recording = Recording(tmp_path / "none.mcap", rate=5.0, top=8)
     with pytest.raises(ProgramFailedError, match=r"died 4 times right after its start, .*none\.mcap"):

@@ -16,7 +16,7 @@ import pytest
 from contact_curation.storage.bags.reader import BagReader
 from test.cli.test_demo import nodes_of
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.live]
 
 ONLINE = [sys.executable, "-m", "contact_curation.cli.main", "online", "--rate", "0"]
 QUICK = """

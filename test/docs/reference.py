@@ -1,4 +1,4 @@
-"""docs/reference.md, made of the nodes and of the interface package.
+"""docs/ros/reference.md, made of the nodes and of the interface package.
 
 python -m test.docs.reference          writes it
 """
@@ -9,7 +9,7 @@ from typing import Any
 from test.conftest import REPOSITORY
 from test.graph.parts.declared_parameters import Declared, all_declared
 
-PAGE = REPOSITORY / "docs" / "reference.md"
+PAGE = REPOSITORY / "docs" / "ros" / "reference.md"
 MSG_DEFS = REPOSITORY / "msg_defs"
 
 HEAD = """# Parameters and messages

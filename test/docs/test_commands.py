@@ -62,6 +62,7 @@ def test_every_command_of_the_readme_is_run_by_some_test(text: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.live
 def test_the_tutorials_commands_run_as_they_are_written(tmp_path: Path) -> None:
     environment = {**os.environ, "HOME": str(tmp_path), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     environment["PATH"] = f"{Path(sys.executable).parent}:{environment['PATH']}"

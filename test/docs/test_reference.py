@@ -1,4 +1,4 @@
-"""docs/reference.md says what the nodes and the messages are now."""
+"""docs/ros/reference.md says what the nodes and the messages are now."""
 
 from test.docs.reference import PAGE, page
 

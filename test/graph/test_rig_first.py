@@ -25,17 +25,17 @@ class GraphOf:
     """What `PoseTopics` asks of its node, of a graph with these publishers."""
 
     def __init__(self, offers: Mapping[str, QoSProfile]) -> None:
-        self._offers = offers
+        self.offers = offers
         self.callbacks: dict[str, Callable[[Any, Mapping[str, int]], None]] = {}
 
     def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
-        return [(name, [KINDS[name]]) for name in self._offers]
+        return [(name, [KINDS[name]]) for name in self.offers]
 
     def count_publishers(self, name: str) -> int:
-        return int(name in self._offers)
+        return int(name in self.offers)
 
     def get_publishers_info_by_topic(self, name: str) -> list[Publisher]:
-        return [Publisher(KINDS[name], self._offers[name])] if name in self._offers else []
+        return [Publisher(KINDS[name], self.offers[name])] if name in self.offers else []
 
     def resolve_topic_name(self, topic: str) -> str:
         return topic
@@ -70,8 +70,30 @@ def test_a_rig_that_keeps_silent_is_waited_for_so_many_looks_and_no_more() -> No
     assert set(graph.callbacks) == {RIG, POSES}
 
 
-def test_nothing_is_waited_for_where_no_publisher_keeps_a_rig() -> None:
-    for offers in ({POSES: LIVE}, {POSES: LIVE, RIG: LIVE}):
-        graph = GraphOf(offers)
-        followed(graph).follow()
-        assert set(graph.callbacks) == set(offers)
+def test_a_rig_that_is_found_later_than_the_poses_still_comes_first() -> None:
+    graph = GraphOf({POSES: LIVE})
+    topics = followed(graph)
+    topics.follow()
+    assert set(graph.callbacks) == set()
+    graph.offers[RIG] = kept(1)
+    topics.follow()
+    assert set(graph.callbacks) == {RIG}
+    graph.callbacks[RIG](TFMessage(), {"source_timestamp": 1})
+    topics.follow()
+    assert set(graph.callbacks) == {RIG, POSES}
+
+
+def test_where_there_is_no_rig_poses_wait_so_many_looks_and_no_more() -> None:
+    graph = GraphOf({POSES: LIVE})
+    topics = followed(graph)
+    for _ in range(LOOKS_FOR_THE_RIG):
+        topics.follow()
+        assert set(graph.callbacks) == set()
+    topics.follow()
+    assert set(graph.callbacks) == {POSES}
+
+
+def test_nothing_is_waited_for_where_the_rigs_publisher_keeps_nothing() -> None:
+    graph = GraphOf({POSES: LIVE, RIG: LIVE})
+    followed(graph).follow()
+    assert set(graph.callbacks) == {POSES, RIG}

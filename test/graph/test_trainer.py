@@ -94,9 +94,11 @@ def test_a_trainer_that_is_killed_in_mid_stream_goes_on_from_its_checkpoint(
     started(graph, golden_bag, **protocol)
     graph.until(lambda: statuses and statuses[-1].gradient_steps > 0, LONG, "a first round")
     next(process for process in graph.processes if process.name == "trainer").kill()
-    steps = statuses[-1].gradient_steps
+    steps, told = statuses[-1].gradient_steps, len(statuses)
     graph.start("trainer", held_out=[golden_bag], **TRAINER, **protocol)
-    graph.until(lambda: statuses[-1].gradient_steps > steps and at_rest(graph, seen), LONG, "the loop to come to rest")
+    # On a busy machine all tosses may have been trained on before the kill: then it tells of its last round again, and rests.
+    graph.until(lambda: len(statuses) > told and at_rest(graph, seen), LONG, "the loop to come to rest")
+    assert statuses[-1].gradient_steps >= steps
     counted = [status.gradient_steps for status in statuses]
     assert counted == sorted(counted)
     if protocol is STEPPING:

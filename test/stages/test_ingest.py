@@ -11,7 +11,7 @@ from contact_curation.stages.ingest import Arrival, IngestJournal
 from contact_curation.storage.stores.tosses import TossStore
 from test.graph.parts.measured import fresh_ingest, measured_of, tosses_in
 
-MESSAGES = 1250
+MESSAGES = 1000
 """Five or six tosses, one of them glitched."""
 
 

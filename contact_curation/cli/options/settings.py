@@ -1,7 +1,7 @@
 """Options that are fields of configs.
 
-`--set gates.depth=0.01` changes any field of any stage, by the names that the nodes' ROS parameters have too; fields that are asked
-for most have options of their own. Help and defaults come from the configs.
+`--set gates.depth=0.01` changes any field of any stage, by the names that the nodes' ROS parameters have too; fields that are
+asked for most have options of their own. Help and defaults come from the configs.
 """
 
 import argparse
@@ -33,7 +33,7 @@ def add_settings(parser: argparse.ArgumentParser, stages: Sequence[str]) -> None
         metavar="STAGE.FIELD=VALUE",
         action="append",
         default=[],
-        help=f"change a field of a stage ({', '.join(stages)}), e.g. {example}; repeatable; docs/reference.md explains most",
+        help=f"change a field of a stage ({', '.join(stages)}), e.g. {example}; repeatable; docs/ros/reference.md explains most",
     )
 
 

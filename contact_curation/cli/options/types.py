@@ -4,6 +4,9 @@ import argparse
 import math
 from pathlib import Path
 
+Parser = argparse.ArgumentParser
+Arguments = argparse.Namespace
+
 
 def positive_integer(text: str) -> int:
     """A whole number of at least 1."""

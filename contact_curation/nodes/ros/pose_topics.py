@@ -24,13 +24,16 @@ from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIO
 
 READ_TYPES = (*POSE_TYPES, DETECTIONS, CAMERA_INFO)
 
-RIG = (TypedTopic("/tf", TF), TypedTopic("/tf_static", TF))
+TF_STATIC = "/tf_static"
+RIG = (TypedTopic("/tf", TF), TypedTopic(TF_STATIC, TF))
 
 MOST_AHEAD_NS = 1_000_000_000
 """Of the present; what is known to a later time was published by a clock that has been set back since."""
 
 LOOKS_FOR_THE_RIG = 10
-"""So many looks at the graph a body's poses wait for what the rig's publishers keep: a fast bag would be far ahead of it."""
+"""So many looks at the graph a body's poses wait for the rig's static transforms: a fast bag would be far ahead of them.
+
+Discovery may find the publisher of the poses before that of the transforms, so they also wait where none was found yet."""
 
 
 class Offer(NamedTuple):
@@ -129,7 +132,7 @@ class PoseTopics:
         rig = [one.name for one in RIG if one.name in self.source.topics and one.name != self.source.body.name]
         self._follow_topics(rig)
         self._looks += 1
-        if self._looks > LOOKS_FOR_THE_RIG or all(topic in self._heard for topic in rig if self._keeps(topic)):
+        if self._looks > LOOKS_FOR_THE_RIG or TF_STATIC not in rig or self._rig_is_known():
             self._follow_topics([topic for topic in self.source.topics if topic not in rig])
 
     def _past(self, newest: Mapping[str, int]) -> dict[str, int]:
@@ -149,9 +152,11 @@ class PoseTopics:
             if offer is not None and (known is None or known[0] != offer):
                 self._subscribe(topic, offer)
 
-    def _keeps(self, topic: str) -> bool:
-        """Whether the topic's publishers keep messages for late subscribers."""
-        return topic in self._subscriptions and self._subscriptions[topic][0].latched
+    def _rig_is_known(self) -> bool:
+        """Whether the static transforms have come, or their publishers keep none for late subscribers."""
+        if TF_STATIC not in self._subscriptions:
+            return False
+        return TF_STATIC in self._heard or not self._subscriptions[TF_STATIC][0].latched
 
     def read(self, received: Received) -> tuple[str, int, tuple[Measured, ...]]:
         """What a message says, with the topic and the time of publication that it is known by from now on.

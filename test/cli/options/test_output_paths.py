@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact_curation.cli.evaluate.command import run as evaluation_run
+from contact_curation.cli.evaluate import run as evaluation_run
 from contact_curation.cli.rank import command as rank
-from contact_curation.cli.train.command import run as training_run
+from contact_curation.cli.train import run as training_run
 from contact_curation.errors import InvalidValueError
 from contact_curation.storage.atomic_file import write_atomically
 from contact_curation.storage.bags.writer import BagWriter
