@@ -16,8 +16,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.model_scorer import TossScorer, scorer_of_model
 from contact_curation.information.network.config import NetworkConfig
+from contact_curation.information.network.model_scorer import TossScorer, scorer_of_model
 from contact_curation.information.network.score_folder import ScoreFolder
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig

@@ -7,7 +7,7 @@ from itertools import batched
 import numpy as np
 
 from contact_curation.contact.models.model import Model
-from contact_curation.information.model_scorer import scorer_of_model
+from contact_curation.information.network.model_scorer import scorer_of_model
 from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.information.scoring import NotScored, ScoringConfig
 from contact_curation.learning.training.reranking import THETA_FREE, TossScorer
