@@ -40,7 +40,7 @@ format: setup
 	$(PYTHON) -m ruff format $(CHECKED)
 
 bench: setup
-	@set -e; for script in $(filter-out benchmarks/_%,$(wildcard benchmarks/*.py)); do \
+	@set -e; for script in $$(find benchmarks -name '[!_]*.py' | sort); do \
 		module=$$(echo $${script%.py} | tr / .); echo "== $$module"; $(PYTHON) -m $$module; \
 	done
 

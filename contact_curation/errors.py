@@ -30,6 +30,13 @@ class UnreadableInputError(ContactCurationError):
         self.path = Path(path)
 
 
+class NewerVersionError(UnreadableInputError):
+    """A file was written by a later release, in a version of its format that this one does not know."""
+
+    def __init__(self, path: Path | str, what: str, found: int, newest: int) -> None:
+        super().__init__(path, f"found version {found} of {what}, expected at most {newest}: update contact_curation")
+
+
 class MissingTopicError(ContactCurationError):
     """A bag or graph lacks the topic that was asked for."""
 

@@ -148,11 +148,11 @@ def _known(arguments: argparse.Namespace, reading: ReadingConfig) -> tuple[tuple
         return tosses, warnings
     by_id, wanted = (
         {toss.toss_id: toss for toss in tosses},
-        sorted(row.toss_id for row in read_manifest(arguments.manifest).kept),
+        sorted(row.toss_id for row in read_manifest(arguments.manifest).selected),
     )
     absent = [toss_id for toss_id in wanted if toss_id not in by_id]
     if absent:
-        raise InvalidValueError(f"kept tosses of {arguments.manifest}", f"no {absent[0]} in the recordings", "all of them")
+        raise InvalidValueError(f"selected tosses of {arguments.manifest}", f"no {absent[0]} in the recordings", "all of them")
     return tuple(by_id[toss_id] for toss_id in wanted), warnings
 
 

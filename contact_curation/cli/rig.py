@@ -12,7 +12,7 @@ from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval
-from contact_curation.motion.calibration import LEVEL, Rig, RigEvidence, evidence_of
+from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration, RigMeasurements, measurements_of
 from contact_curation.pipeline.reading import ReadingConfig, settings_of
 from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.pipeline.wording import counted_tosses
@@ -46,10 +46,10 @@ def run(arguments: argparse.Namespace) -> int:
     with Progress("reading", "tosses") as progress:
         tosses = read_tosses(arguments.inputs, ReadingConfig(body, inputs), advance=progress.advance).check_some("no toss")
     warn(tosses.warnings)
-    evidence = evidence_of(tosses.in_order_of_ids, body.polytope)
-    rig = evidence.rig(body.gravity)
+    evidence = measurements_of(tosses.in_order_of_ids, body.polytope)
+    rig = evidence.calibration(body.gravity)
     told = _told(evidence, body.gravity)
-    settings = settings_of(rig) if stages["rig"] == LEVEL else ""
+    settings = settings_of(rig) if stages["rig"] == NO_CORRECTION else ""
     if arguments.json:
         print_json(_document(evidence, rig, told, settings, tosses.warnings))
     else:
@@ -57,28 +57,28 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _told(evidence: RigEvidence, gravity: float) -> dict[str, Interval]:
+def _told(evidence: RigMeasurements, gravity: float) -> dict[str, Interval]:
     """By name: lean [deg], scale, and height of the faces at rest [mm]."""
     own, count = _statistics(evidence, gravity), len(evidence.ends)
     draws = np.random.default_rng(BOOTSTRAP.seed).integers(count, size=(BOOTSTRAP.resamples, count))
-    resampled = [_statistics(evidence.drawn(places), gravity) for places in draws]
+    resampled = [_statistics(evidence.resampled(places), gravity) for places in draws]
     outside = 0.5 * (1.0 - BOOTSTRAP.confidence)
     low, high = np.nanquantile(resampled, [outside, 1.0 - outside], axis=0)
     told = (Interval(*map(float, each)) for each in zip(own, low, high, strict=True))
     return dict(zip(("lean", "scale", "rest_height"), told, strict=True))
 
 
-def _statistics(evidence: RigEvidence, gravity: float) -> Array:
+def _statistics(evidence: RigMeasurements, gravity: float) -> Array:
     """(3,) of what `_told` gives; NaN where the tosses are too few of a kind."""
     try:
-        rig = evidence.rig(gravity)
+        rig = evidence.calibration(gravity)
     except InvalidValueError:
         return np.full(3, np.nan)
-    return np.array([np.degrees(rig.lean), rig.scale, 1e3 * np.nanmedian(evidence.heights)])
+    return np.array([np.degrees(rig.tilt), rig.scale, 1e3 * np.nanmedian(evidence.heights)])
 
 
 def _document(
-    evidence: RigEvidence, rig: Rig, told: dict[str, Interval], settings: str, warnings: Sequence[str]
+    evidence: RigMeasurements, rig: RigCalibration, told: dict[str, Interval], settings: str, warnings: Sequence[str]
 ) -> dict[str, Any]:
     units = {"lean": "lean_degrees", "scale": "scale", "rest_height": "rest_height_mm"}
     return {
@@ -92,7 +92,7 @@ def _document(
     }
 
 
-def _lines(evidence: RigEvidence, rig: Rig, told: dict[str, Interval], settings: str) -> Iterator[str]:
+def _lines(evidence: RigMeasurements, rig: RigCalibration, told: dict[str, Interval], settings: str) -> Iterator[str]:
     lean, scale, height = told["lean"], told["scale"], told["rest_height"]
     rests, falls = int(evidence.rests.sum()), int(evidence.falls.sum())
     yield f"{counted_tosses(len(evidence.ends))}: {rests} come to rest, {falls} are long enough in the air"

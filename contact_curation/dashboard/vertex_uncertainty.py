@@ -1,11 +1,11 @@
-"""How sure each vertex of a polytope is by what the kept tosses teach, from their information alone (METHOD 2.8).
+"""How sure each vertex of a polytope is by the selected tosses, from their information alone (METHOD 2.8).
 
-    Cramer-Rao   C = (A0 + H / sigma^2)^-1,    H = sum of the kept tosses' Gauss-Newton information
+    Cramer-Rao   C = (A0 + H / sigma^2)^-1,    H = sum of the selected tosses' Gauss-Newton information
     sigma^2      tr(H_o^+ sum s s^T) / rank H_o   over tosses theta was not fitted to, s being a toss's sum of scores
 
 A0 is the spread of the published initialisation, as in `learning.uncertainty`. That module is the one to quote: it has the
 tosses themselves, so that its sigma^2 is over transitions and it knows the sandwich, too. Here sigma^2 is over tosses, for a
-picture that follows every change of the kept set within milliseconds.
+picture that follows every change of the selected set within milliseconds.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ PRIOR_DEVIATION = 0.4
 """Of every parameter before the first toss: the published initialisation (METHOD 1.1) [characteristic lengths, shares, rad]."""
 
 FEWEST_OTHERS = 8
-"""With fewer tosses that are not kept, sigma^2 is taken over all."""
+"""With fewer tosses that are not selected, sigma^2 is taken over all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +45,12 @@ class VertexUncertainty:
         return np.asarray(self.half_axes[:, -1])
 
 
-def vertex_uncertainty(pool: Pool, kept: Sequence[str]) -> VertexUncertainty:
+def vertex_uncertainty(pool: Pool, selected: Sequence[str]) -> VertexUncertainty:
     """What is known of the vertices.
 
     Args:
         pool: of a polytope, scored with the Gauss-Newton estimator.
-        kept: ids of the tosses that theta is fitted to; none gives the prior.
+        selected: ids of the tosses that theta is fitted to; none gives the prior.
 
     Raises:
         InvalidValueError: a pool of another model or estimator, in which there is no such thing, or a toss that is not in it.
@@ -60,9 +60,9 @@ def vertex_uncertainty(pool: Pool, kept: Sequence[str]) -> VertexUncertainty:
         found = f"model {pool.infos[0].model} with estimator {pool.infos[0].estimator}"
         raise InvalidValueError("information", found, f"a polytope's, with estimator {Estimator.GAUSS_NEWTON.value}")
     information: Array = np.eye(pool.parameters) / PRIOR_DEVIATION**2
-    indices = pool.indices_of(kept)
+    indices = pool.indices_of(selected)
     if indices.size:
-        information = information + _information(pool, indices) / noise_variance(pool, kept)
+        information = information + _information(pool, indices) / noise_variance(pool, selected)
     covariance = np.linalg.inv(information)[block.start : block.stop, block.start : block.stop]
     count = (block.stop - block.start) // 3
     blocks = np.einsum("kikj->kij", covariance.reshape(count, 3, count, 3))  # (V, 3, 3)
@@ -71,17 +71,17 @@ def vertex_uncertainty(pool: Pool, kept: Sequence[str]) -> VertexUncertainty:
     return VertexUncertainty(np.sqrt(np.maximum(variances, 0.0)), directions)
 
 
-def uncertainty_if_told(pool: Pool, kept: Sequence[str]) -> VertexUncertainty | None:
+def uncertainty_if_known(pool: Pool, selected: Sequence[str]) -> VertexUncertainty | None:
     """The same; None where the information says nothing of the kind: it is empirical, or about a network."""
     try:
-        return vertex_uncertainty(pool, kept)
+        return vertex_uncertainty(pool, selected)
     except InvalidValueError:
         return None
 
 
-def noise_variance(pool: Pool, kept: Sequence[str]) -> float:
-    """Sigma^2 of the residuals, by the tosses that are not kept if there are enough of them, else by all."""
-    inside = frozenset(kept)
+def noise_variance(pool: Pool, selected: Sequence[str]) -> float:
+    """Sigma^2 of the residuals, by the tosses that are not selected if there are enough of them, else by all."""
+    inside = frozenset(selected)
     others = [toss_id for toss_id in pool.ids if toss_id not in inside]
     indices = pool.indices_of(others if len(others) >= FEWEST_OTHERS else pool.ids)
     whitening = identifiable_subspace(_information(pool, indices)).whitening

@@ -38,7 +38,7 @@ from contact_curation.learning.training.progress import TrainingState
 from contact_curation.learning.training.protocols import TrainingConfig, budgeted, published
 from contact_curation.learning.training.reranking import EXACT_SELECTIONS, CanaryConfig, Reranking, RerankingConfig
 from contact_curation.learning.training.training import Training
-from contact_curation.motion.calibration import Rig, put_right
+from contact_curation.motion.calibration import RigCalibration, apply_calibration
 from contact_curation.motion.gates import GateConfig, inspect
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
@@ -84,9 +84,9 @@ class Bench:
     held_out: tuple[Toss, ...]
     gates: GateConfig
 
-    def on(self, rig: Rig) -> "Bench":
+    def on(self, rig: RigCalibration) -> "Bench":
         """The same tosses as a level rig with a true metre would have tracked them."""
-        training, held_out = (tuple(put_right(toss, rig) for toss in side) for side in (self.training, self.held_out))
+        training, held_out = (tuple(apply_calibration(toss, rig) for toss in side) for side in (self.training, self.held_out))
         return replace(self, training=training, held_out=held_out)
 
     @cached_property

@@ -33,7 +33,7 @@ from contact_curation.experiments.ledger import Ledger
 from contact_curation.experiments.reproduce import BUDGET, PUBLIC_HELD_OUT
 from contact_curation.experiments.tables import write_tables
 from contact_curation.experiments.throws import ThrowsCell
-from contact_curation.motion.calibration import rig_of
+from contact_curation.motion.calibration import calibration_of
 from contact_curation.pipeline.division import DivisionConfig, held_out_rule, learning_tosses
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import read_tosses
@@ -124,11 +124,11 @@ def _bench(arguments: Arguments) -> Bench:
 
 def _put_right(bench: Bench) -> Bench:
     try:
-        rig = rig_of(bench.training, bench.body.polytope)
+        rig = calibration_of(bench.training, bench.body.polytope)
     except InvalidValueError as error:
         warn([f"tosses are taken as recorded: {error}"])
         return bench
-    lean, off = np.degrees(rig.lean), 100.0 * (rig.scale - 1.0)
+    lean, off = np.degrees(rig.tilt), 100.0 * (rig.scale - 1.0)
     warn([f"the rig's board leans by {lean:.2f} degrees and its metre is {off:.1f} % short: put right; --as-recorded does not"])
     return bench.on(rig)
 

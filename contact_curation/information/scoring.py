@@ -27,7 +27,7 @@ from contact_curation.motion.transitions import Transitions, transitions_of
 
 STORED = np.float32
 """Of a factor's numbers, the most of what stays of a toss: half the room, and no kept set of the real tosses changes by it
-(`benchmarks.rank_compression`). Rounded once, here, so that whoever ranks, in whichever process, ranks the same numbers."""
+(`benchmarks.selection.rank_compression`). Rounded once, here, so that whoever ranks, in any process, ranks the same numbers."""
 
 
 @dataclass(frozen=True)

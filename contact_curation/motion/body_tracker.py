@@ -196,7 +196,7 @@ class BodyTracker:
         return found
 
     def _in_board(self, measured: FramePose) -> ScalarPose | None:
-        """The body in the board's frame by a measurement; None as long as the rig's poses do not tell."""
+        """The body in the board's frame by a measurement; None as long as the rig's poses do not determine it."""
         stamp_ns, gap_ns = measured.stamp_ns, self.config.largest_rig_gap * NANOSECONDS
         on_body = self._tree.path(self.config.body_frame, measured.child)
         paths = self._paths_to_common(measured.parent)

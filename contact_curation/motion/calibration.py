@@ -1,12 +1,12 @@
-"""What tosses say of the rig that tracked them: how its board lies, and how long its metre is.
+"""Calibration of the rig that tracked tosses, estimated from the tosses themselves: tilt of the board, and length scale.
 
 Nothing but the tosses is needed. A body comes to rest flat on the board, so that the mean of the faces that it lies on is the
 board's plane; and it falls by 9.81 m/s^2, so that a tracker that sees it fall by less measures lengths too short (or time too
-slow, which free fall alone cannot tell apart). Both are the rig's, the same for all tosses, and are put right together: the
-frame is turned until the mean rest is level, and lengths are multiplied.
+slow, which free fall alone does not distinguish). Both belong to the rig, are the same for all tosses, and are corrected
+together: the frame is turned until the mean rest is level, and lengths are multiplied by the scale.
 
-A board that leans in the tracker's frame looks to a learner like ground that leans and gravity that does not; a short metre
-looks like a small body. Of ContactNets' public tosses both are true (docs/data.md).
+A board that is tilted in the tracker's frame looks to a learner like tilted ground under untilted gravity; a length scale that
+is too short looks like a small body. ContactNets' public tosses have both errors (docs/data.md).
 """
 
 from collections.abc import Iterable
@@ -23,7 +23,7 @@ from contact_curation.motion.gates import GateConfig, footing, rest_normal
 from contact_curation.motion.toss import NANOSECONDS, Toss
 
 FEWEST_TOSSES = 8
-"""Of which a rig can be told."""
+"""That a calibration is estimated from, at least."""
 
 FEWEST_FRAMES = 12
 """In the air, for an acceleration."""
@@ -32,15 +32,15 @@ CLEARANCE = 0.012
 """A body whose corners are higher than this is in the air [m]."""
 
 STEEPEST = float(np.sqrt(0.5))
-"""Cosine of the largest lean."""
+"""Cosine of the largest tilt."""
 
 ROUNDING = 1e-12
 """What is as near to length 1 has it."""
 
 
 @dataclass(frozen=True)
-class Rig:
-    """How poses of a rig are put right; by default they are right.
+class RigCalibration:
+    """How poses of a rig are corrected; by default they are not.
 
     Attributes:
         normal: of the board's plane, up, in the frame of the poses; of any length.
@@ -70,18 +70,18 @@ class Rig:
         return normal if abs(length - 1.0) < ROUNDING else normal / length
 
     @property
-    def lean(self) -> float:
+    def tilt(self) -> float:
         """Angle of the board against the frame of the poses [rad]."""
         return float(np.arccos(min(self.up[2], 1.0)))
 
 
-LEVEL = Rig()
-"""Nothing to put right."""
+NO_CORRECTION = RigCalibration()
+"""Of a level rig with a true length scale."""
 
 
 @dataclass(frozen=True, eq=False)
-class RigEvidence:
-    """What K tosses say of their rig.
+class RigMeasurements:
+    """What is measured of a rig in K tosses.
 
     Attributes:
         normals: (K, 3) up, of the faces that they came to lie on; NaN where they did not.
@@ -99,32 +99,34 @@ class RigEvidence:
 
     @property
     def rests(self) -> NDArray[np.bool_]:
-        """(K,) which tosses tell the normal."""
+        """(K,) which tosses have a normal."""
         return np.isfinite(self.heights)
 
     @property
     def falls(self) -> NDArray[np.bool_]:
-        """(K,) which tosses tell the scale."""
+        """(K,) which tosses have an acceleration for the scale."""
         return self.weights > 0.0
 
-    def rig(self, gravity: float = 9.81) -> Rig:
-        """The rig that they were tracked with; the rest as of `rig_of`."""
+    def calibration(self, gravity: float = 9.81) -> RigCalibration:
+        """The calibration that is estimated from them; the rest as of `calibration_of`."""
         rests, falls = self.rests, self.falls
         for what, found in (("come to rest", rests), (f"are {FEWEST_FRAMES} frames in the air", falls)):
             if (count := int(found.sum())) < FEWEST_TOSSES:
-                raise InvalidValueError(f"tosses that {what}", count, f"at least {FEWEST_TOSSES}, to tell the rig by them")
+                raise InvalidValueError(
+                    f"tosses that {what}", count, f"at least {FEWEST_TOSSES}, to estimate the calibration from"
+                )
         normal = np.median(self.normals[rests], axis=0)
         seen = np.linalg.norm(self.weights[falls] @ self.accelerations[falls]) / self.weights[falls].sum()
         centre = np.array([*self.ends[:, :2].mean(axis=0), 0.0])
-        return Rig(_triple(normal / np.linalg.norm(normal)), _triple(centre), gravity / float(seen))
+        return RigCalibration(_triple(normal / np.linalg.norm(normal)), _triple(centre), gravity / float(seen))
 
-    def drawn(self, places: NDArray[np.int64]) -> "RigEvidence":
-        """That of some of the tosses, as often as they are named."""
-        return RigEvidence(*(getattr(self, field.name)[places] for field in fields(self)))
+    def resampled(self, places: NDArray[np.int64]) -> "RigMeasurements":
+        """Those of some of the tosses, as often as they are named."""
+        return RigMeasurements(*(getattr(self, field.name)[places] for field in fields(self)))
 
 
-def evidence_of(tosses: Iterable[Toss], polytope: Polytope) -> RigEvidence:
-    """What tosses say, one after the other; none of them is kept."""
+def measurements_of(tosses: Iterable[Toss], polytope: Polytope) -> RigMeasurements:
+    """The measurements of tosses, one after the other; none of them stays in memory."""
     normals, heights, accelerations, weights, ends = [], [], [], [], []
     for toss in tosses:
         corners, fall = footing(toss, polytope, GateConfig()), _fall(toss, polytope)
@@ -135,11 +137,11 @@ def evidence_of(tosses: Iterable[Toss], polytope: Polytope) -> RigEvidence:
         ends.append(toss.positions[-1])
     columns = (np.array(each, dtype=float) for each in (normals, heights, accelerations, weights, ends))
     shapes = ((-1, 3), (-1,), (-1, 3), (-1,), (-1, 3))
-    return RigEvidence(*(column.reshape(shape) for column, shape in zip(columns, shapes, strict=True)))
+    return RigMeasurements(*(column.reshape(shape) for column, shape in zip(columns, shapes, strict=True)))
 
 
-def rig_of(tosses: Iterable[Toss], polytope: Polytope, gravity: float = 9.81) -> Rig:
-    """The rig that tosses were tracked with.
+def calibration_of(tosses: Iterable[Toss], polytope: Polytope, gravity: float = 9.81) -> RigCalibration:
+    """The calibration of the rig that tosses were tracked with.
 
     Args:
         tosses: of one body, all tracked by the same rig.
@@ -149,16 +151,16 @@ def rig_of(tosses: Iterable[Toss], polytope: Polytope, gravity: float = 9.81) ->
     Raises:
         InvalidValueError: fewer than `FEWEST_TOSSES` of them come to rest, or are long enough in the air.
     """
-    return evidence_of(tosses, polytope).rig(gravity)
+    return measurements_of(tosses, polytope).calibration(gravity)
 
 
-def put_right(toss: Toss, rig: Rig) -> Toss:
-    """The toss as a level rig with a true metre would have tracked it; of such a rig it stays as it is."""
-    if rig == LEVEL:
+def apply_calibration(toss: Toss, rig: RigCalibration) -> Toss:
+    """The toss as a level rig with a true length scale would have tracked it; unchanged where there is nothing to correct."""
+    if rig == NO_CORRECTION:
         return toss
     axis = np.cross(rig.up, [0.0, 0.0, 1.0])
     length = float(np.linalg.norm(axis))
-    turn = quaternions.exp(axis * (rig.lean / length if length else 0.0))
+    turn = quaternions.exp(axis * (rig.tilt / length if length else 0.0))
     centre = np.array(rig.centre)
     return replace(
         toss,

@@ -1,4 +1,4 @@
-"""Where frames stand in each other: a tree of static and moving links, as /tf and odometry tell it.
+"""Where frames stand in each other: a tree of static and moving links, as /tf and odometry give it.
 
 A link that moves has a history. Asked for a time between two of its poses it is interpolated: only the rig (boards, cameras,
 robots) is looked up here, never the tossed body, which is not interpolated over contact.

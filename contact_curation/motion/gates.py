@@ -14,8 +14,8 @@ that contact (and nothing else) has given in between:
 
 Faster than 150 frames a second the bounds on velocities grow with the rate and those on accelerations with its square, as a
 tracker's noise does (`smoothing.noise_growth`). Stamps and quaternion norms complete the list. The jump gate sees what a
-filter hid: a median of three takes a spike of a frame out of the velocities, but not out of the positions. A flagged toss is
-kept aside and shown, never deleted.
+filter hid: a median of three takes an outlier of one frame out of the velocities, but not out of the positions. A rejected toss
+is stored and shown, never deleted.
 """
 
 from collections.abc import Callable
@@ -172,7 +172,7 @@ def rest_normal(corners: Array) -> Array:
 
 
 def inspect(toss: Toss, polytope: Polytope, config: GateConfig) -> tuple[str, ...]:
-    """Why a toss is kept back, one line per gate that it fails; empty when it passes."""
+    """Why a toss is rejected, one line per gate that it fails; empty when it passes."""
     if not config.enabled:
         return ()
     steps = steps_of(toss, polytope, config)
@@ -268,7 +268,10 @@ def turn_gate(steps: Steps, config: GateConfig) -> str:
     return _worst("turn beside the angular velocity", off, config.jump_spin * steps.noise, "rad/s")
 
 
-GATES: tuple[Callable[[Steps, GateConfig], str], ...] = (
+type Gate = Callable[[Steps, GateConfig], str]
+"""Gives the line of what it finds wrong with a toss; an empty one where nothing is."""
+
+GATES: tuple[Gate, ...] = (
     stamps_gate,
     quaternion_gate,
     depth_gate,
@@ -283,6 +286,7 @@ GATES: tuple[Callable[[Steps, GateConfig], str], ...] = (
     jump_gate,
     turn_gate,
 )
+"""In the order of their lines. Another gate takes a function and a line here; a bound of its own, a field of `GateConfig`."""
 
 
 def _worst(what: str, values: Array, bound: float, unit: str, first: int = 1) -> str:

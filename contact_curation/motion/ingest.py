@@ -1,4 +1,4 @@
-"""The whole way from measured poses to tosses that may be scored: track, segment, put right, gate."""
+"""The whole way from measured poses to tosses that may be scored: track, segment, calibrate, gate."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -8,7 +8,7 @@ from typing import Any
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.motion.body_tracker import BodyPose, BodyTracker, ClockJump, TrackerConfig, TrackerEvent
-from contact_curation.motion.calibration import LEVEL, Rig, put_right
+from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration, apply_calibration
 from contact_curation.motion.gates import GateConfig, inspect
 from contact_curation.motion.pose_noise import PoseNoise
 from contact_curation.motion.pose_stream import BadPose, FramePose
@@ -27,13 +27,13 @@ class IngestConfig:
         tracker: frames.
         segmenter: when a motion is a toss.
         gates: what a toss must pass, by a tracker as noisy as the real rig's; for the segmenter's they are widened.
-        rig: what tracked; motions are put right of it once they are cut, since rules of cutting may be a recording's own.
+        rig: what tracked; it is applied to motions once they are cut, since rules of cutting may be a recording's own.
     """
 
     tracker: TrackerConfig
     segmenter: SegmenterConfig = field(default_factory=SegmenterConfig)
     gates: GateConfig = field(default_factory=GateConfig)
-    rig: Rig = LEVEL
+    rig: RigCalibration = NO_CORRECTION
 
 
 class TossIngest:
@@ -64,7 +64,7 @@ class TossIngest:
         return self._tracker.counts + self._outcomes
 
     def noise_complaint(self) -> str:
-        """One line where the poses are much noisier than the segmenter was told; else nothing."""
+        """One line where the poses are much noisier than the segmenter expects; else nothing."""
         return self.noise.complaint(self.config.segmenter.tracker_noise)
 
     @property
@@ -118,11 +118,11 @@ class TossIngest:
         return followed
 
     def _outcome(self, event: IngestEvent) -> IngestEvent:
-        """The event, a motion put right, a toss after the gates, counted."""
+        """The event, counted: a motion calibrated, a toss after the gates."""
         if isinstance(event, Rejected):
-            event = Rejected(put_right(event.toss, self.config.rig), event.reasons)
+            event = Rejected(apply_calibration(event.toss, self.config.rig), event.reasons)
         elif isinstance(event, Toss):
-            event = put_right(event, self.config.rig)
+            event = apply_calibration(event, self.config.rig)
             reasons = inspect(event, self._polytope, self._gates)
             event = Rejected(event, reasons) if reasons else event
         if not isinstance(event, BadPose):

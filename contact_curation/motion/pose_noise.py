@@ -2,7 +2,7 @@
 
     sigma = median |p_k - 3 p_k-1 + 3 p_k-2 - p_k-3| / (0.6745 sqrt(20))        over x and y on the board
 
-Differences of exactly nothing are left out: they are poses that were told twice, or rounded.
+Differences of exactly nothing are left out: they are poses that were sent twice, or rounded.
 """
 
 from collections import deque
@@ -24,10 +24,10 @@ EVEN = 1.2
 """Successive steps of time that differ by a larger factor are left out."""
 
 LOUD = 1.6
-"""Times what was told; from there on tosses are lost (benchmarks/tracker_noise.py)."""
+"""Times what was expected; from there on tosses are lost (benchmarks/data/tracker_noise.py)."""
 
 MOST = 8.0
-"""With more, tosses are lost whatever is told."""
+"""With more, tosses are lost whatever is expected."""
 
 SLOWEST = 0.02
 """A longer median step says nothing, since the body's own motion is all that is seen [s]."""
@@ -62,12 +62,12 @@ class PoseNoise:
             return 0.0
         return median(self._bent) / (0.6745 * sqrt(20.0) * RIG_NOISE)
 
-    def complaint(self, told: float) -> str:
-        """One line where poses scatter by much more than was told, in multiples of `RIG_NOISE`; else nothing."""
+    def complaint(self, expected_noise: float) -> str:
+        """One line where poses scatter by much more than was expected, in multiples of `RIG_NOISE`; else nothing."""
         multiple = self.multiple
-        if multiple <= LOUD * told:
+        if multiple <= LOUD * expected_noise:
             return ""
-        found, expected = (f"{1e3 * RIG_NOISE * each:.2g} mm" for each in (multiple, told))
+        found, expected = (f"{1e3 * RIG_NOISE * each:.2g} mm" for each in (multiple, expected_noise))
         noisy = f"found positions that scatter by {found} from frame to frame, expected {expected}"
         remedy = f"say segmenter.tracker_noise={multiple:.1f}" if multiple <= MOST else "smooth them, or take fewer a second"
         return f"{noisy}: tosses may be lost; {remedy}"

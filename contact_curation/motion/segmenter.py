@@ -2,7 +2,7 @@
 
     start   free fall over the board in two successive frames, every corner off the board
     end     nine successive displacements too small to see, the body flat on a face
-    none    told of a noisy tracker: what does not go on falling
+    none    set for a noisy tracker: what does not go on falling
     reject  too short, never touching the board, deep in it, pushed while in the air, or with a frame missing
 
 Velocities look one frame ahead, so a toss comes out one frame after its last. A missing frame is a gap: nothing is interpolated
@@ -16,11 +16,10 @@ from typing import Any
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.scalars import Quaternion, Vector, third_row
-from contact_curation.motion.free_fall import MEMORY, FallDetector
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.smoothing import noise_growth
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
-from contact_curation.motion.toss_rules import Frame, Motion, cut, reasons_against
+from contact_curation.motion.toss_rules import MEMORY, FallDetector, Frame, Motion, cut, reasons_against
 
 DOUBTFUL = 1.2
 """Times the real rig's noise, that of accelerations by rate counted in: from there on it may look like free fall."""
@@ -29,7 +28,7 @@ CONFIRMED, FALLING = 0.1, 0.85
 """Where noise may look like free fall a toss is none unless it falls over so long a time [s] by that share of gravity."""
 
 STEPS = 15
-"""So many last stamp differences tell a stream's frame period."""
+"""So many last stamp differences give a stream's frame period."""
 
 
 class TossSegmenter:

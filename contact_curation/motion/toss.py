@@ -18,6 +18,12 @@ def toss_identity(body: str, source: str, first_stamp_ns: int) -> str:
     return f"{body}-{first_stamp_ns}-{hashlib.sha256(source.encode()).hexdigest()[:8]}"
 
 
+def first_stamp_in(toss_id: str) -> int | None:
+    """The first stamp [ns] that an id of `toss_identity` holds; None of any other id."""
+    stamp = toss_id.rpartition("-")[0].rpartition("-")[2]
+    return int(stamp) if stamp.isdecimal() else None
+
+
 @dataclass(frozen=True, eq=False)
 class Toss:
     """A toss of T >= 2 frames; immutable, checked when made.
@@ -86,7 +92,7 @@ class Toss:
 
 @dataclass(frozen=True, eq=False)
 class Rejected:
-    """A motion that was kept back, with all that was seen of it.
+    """A motion that was rejected, with all that was seen of it.
 
     Attributes:
         toss: what was recorded.

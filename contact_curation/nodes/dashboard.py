@@ -159,7 +159,7 @@ class Dashboard(StageNode):
         """The newest kept set only, and again while information that it was chosen from is still coming."""
         message, self._buffer = self._buffer, None
         if message is not None:
-            self._session.set_kept(kept_set_of(message), nanoseconds_of(message.header.stamp))
+            self._session.set_selected(kept_set_of(message), nanoseconds_of(message.header.stamp))
             self._revision, self._pending = message.revision, True
         if self._pending:
             self._pending = not self._session.show_ranking()

@@ -12,7 +12,7 @@ from contact_curation_msgs.srv import GetTosses
 from rclpy.clock import Clock, ClockType
 
 from contact_curation.contact.body import Body
-from contact_curation.motion.calibration import LEVEL
+from contact_curation.motion.calibration import NO_CORRECTION
 from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.ingest import IngestConfig, TossIngest
 from contact_curation.motion.segmenter_config import SegmenterConfig
@@ -29,7 +29,7 @@ from contact_curation.nodes.ros.worker import Latest, Worker
 from contact_curation.stages.ingest import Arrival, IngestJournal
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig
-from contact_curation.storage.inputs.recorded_rules import NOTE, with_recorded_rules
+from contact_curation.storage.inputs.recording_notes import RULES_NOTE, with_recorded_rules
 from contact_curation.storage.stores.tosses import StoredRejected, StoredToss, TossStore
 
 LOOK_PERIOD = 0.2
@@ -150,10 +150,12 @@ def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> Inge
     recording = declare(node, "rules_of", "", "recording whose own rules complete the segmenter's; empty: none")
     if recording:
         with BagReader(Path(recording)) as reader:
-            segmenter = with_recorded_rules(segmenter, reader.note(NOTE))
+            segmenter = with_recorded_rules(segmenter, reader.note(RULES_NOTE))
     gates = declare_config(node, replace(GateConfig(), gravity=body.gravity), "gates.")
     gates = gates.of_body(gates.gravity, body.friction)
-    return IngestConfig(poses.tracker(body.name, poses.board_frame), segmenter, gates, declare_config(node, LEVEL, "rig."))
+    return IngestConfig(
+        poses.tracker(body.name, poses.board_frame), segmenter, gates, declare_config(node, NO_CORRECTION, "rig.")
+    )
 
 
 def main() -> int:

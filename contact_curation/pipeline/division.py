@@ -60,9 +60,9 @@ def selected_ids(manifest: Path) -> tuple[str, ...]:
         UnreadableInputError: the file is no manifest.
         InvalidValueError: it selected nothing.
     """
-    ids = tuple(row.toss_id for row in read_manifest(manifest).kept)
+    ids = tuple(row.toss_id for row in read_manifest(manifest).selected)
     if not ids:
-        raise InvalidValueError(f"kept tosses of {manifest}", "none", "at least one")
+        raise InvalidValueError(f"selected tosses of {manifest}", "none", "at least one")
     return ids
 
 
@@ -148,7 +148,7 @@ def learning_tosses(tosses: Tosses, config: DivisionConfig) -> LearningTosses:
     others = [one for one in pool if selected is None or one.toss.toss_id in selected]
     if not others:
         absent = f"none in the inputs: no {listed(config.selected or ())}"
-        raise InvalidValueError(f"kept tosses of {config.manifest}", absent, "some")
+        raise InvalidValueError(f"selected tosses of {config.manifest}", absent, "some")
     ids = frozenset(one.toss.toss_id for one in held_out)
     parts = split([*held_out, *(one for one in others if one.toss.toss_id not in ids)], HeldOutRule(ids=ids), config.with_twins)
     lines = (*tosses.warnings, *_missing(pool, ids, config))
@@ -165,10 +165,11 @@ def _missing(tosses: Sequence[NumberedToss], held_out: frozenset[str], config: D
     selected = config.selected or ()
     absent = [toss_id for toss_id in selected if toss_id not in there]
     if absent:
-        lines.append(f"{config.manifest}: {len(absent)} of {len(selected)} kept tosses are not in the inputs: {listed(absent)}")
+        few = f"{len(absent)} of {len(selected)} selected tosses are not in the inputs"
+        lines.append(f"{config.manifest}: {few}: {listed(absent)}")
     withheld = [toss_id for toss_id in selected if toss_id in held_out]
     if withheld:
-        lines.append(f"{config.manifest}: {len(withheld)} of {len(selected)} kept tosses are held out: {listed(withheld)}")
+        lines.append(f"{config.manifest}: {len(withheld)} of {len(selected)} selected tosses are held out: {listed(withheld)}")
     return lines
 
 
@@ -194,7 +195,7 @@ def _span(text: str) -> tuple[int, int]:
 
 def _ids_in(path: Path) -> frozenset[str]:
     if path.suffix in FORMATS:
-        return frozenset(row.toss_id for row in read_manifest(path).kept)
+        return frozenset(row.toss_id for row in read_manifest(path).selected)
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST_FILE + 1)

@@ -5,16 +5,22 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from contact_curation.errors import ContactCurationError, InvalidValueError
-from contact_curation.motion.calibration import LEVEL
+from contact_curation.motion.calibration import NO_CORRECTION
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.pipeline.workers import Advance, unheard
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.datasets.contactnets import SUBFOLDER
 from contact_curation.storage.export.contactnets import write_contactnets
-from contact_curation.storage.export.lerobot_dataset import write_lerobot
+from contact_curation.storage.export.lerobot import write_lerobot
 from contact_curation.storage.export.mcap import BagExport, export_bag
-from contact_curation.storage.export.selected import KeptToss, KeptTosses, changed_inputs, check_all_found, kept_rows
+from contact_curation.storage.export.selected import (
+    SelectedToss,
+    SelectedTosses,
+    changed_inputs,
+    check_all_found,
+    selected_rows,
+)
 from contact_curation.storage.inputs.inputs import InputsConfig, is_contactnets
 from contact_curation.storage.manifest.file import read_manifest, write_manifest
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
@@ -67,12 +73,12 @@ def export_job(inputs: Sequence[Path], reading: ReadingConfig, manifest: Path, *
         InvalidValueError: it kept nothing.
     """
     content = read_manifest(manifest)
-    return ExportJob(tuple(inputs), reading, manifest, content, kept_rows(content, manifest), per_toss)
+    return ExportJob(tuple(inputs), reading, manifest, content, selected_rows(content, manifest), per_toss)
 
 
 def to_contactnets(job: ExportJob, folder: Path, advance: Advance) -> Exported:
     """tosses_processed/N.pt and manifest.json, the N-th row of which is N.pt."""
-    level = job.reading.inputs.rig == LEVEL  # what is put right is no file's content any more
+    level = job.reading.inputs.rig == NO_CORRECTION  # what is put right is no file's content any more
     inputs = replace(job.reading.inputs, as_stored=level)
     found = found_tosses(job, inputs, advance)
     write_contactnets(found.tosses, job.reading.body, folder, copied=level)
@@ -111,7 +117,7 @@ FORMATS: Mapping[str, Callable[[ExportJob, Path, Advance], Exported]] = {
 }
 
 
-def found_tosses(job: ExportJob, inputs: InputsConfig, advance: Advance = unheard) -> KeptTosses:
+def found_tosses(job: ExportJob, inputs: InputsConfig, advance: Advance = unheard) -> SelectedTosses:
     """The selected tosses, best first; those that the gates would reject now, too.
 
     Raises:
@@ -120,9 +126,9 @@ def found_tosses(job: ExportJob, inputs: InputsConfig, advance: Advance = unhear
     read = read_tosses(job.inputs, replace(job.reading, inputs=inputs), advance=advance, only=job.rows)
     outcomes = {**read.by_id, **{one.toss.toss_id: one.toss for one in read.rejected}}
     check_all_found(job.rows, outcomes, job.manifest_path, read.warnings)
-    tosses = tuple(KeptToss(outcomes[toss_id], row, read.taken[toss_id].seen.origin) for toss_id, row in job.rows.items())
+    tosses = tuple(SelectedToss(outcomes[toss_id], row, read.taken[toss_id].seen.origin) for toss_id, row in job.rows.items())
     changed = changed_inputs((one.row, one.origin) for one in tosses)
-    return KeptTosses(tosses, (*read.warnings, *changed))
+    return SelectedTosses(tosses, (*read.warnings, *changed))
 
 
 def _exported_bags(job: ExportJob, folder: Path, advance: Advance) -> tuple[list[BagExport], list[str]]:

@@ -8,13 +8,11 @@ from contact_curation.contact.models.model import Model
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form, is_physical
 from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.learning.checkpoints.safetensors_bytes import LARGEST_BYTES
 from contact_curation.learning.checkpoints.selection_document import selections_of
 from contact_curation.learning.checkpoints.stored_model import MALFORMED, model_bytes, model_of_bytes, notes_of_bytes
-from contact_curation.storage.atomic_file import write_atomically
-from contact_curation.storage.bounded_file import read_bounded
-from contact_curation.storage.checkpoint_file import LARGEST_BYTES
-from contact_curation.storage.parameters_file import Parameters
-from contact_curation.storage.theta_file import is_checkpoint, read_theta
+from contact_curation.storage.files import read_bounded, write_atomically
+from contact_curation.storage.parameters_file import Parameters, is_checkpoint, read_theta
 
 
 @dataclass(frozen=True, eq=False)

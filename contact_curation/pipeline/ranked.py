@@ -53,7 +53,7 @@ class RankedTosses:
     @property
     def selected_ids(self) -> tuple[str, ...]:
         """Ids of the selected tosses, best first."""
-        return tuple(row.toss_id for row in self.manifest.kept)
+        return tuple(row.toss_id for row in self.manifest.selected)
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -159,7 +159,7 @@ class RankedTosses:
             criterion=run.criterion,
             scores=np.array([row.score for row in self.ranked_rows], dtype=float),
             gains=np.array([row.marginal_gain for row in self.ranked_rows], dtype=float),
-            kept=len(selected),
+            selected=len(selected),
             spectrum=curation.spectrum,
             epsilon=curation.epsilon,
             shares={share.name: (share.share, part.share) for share, part in zip(curation.block_shares, own)},

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from contact_curation.contact.body import Body
-from contact_curation.motion.calibration import LEVEL, Rig
+from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.storage.inputs.inputs import InputsConfig, Problem, open_inputs
 from contact_curation.storage.provenance import SeenToss, seen_toss
@@ -93,9 +93,9 @@ class InputReader:
         )
 
 
-def settings_of(rig: Rig) -> str:
+def settings_of(rig: RigCalibration) -> str:
     """A rig's calibration in the words of `--set`, to 1e-5 and a tenth of a millimetre; nothing for a level rig."""
-    if rig == LEVEL:
+    if rig == NO_CORRECTION:
         return ""
     normal = ",".join(f"{value:.5f}" for value in rig.normal)
     centre = ",".join(f"{value:.4f}" for value in rig.centre)

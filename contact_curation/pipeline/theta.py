@@ -15,8 +15,7 @@ from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.parameter_form import Form, is_physical
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.storage.parameters_file import Parameters
-from contact_curation.storage.theta_file import CHECKPOINT, is_checkpoint, read_theta
+from contact_curation.storage.parameters_file import CHECKPOINT, Parameters, is_checkpoint, read_theta
 
 if TYPE_CHECKING:
     from contact_curation.contact.models.model import Model

@@ -26,12 +26,11 @@ from contact_curation.learning.training.plan import TrainingPlan, begin, resume,
 from contact_curation.learning.training.progress import Progress, TrainingState
 from contact_curation.learning.training.protocols import TrainingConfig, budgeted, exact, published
 from contact_curation.learning.training.reranking import RerankingConfig
-from contact_curation.motion.calibration import LEVEL, Rig
+from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.pipeline.division import DivisionConfig, LearningTosses
 from contact_curation.pipeline.learned_model import LearnedModel, model_of_checkpoint
 from contact_curation.pipeline.reading import settings_of
-from contact_curation.storage.parameters_file import Parameters
-from contact_curation.storage.theta_file import is_checkpoint, read_theta
+from contact_curation.storage.parameters_file import Parameters, is_checkpoint, read_theta
 
 PROTOCOLS: dict[str, Callable[[ModelKind], TrainingConfig]] = {
     "budgeted": budgeted,
@@ -78,7 +77,7 @@ class TrainConfig:
     scoring: ScoringConfig = field(default_factory=ScoringConfig)
     start: Model | Parameters | None = None
     seed: int = 0
-    rig: Rig = LEVEL
+    rig: RigCalibration = NO_CORRECTION
 
     def plan(self, tosses: LearningTosses) -> TrainingPlan:
         """The plan of a training on these tosses."""
@@ -124,7 +123,7 @@ class TrainingRun:
         rig: how the tosses were calibrated.
     """
 
-    def __init__(self, plan: TrainingPlan, curated: CuratedTraining, loss_before: float, rig: Rig) -> None:
+    def __init__(self, plan: TrainingPlan, curated: CuratedTraining, loss_before: float, rig: RigCalibration) -> None:
         self.plan, self.curated, self.loss_before = plan, curated, loss_before
         self._notes = {
             BEFORE: repr(loss_before),

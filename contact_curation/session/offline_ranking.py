@@ -7,7 +7,7 @@ from typing import Any
 
 from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.information.ranker import DEFAULT_CRITERION, STREAMED_CRITERION, RankingConfig
-from contact_curation.motion.calibration import LEVEL
+from contact_curation.motion.calibration import NO_CORRECTION
 from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.session.node_settings import SessionFolder
@@ -50,7 +50,7 @@ def rank_command(folder: SessionFolder, parameters: Mapping[str, Parameters], bo
         words += ["--influence-bound", str(scorer["influence_bound"])]
     words += [word for name in POSES if ingest.get(name) for word in (f"--{name.replace('_', '-')}", str(ingest[name]))]
     words += _settings("segmenter", ingest, SegmenterConfig(), "segmenter.")
-    words += _settings("rig", ingest, LEVEL, "rig.")
+    words += _settings("rig", ingest, NO_CORRECTION, "rig.")
     words += _settings("gates", ingest, GateConfig(), "gates.")
     words += _settings("poses", ingest, PoseTopicConfig(), "")
     words += _settings("loss", scorer, DEFAULT_LOSS, "loss.")

@@ -17,9 +17,9 @@ from contact_curation.session.events import EventLog
 from contact_curation.session.node_settings import SessionFolder
 from contact_curation.session.offline_ranking import rank_command, ranking_figure_of
 from contact_curation.session.parameter_files import Parameters
-from contact_curation.session.report_data import story_of
+from contact_curation.session.report_data import report_data_of
 from contact_curation.session.summary import Summary
-from contact_curation.storage.atomic_file import write_atomically
+from contact_curation.storage.files import write_atomically
 
 
 def finish_record(
@@ -38,13 +38,14 @@ def finish_record(
     words = rank_command(folder, parameters, config.body_file)
     ranked, replay = _replayed(words, summary)
     summary = replace(summary, document={**summary.document, **replay, "folder": str(folder.root)})
-    story = story_of(f"Session of {len(summary.document['throws'])} throws", folder.bag, summary, events.events, ranked)
+    story = report_data_of(f"Session of {len(summary.document['throws'])} throws", folder.bag, summary, events.events, ranked)
     figures = save_figures(story, folder.figures)
     if ranked:
         figures["Ranking"] = ranking_figure_of(folder)
     save_report(story, figures, folder.report)
     summary = replace(summary, document={**summary.document, "report": str(folder.report)})
     own = {
+        "format_version": 1,
         "command": list(command),
         "rank_command": words,
         "version": __version__,

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from contact_curation.dashboard.figures.report_data import SessionStory, ToldEvent, ToldThrow, ToldToss
+from contact_curation.dashboard.figures.report_data import ReportData, ReportedEvent, ReportedThrow, ReportedToss
 from contact_curation.geometry.quaternions import Array
 from contact_curation.session.summary import Summary, summary_lines
 from contact_curation.storage.bags.reader import BagReader
@@ -23,9 +23,9 @@ ERRORS = {
 OF_NODES = ("started", "died", "restarted", "given up", "stopped")
 
 
-def story_of(
+def report_data_of(
     title: str, bag: Path, summary: Summary, events: Sequence[Mapping[str, Any]], ranked: Mapping[str, Any]
-) -> SessionStory:
+) -> ReportData:
     """All that is to be told.
 
     Args:
@@ -39,17 +39,17 @@ def story_of(
     throws_then, errors = _learning(bag)
     diagnostics = ranked.get("diagnostics", {})
     epsilon = diagnostics.get("epsilon")
-    return SessionStory(
+    return ReportData(
         title=title,
         facts=summary_lines(told),
         throws=[
-            ToldThrow(one["number"], one["kind"], one["planned_gain"], one["realised_gain"], one["outcome"])
+            ReportedThrow(one["number"], one["kind"], one["planned_gain"], one["realised_gain"], one["outcome"])
             for one in told["throws"]
         ],
         ranking=_ranking(ranked.get("tosses", ())),
         rejected=list(told["rejected"].items()),
         events=[
-            ToldEvent(event["time"], event["event"], event["node"], event.get("detail", ""))
+            ReportedEvent(event["time"], event["event"], event["node"], event.get("detail", ""))
             for event in events
             if event["event"] in OF_NODES
         ],
@@ -61,10 +61,11 @@ def story_of(
     )
 
 
-def _ranking(rows: Sequence[Mapping[str, Any]]) -> list[ToldToss]:
+def _ranking(rows: Sequence[Mapping[str, Any]]) -> list[ReportedToss]:
     ranked = sorted((row for row in rows if row["rank"] is not None), key=lambda row: int(row["rank"]))
     return [
-        ToldToss(row["rank"], row["toss_id"], row["score"], row["marginal_gain"], row["trace"], row["kept"]) for row in ranked
+        ReportedToss(row["rank"], row["toss_id"], row["score"], row["marginal_gain"], row["trace"], row["kept"])
+        for row in ranked
     ]
 
 

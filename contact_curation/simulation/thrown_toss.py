@@ -10,8 +10,7 @@ from contact_curation.design.throw import Throw, throw_of_state
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.toss import NANOSECONDS, Toss, toss_identity
-from contact_curation.simulation.free_motion import free_motion
-from contact_curation.simulation.world import DEFAULT_WORLD, WorldConfig
+from contact_curation.simulation.world import DEFAULT_WORLD, WorldConfig, free_motion
 
 
 @dataclass(frozen=True)

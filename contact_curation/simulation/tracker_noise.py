@@ -38,7 +38,7 @@ class TrackerNoiseConfig:
         dropout_rate: share of the seen frames with which a loss of the tags begins.
         dropout_frames: how many frames a loss lasts, on average.
         frame_period: time between those frames [s]; others count by the time that they are in.
-        latency: from a frame's stamp until its pose is told [s].
+        latency: from a frame's stamp until its pose is published [s].
     """
 
     position: float = RIG_NOISE

@@ -12,7 +12,7 @@ from contact_curation.contact.models.model import Model
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
-from contact_curation.motion.calibration import LEVEL
+from contact_curation.motion.calibration import NO_CORRECTION
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.nodes.ros.parameters import declare, declare_config
@@ -72,7 +72,7 @@ def declared_held_out(node: Node, body: Body) -> HeldOutTosses:
     """
     paths = declare(node, "held_out", [""], "recordings that are never trained on, for the errors of training_status")
     noise = declare(node, "segmenter.tracker_noise", 1.0, "of the tracker of those recordings, as pose_ingest's")
-    rig = declare_config(node, LEVEL, "rig.")
+    rig = declare_config(node, NO_CORRECTION, "rig.")
     config = InputsConfig(segmenter=SegmenterConfig(tracker_noise=noise), rig=rig)
     return HeldOutTosses([path for path in paths if path], body, config)
 

@@ -16,8 +16,7 @@ from contact_curation.motion.ingest import IngestEvent, TossIngest
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.storage.provenance import TossProvenance
-from contact_curation.storage.stores.pose_journal import JournalPose
-from contact_curation.storage.stores.tosses import StoredRejected, StoredToss, TossStore
+from contact_curation.storage.stores.tosses import JournalPose, StoredRejected, StoredToss, TossStore
 
 STATE, NEWEST, ANNOUNCED = "ingest", "newest", "announced"
 

@@ -15,8 +15,7 @@ from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.nodes.messages.model_parameters import bytes_of_geometry, geometry_of_bytes
-from contact_curation.storage.parameters_file import Parameters
-from contact_curation.storage.theta_file import read_theta
+from contact_curation.storage.parameters_file import Parameters, read_theta
 
 
 class ScoredTheta(NamedTuple):

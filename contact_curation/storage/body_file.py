@@ -5,7 +5,7 @@ from pathlib import Path
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.storage.bounded_file import read_yaml
+from contact_curation.storage.files import read_yaml
 
 LARGEST_FILE = 2**22
 """Bytes."""

@@ -9,8 +9,7 @@ from contact_curation.learning.checkpoints.safetensors_bytes import LARGEST_BYTE
 from contact_curation.learning.checkpoints.stored_model import model_bytes, model_of_bytes, notes_of_bytes
 from contact_curation.learning.training.training import Training
 from contact_curation.motion.transitions import Transitions
-from contact_curation.storage.atomic_file import write_atomically
-from contact_curation.storage.bounded_file import read_bounded
+from contact_curation.storage.files import read_bounded, write_atomically
 
 
 def save_checkpoint(path: Path, training: Training, notes: dict[str, str] | None = None) -> None:

@@ -1,14 +1,18 @@
-"""Theta from a JSON file: the polytope's parameters in characteristic units, as `rank` and `score` take them.
+"""Theta from a file that a user names: a polytope's parameters in JSON, or a checkpoint of any model.
+
+In JSON, in characteristic units, as `rank` and `score` take them:
 
     {"vertices_normal": Vx3, "normal": 3, "vertices_tangent": Vx3, "tangents": 2x3}        friction is inside the tangents
 
 and, where they differ from the body's, "mass" [kg], "inertia" [kg per squared characteristic length; a number, 3, or 3x3] and
 "length_scale" [m], the characteristic length itself.
+
+torch takes over a second to import; it is imported to read a checkpoint only.
 """
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -16,10 +20,16 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.storage.bounded_file import read_json
+from contact_curation.storage.files import check_version, read_json
+
+if TYPE_CHECKING:
+    from contact_curation.contact.models.model import Model
+
 
 REQUIRED = ("vertices_normal", "normal", "vertices_tangent", "tangents")
 OPTIONAL = ("mass", "inertia", "length_scale")
+VERSION = 1
+"""Of the JSON; a file may name it under the key "version", and is of the first version where it does not."""
 LARGEST_BYTES = 1 << 20
 """Far more than 32 vertices take."""
 
@@ -60,6 +70,7 @@ def _json_object(path: Path) -> dict[str, Any]:
     data = read_json(path, LARGEST_BYTES, f"a JSON object with {_accepted()}")
     if not isinstance(data, dict):
         raise UnreadableInputError(path, f"holds a JSON {type(data).__name__}, expected an object with {_accepted()}")
+    check_version(path, "parameters", data.pop("version", 1), VERSION)
     return data
 
 
@@ -113,3 +124,34 @@ def _inertia(data: dict[str, Any], name: str) -> Array:
     if not np.allclose(inertia, inertia.T) or np.linalg.eigvalsh(inertia).min() <= 0.0:
         raise InvalidValueError(f"{name}: inertia", given.tolist(), "a positive definite matrix")
     return inertia
+
+
+CHECKPOINT = ".safetensors"
+
+
+def is_checkpoint(path: Path) -> bool:
+    """Whether a file is read as a checkpoint; any other is read as JSON."""
+    return path.suffix == CHECKPOINT
+
+
+def read_theta(path: Path, body: Body) -> "Parameters | Model":
+    """A polytope's numbers out of JSON, or the model of a checkpoint.
+
+    Args:
+        path: of the file.
+        body: which a checkpoint must be for, and which completes what JSON leaves out.
+
+    Raises:
+        UnreadableInputError, InvalidValueError: the file holds neither.
+    """
+    if not is_checkpoint(path):
+        try:
+            return read_parameters(path, body)
+        except UnreadableInputError as error:
+            if not path.is_file():
+                raise
+            why = str(error).removeprefix(f"{path}: ")
+            raise UnreadableInputError(path, f"{why}; or a checkpoint, a {CHECKPOINT} file") from error
+    from contact_curation.storage.checkpoint_file import read_model
+
+    return read_model(path, body)

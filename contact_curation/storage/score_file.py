@@ -1,4 +1,4 @@
-"""What `score` writes: everything the loss says of each transition, as one .npz file that loads without pickle.
+"""What `score` writes: all terms of the loss of each transition, as one .npz file that loads without pickle.
 
 The number of transitions is known at the end only, so that the columns grow in files of their own first: memory stays flat
 however much is scored, and the .npz appears whole or not at all.
@@ -15,7 +15,28 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contact_curation.contact.evaluation import LOSS_TERMS, Evaluation
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.storage.files import check_version
+
+VERSION_NAME, VERSION = "format_version", 1
+UNREADABLE = (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile)
+"""What numpy raises on files that are no .npz file of plain arrays."""
+
+
+def read_scores(path: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of a score file by their names, as `ScoreFileWriter` lists them.
+
+    Raises:
+        UnreadableInputError: there is no such file, or it is no score file.
+        NewerVersionError: a later release wrote it.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            version = int(file[VERSION_NAME]) if VERSION_NAME in file else 1  # the first release did not write it
+            check_version(path, "a score file", version, VERSION)
+            return {name: file[name] for name in file.files if name != VERSION_NAME}
+    except UNREADABLE as error:
+        raise UnreadableInputError(path, f"is no score file: {error}") from error
 
 
 class ScoreFileWriter:
@@ -25,7 +46,7 @@ class ScoreFileWriter:
 
         toss_id (N,) text · index (N,) of the transition in its toss · loss (N,), the sum of match, complementarity_n,
         complementarity_t, cone and penetration (N,) · impulse (N, K, 3) as normal, tangent 1, tangent 2 · score (N, P) ·
-        parameter_names (P,) text · status (N,), `SolveStatus` · kkt_residual (N,)
+        parameter_names (P,) text · status (N,), `SolveStatus` · kkt_residual (N,) · format_version ()
 
     Args:
         path: of the file, `*.npz`.
@@ -54,7 +75,7 @@ class ScoreFileWriter:
         Args:
             toss_id: whose they are.
             index: (N,) their numbers in the toss.
-            evaluation: what the loss says of them.
+            evaluation: their losses, impulses and scores.
         """
         rows: dict[str, Any] = {
             "index": np.asarray(index, dtype=np.int64),
@@ -78,8 +99,9 @@ class ScoreFileWriter:
             self._write_ids(archive)
             for name, column in self._columns.items():
                 column.copy_to(archive, name, self.transitions)
-            with archive.open("parameter_names.npy", "w") as member:
-                np.lib.format.write_array(member, np.array(self._names), allow_pickle=False)
+            for name, values in {"parameter_names": np.array(self._names), VERSION_NAME: np.array(VERSION)}.items():
+                with archive.open(f"{name}.npy", "w") as member:
+                    np.lib.format.write_array(member, values, allow_pickle=False)
         partial.replace(self.path)
         self.discard()
 

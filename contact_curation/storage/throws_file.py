@@ -13,8 +13,7 @@ from typing import Any
 
 from contact_curation.design.throw import Throw
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.storage.atomic_file import write_atomically
-from contact_curation.storage.bounded_file import read_json
+from contact_curation.storage.files import check_version, read_json, write_atomically
 
 VERSION = 1
 LARGEST_BYTES = 64 << 20
@@ -51,10 +50,10 @@ def read_throws(path: Path) -> tuple[Throw, ...]:
 
 
 def _listed(path: Path, document: Any) -> list[Any]:
-    if not isinstance(document, dict) or not isinstance(document.get("throws"), list):
+    if isinstance(document, dict) and "version" in document:
+        check_version(path, "throws", document["version"], VERSION)
+    if not isinstance(document, dict) or "version" not in document or not isinstance(document.get("throws"), list):
         raise UnreadableInputError(path, "holds no throws, expected an object with the keys version and throws")
-    if document.get("version") != VERSION:
-        raise UnreadableInputError(path, f"version: found {str(document.get('version'))[:40]}, expected {VERSION}")
     throws: list[Any] = document["throws"]
     if not 0 < len(throws) <= MOST_THROWS:
         raise UnreadableInputError(path, f"found {len(throws)} throws, expected 1 to {MOST_THROWS}")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contact_curation.geometry import quaternions
-from contact_curation.motion.calibration import Rig, put_right
+from contact_curation.motion.calibration import RigCalibration, apply_calibration
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.storage.bags.writer import BagWriter
 from contact_curation.storage.datasets.tagslam_bag import TagslamRig, record
@@ -22,9 +22,9 @@ def crooked(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Twelve tosses as seen by a rig whose frame leans by a degree and whose metre is 3 % short."""
     tosses = simulated_tosses(12, 3)
     undo = quaternions.rotate(quaternions.exp(-LEAN), np.array([0.0, 0.0, 1.0]))
-    folder, wrong = tmp_path_factory.mktemp("crooked"), Rig(tuple(undo), scale=METRE)
+    folder, wrong = tmp_path_factory.mktemp("crooked"), RigCalibration(tuple(undo), scale=METRE)
     for number, toss in enumerate(tosses):
-        save_contactnets(folder, number, put_right(toss, wrong))
+        save_contactnets(folder, number, apply_calibration(toss, wrong))
     return folder
 
 
@@ -37,7 +37,7 @@ def leaning(tmp_path_factory: pytest.TempPathFactory) -> Path:
         record(
             bag,
             "cube",
-            (put_right(toss, Rig((across, 0.0, up), scale=0.98)) for toss in simulated_tosses(12, 3)),
+            (apply_calibration(toss, RigCalibration((across, 0.0, up), scale=0.98)) for toss in simulated_tosses(12, 3)),
             TagslamRig(rules=SegmenterConfig()),
         )
     return path
@@ -73,7 +73,7 @@ def test_what_it_says_puts_tosses_right(cli: Cli, leaning: Path, tmp_path: Path)
     assert mended["settings"] == ""
     kept_back = cli("rank", leaning, "--top", 2, "--out", tmp_path / "as_recorded.csv")
     assert "11 tilt at rest" in kept_back.err
-    ranked = cli("rank", leaning, "--top", 2, "--out", tmp_path / "put_right.csv", "--json", *settings)
+    ranked = cli("rank", leaning, "--top", 2, "--out", tmp_path / "apply_calibration.csv", "--json", *settings)
     assert sum(not row["gated"] for row in ranked.json["tosses"]) >= 11
     assert "at rest" not in ranked.out
 

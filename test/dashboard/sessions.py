@@ -6,7 +6,7 @@ import numpy as np
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.dashboard.evidence import KeptSet
+from contact_curation.dashboard.evidence import SelectedSet
 from contact_curation.dashboard.live.learning_view import TrainingMoment
 from contact_curation.dashboard.live.screen import Screen
 from contact_curation.dashboard.live.session import LiveSession
@@ -52,11 +52,11 @@ def scored(count: int, seed: int = 3) -> Scored:
     return Scored(ShownTheta(scorer.version, geometry), tosses, tuple(informations))
 
 
-def kept_set(curation: Curation, top: int, seen: int, version: str) -> KeptSet:
+def selected_set(curation: Curation, top: int, seen: int, version: str) -> SelectedSet:
     """The kept set of a ranking, as a curator says it."""
     entries = [entry for entry in curation.ranking.entries if entry.kept]
     ids, gains = tuple(entry.toss_id for entry in entries), tuple(float(entry.marginal_gain) for entry in entries)
-    return KeptSet(curation.ranking.criterion, top, ids, gains, version, seen)
+    return SelectedSet(curation.ranking.criterion, top, ids, gains, version, seen)
 
 
 def throw_of(toss: Toss, throw_id: str) -> Throw:
@@ -79,7 +79,7 @@ def fed(screen: Screen, made: Scored, top: int) -> LiveSession:
         session.add_throw(ThrowMade("designed", "commanded", throw, 3.0, float("nan"), ""))
         session.add_toss(toss)
         session.add_information(information)
-        session.set_kept(kept_set(made.curation(top, seen=place), top, place, made.theta.version), stamp_ns)
+        session.set_selected(selected_set(made.curation(top, seen=place), top, place, made.theta.version), stamp_ns)
         assert session.show_ranking()
         session.add_training(TrainingMoment("training", 10 * place, 1.0 / place, 2.0 / place, 30.0, 40.0), stamp_ns)
         session.add_throw(ThrowMade("designed", "scored", throw, 3.0, 2.0, ""))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from contact_curation.dashboard.colours import BLUE, GREEN, INK, Colour
+from contact_curation.dashboard.style import BLUE, GREEN, INK, Colour
 
 
 @pytest.mark.parametrize(("colour", "web"), [(BLUE, "#0072b2"), (GREEN, "#009e73"), (INK, "#222222")])

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from contact_curation.dashboard.evidence import KeptSet, evidence_of
-from contact_curation.dashboard.live.pages import number, table
+from contact_curation.dashboard.evidence import SelectedSet, evidence_of
 from contact_curation.dashboard.live.ranking_view import ranking_page, short_id
+from contact_curation.dashboard.live.screen import number, table
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.criteria.representative import standing_of
 from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.information.ranker import RankingConfig
-from test.dashboard.sessions import Scored, kept_set, scored
+from test.dashboard.sessions import Scored, scored, selected_set
 
 COUNT, TOP = 12, 5
 
@@ -24,7 +24,7 @@ def made() -> Scored:
 
 def test_spectrum_epsilon_and_efficiency_are_those_of_the_ranking(made: Scored) -> None:
     curation = made.curation(TOP)
-    spectrum = evidence_of(made.pool, kept_set(curation, TOP, COUNT, "v")).spectrum
+    spectrum = evidence_of(made.pool, selected_set(curation, TOP, COUNT, "v")).spectrum
     assert spectrum.eigenvalues == pytest.approx(curation.spectrum)
     assert spectrum.epsilon == pytest.approx(curation.epsilon)
     assert spectrum.missing == pytest.approx(curation.raw_epsilon)
@@ -34,59 +34,61 @@ def test_spectrum_epsilon_and_efficiency_are_those_of_the_ranking(made: Scored) 
 @pytest.mark.parametrize("criterion", ["representative", "log-det"])
 def test_what_is_not_kept_is_told_what_it_would_still_add_in_the_order_of_the_ranking(made: Scored, criterion: str) -> None:
     curation = made.curation(TOP, criterion)
-    rows = evidence_of(made.pool, kept_set(curation, TOP, COUNT, "v")).rows
+    rows = evidence_of(made.pool, selected_set(curation, TOP, COUNT, "v")).rows
     entries = curation.ranking.entries
     assert [row.toss_id for row in rows] == [entry.toss_id for entry in entries]
     assert [row.gain for row in rows] == pytest.approx([entry.marginal_gain for entry in entries])
     assert [row.rank for row in rows] == list(range(1, COUNT + 1))
-    assert all(row.reason.startswith("kept") == row.kept for row in rows)
+    assert all(row.reason.startswith("selected") == row.selected for row in rows)
 
 
 def test_by_representative_the_reasons_say_what_becomes_of_the_expected_error(made: Scored) -> None:
     curation = made.curation(TOP)
-    evidence = evidence_of(made.pool, kept_set(curation, TOP, COUNT, "v"))
+    evidence = evidence_of(made.pool, selected_set(curation, TOP, COUNT, "v"))
     coordinates = pool_subspace(made.pool).per_mean_toss(COUNT)
     kept = [made.pool.ids.index(one) for one in curation.ranking.kept_ids]
     standing = standing_of([made.pool], [coordinates], kept, RankingConfig().prior)
     told = {row.toss_id: row.reason for row in evidence.rows}
     for place, one in enumerate(curation.ranking.kept_ids):
         times = f"{standing.without[place] / standing.error:.4g} times as large"
-        assert told[one] == f"kept: without it the expected error is {times}"
+        assert told[one] == f"selected: without it the expected error is {times}"
     for one in curation.ranking.ids[TOP:]:
         times = f"{standing.joined[made.pool.ids.index(one)] / standing.error:.4g} times as large"
-        assert told[one] == f"not kept: one more, with it the expected error is {times}"
+        assert told[one] == f"not selected: one more, with it the expected error is {times}"
     assert evidence.answer == curation.answer
-    assert f"Their answer is {number(curation.answer.off)} from" in ranking_page(kept_set(curation, TOP, COUNT, "v"), evidence)
+    assert f"Their estimate is {number(curation.answer.off)} from" in ranking_page(
+        selected_set(curation, TOP, COUNT, "v"), evidence
+    )
 
 
 def test_by_log_det_the_reason_is_what_is_new(made: Scored) -> None:
-    rows = evidence_of(made.pool, kept_set(made.curation(TOP, "log-det"), TOP, COUNT, "v")).rows
-    assert rows[0].reason == "kept: most new by itself"
-    assert all(row.reason.startswith("not kept: less new than the last") for row in rows[TOP:])
+    rows = evidence_of(made.pool, selected_set(made.curation(TOP, "log-det"), TOP, COUNT, "v")).rows
+    assert rows[0].reason == "selected: most new by itself"
+    assert all(row.reason.startswith("not selected: less new than the last") for row in rows[TOP:])
 
 
 def test_by_trace_the_reason_is_the_trace(made: Scored) -> None:
     curation = made.curation(TOP, "trace")
-    rows = evidence_of(made.pool, kept_set(curation, TOP, COUNT, "v")).rows
-    smallest = min(row.trace for row in rows if row.kept)
-    assert {row.reason for row in rows if not row.kept} == {f"not kept: trace below {smallest:.3g}"}
-    assert all(row.trace <= smallest for row in rows if not row.kept)
+    rows = evidence_of(made.pool, selected_set(curation, TOP, COUNT, "v")).rows
+    smallest = min(row.trace for row in rows if row.selected)
+    assert {row.reason for row in rows if not row.selected} == {f"not selected: trace below {smallest:.3g}"}
+    assert all(row.trace <= smallest for row in rows if not row.selected)
 
 
 def test_a_kept_set_that_singles_out_too_few_directions_has_no_efficiency(made: Scored) -> None:
     few = made.pool.ids[:1]
-    assert evidence_of(made.pool, KeptSet("longest", 1, few, (1.0,))).spectrum.efficiency == 0.0
+    assert evidence_of(made.pool, SelectedSet("longest", 1, few, (1.0,))).spectrum.efficiency == 0.0
     with pytest.raises(InvalidValueError, match="found nowhere"):
-        evidence_of(made.pool, KeptSet("longest", 1, ("nowhere",), (1.0,)))
+        evidence_of(made.pool, SelectedSet("longest", 1, ("nowhere",), (1.0,)))
 
 
 def test_a_kept_set_has_a_gain_for_each_toss() -> None:
-    with pytest.raises(InvalidValueError, match="gains of the kept tosses: found 1, expected 2, one each"):
-        KeptSet("trace", 2, ("a", "b"), (1.0,))
+    with pytest.raises(InvalidValueError, match="gains of the selected tosses: found 1, expected 2, one each"):
+        SelectedSet("trace", 2, ("a", "b"), (1.0,))
 
 
 def test_a_long_ranking_ends_with_how_many_more_there_are(made: Scored) -> None:
-    kept = KeptSet("longest", 1, made.pool.ids[:1], (1.0,), "0123456789abcdef", COUNT)
+    kept = SelectedSet("longest", 1, made.pool.ids[:1], (1.0,), "0123456789abcdef", COUNT)
     evidence = evidence_of(made.pool, kept)
     page = ranking_page(kept, replace(evidence, rows=evidence.rows + evidence.rows[1:]))
     assert page.endswith(f"and {COUNT - 1 - 12 + COUNT - 1} more that would add less")

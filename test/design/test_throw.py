@@ -75,7 +75,7 @@ def test_a_throw_of_a_user_needs_no_plan(tmp_path: Path) -> None:
         ("[" * 100_000, "is not JSON"),
         ("[]", "holds no throws"),
         ('{"version": 1}', "holds no throws"),
-        ('{"version": 2, "throws": [{}]}', "version: found 2, expected 1"),
+        ('{"version": 2, "throws": [{}]}', "found version 2 of throws, expected at most 1: update contact_curation"),
         ('{"version": 1, "throws": []}', "found 0 throws"),
         ('{"version": 1, "throws": [7]}', "throw 0: found a JSON int"),
         ('{"version": 1, "throws": [{}]}', "throw 0: throw: found no angular_velocity"),

@@ -10,7 +10,7 @@ import pytest
 from contact_curation_msgs.srv import SaveBuffer
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.motion.calibration import Rig
+from contact_curation.motion.calibration import RigCalibration
 from contact_curation.motion.toss import Toss
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.storage.inputs.inputs import InputsConfig, open_inputs
@@ -39,7 +39,7 @@ def test_the_same_bag_gives_the_same_ranking_through_the_nodes_and_through_the_l
 
     answer = graph.listener.call(SaveBuffer, "/save_buffer", SaveBuffer.Request(path=str(graph.folder / "kept.csv")))
     assert answer.success, answer.message
-    kept = read_manifest(graph.folder / "kept.csv").kept
+    kept = read_manifest(graph.folder / "kept.csv").selected
     assert [row.toss_id for row in kept] == list(buffers[-1].toss_ids)
     first = {toss.toss_id: int(toss.stamps_ns[0]) for toss in expected}
     assert [row.first_stamp_ns for row in kept] == [first[row.toss_id] for row in kept]
@@ -47,7 +47,7 @@ def test_the_same_bag_gives_the_same_ranking_through_the_nodes_and_through_the_l
 
 @pytest.mark.slow
 def test_a_rig_that_a_node_is_told_puts_its_tosses_right_as_in_the_library(graph: Graph, golden_bag: Path) -> None:
-    rig = Rig(normal=(0.004, -0.008, 1.0), centre=(0.2, 0.1, 0.0), scale=1.01)
+    rig = RigCalibration(normal=(0.004, -0.008, 1.0), centre=(0.2, 0.1, 0.0), scale=1.01)
     inputs = open_inputs([golden_bag], CONTACTNETS_CUBE, InputsConfig(rig=rig))
     expected = [item for item in inputs if isinstance(item, Toss)]
     tosses = graph.tosses()

@@ -24,7 +24,7 @@ class Publisher(NamedTuple):
 class GraphOf:
     """What `PoseTopics` asks of its node, of a graph with these publishers."""
 
-    def __init__(self, offers: Mapping[str, QoSProfile]) -> None:
+    def __init__(self, offers: dict[str, QoSProfile]) -> None:
         self.offers = offers
         self.callbacks: dict[str, Callable[[Any, Mapping[str, int]], None]] = {}
 

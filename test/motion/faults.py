@@ -1,11 +1,11 @@
 """Faults of a tracker put into good tosses and streams, the same for the same seed.
 
-A spike shifts the positions of a few frames by one vector. What it does to the velocities hangs on the tracker, hence the three
-kinds:
+An outlier shifts the positions of a few frames by one vector. What it does to the velocities depends on the tracker, hence the
+three kinds:
 
-    raw       backward differences of the spiked positions, unfiltered: v_j gains d/dt, the frame after the spike loses it.
+    raw       backward differences of the positions with outlier, unfiltered: v_j gains d/dt, the next frame loses it.
               METHOD's check 11 ("28 caught, 0 false alarms") is this one.
-    filtered  a median of three over those differences, which hides the spike in the velocities.
+    filtered  a median of three over those differences, which hides the outlier in the velocities.
     hidden    velocities from elsewhere, which know nothing of it.
 """
 
@@ -18,11 +18,13 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.smoothing import median_of_three
 from contact_curation.motion.toss import Toss
 
-SPIKE = 0.005
+OUTLIER = 0.005
 """Length of the shift [m]."""
 
 
-def spiked(toss: Toss, rng: np.random.Generator, *, frames: int = 1, velocities: str = "raw", size: float = SPIKE) -> Toss:
+def with_outliers(
+    toss: Toss, rng: np.random.Generator, *, frames: int = 1, velocities: str = "raw", size: float = OUTLIER
+) -> Toss:
     """The toss with a shift of `size` in a random direction at `frames` successive frames, not at its ends."""
     start = int(rng.integers(2, toss.frames - frames - 2))
     direction = rng.normal(size=3)
@@ -33,10 +35,10 @@ def spiked(toss: Toss, rng: np.random.Generator, *, frames: int = 1, velocities:
 
 
 def contaminated(tosses: Sequence[Toss], number: int, seed: int, **kind: object) -> tuple[list[Toss], set[int]]:
-    """All tosses, `number` of them spiked; and which."""
+    """All tosses, `number` of them with outliers; and which."""
     rng = np.random.default_rng(seed)
     chosen = set(rng.choice(len(tosses), number, replace=False).tolist())
-    return [spiked(toss, rng, **kind) if index in chosen else toss for index, toss in enumerate(tosses)], chosen  # type: ignore[arg-type]
+    return [with_outliers(toss, rng, **kind) if index in chosen else toss for index, toss in enumerate(tosses)], chosen  # type: ignore[arg-type]
 
 
 def _raw(toss: Toss, shift: Array) -> Array:

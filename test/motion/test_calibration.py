@@ -1,4 +1,4 @@
-"""A rig's lean and metre are found from tosses, and are put right."""
+"""A rig's tilt and length scale are estimated from tosses, and corrected."""
 
 from dataclasses import replace
 from typing import Any
@@ -9,7 +9,13 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
-from contact_curation.motion.calibration import LEVEL, Rig, evidence_of, put_right, rig_of
+from contact_curation.motion.calibration import (
+    NO_CORRECTION,
+    RigCalibration,
+    apply_calibration,
+    calibration_of,
+    measurements_of,
+)
 from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import Toss
 from test.simulated import simulated_tosses
@@ -36,28 +42,28 @@ def mistracked(toss: Toss) -> Toss:
 
 
 def test_of_a_true_rig_there_is_nothing_to_put_right(tosses: tuple[Toss, ...]) -> None:
-    evidence = evidence_of(tosses, CUBE)
-    rig = evidence.rig()
-    assert np.degrees(rig.lean) < 0.05
+    evidence = measurements_of(tosses, CUBE)
+    rig = evidence.calibration()
+    assert np.degrees(rig.tilt) < 0.05
     assert rig.scale == pytest.approx(1.0, abs=0.005)
     assert evidence.rests.sum() == 12
     assert evidence.falls.sum() >= 8
-    assert put_right(tosses[0], LEVEL) is tosses[0]
+    assert apply_calibration(tosses[0], NO_CORRECTION) is tosses[0]
 
 
 def test_a_lean_and_a_short_metre_are_found_and_put_right(tosses: tuple[Toss, ...]) -> None:
     tracked = [mistracked(toss) for toss in tosses]
-    true, rig = rig_of(tosses, CUBE), rig_of(tracked, CUBE)
+    true, rig = calibration_of(tosses, CUBE), calibration_of(tracked, CUBE)
     np.testing.assert_allclose(rig.normal, quaternions.rotate(quaternions.exp(LEAN), true.normal), atol=5e-4)
     assert rig.scale / true.scale == pytest.approx(1.0 / METRE, rel=2e-3)
-    mended = rig_of([put_right(toss, rig) for toss in tracked], CUBE)
-    assert np.degrees(mended.lean) < 0.02
+    mended = calibration_of([apply_calibration(toss, rig) for toss in tracked], CUBE)
+    assert np.degrees(mended.tilt) < 0.02
     assert mended.scale == pytest.approx(1.0, abs=2e-3)
 
 
 def test_what_is_put_right_is_still_one_motion(tosses: tuple[Toss, ...]) -> None:
     tracked = mistracked(tosses[0])
-    mended = put_right(tracked, rig_of([mistracked(toss) for toss in tosses], CUBE))
+    mended = apply_calibration(tracked, calibration_of([mistracked(toss) for toss in tosses], CUBE))
     dt = np.diff(tosses[0].stamps_ns)[:, np.newaxis] / 1e9
     for toss in (tosses[0], mended):
         np.testing.assert_allclose(np.diff(toss.positions, axis=0), dt * toss.linear_velocities[1:], atol=2e-3)
@@ -70,11 +76,11 @@ def test_what_is_put_right_is_still_one_motion(tosses: tuple[Toss, ...]) -> None
 
 
 def test_a_normal_may_have_any_length(tosses: tuple[Toss, ...]) -> None:
-    known = rig_of([mistracked(toss) for toss in tosses], CUBE)
+    known = calibration_of([mistracked(toss) for toss in tosses], CUBE)
     x, y, z = known.normal
-    rounded = Rig((round(x / z, 5), round(y / z, 5), 1.0), known.centre, known.scale)
-    assert rounded.lean == pytest.approx(known.lean, abs=1e-5)
-    mended, other = put_right(tosses[0], known), put_right(tosses[0], rounded)
+    rounded = RigCalibration((round(x / z, 5), round(y / z, 5), 1.0), known.centre, known.scale)
+    assert rounded.tilt == pytest.approx(known.tilt, abs=1e-5)
+    mended, other = apply_calibration(tosses[0], known), apply_calibration(tosses[0], rounded)
     np.testing.assert_allclose(other.positions, mended.positions, atol=2e-5)
 
 
@@ -92,9 +98,9 @@ def test_a_normal_may_have_any_length(tosses: tuple[Toss, ...]) -> None:
 )
 def test_what_can_be_no_rig_is_one_line(wrong: dict[str, Any], said: str) -> None:
     with pytest.raises(InvalidValueError, match=said):
-        Rig(**wrong)
+        RigCalibration(**wrong)
 
 
 def test_too_few_tosses_tell_no_rig(tosses: tuple[Toss, ...]) -> None:
     with pytest.raises(InvalidValueError, match="tosses that come to rest: found 3, expected at least 8"):
-        rig_of(tosses[:3], CUBE)
+        calibration_of(tosses[:3], CUBE)

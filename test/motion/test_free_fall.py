@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from contact_curation.geometry import quaternions
-from contact_curation.motion.free_fall import MEMORY, FallDetector
 from contact_curation.motion.smoothing import kinematics
+from contact_curation.motion.toss_rules import MEMORY, FallDetector
 
 
 def test_its_accelerations_are_those_of_the_kinematics_one_frame_later() -> None:

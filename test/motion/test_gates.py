@@ -1,4 +1,4 @@
-"""The gates let good tosses pass and keep glitches back (METHOD 2.1, check 11)."""
+"""The gates accept good tosses and reject tracking outliers (METHOD 2.1, check 11)."""
 
 from dataclasses import replace
 from itertools import product
@@ -11,10 +11,20 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope
-from contact_curation.motion.gates import GateConfig, cone_gate, impulse_gate, inspect, spin_by_push, steps_of, twist_gate
+from contact_curation.motion import gates
+from contact_curation.motion.gates import (
+    GateConfig,
+    Steps,
+    cone_gate,
+    impulse_gate,
+    inspect,
+    spin_by_push,
+    steps_of,
+    twist_gate,
+)
 from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import Toss
-from test.motion.faults import contaminated, spiked
+from test.motion.faults import contaminated, with_outliers
 from test.motion.streams import CUBE, PERIOD_NS, noisy, stream
 from test.motion.test_segmenter import cut
 
@@ -232,6 +242,14 @@ def test_a_toss_tracked_240_times_a_second_with_the_rigs_noise_passes() -> None:
     assert inspect(toss, CUBE, CONFIG) == ()
 
 
+def test_a_gate_that_is_added_to_the_table_is_asked(good: Toss, monkeypatch: pytest.MonkeyPatch) -> None:
+    def longest_gate(steps: Steps, config: GateConfig) -> str:
+        return f"frames: found {steps.toss.frames}, expected at most 2"
+
+    monkeypatch.setattr(gates, "GATES", (*gates.GATES, longest_gate))
+    assert inspect(good, CUBE, CONFIG) == (f"frames: found {good.frames}, expected at most 2",)
+
+
 def test_a_disabled_gate_lets_everything_pass() -> None:
     assert inspect(pulled([0.0, 0.0, -3.0]), CUBE, GateConfig(enabled=False)) == ()
 
@@ -243,9 +261,9 @@ def test_bounds_that_make_no_sense_are_refused() -> None:
 
 @pytest.mark.parametrize("velocities", ["raw", "filtered", "hidden"])
 @pytest.mark.parametrize("frames", [1, 2, 3])
-def test_a_spike_in_a_synthetic_toss_is_caught_however_the_tracker_filters(good: Toss, velocities: str, frames: int) -> None:
+def test_an_outlier_in_a_synthetic_toss_is_caught_however_the_tracker_filters(good: Toss, velocities: str, frames: int) -> None:
     rng = np.random.default_rng(7)
-    assert all(inspect(spiked(good, rng, frames=frames, velocities=velocities), CUBE, CONFIG) for _ in range(20))
+    assert all(inspect(with_outliers(good, rng, frames=frames, velocities=velocities), CUBE, CONFIG) for _ in range(20))
 
 
 class TestOnTheRealTosses:
@@ -262,29 +280,29 @@ class TestOnTheRealTosses:
 
     @pytest.mark.parametrize("tolerance", [1.5, 3.0, 6.0])
     @pytest.mark.parametrize("seed", [0, 1])
-    def test_the_impulse_gate_finds_28_of_28_spikes_without_a_false_alarm(
+    def test_the_impulse_gate_finds_28_of_28_outliers_without_a_false_alarm(
         self, real_tosses: list[Toss], tolerance: float, seed: int
     ) -> None:
         """In half widths per second, as METHOD has them."""
         config = GateConfig(impulse_tolerance=tolerance * CONTACTNETS_CUBE.length_scale)
-        tosses, spikes = contaminated(real_tosses, 28, seed)
-        assert self.impulse_flags(tosses, config) == spikes
+        tosses, outliers = contaminated(real_tosses, 28, seed)
+        assert self.impulse_flags(tosses, config) == outliers
 
     def test_with_a_narrow_cone_one_clean_toss_is_flagged(self, real_tosses: list[Toss]) -> None:
         config = GateConfig(impulse_tolerance=1.5 * CONTACTNETS_CUBE.length_scale, largest_friction=0.3)
         assert len(self.impulse_flags(real_tosses, config)) == 1
 
-    def test_a_median_hides_spikes_from_the_impulse_gate_but_not_from_the_jump_gate(self, real_tosses: list[Toss]) -> None:
-        tosses, spikes = contaminated(real_tosses, 28, 0, velocities="filtered")
+    def test_a_median_hides_outliers_from_the_impulse_gate_but_not_from_the_jump_gate(self, real_tosses: list[Toss]) -> None:
+        tosses, outliers = contaminated(real_tosses, 28, 0, velocities="filtered")
         assert len(self.impulse_flags(tosses, CONFIG)) <= 1
         jumps = {
             number
             for number, toss in enumerate(tosses)
             if any(line.startswith("displacement") for line in inspect(toss, CONTACTNETS_CUBE.polytope, CONFIG))
         }
-        assert jumps == spikes
+        assert jumps == outliers
 
     @pytest.mark.parametrize("frames", [2, 3])
     def test_glitches_of_two_and_three_frames_after_filtering_are_caught(self, real_tosses: list[Toss], frames: int) -> None:
-        tosses, spikes = contaminated(real_tosses, 28, 0, frames=frames)
-        assert self.impulse_flags(tosses, CONFIG) == spikes
+        tosses, outliers = contaminated(real_tosses, 28, 0, frames=frames)
+        assert self.impulse_flags(tosses, CONFIG) == outliers

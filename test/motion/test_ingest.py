@@ -36,25 +36,25 @@ def test_two_throws_in_a_map_are_two_tosses_on_the_board() -> None:
     assert abs(first.positions[-1, 2] - 0.0524) < 1e-6
 
 
-def spiked(measured: list[FramePose], at: int) -> list[FramePose]:
+def with_outliers(measured: list[FramePose], at: int) -> list[FramePose]:
     one = measured[at]
     x, y, z = one.pose.position
     moved = ScalarPose((x + 0.005, y, z), one.pose.orientation_wxyz)
     return [*measured[:at], FramePose(one.stamp_ns, one.parent, one.child, moved), *measured[at + 1 :]]
 
 
-def test_a_glitch_of_the_tracker_on_the_board_is_kept_back_with_its_reason_and_with_its_toss() -> None:
+def test_an_outlier_of_the_tracker_on_the_board_is_rejected_with_its_reason_and_with_its_toss() -> None:
     ingest = fresh()
-    first, second = ingested(spiked(MEASURED, 80), ingest)
+    first, second = ingested(with_outliers(MEASURED, 80), ingest)
     assert isinstance(first, Rejected)
     assert any(line.startswith("displacement beside the velocity") for line in first.reasons)
     assert isinstance(second, Toss)
     assert ingest.counts == {"poses": len(MEASURED) - 1, "tosses": 1, "rejected": 1}
 
 
-def test_without_gates_the_glitch_passes() -> None:
+def test_without_gates_the_outlier_passes() -> None:
     config = IngestConfig(CONFIG.tracker, gates=GateConfig(enabled=False))
-    assert [type(event) for event in ingested(spiked(MEASURED, 80), fresh(config))] == [Toss, Toss]
+    assert [type(event) for event in ingested(with_outliers(MEASURED, 80), fresh(config))] == [Toss, Toss]
 
 
 def told(noise: float) -> IngestConfig:
@@ -97,16 +97,16 @@ def test_a_noisier_trackers_board_is_still_seen_to_lie_elsewhere() -> None:
         for one in held_and_dropped(148)
         for x, y, z in [one.pose.position]
     ]
-    (kept_back,) = ingested([board_in_map(), *in_map(noisy(lifted, 5.0))], fresh(told(5.0)))
-    assert isinstance(kept_back, Rejected)
-    assert any(line.startswith("height at rest") for line in kept_back.reasons)
+    (rejected,) = ingested([board_in_map(), *in_map(noisy(lifted, 5.0))], fresh(told(5.0)))
+    assert isinstance(rejected, Rejected)
+    assert any(line.startswith("height at rest") for line in rejected.reasons)
 
 
-def test_what_a_noisier_tracker_glitches_is_still_seen() -> None:
+def test_what_a_noisier_tracker_gets_wrong_is_still_seen() -> None:
     measured = [board_in_map(), *in_map(noisy(stream(), 3.0))]
-    (kept_back,) = ingested(spiked(measured, 80), fresh(told(3.0)))
-    assert isinstance(kept_back, Rejected)
-    assert any(line.startswith("displacement beside the velocity") for line in kept_back.reasons)
+    (rejected,) = ingested(with_outliers(measured, 80), fresh(told(3.0)))
+    assert isinstance(rejected, Rejected)
+    assert any(line.startswith("displacement beside the velocity") for line in rejected.reasons)
 
 
 def test_a_pose_that_is_none_makes_a_gap_and_no_toss() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.recovered_timing import RESOLUTION, RecoveredTiming, recover_timing
+from contact_curation.motion.restored_toss import RESOLUTION, RecoveredTiming, recover_timing
 from contact_curation.motion.smoothing import median_of_three
 from contact_curation.motion.toss import Toss
 from test.motion.recorded_tosses import PERIOD, Recorded, recorded

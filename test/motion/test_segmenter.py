@@ -285,10 +285,10 @@ def test_an_earlier_gap_does_not_hide_a_missing_frame() -> None:
 
 def test_orientations_of_a_raw_tracker_can_be_filtered_before_anything_else() -> None:
     poses = stream()
-    glitch = ScalarPose(poses[60].pose.position, (0.9987503, 0.0499792, 0.0, 0.0))
-    glitched = [*poses[:60], BodyPose(poses[60].stamp_ns, glitch), *poses[61:]]
-    raw, clean = tossed(cut(glitched)), tossed(cut(poses))
-    filtered = tossed(cut(glitched, SegmenterConfig(filter_orientations=True)))
+    outlier = ScalarPose(poses[60].pose.position, (0.9987503, 0.0499792, 0.0, 0.0))
+    disturbed = [*poses[:60], BodyPose(poses[60].stamp_ns, outlier), *poses[61:]]
+    raw, clean = tossed(cut(disturbed)), tossed(cut(poses))
+    filtered = tossed(cut(disturbed, SegmenterConfig(filter_orientations=True)))
     frame = 60 - number_of(clean, poses)
     assert quaternions.angle_between(raw.orientations_wxyz[frame], clean.orientations_wxyz[frame]) > 0.09
     assert quaternions.angle_between(filtered.orientations_wxyz[frame], clean.orientations_wxyz[frame]) < 0.01

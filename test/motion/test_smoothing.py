@@ -53,13 +53,13 @@ def test_angular_velocity_is_in_the_body_frame_and_blind_to_the_sign_of_the_quat
     np.testing.assert_allclose(rates.angular_velocities, np.tile(omega, (FRAMES, 1)), atol=1e-6)
 
 
-def test_a_spike_of_one_frame_is_not_seen_in_the_velocities() -> None:
+def test_an_outlier_of_one_frame_is_not_seen_in_the_velocities() -> None:
     stamps = np.arange(FRAMES) * 6_756_757
     positions = np.outer(np.arange(FRAMES), [0.01, 0.0, 0.0])
     clean = kinematics(stamps, positions, np.tile(quaternions.IDENTITY, (FRAMES, 1)))
     positions[20] += 0.005
-    spiked = kinematics(stamps, positions, np.tile(quaternions.IDENTITY, (FRAMES, 1)))
-    np.testing.assert_allclose(spiked.linear_velocities, clean.linear_velocities, atol=1e-12)
+    with_outliers = kinematics(stamps, positions, np.tile(quaternions.IDENTITY, (FRAMES, 1)))
+    np.testing.assert_allclose(with_outliers.linear_velocities, clean.linear_velocities, atol=1e-12)
 
 
 def turning(speed: float) -> Array:
@@ -67,9 +67,9 @@ def turning(speed: float) -> Array:
 
 
 @pytest.mark.parametrize(("speed", "tolerance"), [(0.02, 1e-5), (0.5, 3e-3)])
-def test_filtered_orientations_lose_a_glitch_and_keep_a_steady_turn_through_half_turns(speed: float, tolerance: float) -> None:
+def test_filtered_orientations_lose_outliers_and_keep_a_steady_turn_through_half_turns(speed: float, tolerance: float) -> None:
     steady = turning(speed)
     np.testing.assert_allclose(quaternions.angle_between(median_orientations(steady), steady), 0.0, atol=1e-7)
-    glitched = steady.copy()
-    glitched[17] = quaternions.multiply(steady[17], quaternions.exp([0.0, 0.1, 0.0]))
-    assert quaternions.angle_between(median_orientations(glitched)[17], steady[17]) < tolerance
+    disturbed = steady.copy()
+    disturbed[17] = quaternions.multiply(steady[17], quaternions.exp([0.0, 0.1, 0.0]))
+    assert quaternions.angle_between(median_orientations(disturbed)[17], steady[17]) < tolerance

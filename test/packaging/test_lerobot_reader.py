@@ -103,7 +103,7 @@ def described(path: Path) -> dict[str, str]:
 def test_lerobot_reads_it_and_would_have_written_it_so(lerobot: Path, exported: Path, tmp_path: Path) -> None:
     dataset, again = exported / "dataset", tmp_path / "again"
     report = run(lerobot, dataset, again)
-    kept = read_manifest(exported / "manifest.parquet").kept
+    kept = read_manifest(exported / "manifest.parquet").selected
     lengths = [row.frames for row in kept]
     assert (report["frames"], report["episodes"], report["fps"]) == (sum(lengths), TOP, 148)
     assert (report["task"], report["dtype"], report["batch"]) == ("toss the cube", "torch.float32", [16, 2, 13])

@@ -9,15 +9,15 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.pipeline.export import ExportJob, found_tosses
 from contact_curation.pipeline.reading import ReadingConfig
-from contact_curation.storage.export.selected import KeptTosses
+from contact_curation.storage.export.selected import SelectedTosses
 from contact_curation.storage.inputs.inputs import open_inputs
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 from test.storage.inputs.test_inputs import GOLDEN
-from test.storage.kept_rows import row
 from test.storage.manifest.test_manifest import RUN
+from test.storage.selected_rows import row
 
 
-def found(inputs: list[Path], rows: dict[str, ManifestRow]) -> KeptTosses:
+def found(inputs: list[Path], rows: dict[str, ManifestRow]) -> SelectedTosses:
     reading = ReadingConfig(CONTACTNETS_CUBE)
     job = ExportJob(tuple(inputs), reading, Path("m.csv"), Manifest(RUN, tuple(rows.values())), rows)
     return found_tosses(job, reading.inputs)
@@ -37,13 +37,13 @@ def test_tosses_come_in_the_order_of_the_ranking_even_those_that_the_gates_would
 def test_recordings_whose_bytes_are_others_than_those_that_were_ranked_are_said_once() -> None:
     toss_ids = [one.toss_id for one in open_inputs([GOLDEN], CONTACTNETS_CUBE) if isinstance(one, Toss)][:3]
     result = found([GOLDEN], {toss_id: row(toss_id, input_sha256="f" * 64) for toss_id in toss_ids})
-    assert result.warnings == (f"{GOLDEN}: holds kept tosses, but its bytes are not those that were ranked",)
+    assert result.warnings == (f"{GOLDEN}: holds selected tosses, but its bytes are not those that were ranked",)
 
 
 def test_a_toss_that_is_in_no_input_is_an_error_that_names_it_and_its_recording(tmp_path: Path) -> None:
     rows = {f"toss-{number}": row(f"toss-{number}", input="/lab/monday.mcap") for number in range(5)}
     with pytest.raises(InvalidValueError) as caught:
         found([GOLDEN, tmp_path / "none.mcap"], rows)
-    assert "5 of 5 kept tosses of m.csv not in them: toss-0, toss-1, toss-2, ..." in str(caught.value)
+    assert "5 of 5 selected tosses of m.csv not in them: toss-0, toss-1, toss-2, ..." in str(caught.value)
     assert "none.mcap" in str(caught.value)
     assert str(caught.value).endswith("expected the recordings that were ranked (/lab/monday.mcap)")

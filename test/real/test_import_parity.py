@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.import_parity import KEPT, Parity, compared_velocities, parities, sources
+from benchmarks.data.import_parity import KEPT, Parity, compared_velocities, parities, sources
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.information.ranker import CRITERIA
 

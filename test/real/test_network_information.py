@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.network_information import COMPARED_TOSSES, network, sketches
+from benchmarks.selection.network_information import COMPARED_TOSSES, network, sketches
 from contact_curation.contact.models.kind import ModelKind
 from contact_curation.information.network.config import network_config_for
 from contact_curation.motion.toss import Toss

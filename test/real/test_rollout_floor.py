@@ -16,8 +16,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.motion_errors import MotionErrors, motion_errors
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of
-from contact_curation.simulation.free_motion import free_motion
-from contact_curation.simulation.world import DEFAULT_WORLD, MUJOCO_DEFAULTS, WorldConfig
+from contact_curation.simulation.world import DEFAULT_WORLD, MUJOCO_DEFAULTS, WorldConfig, free_motion
 from test.simulated import FRAME_PERIOD, length_scales
 
 

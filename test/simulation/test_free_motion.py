@@ -14,8 +14,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.motion_errors import motion_errors
-from contact_curation.simulation.free_motion import free_motion
-from contact_curation.simulation.world import DEFAULT_WORLD, WorldConfig, world_of
+from contact_curation.simulation.world import DEFAULT_WORLD, WorldConfig, free_motion, world_of
 from test.simulated import FRAME_PERIOD, length_scales, release_states
 
 HALF_WIDTH = CONTACTNETS_CUBE.length_scale

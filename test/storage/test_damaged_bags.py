@@ -13,7 +13,7 @@ from mcap.writer import CompressionType
 from rosbags.rosbag2 import StoragePlugin
 
 from contact_curation.errors import UnreadableInputError
-from contact_curation.storage.bags.formats.ros1_records import CHUNK, ROS1_MAGIC, Record, read_record
+from contact_curation.storage.bags.formats.ros1 import CHUNK, ROS1_MAGIC, Record, read_record
 from contact_curation.storage.bags.reader import BagReader
 from test.storage.written_bags import (
     CUBE,

@@ -17,9 +17,7 @@ from mcap.writer import CompressionType
 from rosbags.rosbag2 import StoragePlugin
 
 from contact_curation.errors import UnreadableInputError
-from contact_curation.storage.bags.errors import DamagedBagError
-from contact_curation.storage.bags.file import BagFile
-from contact_curation.storage.bags.limits import BagLimits
+from contact_curation.storage.bags.file import BagFile, BagLimits, DamagedBagError
 from contact_curation.storage.bags.reader import BagReader
 from test.storage.written_bags import (
     NOETIC,

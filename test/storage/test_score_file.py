@@ -44,6 +44,7 @@ def test_what_was_added_comes_back_as_plain_arrays_without_pickle(tmp_path: Path
         "parameter_names",
         "status",
         "kkt_residual",
+        "format_version",
     }
     expected = {
         "impulse": [first.impulses, second.impulses],

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from contact_curation.storage.bags.limits import BagLimits
+from contact_curation.storage.bags.file import BagLimits
 from contact_curation.storage.bags.reader import BagReader
 from test.storage.written_bags import CUBE, NOTE, ODOMETRY, Sent, assert_same, read, recording, write_mcap, write_ours
 

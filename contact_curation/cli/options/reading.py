@@ -99,13 +99,13 @@ def stages_of(arguments: argparse.Namespace, others: Mapping[str, Any]) -> dict[
     Raises:
         ContactCurationError: a setting that no stage accepts, or `--tag-map` names no map of tags.
     """
-    from contact_curation.motion.calibration import LEVEL
+    from contact_curation.motion.calibration import NO_CORRECTION
     from contact_curation.motion.gates import GateConfig
     from contact_curation.motion.segmenter_config import SegmenterConfig
     from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 
     poses = with_options(PoseTopicConfig(), arguments, *POSES)
-    stages = {"poses": poses, "segmenter": SegmenterConfig(), "rig": LEVEL, "gates": GateConfig(), **others}
+    stages = {"poses": poses, "segmenter": SegmenterConfig(), "rig": NO_CORRECTION, "gates": GateConfig(), **others}
     chosen = with_settings(stages, arguments.settings)
     if tag_map := chosen["poses"].tag_map:
         from contact_curation.storage.tag_map_file import read_tag_maps

@@ -33,7 +33,7 @@ def add_settings(parser: argparse.ArgumentParser, stages: Sequence[str]) -> None
         metavar="STAGE.FIELD=VALUE",
         action="append",
         default=[],
-        help=f"change a field of a stage ({', '.join(stages)}), e.g. {example}; repeatable; see docs/ros/reference.md",
+        help=f"change a field of a stage ({', '.join(stages)}), e.g. {example}; repeatable; docs/ros/reference.md",
     )
 
 

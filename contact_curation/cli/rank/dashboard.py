@@ -21,8 +21,8 @@ from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.storage.parameters_file import Parameters
 
 if TYPE_CHECKING:
-    from contact_curation.dashboard.evidence import KeptSet
-    from contact_curation.dashboard.live.ranked import KeptBack
+    from contact_curation.dashboard.evidence import SelectedSet
+    from contact_curation.dashboard.live.ranked import RejectedMotion
     from contact_curation.dashboard.live.screen import Screen
     from contact_curation.dashboard.toss_motion import ShownTheta
 
@@ -73,10 +73,10 @@ class RankDashboard:
             theta=_theta(self._config, kept.version),
             loss=self._config.pool.scoring.loss,
             pool=pool_of([toss.informations[0] for toss in pool.rankable]),
-            kept=kept,
+            selected=kept,
             # Read once more: of tosses that stream nothing but their information stays.
             tosses=read_tosses(self._inputs, self._config.pool.reading, only=kept.toss_ids).by_id,
-            kept_back=_kept_back(pool),
+            rejected=_kept_back(pool),
         )
 
     def end(self) -> None:
@@ -113,12 +113,12 @@ def _theta(config: RankConfig, version: str) -> "ShownTheta":
     return ShownTheta(version, model=theta.model())
 
 
-def _kept_set(pool: TossPool, curation: Curation, top: int) -> "KeptSet":
-    from contact_curation.dashboard.evidence import KeptSet
+def _kept_set(pool: TossPool, curation: Curation, top: int) -> "SelectedSet":
+    from contact_curation.dashboard.evidence import SelectedSet
 
     entries = [entry for entry in curation.ranking.entries if entry.kept]
     certificate = curation.ranking.certificate
-    return KeptSet(
+    return SelectedSet(
         criterion=curation.ranking.criterion,
         capacity=top,
         toss_ids=tuple(entry.toss_id for entry in entries),
@@ -129,7 +129,7 @@ def _kept_set(pool: TossPool, curation: Curation, top: int) -> "KeptSet":
     )
 
 
-def _kept_back(pool: TossPool) -> "list[KeptBack]":
-    from contact_curation.dashboard.live.ranked import KeptBack
+def _kept_back(pool: TossPool) -> "list[RejectedMotion]":
+    from contact_curation.dashboard.live.ranked import RejectedMotion
 
-    return [KeptBack(toss.seen.toss_id, toss.seen.frames, toss.reasons) for toss in pool.tosses if toss.reasons]
+    return [RejectedMotion(toss.seen.toss_id, toss.seen.frames, toss.reasons) for toss in pool.tosses if toss.reasons]

@@ -34,7 +34,7 @@ from contact_curation.pipeline.division import DivisionConfig, LearningTosses, h
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.solver.compiled import load_kernel
-from contact_curation.storage.atomic_file import write_atomically
+from contact_curation.storage.files import write_atomically
 
 if TYPE_CHECKING:
     from contact_curation.cli.train.metrics import TrainingMetrics

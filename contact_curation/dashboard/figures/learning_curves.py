@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from contact_curation.dashboard.colours import BLACK, BLUE, GREEN, LEVEL, ORANGE, PURPLE, SKY_BLUE, VERMILION
-from contact_curation.dashboard.figures.file import save_figure
+from contact_curation.dashboard.style import BLACK, BLUE, GREEN, LEVEL, ORANGE, PURPLE, SKY_BLUE, VERMILION, save_figure
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from contact_curation.dashboard.colours import BLUE, INK, PALE, VERMILION
-from contact_curation.dashboard.figures.file import save_figure
+from contact_curation.dashboard.style import BLUE, INK, PALE, VERMILION, save_figure
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array

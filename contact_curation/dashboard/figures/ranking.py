@@ -1,4 +1,4 @@
-"""One picture of a ranking: what the tosses are worth, what was kept, and how far the kept set stands for the pool.
+"""One picture of a ranking: what the tosses are worth, what was selected, and how far the selected set stands for the pool.
 
 matplotlib is imported when a picture is drawn.
 """
@@ -11,15 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from contact_curation.dashboard.colours import BLUE, INK, PALE, VERMILION
-from contact_curation.dashboard.figures.file import save_figure
+from contact_curation.dashboard.style import BLUE, INK, PALE, VERMILION, save_figure
 from contact_curation.geometry.quaternions import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-KEPT, OTHER, WARNING, LINE = BLUE.web, PALE.web, VERMILION.web, INK.web
+SELECTED, OTHER, WARNING, LINE = BLUE.web, PALE.web, VERMILION.web, INK.web
 WIDTH, HEIGHT, DOTS = 16.0, 10.0, 100
 BINS = 60
 FEWEST_BARS = 5
@@ -52,18 +51,18 @@ class RankingPicture:
         criterion: of the ranking.
         scores: (K,) of all ranked tosses, best first.
         gains: (K,) marginal gains, likewise.
-        kept: how many are kept.
-        spectrum: (p,) eigenvalues of the kept set's information per toss relative to the pool's.
+        selected: how many are selected.
+        spectrum: (p,) eigenvalues of the selected set's information per toss relative to the pool's.
         epsilon: how far that spectrum reaches from 1 (METHOD 1.9).
-        shares: by block of parameters, its share of the trace in the pool and in the kept set.
-        outcomes: how many tosses went which way, in the order they are listed; only the first is drawn as kept.
+        shares: by block of parameters, its share of the trace in the pool and in the selected set.
+        outcomes: how many tosses went which way, in the order they are listed; only the first is drawn as selected.
     """
 
     title: str
     criterion: str
     scores: Array
     gains: Array
-    kept: int
+    selected: int
     spectrum: Array
     epsilon: float
     shares: Mapping[str, tuple[float, float]]
@@ -109,7 +108,7 @@ def _row(figure: Any, widths: list[float]) -> "list[Axes]":
 
 
 def _draw_scores(axes: "Axes", picture: RankingPicture) -> None:
-    """A histogram; the kept tosses' part of each bar in colour."""
+    """A histogram; the selected tosses' part of each bar in colour."""
     scores = picture.scores
     width = _linear_width(scores)
     low, high = float(scores.min()), float(scores.max())
@@ -124,8 +123,8 @@ def _draw_scores(axes: "Axes", picture: RankingPicture) -> None:
     else:
         edges = np.linspace(low, high, BINS + 1)
     edges[0], edges[-1] = low, high
-    parts = [scores[: picture.kept], scores[picture.kept :]]
-    axes.hist(parts, bins=edges.tolist(), stacked=True, color=[KEPT, OTHER], label=["kept", "not kept"])
+    parts = [scores[: picture.selected], scores[picture.selected :]]
+    axes.hist(parts, bins=edges.tolist(), stacked=True, color=[SELECTED, OTHER], label=["selected", "not selected"])
     axes.set(title="Scores", xlabel=UNITS[picture.criterion], ylabel="tosses")
     axes.legend(frameon=False)
 
@@ -138,18 +137,18 @@ def _linear_width(scores: Array) -> float:
 
 
 def _draw_gains(axes: "Axes", picture: RankingPicture) -> None:
-    """What each kept toss added when it was picked, and what the best of the others would still add."""
-    kept, others = picture.gains[: picture.kept], picture.gains[picture.kept :]
-    axes.bar(np.arange(1, kept.size + 1), kept, color=KEPT, width=0.85, label="kept, when it was picked")
+    """What each selected toss added when it was picked, and what the best of the others would still add."""
+    selected, others = picture.gains[: picture.selected], picture.gains[picture.selected :]
+    axes.bar(np.arange(1, selected.size + 1), selected, color=SELECTED, width=0.85, label="selected, when it was picked")
     if others.size:
         axes.axhline(float(others.max()), color=WARNING, linestyle="--", label="best of the others, now")
     axes.set(
         title="Marginal gains",
-        xlabel="place in the kept set",
+        xlabel="place in the selected set",
         ylabel=_gain_unit(picture.criterion),
-        xlim=(0.3, kept.size + 0.7),
+        xlim=(0.3, selected.size + 0.7),
     )
-    if kept.min() > 0.0 and kept.max() > LARGEST_LINEAR_RATIO * kept.min():
+    if selected.min() > 0.0 and selected.max() > LARGEST_LINEAR_RATIO * selected.min():
         axes.set_yscale("log")
     else:
         axes.set_ylim(top=1.18 * max(float(picture.gains.max()), 1e-12))
@@ -165,7 +164,7 @@ def _draw_outcomes(axes: "Axes", picture: RankingPicture) -> None:
     """Where all the recorded motions went."""
     names = [fill(name, LABEL_WIDTH) for name, _ in picture.outcomes]
     counts = [count for _, count in picture.outcomes]
-    colours = [KEPT, OTHER, *[WARNING] * len(names)][: len(names)]
+    colours = [SELECTED, OTHER, *[WARNING] * len(names)][: len(names)]
     bars = axes.barh(names, counts, color=colours)
     axes.bar_label(bars, padding=4)
     axes.set_ylim(max(len(names), FEWEST_BARS) - 0.5, -0.5)
@@ -174,10 +173,12 @@ def _draw_outcomes(axes: "Axes", picture: RankingPicture) -> None:
 
 
 def _draw_spectrum(axes: "Axes", picture: RankingPicture) -> None:
-    """How much a kept toss knows of each direction, an average toss of the pool knowing 1."""
+    """Information of a selected toss in each direction; an average toss of the pool has 1."""
     values = np.sort(picture.spectrum)
     shown = values[values > 0.0]  # a logarithmic axis has no place for nothing
-    axes.semilogy(np.arange(values.size - shown.size, values.size) + 1, shown, "o-", color=KEPT, markersize=4, label="kept")
+    axes.semilogy(
+        np.arange(values.size - shown.size, values.size) + 1, shown, "o-", color=SELECTED, markersize=4, label="selected"
+    )
     axes.axhline(1.0, color=LINE, linewidth=1.0, linestyle="--", label="pool")
     axes.set(
         title=f"Information per toss, ε = {picture.epsilon:.3g}",
@@ -191,10 +192,10 @@ def _draw_shares(axes: "Axes", picture: RankingPicture) -> None:
     """Which parameters the information is about; one block over one half is a warning."""
     names = [name.replace("_", " ") for name in picture.shares]
     places = np.arange(len(names))
-    pool, kept = (100.0 * np.array([share[i] for share in picture.shares.values()]) for i in (0, 1))
+    pool, selected = (100.0 * np.array([share[i] for share in picture.shares.values()]) for i in (0, 1))
     bars = [
         axes.barh(places - 0.2, pool, 0.38, color=OTHER, label="pool"),
-        axes.barh(places + 0.2, kept, 0.38, color=KEPT, label="kept"),
+        axes.barh(places + 0.2, selected, 0.38, color=SELECTED, label="selected"),
     ]
     for each in bars:
         axes.bar_label(each, fmt="%.1f", padding=3, fontsize=10)

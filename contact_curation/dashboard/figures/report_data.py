@@ -1,4 +1,4 @@
-"""What is told of a session, and its figures: what was learned, gained and kept, and what happened on the way.
+"""The data of a session's report and its figures: what was learned, gained and selected, and what happened on the way.
 
 matplotlib is imported when a figure is drawn.
 """
@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from contact_curation.dashboard.colours import BLUE, GREEN, INK, PALE, VERMILION
-from contact_curation.dashboard.figures.file import save_figure
+from contact_curation.dashboard.style import BLUE, GREEN, INK, PALE, VERMILION, save_figure
 from contact_curation.geometry.quaternions import Array
 
 if TYPE_CHECKING:
@@ -23,7 +22,7 @@ GONE = ("died", "given up", "stopped")
 
 
 @dataclass(frozen=True)
-class ToldThrow:
+class ReportedThrow:
     """A throw and what came of it.
 
     Attributes:
@@ -42,14 +41,14 @@ class ToldThrow:
 
 
 @dataclass(frozen=True)
-class ToldToss:
+class ReportedToss:
     """A toss of the final ranking.
 
     Attributes:
         rank: from 1.
         toss_id: unique.
         score, gain, trace: as ranked.
-        kept: whether it is in the buffer.
+        selected: whether it is in the buffer.
     """
 
     rank: int
@@ -57,11 +56,11 @@ class ToldToss:
     score: float
     gain: float
     trace: float
-    kept: bool
+    selected: bool
 
 
 @dataclass(frozen=True)
-class ToldEvent:
+class ReportedEvent:
     """Something that happened to a node.
 
     Attributes:
@@ -78,29 +77,29 @@ class ToldEvent:
 
 
 @dataclass(frozen=True, eq=False)
-class SessionStory:
-    """All that the report tells.
+class ReportData:
+    """All that the report shows.
 
     Attributes:
         title: one line.
         facts: name and text of each line of the summary.
         throws: in order.
         ranking: best first.
-        rejected: motions that the gates kept back: id and reasons.
+        rejected: motions that the gates rejected: id and reasons.
         events: of the nodes, in order.
         seconds: how long the session took.
         errors: by name with its unit, (N,) held-out errors at the end of the rounds of training; none without held-out tosses.
         throws_then: (N,) throws that had been scored then.
-        spectrum: (p,) eigenvalues of the kept set's information per toss relative to the pool's.
+        spectrum: (p,) eigenvalues of the selected set's information per toss relative to the pool's.
         epsilon: how far that spectrum reaches from 1.
     """
 
     title: str
     facts: Sequence[tuple[str, str]]
-    throws: Sequence[ToldThrow]
-    ranking: Sequence[ToldToss]
+    throws: Sequence[ReportedThrow]
+    ranking: Sequence[ReportedToss]
     rejected: Sequence[tuple[str, Sequence[str]]]
-    events: Sequence[ToldEvent]
+    events: Sequence[ReportedEvent]
     seconds: float
     errors: dict[str, Array] = field(default_factory=dict)
     throws_then: Array = field(default_factory=lambda: np.zeros(0))
@@ -108,11 +107,11 @@ class SessionStory:
     epsilon: float = np.nan
 
 
-def save_figures(story: SessionStory, folder: Path) -> dict[str, Path]:
+def save_figures(data: ReportData, folder: Path) -> dict[str, Path]:
     """Draws what there is to draw.
 
     Args:
-        story: of the session.
+        data: of the session.
         folder: for the PNG files.
 
     Returns:
@@ -121,40 +120,40 @@ def save_figures(story: SessionStory, folder: Path) -> dict[str, Path]:
     Raises:
         InvalidValueError: a file cannot be written there.
     """
-    drawn: dict[str, tuple[str, Callable[[SessionStory], Figure]]] = {}
-    if story.errors and story.throws_then.size:
+    drawn: dict[str, tuple[str, Callable[[ReportData], Figure]]] = {}
+    if data.errors and data.throws_then.size:
         drawn["Errors on held-out tosses"] = "held_out", learning_figure
-    if story.throws:
+    if data.throws:
         drawn["Planned and realised gains"] = "gains", gains_figure
-    if story.spectrum.size:
-        drawn["What the kept set knows"] = "spectrum", spectrum_figure
-    if story.events:
+    if data.spectrum.size:
+        drawn["Information of the selected set"] = "spectrum", spectrum_figure
+    if data.events:
         drawn["Nodes"] = "nodes", nodes_figure
-    return {title: save_figure(draw(story), folder / f"{name}.png") for title, (name, draw) in drawn.items()}
+    return {title: save_figure(draw(data), folder / f"{name}.png") for title, (name, draw) in drawn.items()}
 
 
-def learning_figure(story: SessionStory) -> "Figure":
+def learning_figure(data: ReportData) -> "Figure":
     """A panel per error, over the throws that had been scored."""
     figure = _figure(3.2)
-    panels = figure.subplots(1, len(story.errors), squeeze=False)[0]
-    for panel, (name, values) in zip(panels, story.errors.items()):
-        panel.plot(story.throws_then, values, color=BLUE.web, marker="o", markersize=4)
+    panels = figure.subplots(1, len(data.errors), squeeze=False)[0]
+    for panel, (name, values) in zip(panels, data.errors.items()):
+        panel.plot(data.throws_then, values, color=BLUE.web, marker="o", markersize=4)
         panel.set(yscale="log", xlabel="throws scored", ylabel=name)
         panel.grid(alpha=0.3, which="both")
     return figure
 
 
-def gains_figure(story: SessionStory) -> "Figure":
+def gains_figure(data: ReportData) -> "Figure":
     """Two bars per designed throw; warm-up throws are marked."""
     figure = _figure(3.2)
     panel = figure.subplots()
-    places = np.array([throw.number for throw in story.throws], dtype=float)
+    places = np.array([throw.number for throw in data.throws], dtype=float)
     for shift, colour, label, values in (
-        (-0.2, PALE.web, "planned", [throw.planned for throw in story.throws]),
-        (0.2, BLUE.web, "realised", [throw.realised for throw in story.throws]),
+        (-0.2, PALE.web, "planned", [throw.planned for throw in data.throws]),
+        (0.2, BLUE.web, "realised", [throw.realised for throw in data.throws]),
     ):
         panel.bar(places + shift, [value or 0.0 for value in values], width=0.4, color=colour, label=label)
-    warm_up = [throw.number for throw in story.throws if throw.kind == "warm-up"]
+    warm_up = [throw.number for throw in data.throws if throw.kind == "warm-up"]
     panel.plot(warm_up, [0.0] * len(warm_up), linestyle="", marker="^", color=VERMILION.web, label="warm-up", clip_on=False)
     panel.set(xlabel="throw", ylabel="gain in log-det [nats]")
     panel.legend(frameon=False)
@@ -162,37 +161,36 @@ def gains_figure(story: SessionStory) -> "Figure":
     return figure
 
 
-def spectrum_figure(story: SessionStory) -> "Figure":
-    """Eigenvalues of the kept set's information per toss, relative to the pool's."""
+def spectrum_figure(data: ReportData) -> "Figure":
+    """Eigenvalues of the selected set's information per toss, relative to the pool's."""
     figure = _figure(3.2)
     panel = figure.subplots()
-    panel.plot(np.arange(1, story.spectrum.size + 1), np.sort(story.spectrum)[::-1], color=BLUE.web, marker="o", markersize=4)
+    panel.plot(np.arange(1, data.spectrum.size + 1), np.sort(data.spectrum)[::-1], color=BLUE.web, marker="o", markersize=4)
     panel.axhline(1.0, color=INK.web, linestyle=":", label="as the pool")
-    panel.set(
-        xlabel="direction of theta", ylabel="information per toss,\nkept set / pool", title=f"epsilon {story.epsilon:.3g}"
-    )
+    ratio = "information per toss,\nselected set / pool"
+    panel.set(xlabel="direction of theta", ylabel=ratio, title=f"epsilon {data.epsilon:.3g}")
     panel.legend(frameon=False)
     panel.grid(alpha=0.3)
     return figure
 
 
-def nodes_figure(story: SessionStory) -> "Figure":
+def nodes_figure(data: ReportData) -> "Figure":
     """When each node ran, and when it was started again."""
-    nodes = list(dict.fromkeys(event.node for event in story.events))
+    nodes = list(dict.fromkeys(event.node for event in data.events))
     figure = _figure(0.9 + 0.28 * len(nodes))
     panel = figure.subplots()
     for row, node in enumerate(nodes):
-        for begin, end in _runs([event for event in story.events if event.node == node], story.seconds):
+        for begin, end in _runs([event for event in data.events if event.node == node], data.seconds):
             panel.barh(row, end - begin, left=begin, height=0.5, color=GREEN.web)
-        deaths = [event.seconds for event in story.events if event.node == node and event.event == "died"]
+        deaths = [event.seconds for event in data.events if event.node == node and event.event == "died"]
         panel.plot(deaths, [row] * len(deaths), linestyle="", marker="x", color=INK.web, markersize=8, markeredgewidth=2)
-    panel.set(yticks=range(len(nodes)), yticklabels=nodes, xlabel="time [s]", xlim=(0.0, max(story.seconds, 1.0)))
+    panel.set(yticks=range(len(nodes)), yticklabels=nodes, xlabel="time [s]", xlim=(0.0, max(data.seconds, 1.0)))
     panel.invert_yaxis()
     panel.grid(alpha=0.3, axis="x")
     return figure
 
 
-def _runs(events: Sequence[ToldEvent], end: float) -> list[tuple[float, float]]:
+def _runs(events: Sequence[ReportedEvent], end: float) -> list[tuple[float, float]]:
     """Begin and end of each run of a node."""
     runs: list[tuple[float, float]] = []
     began: float | None = None

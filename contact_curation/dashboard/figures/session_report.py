@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
 
-from contact_curation.dashboard.figures.report_data import SessionStory
+from contact_curation.dashboard.figures.report_data import ReportData
 from contact_curation.errors import InvalidValueError
 
 STYLE = """
@@ -14,7 +14,7 @@ h1 { font-size: 1.6em; margin-bottom: 0.2em; } h2 { font-size: 1.2em; margin: 1.
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 th, td { text-align: left; padding: 0.15em 1.2em 0.15em 0; vertical-align: top; border-bottom: 1px solid #eee; }
 th { font-weight: 600; } td.number, th.number { text-align: right; }
-tr.kept td { background: #eef5fa; }
+tr.selected td { background: #eef5fa; }
 img { max-width: 100%; } p.note { color: #666; }
 """
 
@@ -22,11 +22,11 @@ LARGEST_TABLE = 500
 """Rows; of more the last ones are left out, and counted."""
 
 
-def save_report(story: SessionStory, figures: Mapping[str, Path], path: Path) -> None:
+def save_report(data: ReportData, figures: Mapping[str, Path], path: Path) -> None:
     """Writes the page.
 
     Args:
-        story: what is told.
+        data: of the session.
         figures: PNG files by their titles.
         path: of the HTML file.
 
@@ -34,36 +34,35 @@ def save_report(story: SessionStory, figures: Mapping[str, Path], path: Path) ->
         InvalidValueError: the file cannot be written there.
     """
     try:
-        path.write_text(report_text(story, figures), encoding="utf-8")
+        path.write_text(report_text(data, figures), encoding="utf-8")
     except OSError as error:
         raise InvalidValueError("report", path, f"a place where a file can be written ({error.strerror})") from error
 
 
-def report_text(story: SessionStory, figures: Mapping[str, Path]) -> str:
+def report_text(data: ReportData, figures: Mapping[str, Path]) -> str:
     """The page."""
     parts = [
-        _table(("", ""), [(name, text) for name, text in story.facts]),
+        _table(("", ""), [(name, text) for name, text in data.facts]),
         *(f"<h2>{escape(title)}</h2>\n{_image(title, file)}" for title, file in figures.items()),
-        f"<h2>Throws</h2>\n{_throws(story)}",
-        f"<h2>Ranking</h2>\n{_ranking(story)}",
-        f"<h2>Rejected motions</h2>\n{_rejected(story)}",
-        f"<h2>Restarts</h2>\n{_restarts(story)}",
+        f"<h2>Throws</h2>\n{_throws(data)}",
+        f"<h2>Ranking</h2>\n{_ranking(data)}",
+        f"<h2>Rejected motions</h2>\n{_rejected(data)}",
+        f"<h2>Restarts</h2>\n{_restarts(data)}",
     ]
-    title = escape(story.title)
+    title = escape(data.title)
     head = f'<meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
     body = f"<h1>{title}</h1>\n" + "\n".join(parts)
     return f'<!doctype html>\n<html lang="en"><head>{head}</head>\n<body>\n{body}\n</body></html>\n'
 
 
-def _throws(story: SessionStory) -> str:
+def _throws(data: ReportData) -> str:
     rows = [
-        (str(throw.number), throw.kind, _number(throw.planned), _number(throw.realised), throw.outcome)
-        for throw in story.throws
+        (str(throw.number), throw.kind, _number(throw.planned), _number(throw.realised), throw.outcome) for throw in data.throws
     ]
     return _table(("throw", "kind", "planned gain", "realised gain", "toss"), rows, numbers=(0, 2, 3))
 
 
-def _ranking(story: SessionStory) -> str:
+def _ranking(data: ReportData) -> str:
     rows = [
         (
             str(toss.rank),
@@ -71,22 +70,22 @@ def _ranking(story: SessionStory) -> str:
             _number(toss.score),
             _number(toss.gain),
             _number(toss.trace),
-            "yes" if toss.kept else "no",
+            "yes" if toss.selected else "no",
         )
-        for toss in story.ranking
+        for toss in data.ranking
     ]
-    kept = {place for place, toss in enumerate(story.ranking) if toss.kept}
-    return _table(("rank", "toss", "score", "marginal gain", "trace", "kept"), rows, numbers=(0, 2, 3, 4), marked=kept)
+    selected = {place for place, toss in enumerate(data.ranking) if toss.selected}
+    return _table(("rank", "toss", "score", "marginal gain", "trace", "selected"), rows, numbers=(0, 2, 3, 4), marked=selected)
 
 
-def _rejected(story: SessionStory) -> str:
-    if not story.rejected:
-        return '<p class="note">The gates kept nothing back.</p>'
-    return _table(("toss", "reasons"), [(toss_id, "; ".join(reasons)) for toss_id, reasons in story.rejected])
+def _rejected(data: ReportData) -> str:
+    if not data.rejected:
+        return '<p class="note">The gates rejected nothing.</p>'
+    return _table(("toss", "reasons"), [(toss_id, "; ".join(reasons)) for toss_id, reasons in data.rejected])
 
 
-def _restarts(story: SessionStory) -> str:
-    deaths = [event for event in story.events if event.event in ("died", "given up")]
+def _restarts(data: ReportData) -> str:
+    deaths = [event for event in data.events if event.event in ("died", "given up")]
     if not deaths:
         return '<p class="note">No node died.</p>'
     rows = [(f"{event.seconds:.1f}", event.node, event.event, event.detail) for event in deaths]
@@ -94,13 +93,13 @@ def _restarts(story: SessionStory) -> str:
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = (), marked: Iterable[int] = ()) -> str:
-    """Rows of texts; columns of `numbers` are set to the right, `marked` rows are of the kept set."""
+    """Rows of texts; columns of `numbers` are set to the right, `marked` rows are of the selected set."""
     if not rows:
         return '<p class="note">None.</p>'
     chosen = set(marked)
     lines = [_row(heads, "th", numbers)] if any(heads) else []
     for place, row in enumerate(rows[:LARGEST_TABLE]):
-        lines.append(_row(row, "td", numbers, "kept" if place in chosen else ""))
+        lines.append(_row(row, "td", numbers, "selected" if place in chosen else ""))
     more = len(rows) - LARGEST_TABLE
     note = f'<p class="note">{more} more are left out here.</p>' if more > 0 else ""
     return "<table>\n" + "\n".join(lines) + f"\n</table>{note}"

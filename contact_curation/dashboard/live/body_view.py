@@ -5,9 +5,9 @@ import rerun as rr
 from scipy.spatial.transform import Rotation
 
 from contact_curation.contact.body import Body
-from contact_curation.dashboard.colours import BLUE, GREEN, VERMILION, Colour
 from contact_curation.dashboard.live.screen import Screen
 from contact_curation.dashboard.live.wireframe import wireframe_of
+from contact_curation.dashboard.style import BLUE, GREEN, VERMILION, Colour
 from contact_curation.dashboard.vertex_uncertainty import VertexUncertainty
 from contact_curation.geometry.quaternions import Array
 

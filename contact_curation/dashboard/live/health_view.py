@@ -1,11 +1,10 @@
-"""View: what the nodes say of themselves, and what the dashboard had to leave out."""
+"""View: the nodes' diagnostics, and what the dashboard had to leave out."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from textwrap import shorten
 
-from contact_curation.dashboard.live.pages import table
-from contact_curation.dashboard.live.screen import Screen
+from contact_curation.dashboard.live.screen import Screen, table
 
 TABLE = "health"
 HEADER = ("node", "state", "says", "details")

@@ -5,7 +5,6 @@ import rerun.blueprint as rrb
 from contact_curation.contact.body import Body
 from contact_curation.dashboard.live import (
     body_view,
-    gate_view,
     health_view,
     learning_view,
     motion_view,
@@ -86,11 +85,11 @@ def _ranking() -> rrb.TextDocumentView:
 
 def _spectrum() -> rrb.BarChartView:
     hidden = rrb.PlotLegend(visible=False)
-    return rrb.BarChartView(origin=ranking_view.SPECTRUM, name="Spectrum of the kept set, log10", plot_legend=hidden)
+    return rrb.BarChartView(origin=ranking_view.SPECTRUM, name="Spectrum of the selected set, log10", plot_legend=hidden)
 
 
 def _epsilon() -> rrb.TimeSeriesView:
-    return _curves(ranking_view.EPSILON, "Kept set against all", rrb.Corner2D.RightBottom)
+    return _curves(ranking_view.EPSILON, "Selected set against all", rrb.Corner2D.RightBottom)
 
 
 def _known() -> rrb.TimeSeriesView:
@@ -114,7 +113,7 @@ def _throws() -> rrb.TextDocumentView:
 
 
 def _gated() -> rrb.TextLogView:
-    return rrb.TextLogView(origin=gate_view.GATED, name="Kept back by the gates", columns=COLUMNS)
+    return rrb.TextLogView(origin=ranking_view.GATED, name="Rejected by the gates", columns=COLUMNS)
 
 
 def _health() -> rrb.TextDocumentView:

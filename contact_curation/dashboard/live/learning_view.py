@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from math import log10
 
-from contact_curation.dashboard.colours import BLUE, GREEN, PURPLE, VERMILION
 from contact_curation.dashboard.live.screen import Screen
+from contact_curation.dashboard.style import BLUE, GREEN, PURPLE, VERMILION
 
 ERRORS, LOSSES = "errors", "losses"
 MOST_SHOWN = 100.0

@@ -8,9 +8,9 @@ import numpy as np
 import rerun as rr
 
 from contact_curation.contact.body import Body
-from contact_curation.dashboard.colours import BLUE, PURPLE, VERMILION, Colour
 from contact_curation.dashboard.live.screen import Screen, quaternions_xyzw
 from contact_curation.dashboard.live.wireframe import wireframe_of
+from contact_curation.dashboard.style import BLUE, PURPLE, VERMILION, Colour
 from contact_curation.dashboard.toss_motion import TossMotion
 from contact_curation.design.throw import Throw
 from contact_curation.geometry.quaternions import Array

@@ -5,22 +5,21 @@ from dataclasses import dataclass
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.loss_config import LossConfig
-from contact_curation.dashboard.evidence import DEFAULT, KeptSet, evidence_of, kept_spectrum
+from contact_curation.dashboard.evidence import DEFAULT, SelectedSet, evidence_of, selected_spectrum
 from contact_curation.dashboard.live.body_view import BodyView
-from contact_curation.dashboard.live.gate_view import GateView
 from contact_curation.dashboard.live.motion_view import MotionView
-from contact_curation.dashboard.live.ranking_view import RankingView
+from contact_curation.dashboard.live.ranking_view import GateView, RankingView
 from contact_curation.dashboard.live.screen import Moment, Screen
 from contact_curation.dashboard.toss_motion import ShownTheta, motion_of
-from contact_curation.dashboard.vertex_uncertainty import uncertainty_if_told
+from contact_curation.dashboard.vertex_uncertainty import uncertainty_if_known
 from contact_curation.information.pool import Pool
 from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.motion.toss import Toss
 
 
 @dataclass(frozen=True)
-class KeptBack:
-    """A motion that the gates kept back: its id, its number of frames, and why."""
+class RejectedMotion:
+    """A motion that the gates rejected: its id, its number of frames, and why."""
 
     toss_id: str
     frames: int
@@ -33,9 +32,9 @@ def show_ranked(
     theta: ShownTheta,
     loss: LossConfig,
     pool: Pool,
-    kept: KeptSet,
+    selected: SelectedSet,
     tosses: Mapping[str, Toss],
-    kept_back: Sequence[KeptBack],
+    rejected: Sequence[RejectedMotion],
 ) -> None:
     """Writes a ranking's views.
 
@@ -45,9 +44,9 @@ def show_ranked(
         theta: that the tosses were scored at.
         loss: that impulses are found with.
         pool: all tosses that were ranked.
-        kept: those that are kept.
-        tosses: the kept ones, by id.
-        kept_back: what the gates kept back.
+        selected: those that are selected.
+        tosses: the selected ones, by id.
+        rejected: what the gates rejected.
 
     Raises:
         InvalidValueError: theta cannot be rolled out.
@@ -55,15 +54,15 @@ def show_ranked(
     bodies, motions = BodyView(screen, body), MotionView(screen, body)
     rankings, gates = RankingView(screen), GateView(screen)
     screen.at(Moment())
-    for one in kept_back:
+    for one in rejected:
         gates.show(one.toss_id, one.frames, one.reasons)
-    rankings.show_page(kept, evidence_of(pool, kept))
+    rankings.show_page(selected, evidence_of(pool, selected))
     subspace = pool_subspace(pool, DEFAULT.cut)
     vertices = body.vertices if theta.geometry is None else theta.geometry.vertices_normal * body.length_scale
-    bodies.show(vertices, uncertainty_if_told(pool, ()))
-    for place, toss_id in enumerate(kept.toss_ids, start=1):
+    bodies.show(vertices, uncertainty_if_known(pool, ()))
+    for place, toss_id in enumerate(selected.toss_ids, start=1):
         screen.at(Moment(place))
-        rankings.show_spectrum(kept_spectrum(pool, subspace, kept.toss_ids[:place]))
-        bodies.show(vertices, uncertainty_if_told(pool, kept.toss_ids[:place]))
+        rankings.show_spectrum(selected_spectrum(pool, subspace, selected.toss_ids[:place]))
+        bodies.show(vertices, uncertainty_if_known(pool, selected.toss_ids[:place]))
         if toss_id in tosses:
             motions.show(motion_of(tosses[toss_id], body, theta, loss), place)

@@ -5,16 +5,38 @@ Only stamps that come from tosses move time: nodes stamp their diagnostics by ot
 simulation, lives in another time than the wall's. Stamps of a simulation count from zero; they are durations, not dates.
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from math import isnan
 from typing import Any
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from contact_curation.dashboard.colours import Colour
+from contact_curation.dashboard.style import Colour
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.toss import NANOSECONDS
+
+WHOLE, LARGE = 100.0, 1e6
+"""Between these a number is shown without decimals or an exponent."""
+
+STRUCTURE = str.maketrans({"|": "\\|", "\n": " ", "\r": " "})
+"""What would end a cell."""
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table; what is in a cell stays in it."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(cell.translate(STRUCTURE) for cell in line) + " |" for line in lines)
+
+
+def number(value: float) -> str:
+    """A number in at most six characters or so; a dash where there is none."""
+    if isnan(value):
+        return "-"
+    return f"{value:.0f}" if WHOLE <= abs(value) < LARGE else f"{value:.3g}"
+
 
 TOSS, ROS_TIME = "toss", "ros_time"
 

@@ -87,7 +87,7 @@ def _file_sink(path: Path) -> rr.FileSink:
         path.open("ab").close()
     except OSError as error:
         raise InvalidValueError("recording", path, f"a path that can be written ({error.strerror})") from error
-    return rr.FileSink(path, write_footer=False)  # what the footer lists is kept in memory, and grows with the session
+    return rr.FileSink(path, write_footer=False)  # what the footer lists is held in memory, and grows with the session
 
 
 def _check_port(name: str, address: str, port: int) -> None:

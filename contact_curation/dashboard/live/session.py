@@ -9,23 +9,22 @@ from collections.abc import Mapping, Sequence
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.loss_config import LossConfig
-from contact_curation.dashboard.evidence import KeptSet, evidence_of
+from contact_curation.dashboard.evidence import SelectedSet, evidence_of
 from contact_curation.dashboard.live.body_view import BodyView
-from contact_curation.dashboard.live.gate_view import GateView
 from contact_curation.dashboard.live.health_view import HealthView, NodeHealth
 from contact_curation.dashboard.live.learning_view import LearningView, TrainingMoment
 from contact_curation.dashboard.live.motion_view import MotionView
-from contact_curation.dashboard.live.ranking_view import RankingView
+from contact_curation.dashboard.live.ranking_view import GateView, RankingView
 from contact_curation.dashboard.live.screen import Moment, Screen
 from contact_curation.dashboard.live.throw_view import NEXT_STATE, ThrowMade, ThrowView
 from contact_curation.dashboard.toss_motion import ShownTheta, motion_of
-from contact_curation.dashboard.vertex_uncertainty import uncertainty_if_told
+from contact_curation.dashboard.vertex_uncertainty import uncertainty_if_known
 from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.record import TossInformation
 from contact_curation.motion.toss import Toss
 
-VERSIONS_KEPT = 1
-"""Newest thetas that are remembered, with their information, beside that of the kept set."""
+VERSIONS_HELD = 1
+"""Newest thetas that are remembered, with their information, beside that of the selected set."""
 
 
 class LiveSession:
@@ -48,7 +47,7 @@ class LiveSession:
         self._numbers: dict[str, int] = {}
         self._newest: Toss | None = None
         self._stamp_ns = 0
-        self._kept: KeptSet | None = None
+        self._selected: SelectedSet | None = None
         self._throws: dict[str, ThrowMade] = {}
         screen.at(Moment())
         self._bodies = BodyView(screen, body)
@@ -79,32 +78,32 @@ class LiveSession:
             self._newest = toss
 
     def add_rejected(self, toss_id: str, frames: int, reasons: Sequence[str], stamp_ns: int) -> None:
-        """A motion that the gates kept back."""
+        """A motion that the gates rejected."""
         self._passed(stamp_ns)
         self._screen.at(Moment(len(self._numbers), stamp_ns))
         self._gates.show(toss_id, frames, reasons)
 
     def add_information(self, information: TossInformation) -> None:
-        """What a toss teaches, at any theta."""
+        """The information of a toss, at any theta."""
         version = information.parameters_version
         self._informations[version] = self._informations.pop(version, {})  # the newest last
         self._informations[version][information.toss_id] = information
-        needed = self._kept.version if self._kept else version
-        for old in [one for one in self._informations if one != needed][:-VERSIONS_KEPT]:
+        needed = self._selected.version if self._selected else version
+        for old in [one for one in self._informations if one != needed][:-VERSIONS_HELD]:
             del self._informations[old]
 
-    def set_kept(self, kept: KeptSet, stamp_ns: int) -> None:
-        """The kept set that `show_ranking` is about from now on."""
+    def set_selected(self, selected: SelectedSet, stamp_ns: int) -> None:
+        """The selected set that `show_ranking` is about from now on."""
         self._passed(stamp_ns)
-        self._kept = kept
+        self._selected = selected
 
     def set_theta(self, theta: ShownTheta) -> None:
         """The newest theta: what `show_motion` and all tosses to come are predicted with."""
         self._theta = theta
         self._thetas.pop(theta.version, None)
         self._thetas[theta.version] = theta  # the newest last
-        needed = self._kept.version if self._kept else theta.version
-        for old in [one for one in self._thetas if one != needed][:-VERSIONS_KEPT]:
+        needed = self._selected.version if self._selected else theta.version
+        for old in [one for one in self._thetas if one != needed][:-VERSIONS_HELD]:
             del self._thetas[old]
 
     def add_training(self, moment: TrainingMoment, stamp_ns: int) -> None:
@@ -133,7 +132,7 @@ class LiveSession:
             self._show_motion(self._newest)
 
     def show_ranking(self) -> bool:
-        """Writes the kept set's evidence and what is known by it, once all of the kept tosses' information has come.
+        """Writes the selected set's evidence and what is known by it, once all of the selected tosses' information has come.
 
         Returns:
             Whether the information of all tosses that it was chosen from has come; else it should be shown again later.
@@ -141,24 +140,24 @@ class LiveSession:
         Raises:
             InvalidValueError: information that does not go together.
         """
-        kept = self._kept
-        if kept is None or not kept.toss_ids:
+        selected = self._selected
+        if selected is None or not selected.toss_ids:
             return True
-        informations = self._informations.get(kept.version, {})
-        if not set(kept.toss_ids) <= set(informations):
+        informations = self._informations.get(selected.version, {})
+        if not set(selected.toss_ids) <= set(informations):
             return False
         pool = pool_of(informations.values())
         self._now()
-        self._rankings.show(kept, evidence_of(pool, kept))
-        self._show_body(pool, kept)
-        return len(pool) >= kept.seen
+        self._rankings.show(selected, evidence_of(pool, selected))
+        self._show_body(pool, selected)
+        return len(pool) >= selected.seen
 
-    def _show_body(self, pool: Pool, kept: KeptSet) -> None:
-        geometry = self._thetas.get(kept.version, self._theta).geometry
+    def _show_body(self, pool: Pool, selected: SelectedSet) -> None:
+        geometry = self._thetas.get(selected.version, self._theta).geometry
         if geometry is None:
             self._bodies.show(self._body.vertices, None)
             return
-        uncertainty = uncertainty_if_told(pool, kept.toss_ids)
+        uncertainty = uncertainty_if_known(pool, selected.toss_ids)
         self._bodies.show(geometry.vertices_normal * self._body.length_scale, uncertainty)
 
     def _show_motion(self, toss: Toss) -> None:

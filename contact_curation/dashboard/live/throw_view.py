@@ -1,13 +1,12 @@
-"""Views: throws as planned and as made, and what they were planned to teach against what they taught."""
+"""Views: throws as planned and as made, and what they were planned to gain against what they gained."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from contact_curation.dashboard.colours import BLUE, PURPLE
-from contact_curation.dashboard.live.pages import number, table
-from contact_curation.dashboard.live.screen import Screen
+from contact_curation.dashboard.live.screen import Screen, number, table
+from contact_curation.dashboard.style import BLUE, PURPLE
 from contact_curation.design.throw import Throw
 
 TABLE, GAINS = "throws", "gains"

@@ -4,7 +4,7 @@ Each layer's gradient sum_r delta_r a_r^T is projected from both sides, sum_r (P
 (LoGra, Choe et al. 2024). Random projections alone are too rough at this size, since what a Kronecker product of two of rank R
 loses goes by 2 / R and not by 1 / R. But one network's streams and slopes lie near few directions. So the first rows of each P
 are the leading directions of a reference, and only what is left is projected at random, which keeps inner products right on
-average whatever the reference. `benchmarks.network_information` measures what comes of it.
+average whatever the reference. `benchmarks.selection.network_information` measures what comes of it.
 
 The reference follows from the model alone, poses of its body at random and slopes at random, so that the same theta has the
 same sketch in every process.

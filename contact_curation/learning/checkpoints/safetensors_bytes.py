@@ -15,9 +15,10 @@ import safetensors
 import safetensors.numpy
 from numpy.typing import NDArray
 
-from contact_curation.errors import UnreadableInputError
+from contact_curation.errors import NewerVersionError, UnreadableInputError
 
-FORMAT = "contact_curation.model/1"
+NAME, VERSION = "contact_curation.model", 1
+FORMAT = f"{NAME}/{VERSION}"
 LARGEST_BYTES = 1 << 28
 """Far more than four copies of the largest network take."""
 
@@ -58,6 +59,9 @@ def unpack(data: bytes, source: Path | str) -> Packed:
     except (safetensors.SafetensorError, ValueError, KeyError, RecursionError) as error:
         raise UnreadableInputError(source, f"is no safetensors file of numbers ({error})") from error
     if FORMAT not in metadata:
+        for name, _, number in (key.rpartition("/") for key in metadata):
+            if name == NAME and number.isdecimal() and int(number[:9]) > VERSION:
+                raise NewerVersionError(source, "a checkpoint or a model", int(number[:9]), VERSION)
         raise UnreadableInputError(source, f"found metadata {', '.join(metadata)[:60] or 'of no kind'}, expected {FORMAT}")
     try:
         header = json.loads(metadata[FORMAT])

@@ -1,8 +1,8 @@
 """Gradient steps of one transition each, as ContactNets trains, in the kernel.
 
 At a batch of one nearly all of a step's time is autograd's and Python's. The kernel does whole rows of steps instead: the same
-numbers as along the long way but for rounding, several times as fast (benchmarks/training_step.py). It knows every model, those
-with a polytope in the published form.
+numbers as along the long way but for rounding, several times as fast (benchmarks/speed/training_step.py). It knows every model,
+those with a polytope in the published form.
 """
 
 import numpy as np

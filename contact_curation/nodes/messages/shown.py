@@ -8,7 +8,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.kind import ModelKind
-from contact_curation.dashboard.evidence import KeptSet
+from contact_curation.dashboard.evidence import SelectedSet
 from contact_curation.dashboard.live.health_view import NodeHealth
 from contact_curation.dashboard.live.learning_view import TrainingMoment
 from contact_curation.dashboard.live.throw_view import ThrowMade
@@ -54,9 +54,9 @@ def _shown(version: str, model: str, data: bytes, body: Body) -> ShownTheta:
     return ShownTheta(version, model=model_of_bytes(data, "model_parameters", body))
 
 
-def kept_set_of(message: Any) -> KeptSet:
+def kept_set_of(message: Any) -> SelectedSet:
     """The kept set that a CuratedBuffer carries."""
-    return KeptSet(
+    return SelectedSet(
         criterion=message.criterion,
         capacity=message.capacity,
         toss_ids=tuple(message.toss_ids),

@@ -18,11 +18,11 @@ from contact_curation.errors import MissingTopicError
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.ros.message_types import message_class
 from contact_curation.nodes.ros.qos import profile
-from contact_curation.storage.inputs.pose_messages import POSE_TYPES, TF, Measured
+from contact_curation.storage.inputs.pose_messages import POSE_MESSAGES, TF, Measured
 from contact_curation.storage.inputs.pose_source import PoseSource, PoseTopicConfig, TypedTopic, find_pose_source
 from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIONS
 
-READ_TYPES = (*POSE_TYPES, DETECTIONS, CAMERA_INFO)
+READ_TYPES = (*POSE_MESSAGES, DETECTIONS, CAMERA_INFO)
 
 TF_STATIC = "/tf_static"
 RIG = (TypedTopic("/tf", TF), TypedTopic(TF_STATIC, TF))

@@ -10,8 +10,7 @@ from typing import Any
 
 from contact_curation.errors import UnreadableInputError
 from contact_curation.motion.toss import NANOSECONDS
-from contact_curation.storage.atomic_file import write_atomically
-from contact_curation.storage.bounded_file import read_json
+from contact_curation.storage.files import read_json, write_atomically
 
 KEY = "used_until_ns"
 LARGEST_BYTES = 1000

@@ -17,8 +17,7 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.training.protocols import ROUND_TRIMMED, TrainingConfig, budgeted, exact
 from contact_curation.nodes.ros.parameters import declare, declare_config
-from contact_curation.storage.parameters_file import Parameters
-from contact_curation.storage.theta_file import read_theta
+from contact_curation.storage.parameters_file import Parameters, read_theta
 
 ROUND_STEPS = 400
 """A round begins where the last one ended, so that it needs fewer steps than a training of its own."""

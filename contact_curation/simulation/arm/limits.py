@@ -1,9 +1,17 @@
-"""What a Franka Research 3 may do: the published limits of its joints, and how far a motion is from breaking one.
+"""What a Franka Research 3 may do: the published limits of its joints, how much of them a motion uses, and when it gives way.
 
 Sources: positions, speeds and torques from franka_description (robots/fr3/joint_limits.yaml); accelerations, the torques' rate,
 and speeds that fall towards the ends of a joint's range, from libfranka for the FR3 (include/franka/rate_limiting.h of 2023:
 kMaxJointAcceleration, kMaxTorqueRate, computeUpperLimitsJointVelocity) and "Limits for Franka Research 3" of Franka's control
 interface documentation. Jerk (5000 rad/s^3) is far from being reached by ramps that take tens of milliseconds.
+
+An external torque is one that the arm's model does not explain. With the measured speeds q', it is
+
+    outside = M dq'/dt + bias - motors
+
+averaged over a few milliseconds; the joints' friction is part of it. An arm that feels too much of it has to give way; on its
+path it would push with all that its motors have (Haddadin, De Luca, Albu-Schaeffer, Robot Collisions: A Survey on Detection,
+Isolation, and Identification, IEEE T-RO 33(6), 2017).
 """
 
 from dataclasses import dataclass
@@ -81,3 +89,80 @@ FR3_LIMITS = JointLimits(
     brake_end_high=np.array([2.7501, 1.7918, 2.9065, -0.1458, 2.8101, 4.5205, 3.0196]),
 )
 """Of a Franka Research 3."""
+
+
+@dataclass(frozen=True, eq=False)
+class Peaks:
+    """The largest shares of the joints' limits that were used, (7,) each."""
+
+    torque: Array
+    speed: Array
+    position: Array
+
+
+class LimitUse:
+    """Remembers the largest shares that were used.
+
+    Args:
+        limits: of the joints.
+    """
+
+    def __init__(self, limits: JointLimits) -> None:
+        self._limits = limits
+        self._middle, self._half = 0.5 * (limits.highest + limits.lowest), 0.5 * (limits.highest - limits.lowest)
+        self.forget()
+
+    def forget(self) -> None:
+        """Starts from zero."""
+        self._torque, self._speed, self._position = np.zeros((3, JOINTS))
+
+    def note(self, torques: Array, joints: Array, speeds: Array) -> None:
+        """Takes in torques [N m], places [rad] and speeds [rad/s] (7,) of a step."""
+        self._torque = np.maximum(self._torque, np.abs(torques) / self._limits.torque)
+        self._speed = np.maximum(self._speed, self._limits.speed_use(joints, speeds))
+        self._position = np.maximum(self._position, np.abs(joints - self._middle) / self._half)
+
+    @property
+    def peaks(self) -> Peaks:
+        """So far."""
+        return Peaks(self._torque.copy(), self._speed.copy(), self._position.copy())
+
+
+@dataclass(frozen=True)
+class ReflexConfig:
+    """When the arm gives way.
+
+    Attributes:
+        share: of a joint's torque limit that may come from outside; the joints' friction is at most a twentieth.
+        time: that the torque is averaged over [s].
+    """
+
+    share: float = 0.1
+    time: float = 0.005
+
+    def __post_init__(self) -> None:
+        for name in ("share", "time"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+                raise InvalidValueError(f"reflex.{name}", getattr(self, name), "a positive number")
+
+
+class CollisionReflex:
+    """Feels, step by step, what pushes against an arm.
+
+    Args:
+        limits: (J,) of its motors [N m].
+        config: when it gives way.
+    """
+
+    def __init__(self, limits: Array, config: ReflexConfig) -> None:
+        self._largest, self._config = config.share * limits, config
+        self._outside = np.zeros_like(limits)
+
+    def feels(self, outside: Array, step: float) -> bool:
+        """Takes in the torque (J,) [N m] of a step [s]; whether it has become too much."""
+        self._outside = self._outside + step / (self._config.time + step) * (outside - self._outside)
+        return bool((np.abs(self._outside) > self._largest).any())
+
+    def forget(self) -> None:
+        """Starts from zero."""
+        self._outside = np.zeros_like(self._outside)

@@ -33,7 +33,7 @@ ROTOR_INERTIA = (0.605721456, 0.605721456, 0.462474144, 0.462474144, 0.205544064
 
 JOINT_FRICTION = (0.273, 0.436, 0.320, 0.640, 0.420, 0.152, 0.282)
 """[N m], dry: half of phi_1, the height of the sigmoid over the speed that Gaz et al. fitted to the FR3's predecessor; its
-small offset is left out. The controller does not know of it."""
+small offset is left out. The controller does not know it."""
 
 GRIPPER_LENGTH = 0.105
 """From the flange to the pad [m]."""

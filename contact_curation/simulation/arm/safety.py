@@ -95,7 +95,7 @@ def path_out_of_limits(path: JointPath, limits: JointLimits) -> str | None:
 
 
 class SafetyGate:
-    """Says whether the arm may move; may be asked and told from any thread.
+    """Says whether the arm may move; its methods may be called from any thread.
 
     Args:
         config: limits.

@@ -17,10 +17,8 @@ import numpy as np
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.simulation.arm.collision_reflex import CollisionReflex, ReflexConfig
 from contact_curation.simulation.arm.frame import ArmFrame, Phase
-from contact_curation.simulation.arm.limit_use import LimitUse, Peaks
-from contact_curation.simulation.arm.limits import JOINTS
+from contact_curation.simulation.arm.limits import JOINTS, CollisionReflex, LimitUse, Peaks, ReflexConfig
 from contact_curation.simulation.arm.model import DEFAULT_ARM, ArmConfig
 from contact_curation.simulation.arm.path import DEFAULT_RAMP, JointPath, moving
 from contact_curation.simulation.arm.throw_motion import STEP, STEPS_PER_FRAME, ThrowMotion
@@ -240,7 +238,7 @@ class ArmSimulation:
         elif self.phase is Phase.RETURNING and self._worlds.held and self._at <= 0.0:
             self._home()
         elif self.phase in (Phase.RELEASED, Phase.RETURNING) and at_end and self._gone:
-            self._worlds.take_anew()
+            self._worlds.take_body()
             self._gone = False
             self._home()
 

@@ -10,7 +10,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.simulation.arm.frame import Phase
-from contact_curation.simulation.arm.limit_use import Peaks
+from contact_curation.simulation.arm.limits import Peaks
 from contact_curation.simulation.arm.simulation import DEFAULT_CONTROL, ArmSimulation, ControlConfig
 from contact_curation.simulation.arm.throw_motion import FRAME_PERIOD, Refused, ThrowMotion, ThrowPlanner
 

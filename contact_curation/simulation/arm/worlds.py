@@ -61,14 +61,14 @@ class ArmWorlds:
         self._place, self._motion = int(self._free.model.jnt_qposadr[joint]), int(self._free.model.jnt_dofadr[joint])
         self.held = True
         self._holding.data.qpos[:] = config.home_posture
-        self.take_anew()
+        self.take_body()
 
     @property
     def now(self) -> World:
         """The world that is simulated."""
         return self._holding if self.held else self._free
 
-    def take_anew(self) -> None:
+    def take_body(self) -> None:
         """Puts the body into the gripper by the first face that it can be held by."""
         self.take(_first_grip(self._body))
 

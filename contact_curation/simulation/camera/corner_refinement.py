@@ -47,7 +47,7 @@ class Line(NamedTuple):
 
 
 def refined_corners(image: Image, corners: Array) -> Array:
-    """Corners (4, 2) [px] nearer to where they are; as given where the image does not tell.
+    """Corners (4, 2) [px] nearer to where they are; as given where the image does not show them.
 
     Args:
         image: grey.

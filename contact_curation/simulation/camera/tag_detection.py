@@ -7,8 +7,7 @@ import numpy as np
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.simulation.camera.corner_refinement import refined_corners
-from contact_curation.simulation.camera.tag_library import tag_library
-from contact_curation.simulation.camera.tag_textures import Image
+from contact_curation.simulation.camera.tag_textures import Image, tag_library
 
 
 @dataclass(frozen=True)

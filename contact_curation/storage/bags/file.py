@@ -1,13 +1,72 @@
-"""An input file, read by offset and never beyond its end."""
+"""The bytes of an input file, read safely: no more than a bound, never beyond the end, and damage is told, not hidden.
 
+A damaged part is a `DamagedBagError`, which the readers catch; they go on behind it and say in `Losses` what was lost. Every
+size that a file declares is held against `BagLimits` before anything is allocated. A compressed frame of a few bytes can
+declare any size, and the one-call functions of zstd and lz4 allocate what it declares; here they unpack in steps.
+"""
+
+import bz2
 import fcntl
 import hashlib
 import stat
+from collections.abc import Callable, Hashable
 from contextlib import suppress
+from dataclasses import dataclass, fields
 from pathlib import Path
 
-from contact_curation.errors import UnreadableInputError
-from contact_curation.storage.bags.errors import DamagedBagError
+import lz4.frame  # type: ignore[import-untyped]
+import zstandard
+
+from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
+
+MEBIBYTE = 1 << 20
+
+
+@dataclass(frozen=True)
+class BagLimits:
+    """Bounds on what reading a bag takes; far above what recorders write, far below what a machine has.
+
+    Attributes:
+        chunk_bytes: of a chunk or record, stored and unpacked [B].
+        message_bytes: of one message [B].
+        reorder_bytes: of messages held back to bring overlapping chunks into order of log time [B].
+        unpacked_file_bytes: of a storage file that is compressed as a whole, on disk [B].
+        fixed_array_length: of fixed-size arrays in message definitions, which decoders unroll.
+    """
+
+    chunk_bytes: int = 256 * MEBIBYTE
+    message_bytes: int = 64 * MEBIBYTE
+    reorder_bytes: int = 512 * MEBIBYTE
+    unpacked_file_bytes: int = 256 * 1024 * MEBIBYTE
+    fixed_array_length: int = 1 << 16
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if getattr(self, field.name) <= 0:
+                raise InvalidValueError(field.name, getattr(self, field.name), "a positive number")
+
+
+class DamagedBagError(ContactCurationError):
+    """A part of a bag cannot be read; the message says why."""
+
+
+class UndecodableTypeError(ContactCurationError):
+    """Messages of a type cannot be decoded; the message says why."""
+
+
+class Losses:
+    """What was lost while reading, one line per cause; saying the same cause again replaces its line."""
+
+    def __init__(self) -> None:
+        self._lines: dict[Hashable, str] = {}
+
+    def say(self, cause: Hashable, line: str) -> None:
+        self._lines[cause] = " ".join(line.split())
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        return tuple(self._lines.values())
+
 
 READ_AHEAD = 1 << 16
 """Bytes; one read then serves many small records."""
@@ -62,3 +121,103 @@ def file_sha256(path: Path) -> str:
     """SHA-256 of a file's bytes, in hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+STEP = 1 << 22
+"""Bytes unpacked at a time."""
+
+
+def _in_steps(read: Callable[[int], bytes], most: int) -> bytes:
+    """At most `most` bytes of a stream; what is allocated follows what is there, not what is asked for."""
+    parts: list[bytes] = []
+    while most > 0 and (part := read(min(most, STEP))):
+        parts.append(part)
+        most -= len(part)
+    return b"".join(parts)
+
+
+def _plain(data: bytes, most: int) -> bytes:
+    return data[:most]
+
+
+def _zstd(data: bytes, most: int) -> bytes:
+    with zstandard.ZstdDecompressor().stream_reader(data) as reader:
+        return _in_steps(reader.read, most)
+
+
+def _lz4(data: bytes, most: int) -> bytes:
+    unpacker = lz4.frame.LZ4FrameDecompressor()
+    rest = iter([data])
+    return _in_steps(lambda step: b"" if unpacker.eof else bytes(unpacker.decompress(next(rest, b""), step)), most)
+
+
+def _bz2(data: bytes, most: int) -> bytes:
+    return bz2.BZ2Decompressor().decompress(data, max_length=most)
+
+
+UNPACKERS: dict[str, Callable[[bytes, int], bytes]] = {"": _plain, "none": _plain, "zstd": _zstd, "lz4": _lz4, "bz2": _bz2}
+"""By the names that MCAP and ROS 1 bags use."""
+
+
+def unpack(compression: str, data: bytes, size: int, limit: int) -> bytes:
+    """The `size` bytes that `data` holds.
+
+    Raises:
+        DamagedBagError: they are more than `limit`, or `data` holds another number of bytes, or is damaged.
+    """
+    if size > limit:
+        raise DamagedBagError(f"{size} bytes are declared where at most {limit} are accepted")
+    unpacked = unpack_some(compression, data, size + 1)
+    if len(unpacked) != size:
+        raise DamagedBagError(f"{size} bytes are declared, {_counted(len(unpacked), size)} are there")
+    return unpacked
+
+
+def unpack_some(compression: str, data: bytes, most: int) -> bytes:
+    """What can be had of `data`, which may end too early; at most `most` bytes.
+
+    Raises:
+        DamagedBagError: the compression is unknown, or `data` is damaged.
+    """
+    if compression not in UNPACKERS:
+        raise DamagedBagError(f"compression {compression!r} is not one of {sorted(UNPACKERS)}")
+    try:
+        return UNPACKERS[compression](data, most)
+    except (zstandard.ZstdError, RuntimeError, OSError, EOFError, ValueError) as error:
+        raise DamagedBagError(f"cannot be decompressed: {error}") from error
+
+
+def unpack_message(data: bytes, limit: int) -> bytes:
+    """A message of a bag that was recorded with compression per message (a zstd frame each).
+
+    Raises:
+        DamagedBagError: it is damaged, or larger than `limit`.
+    """
+    unpacked = unpack_some("zstd", data, limit + 1)
+    if len(unpacked) > limit:
+        raise DamagedBagError(f"more than {limit} bytes in one message")
+    return unpacked
+
+
+def unpack_file(source: Path, target: Path, limit: int) -> None:
+    """Writes what the zstd file `source` holds to `target`, up to where it is damaged.
+
+    Raises:
+        DamagedBagError: the source is damaged or holds more than `limit` bytes; `target` has what came before.
+    """
+    written = 0
+    unpacker = zstandard.ZstdDecompressor()
+    with source.open("rb") as packed, target.open("wb") as out, unpacker.stream_reader(packed) as reader:
+        try:
+            while part := reader.read(STEP):
+                written += len(part)
+                if written > limit:
+                    raise DamagedBagError(f"holds more than {limit} bytes")
+                out.write(part)
+        except zstandard.ZstdError as error:
+            raise DamagedBagError(f"cannot be decompressed beyond byte {written}: {error}") from error
+
+
+def _counted(found: int, declared: int) -> str:
+    return "more" if found > declared else str(found)

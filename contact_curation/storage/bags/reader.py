@@ -1,22 +1,136 @@
-"""Bags in: any format, whole or damaged. Whole ones fast; damaged ones as far as they go, saying what was lost."""
+"""Bags in: any format, whole or damaged. Whole ones fast; damaged ones as far as they go, saying what was lost.
+
+The way of a message: the bytes of a file (`bags.file`) -> its records (`bags.formats`, chosen by the first bytes, not by the
+name) -> merged in order of log time (here) -> an object (`bags.decoding`) -> a pose (`inputs.pose_messages`).
+"""
 
 import hashlib
-from collections.abc import Collection, Iterator
+import heapq
+import tempfile
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from functools import cached_property
 from pathlib import Path
+from struct import error as StructError
 from types import TracebackType
-from typing import Self
+from typing import Protocol, Self
 
-from contact_curation.errors import MissingTopicError
-from contact_curation.storage.bags.conversion import MessageConverter
-from contact_curation.storage.bags.errors import Losses
-from contact_curation.storage.bags.file import file_sha256
+from mcap.exceptions import McapError
+from mcap.reader import SeekingReader
+
+from contact_curation.errors import MissingTopicError, UnreadableInputError
+from contact_curation.storage.bags.decoding import MessageConverter
+from contact_curation.storage.bags.file import ZSTD_MAGIC, BagFile, BagLimits, DamagedBagError, Losses, file_sha256, unpack_file
 from contact_curation.storage.bags.folder import compare, storage_files
-from contact_curation.storage.bags.limits import BagLimits
-from contact_curation.storage.bags.notes import recorded_notes
-from contact_curation.storage.bags.records import BagMessage, Channel, OfferedQos, RawMessage, TopicInfo
-from contact_curation.storage.bags.storage import merged, open_storage
+from contact_curation.storage.bags.formats.mcap import open_mcap
+from contact_curation.storage.bags.formats.mcap_records import MCAP_MAGIC
+from contact_curation.storage.bags.formats.ros1 import ROS1_MAGIC, open_ros1
+from contact_curation.storage.bags.formats.sqlite import SQLITE_MAGIC, SqliteStorage
+from contact_curation.storage.bags.records import BagMessage, Channel, OfferedQos, RawMessage, StoredMessage, TopicInfo
+
+LONGEST_MAGIC = max(len(magic) for magic in (MCAP_MAGIC, ROS1_MAGIC, SQLITE_MAGIC, ZSTD_MAGIC))
+KINDS = "an MCAP file, a rosbag2 database (.db3) or a ROS 1 bag (version 2.0)"
+
+
+class BagStorage(Protocol):
+    """What the reader needs of a storage file."""
+
+    @property
+    def name(self) -> str:
+        """Of the file."""
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """As declared so far."""
+
+    @property
+    def extent_ns(self) -> tuple[int, int]:
+        """First and last log time, as declared."""
+
+    def counts(self) -> Mapping[Channel, int] | None:
+        """Messages per channel; None when only reading everything would show them."""
+
+    def messages(self, topics: Collection[str] | None) -> Iterator[StoredMessage]:
+        """Messages of `topics` (None: all) in order of log time."""
+
+    def close(self) -> None:
+        """Lets go of the file."""
+
+
+def open_storage(path: Path, limits: BagLimits, losses: Losses, stack: ExitStack) -> BagStorage:
+    """Opens a storage file; `stack` closes it.
+
+    Raises:
+        UnreadableInputError: it cannot be opened, or it is none of the kinds that are understood.
+    """
+    file = BagFile(path)
+    stack.callback(file.close)
+    head = file.read(0, min(LONGEST_MAGIC, file.size))
+    if head.startswith(ZSTD_MAGIC):
+        return open_storage(_unpacked(path, limits, losses, stack), limits, losses, stack)
+    storage = _opened(file, head, limits, losses)
+    stack.callback(storage.close)
+    return storage
+
+
+def merged(storages: Sequence[BagStorage], topics: Collection[str] | None) -> Iterator[StoredMessage]:
+    """Messages of several files in order of log time; only files whose times overlap are read side by side."""
+    for together in _overlapping(storages):
+        yield from heapq.merge(*(storage.messages(topics) for storage in together), key=_log_time)
+
+
+def _overlapping(storages: Sequence[BagStorage]) -> list[list[BagStorage]]:
+    """Runs of files, each after the one before."""
+    runs: list[list[BagStorage]] = []
+    end = -1
+    for storage in sorted(storages, key=lambda storage: storage.extent_ns[0]):
+        first, last = storage.extent_ns
+        if not runs or first > end:
+            runs.append([])
+        runs[-1].append(storage)
+        end = max(end, last)
+    return runs
+
+
+def _log_time(message: StoredMessage) -> int:
+    return message.log_time_ns
+
+
+def _opened(file: BagFile, head: bytes, limits: BagLimits, losses: Losses) -> BagStorage:
+    if head.startswith(MCAP_MAGIC):
+        return open_mcap(file, limits, losses)
+    if head.startswith(SQLITE_MAGIC):
+        return SqliteStorage(file, losses)
+    if head.startswith(ROS1_MAGIC):
+        return open_ros1(file, limits, losses)
+    if not head:
+        raise UnreadableInputError(file.path, f"is empty; expected {KINDS}")
+    raise UnreadableInputError(file.path, f"begins with {head!r}; expected {KINDS}")
+
+
+def _unpacked(path: Path, limits: BagLimits, losses: Losses, stack: ExitStack) -> Path:
+    """A temporary copy of a file that rosbag2 compressed as a whole."""
+    target = Path(stack.enter_context(tempfile.TemporaryDirectory())) / path.stem
+    try:
+        unpack_file(path, target, limits.unpacked_file_bytes)
+    except DamagedBagError as error:
+        losses.say((path.name, "compressed"), f"{path.name}: {error}")
+    return target
+
+
+DAMAGED = (McapError, StructError, OSError, EOFError, KeyError, ValueError)
+"""What the reader raises on files that were cut off or changed; it leaves the checks to whatever fails."""
+
+
+def recorded_notes(path: Path) -> dict[str, dict[str, str]]:
+    """The notes of an MCAP file by their names; none for other files, or where the file's index is damaged."""
+    if path.suffix != ".mcap":
+        return {}
+    with path.open("rb") as file:
+        try:
+            return {record.name: record.metadata for record in SeekingReader(file, validate_crcs=True).iter_metadata()}
+        except DAMAGED:
+            return {}
 
 
 class BagReader:

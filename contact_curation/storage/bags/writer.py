@@ -16,9 +16,8 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.storage.bags.metadata import METADATA_NAME, TopicMetadata, metadata_text
-from contact_curation.storage.bags.qos import profiles_text
-from contact_curation.storage.bags.records import OfferedQos
+from contact_curation.storage.bags.folder import METADATA_NAME, TopicMetadata, metadata_text
+from contact_curation.storage.bags.records import OfferedQos, profiles_text
 
 LARGEST_LOG_TIME = 2**63 - 1
 """rosbag2 keeps log times in signed 64 bits."""

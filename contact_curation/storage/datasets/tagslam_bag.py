@@ -5,7 +5,7 @@
 
 The board stands somewhere in the map and not level, so that whoever reads the bag has to go through the frames. Stamps are
 those of the tracker, recovered from the velocities, and each toss is turned back onto the board that it was tracked on
-(`motion.recovered_timing`): who takes the bag's differences and medians finds the files' velocities. The day is made up, and
+(`motion.restored_toss`): who takes the bag's differences and medians finds the files' velocities. The day is made up, and
 log times equal the stamps. Tosses follow each other, in their order, with a time without poses in between, as if the tracker
 had been stopped; the frames just before and after each are made up (`motion.lead_in`), for ContactNets' files begin at the
 detected release.
@@ -30,8 +30,13 @@ from contact_curation.motion.toss import NANOSECONDS, Toss
 from contact_curation.storage.bags.writer import BagWriter
 from contact_curation.storage.datasets.contactnets import contactnets_files, read_contactnets
 from contact_curation.storage.inputs.pose_messages import ODOMETRY, TF
-from contact_curation.storage.inputs.recorded_numbers import NUMBERS_NOTE, RecordedNumbers, number_of_file
-from contact_curation.storage.inputs.recorded_rules import NOTE, note_of_rules
+from contact_curation.storage.inputs.recording_notes import (
+    NUMBERS_NOTE,
+    RULES_NOTE,
+    RecordedNumbers,
+    note_of_rules,
+    number_of_file,
+)
 
 EXACT = 1e-5
 """Velocities that differ by no more are equal [m/s, rad/s]."""
@@ -165,7 +170,7 @@ def record(bag: BagWriter, body: str, tosses: Iterable[Toss], rig: TagslamRig) -
         InvalidValueError: a toss of another body.
     """
     messages = _Messages(rig, f"body_{body}")
-    bag.note(NOTE, note_of_rules(rig.rules))
+    bag.note(RULES_NOTE, note_of_rules(rig.rules))
     bag.write("/tf_static", messages.board(), rig.epoch_ns, latched=True)
     start_ns, count, frames = rig.epoch_ns + NANOSECONDS, 0, 0
     numbered: list[tuple[int, int]] = []

@@ -1,7 +1,7 @@
-"""Kept tosses as ContactNets' public ones lie in their repository: tosses_processed/N.pt, here in the order of the ranking.
+"""Selected tosses as ContactNets' public ones lie in their repository: tosses_processed/N.pt, here in the order of the ranking.
 
 A file is one float64 tensor (1, T, 19) with the row of `storage.datasets.contactnets`. A toss that came from such a file is
-that file, byte for byte, unless it was put right of its rig. Any other is written in the frame that it was tracked on: no
+that file, byte for byte, unless its rig's calibration was applied. Any other is written in the frame that it was tracked on: no
 random heading is added to it.
 """
 
@@ -18,32 +18,32 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of
 from contact_curation.storage.datasets.contactnets import COLUMNS, CONTROL, FRAME_RATE, SUBFOLDER
-from contact_curation.storage.export.selected import KeptToss
+from contact_curation.storage.export.selected import SelectedToss
 
 LARGEST_RATE_ERROR = 0.01
 """A file does not say its frame rate, so all are read with the same one."""
 
 
-def write_contactnets(tosses: Sequence[KeptToss], body: Body, folder: Path, *, copied: bool = True) -> None:
+def write_contactnets(tosses: Sequence[SelectedToss], body: Body, folder: Path, *, copied: bool = True) -> None:
     """Writes N.pt for the N-th toss, from 0.
 
     Args:
         tosses: best first.
         body: what was tossed; its length scale is the files' unit of length.
         folder: to be filled.
-        copied: tosses of such files are those files; not where they were put right.
+        copied: tosses of such files are those files; not where a calibration was applied.
 
     Raises:
         InvalidValueError: a toss has another frame rate than ContactNets'.
     """
     target = folder / SUBFOLDER
     target.mkdir()
-    for number, kept in enumerate(tosses):
+    for number, selected in enumerate(tosses):
         file = target / f"{number}.pt"
-        if copied and kept.origin.input.endswith(".pt"):
-            shutil.copyfile(kept.origin.input, file)
+        if copied and selected.origin.input.endswith(".pt"):
+            shutil.copyfile(selected.origin.input, file)
         else:
-            _write_rows(contactnets_rows(kept.toss, body), file)
+            _write_rows(contactnets_rows(selected.toss, body), file)
 
 
 def contactnets_rows(toss: Toss, body: Body) -> Array:

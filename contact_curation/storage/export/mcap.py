@@ -1,21 +1,166 @@
-"""Recordings as MCAP files of their kept tosses alone: the same bytes, and the same tosses when they are read again.
+"""Recordings as MCAP files of their selected tosses alone: the same bytes, and the same tosses when they are read again.
 
 What was written is read back, and each toss must be the one of the whole recording, bit for bit; where it is not, more of what
-is around it is taken.
+is around it is taken. A part is the messages of some times, byte for byte, and what must be known before them.
+
+Before the first message of a window come those that hold for it though they are older: all of /tf_static, the newest of every
+other latched topic, and of the camera. A pose is no such thing, latched or not. Images may have waited for the first
+CameraInfo, so that goes along even if it came behind them.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from mcap.well_known import SchemaEncoding
+from rosbags.typesys import Stores, get_typestore
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import UnreadableInputError
 from contact_curation.storage.bags.reader import BagReader
-from contact_curation.storage.export.subset import write_subsets
-from contact_curation.storage.export.survey import Motion, Surroundings, Survey, digests_in, survey
-from contact_curation.storage.export.windows import Window
+from contact_curation.storage.bags.records import OfferedQos, RawMessage
+from contact_curation.storage.bags.writer import BagWriter
+from contact_curation.storage.export.survey import Motion, Surroundings, Survey, Window, Windows, digests_in, survey
+from contact_curation.storage.inputs.pose_source import TF_STATIC_NAME, PoseSource
 from contact_curation.storage.inputs.records import InputsConfig
 from contact_curation.storage.provenance import TossProvenance
+
+RIG_MARGIN_NS = 600_000_000
+"""Poses of a moving board or camera are interpolated over at most half a second, so more of these is taken."""
+
+EXPORT_NOTE = "contact_curation.export"
+NOTES_OF_OTHERS = ("rosbag2",)
+"""Notes that describe the whole recording's messages, and so not a part of it."""
+
+
+class SubsetFile:
+    """One bag to be, opened when its first message comes; use it as a context manager.
+
+    Args:
+        path: of the file.
+        windows: log times.
+        source: the topics with the body's poses.
+        qos: what a topic was offered with.
+    """
+
+    def __init__(self, path: Path, windows: Iterable[Window], source: PoseSource, qos: Callable[[str], OfferedQos]) -> None:
+        listed = tuple(windows)
+        self._path = path
+        self._qos = qos
+        self._source = source
+        self._camera = source.camera.name if source.camera else ""
+        self._calibrated = not self._camera
+        self._rig = frozenset(source.topics) - {source.body.name}
+        self._windows = Windows(listed)
+        self._rig_windows = Windows(one.wider(RIG_MARGIN_NS) for one in listed)
+        self._pending: dict[str, list[RawMessage]] = {}
+        self._bag: BagWriter | None = None
+
+    def offer(self, message: RawMessage) -> None:
+        """Takes in the next message of the bag."""
+        windows = self._rig_windows if message.topic in self._rig else self._windows
+        late_camera = message.topic == self._camera and self._bag is not None and not self._calibrated
+        if late_camera or windows.holds(message.log_time_ns):
+            held = sorted((one for pending in self._pending.values() for one in pending), key=lambda one: one.log_time_ns)
+            self._pending.clear()
+            for one in (*held, message):
+                self._write(one)
+        elif self._holds_for_later(message.topic):
+            earlier = self._pending.get(message.topic, []) if _is_static(message.topic) else []
+            if all(one.data != message.data for one in earlier):
+                self._pending[message.topic] = [*earlier, message]
+
+    def over(self, log_time_ns: int) -> bool:
+        """Whether nothing from this time on can belong to it."""
+        return self._calibrated and self._rig_windows.over(log_time_ns)
+
+    def note(self, name: str, values: dict[str, str]) -> None:
+        """Adds a note about the recording that this is a part of."""
+        self._opened().note(name, values)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if self._bag is not None:
+            self._bag.__exit__(kind, error, trace)
+
+    def _holds_for_later(self, topic: str) -> bool:
+        if topic == self._source.body.name:
+            return False
+        return topic == self._camera or _is_static(topic) or self._qos(topic).latched
+
+    def _opened(self) -> BagWriter:
+        if self._bag is None:
+            self._bag = BagWriter(self._path)
+        return self._bag
+
+    def _write(self, one: RawMessage) -> None:
+        self._calibrated = self._calibrated or one.topic == self._camera
+        schema, encoding = (
+            (one.schema, one.schema_encoding) if one.schema else (_known_definition(one.type), SchemaEncoding.ROS2)
+        )
+        self._opened().write_raw(
+            one.topic,
+            one.type,
+            schema,
+            one.data,
+            one.log_time_ns,
+            qos=self._qos(one.topic),
+            schema_encoding=encoding,
+            type_hash=one.type_hash,
+            publish_time_ns=one.publish_time_ns,
+        )
+
+
+def write_subsets(reader: BagReader, parts: dict[Path, tuple[Window, ...]], source: PoseSource) -> None:
+    """Writes parts of a bag as bags.
+
+    Args:
+        reader: of the bag.
+        parts: log times by the file that they go to.
+        source: the topics with the body's poses.
+
+    Raises:
+        InvalidValueError: a file cannot be written.
+    """
+    qos = cache(reader.qos)
+    notes = {name: values for name, values in reader.notes.items() if name not in NOTES_OF_OTHERS}
+    notes[EXPORT_NOTE] = {"input": str(reader.path), "sha256": reader.sha256}
+    open_files = {path: SubsetFile(path, windows, source, qos) for path, windows in parts.items()}
+
+    def finish(path: Path) -> None:
+        with open_files.pop(path) as file:
+            for name, values in notes.items():
+                file.note(name, values)
+
+    try:
+        for message in reader.raw_messages():
+            for path in [path for path, file in open_files.items() if file.over(message.log_time_ns)]:
+                finish(path)
+            for file in open_files.values():
+                file.offer(message)
+        for path in list(open_files):
+            finish(path)
+    except BaseException as error:
+        for file in open_files.values():
+            file.__exit__(type(error), error, error.__traceback__)
+        raise
+
+
+def _is_static(topic: str) -> bool:
+    return topic.rpartition("/")[2] == TF_STATIC_NAME
+
+
+@cache
+def _known_definition(type_name: str) -> str:
+    """What ROS 2 Jazzy defines a type as, for bags that carry no definitions; empty for other types."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    return store.generate_msgdef(type_name, ros_version=2)[0] if type_name in store.fielddefs else ""
+
 
 type Parts = dict[Path, tuple[Window, ...]]
 
@@ -49,16 +194,16 @@ def export_bag(
         files: where each toss goes that is wanted, by its id; several may go to one file.
         body: what was tossed.
         config: how the bag is read.
-        advance: told how many motions more were read.
+        advance: called with how many more motions were read.
 
     Raises:
         UnreadableInputError: it is no bag, or a toss does not come out of a part of it as it comes out of the whole.
-        MissingTopicError: no topic, or several, could tell where the body is.
+        MissingTopicError: no topic, or several, may hold the body's poses.
         InvalidValueError: a file cannot be written.
     """
     with BagReader(path) as reader:
         found = survey(reader, body, config, advance)
-        motions = found.kept(files)
+        motions = found.wanted(files)
         if not motions:
             return BagExport(found.origin, {}, found.left_out)
         for surroundings in Surroundings:
@@ -72,7 +217,7 @@ def export_bag(
             raise UnreadableInputError(path, f"found toss {changed[0]} to be another in a part of it, expected the same")
     taken = {motion.toss_id: files[motion.toss_id] for motion in motions}
     others = sorted(set(again) - set(taken))
-    extra = (f"{path}: the export holds motions that were not kept, too: {', '.join(others)}",) if others else ()
+    extra = (f"{path}: the export holds motions that were not selected, too: {', '.join(others)}",) if others else ()
     return BagExport(found.origin, taken, (*found.left_out, *extra))
 
 

@@ -14,8 +14,8 @@ MOST_LISTED = 3
 
 
 @dataclass(frozen=True, eq=False)
-class KeptToss:
-    """A toss, and what the manifest says of it.
+class SelectedToss:
+    """A selected toss and its row of the manifest.
 
     Attributes:
         toss: as it was cut from its recording.
@@ -29,31 +29,31 @@ class KeptToss:
 
 
 @dataclass(frozen=True, eq=False)
-class KeptTosses:
-    """All that were kept.
+class SelectedTosses:
+    """All that were selected.
 
     Attributes:
         tosses: best first.
         warnings: what is wrong with the inputs, one line each.
     """
 
-    tosses: tuple[KeptToss, ...]
+    tosses: tuple[SelectedToss, ...]
     warnings: tuple[str, ...]
 
 
-def kept_rows(manifest: Manifest, path: Path) -> dict[str, ManifestRow]:
-    """The rows of what was kept by their ids, best first.
+def selected_rows(manifest: Manifest, path: Path) -> dict[str, ManifestRow]:
+    """The rows of the selected tosses by their ids, best first.
 
     Raises:
         InvalidValueError: nothing was.
     """
-    if not manifest.kept:
-        raise InvalidValueError(f"kept tosses of {path}", f"none of {len(manifest.rows)}", "at least one")
-    return {row.toss_id: row for row in manifest.kept}
+    if not manifest.selected:
+        raise InvalidValueError(f"selected tosses of {path}", f"none of {len(manifest.rows)}", "at least one")
+    return {row.toss_id: row for row in manifest.selected}
 
 
 def check_all_found(rows: Mapping[str, ManifestRow], found: Collection[str], manifest: Path, problems: Sequence[str]) -> None:
-    """InvalidValueError, if a kept toss was not found; with what is wrong with the inputs, if anything is."""
+    """InvalidValueError, if a selected toss was not found; with what is wrong with the inputs, if anything is."""
     missing = [row for toss_id, row in rows.items() if toss_id not in found]
     if not missing:
         return
@@ -62,11 +62,13 @@ def check_all_found(rows: Mapping[str, ManifestRow], found: Collection[str], man
     wanted = f"the recordings that were ranked ({', '.join(ranked[:MOST_LISTED])})" if ranked else "the recordings ranked"
     why = f"; {'; '.join(problems[:MOST_LISTED])}" if problems else ""
     raise InvalidValueError(
-        "inputs", f"{len(missing)} of {len(rows)} kept tosses of {manifest} not in them: {listed}{why}", wanted
+        "inputs", f"{len(missing)} of {len(rows)} selected tosses of {manifest} not in them: {listed}{why}", wanted
     )
 
 
-def changed_inputs(kept: Iterable[tuple[ManifestRow, TossProvenance]]) -> tuple[str, ...]:
-    """A line for each recording that holds a kept toss, but not the bytes that were ranked."""
-    paths = dict.fromkeys(origin.input for row, origin in kept if row.input_sha256 and row.input_sha256 != origin.input_sha256)
-    return tuple(f"{path}: holds kept tosses, but its bytes are not those that were ranked" for path in paths)
+def changed_inputs(selected: Iterable[tuple[ManifestRow, TossProvenance]]) -> tuple[str, ...]:
+    """A line for each recording that holds a selected toss, but not the bytes that were ranked."""
+    paths = dict.fromkeys(
+        origin.input for row, origin in selected if row.input_sha256 and row.input_sha256 != origin.input_sha256
+    )
+    return tuple(f"{path}: holds selected tosses, but its bytes are not those that were ranked" for path in paths)

@@ -1,22 +1,133 @@
-"""Where in a bag the kept tosses are: its motions with the log times that they and their surroundings were recorded in.
+"""Where in a bag the selected tosses are: its motions with the log times that they and their surroundings were recorded in.
+
+Tosses are known by header stamps, messages are recorded by log times, and the two may be years apart. So the log times of the
+poses are noted with their stamps while the recording is read, and a toss's stamps are looked up there.
 
 A toss must come out of a part of the recording as it came out of the whole. What came before it matters to how it is cut: a
 motion that is not over, the period of the frames, on a bounded board that the body was away from it. `NEAR` takes somewhat
 less than the time that separates two motions, so that nothing of another one is in it; `FAR` takes all up to the next motion.
 """
 
-from collections.abc import Callable, Mapping
+from array import array
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.storage.bags.reader import BagReader
-from contact_curation.storage.export.windows import Places, PoseTimes, Window
+from contact_curation.storage.bags.records import BagMessage
 from contact_curation.storage.inputs.bag_tosses import BagTosses, bag_tosses
+from contact_curation.storage.inputs.pose_messages import stamp_ns_of
 from contact_curation.storage.inputs.pose_source import PoseSource
 from contact_curation.storage.inputs.records import Found, InputsConfig
 from contact_curation.storage.provenance import TossProvenance
+
+
+class Window(NamedTuple):
+    """Log times, both ends included [ns]."""
+
+    first_ns: int
+    last_ns: int
+
+    def wider(self, by_ns: int) -> "Window":
+        return Window(self.first_ns - by_ns, self.last_ns + by_ns)
+
+
+class Places(NamedTuple):
+    """Messages by their place among those of the body's topic, both ends included."""
+
+    low: int
+    high: int
+
+
+class Windows:
+    """Windows, joined where they overlap."""
+
+    def __init__(self, windows: Iterable[Window]) -> None:
+        self._joined: list[Window] = []
+        for one in sorted(windows):
+            if self._joined and one.first_ns <= self._joined[-1].last_ns:
+                before = self._joined.pop()
+                one = Window(before.first_ns, max(before.last_ns, one.last_ns))
+            self._joined.append(one)
+        self._starts = [one.first_ns for one in self._joined]
+
+    def holds(self, log_time_ns: int) -> bool:
+        """Whether a time is in one of them."""
+        place = bisect_right(self._starts, log_time_ns) - 1
+        return place >= 0 and log_time_ns <= self._joined[place].last_ns
+
+    def over(self, log_time_ns: int) -> bool:
+        """Whether all of them end before a time."""
+        return not self._joined or self._joined[-1].last_ns < log_time_ns
+
+
+class PoseTimes:
+    """Stamps and log times of the messages of one topic, in the order in which they are read."""
+
+    def __init__(self) -> None:
+        self._stamps, self._logs = array("q"), array("q")
+
+    def __len__(self) -> int:
+        return len(self._stamps)
+
+    def note(self, message: BagMessage) -> None:
+        """Takes in a message; one without a stamp is passed over."""
+        stamp_ns = _stamp_of(message.message)
+        if stamp_ns is not None:
+            self._stamps.append(stamp_ns)
+            self._logs.append(message.log_time_ns)
+
+    def places(self, first_ns: int, last_ns: int, end: int) -> Places | None:
+        """Where the poses of a toss are.
+
+        Args:
+            first_ns: its first stamp.
+            last_ns: its last stamp.
+            end: how many messages had been read when it was complete.
+
+        Returns:
+            None where no message has such stamps.
+        """
+        stamps = np.frombuffer(self._stamps, dtype=np.int64)[:end]
+        starts = np.flatnonzero(stamps == first_ns)
+        if not len(starts):  # of a message with several transforms only the first one's stamp is noted
+            starts = np.flatnonzero(stamps <= first_ns)
+        if not len(starts):
+            return None
+        low = int(starts[-1])
+        inside = np.flatnonzero((stamps[low:] >= first_ns) & (stamps[low:] <= last_ns))
+        return Places(low, low + int(inside.max(initial=0)))
+
+    def with_margins(self, places: Places, before_ns: int, after_ns: int) -> Places:
+        """The places with as much around them, by the stamps."""
+        stamps = np.frombuffer(self._stamps, dtype=np.int64)
+        low, high = places
+        first_ns, last_ns = int(stamps[low]), int(stamps[high])
+        while low > 0 and first_ns - before_ns <= stamps[low - 1] <= last_ns:
+            low -= 1
+        while high + 1 < len(stamps) and first_ns <= stamps[high + 1] <= last_ns + after_ns:
+            high += 1
+        return Places(low, high)
+
+    def window(self, places: Places) -> Window:
+        """The log times of some messages."""
+        logs = np.frombuffer(self._logs, dtype=np.int64)[places.low : places.high + 1]
+        return Window(int(logs.min()), int(logs.max()))
+
+
+def _stamp_of(message: Any) -> int | None:
+    """Of the header, or of the first transform."""
+    try:
+        return stamp_ns_of(message.header if hasattr(message, "header") else message.transforms[0].header)
+    except (AttributeError, IndexError, TypeError, ValueError):
+        return None
+
 
 SHARE_OF_SETTLE_TIME = 0.8
 
@@ -49,7 +160,7 @@ class Survey:
 
     Attributes:
         origin: the bag.
-        source: the topics that tell where the body is.
+        source: the topics with the body's poses.
         motions: in their order.
         settle_ns: time that separates two motions.
         times: of the poses.
@@ -63,7 +174,7 @@ class Survey:
     times: PoseTimes
     left_out: tuple[str, ...]
 
-    def kept(self, wanted: Mapping[str, object]) -> tuple[Motion, ...]:
+    def wanted(self, wanted: Mapping[str, object]) -> tuple[Motion, ...]:
         """Those whose ids are wanted; of two with one id the last, which is whole if one of them is."""
         return tuple({motion.toss_id: motion for motion in self.motions if motion.toss_id in wanted}.values())
 
@@ -82,7 +193,7 @@ def survey(reader: BagReader, body: Body, config: InputsConfig, advance: Callabl
     """Reads a bag's poses.
 
     Raises:
-        MissingTopicError: no topic, or several, could tell where the body is.
+        MissingTopicError: no topic, or several, may hold the body's poses.
     """
     tosses = bag_tosses(reader, body, config)
     times, motions = PoseTimes(), list[Motion]()

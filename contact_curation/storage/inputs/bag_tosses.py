@@ -13,8 +13,13 @@ from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.bags.records import BagMessage
 from contact_curation.storage.inputs.pose_messages import Measured
 from contact_curation.storage.inputs.pose_source import PoseSource, TypedTopic, find_pose_source, is_of_another
-from contact_curation.storage.inputs.recorded_numbers import NUMBERS_NOTE, RecordedNumbers, recorded_numbers
-from contact_curation.storage.inputs.recorded_rules import NOTE, with_recorded_rules
+from contact_curation.storage.inputs.recording_notes import (
+    NUMBERS_NOTE,
+    RULES_NOTE,
+    RecordedNumbers,
+    recorded_numbers,
+    with_recorded_rules,
+)
 from contact_curation.storage.inputs.records import Found, InputReading, InputsConfig, InputSummary, Problem
 from contact_curation.storage.provenance import TossProvenance
 
@@ -33,7 +38,7 @@ def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReadin
 
     Raises:
         UnreadableInputError: it is no bag.
-        MissingTopicError: no topic, or several, could tell where the body is.
+        MissingTopicError: no topic, or several, may hold the body's poses.
     """
     with BagReader(path) as reader:
         tosses = bag_tosses(reader, body, config)
@@ -48,7 +53,7 @@ def bag_tosses(reader: BagReader, body: Body, config: InputsConfig) -> "BagTosse
     """What follows the messages of a bag, in the order of their log times.
 
     Raises:
-        MissingTopicError: no topic, or several, could tell where the body is.
+        MissingTopicError: no topic, or several, may hold the body's poses.
         UnreadableInputError: the same of a damaged bag, with what was lost.
     """
     topics = [TypedTopic(info.name, info.type) for info in reader.topics if info.count != 0]
@@ -59,7 +64,7 @@ def bag_tosses(reader: BagReader, body: Body, config: InputsConfig) -> "BagTosse
             raise
         why = str(error).removeprefix(f"{reader.path}: ")  # perhaps only since the bag is damaged
         raise UnreadableInputError(reader.path, "; ".join((*reader.losses, why))) from error
-    rules = with_recorded_rules(config.segmenter, reader.note(NOTE))
+    rules = with_recorded_rules(config.segmenter, reader.note(RULES_NOTE))
     origin = TossProvenance(str(reader.path), reader.sha256, source.body.name)
     numbers = recorded_numbers(reader.note(NUMBERS_NOTE))
     return BagTosses(origin, source, body, replace(config, segmenter=rules), numbers)

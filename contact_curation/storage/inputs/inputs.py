@@ -2,7 +2,7 @@
 
 One toss at a time, in the order of the inputs. A bad input is a line, and the others go on. A toss that was seen before is a
 line too: it is neither ranked twice nor, where its content is another, silently taken for the first. A whole toss that was
-kept back before still comes, behind a line that says so, in place of what was kept back.
+rejected before still comes, behind a line that says so, in place of the rejected one.
 """
 
 from collections.abc import Iterator, Sequence
@@ -12,8 +12,7 @@ from contact_curation.contact.body import Body
 from contact_curation.errors import ContactCurationError
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.storage.bags.folder import STORAGE_ENDINGS
-from contact_curation.storage.datasets.contactnets import SUBFOLDER
-from contact_curation.storage.datasets.contactnets_tosses import read_contactnets_tosses
+from contact_curation.storage.datasets.contactnets import SUBFOLDER, read_contactnets_tosses
 from contact_curation.storage.inputs.bag_tosses import read_bag_tosses
 from contact_curation.storage.inputs.known_tosses import KnownTosses
 from contact_curation.storage.inputs.records import Found
@@ -73,12 +72,12 @@ class Inputs:
                 yield item
 
     def _new(self, found: Found) -> Iterator[Toss | Rejected | Problem]:
-        """What is left out, it or one that was kept back before; then the toss, unless it is that."""
+        """What is left out, it or one that was rejected before; then the toss, unless it is that."""
         whole = isinstance(found.outcome, Toss)
-        standing = self._known.see(found.toss.toss_id, found.toss.digest(), found.origin.input, whole=whole)
-        if standing.left_out:
-            yield Problem(*standing.left_out)
-        if standing.taken:
+        check = self._known.see(found.toss.toss_id, found.toss.digest(), found.origin.input, whole=whole)
+        if check.left_out:
+            yield Problem(*check.left_out)
+        if check.taken:
             self.origin = found.origin
             yield found.outcome
 

@@ -1,6 +1,6 @@
 """Each toss once: one that came before is left out, and so is another of the same id, which nobody could tell from it.
 
-One that was kept back, say because its recording was cut short, gives way to a whole one of the same id, whichever comes
+One that was rejected, say because its recording was cut short, gives way to a whole one of the same id, whichever comes
 first: the order of the recordings does not decide which toss is ranked.
 """
 
@@ -19,7 +19,7 @@ class LeftOut(NamedTuple):
     why: str
 
 
-class Standing(NamedTuple):
+class DuplicateCheck(NamedTuple):
     """What becomes of a toss that was seen.
 
     Attributes:
@@ -43,28 +43,28 @@ class KnownTosses:
     def __init__(self) -> None:
         self._known: dict[str, _Known] = {}
 
-    def see(self, toss_id: str, digest: str, where: str, *, whole: bool) -> Standing:
+    def see(self, toss_id: str, digest: str, where: str, *, whole: bool) -> DuplicateCheck:
         """Takes note of a toss.
 
         Args:
             toss_id: its id.
             digest: of its content.
             where: its recording.
-            whole: whether it is a toss; False for a motion that was kept back.
+            whole: whether it is a toss; False for a rejected motion.
         """
         seen, first = _Known(digest, where, whole), self._known.get(toss_id)
         if first is None:
             self._known[toss_id] = seen
-            return Standing(True)
+            return DuplicateCheck(True)
         if seen.whole != first.whole:
-            kept_back, better = (first, seen) if seen.whole else (seen, first)
+            worse, better = (first, seen) if seen.whole else (seen, first)
             self._known[toss_id] = better
-            why = f"found it kept back here and whole in {better.where}, expected each once"
-            return Standing(seen.whole, _left_out(toss_id, kept_back.where, why))
+            why = f"found it rejected here and accepted in {better.where}, expected each once"
+            return DuplicateCheck(seen.whole, _left_out(toss_id, worse.where, why))
         if seen.digest == first.digest:
-            return Standing(False, _left_out(toss_id, where, f"found the same one in {first.where}, expected each once"))
+            return DuplicateCheck(False, _left_out(toss_id, where, f"found the same one in {first.where}, expected each once"))
         why = f"found another one of that id in {first.where}, expected ids that tell tosses apart"
-        return Standing(False, _left_out(toss_id, where, why))
+        return DuplicateCheck(False, _left_out(toss_id, where, why))
 
 
 def _left_out(toss_id: str, where: str, why: str) -> LeftOut:

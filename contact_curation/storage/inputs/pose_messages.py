@@ -18,17 +18,49 @@ POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 POSE_ARRAY = "geometry_msgs/msg/PoseArray"
 TF = "tf2_msgs/msg/TFMessage"
 
-POSE_TYPES = (ODOMETRY, POSE_WITH_COVARIANCE, POSE, POSE_ARRAY)
-"""Types that carry a body's pose, those that say more of it first."""
-
 
 def stamp_ns_of(header: Any) -> int:
     """A header's stamp [ns]."""
     return int(header.stamp.sec) * NANOSECONDS + int(header.stamp.nanosec)
 
 
+type Translator = Callable[[Any, str, int], Measured]
+"""Gives the pose that a message carries: of the frame named, and of several poses the one with this index."""
+
+
+def with_covariance(message: Any, child: str, index: int) -> Measured:
+    """Of an Odometry or a PoseWithCovarianceStamped."""
+    pose = message.pose.pose
+    return on_header(message.header, child, pose.position, pose.orientation)
+
+
+def stamped(message: Any, child: str, index: int) -> Measured:
+    """Of a PoseStamped."""
+    return on_header(message.header, child, message.pose.position, message.pose.orientation)
+
+
+def of_array(message: Any, child: str, index: int) -> Measured:
+    """Of a PoseArray."""
+    if index >= len(message.poses):
+        found = f"{len(message.poses)} poses, expected one with index {index}"
+        return BadPose(stamp_ns_of(message.header), child, f"pose array: found {found}")
+    return on_header(message.header, child, message.poses[index].position, message.poses[index].orientation)
+
+
+POSE_MESSAGES: dict[str, Translator] = {
+    ODOMETRY: with_covariance,
+    POSE_WITH_COVARIANCE: with_covariance,
+    POSE: stamped,
+    POSE_ARRAY: of_array,
+}
+"""The message types that carry a body's pose, by their ROS 2 names, those that say more of it first.
+
+Reading bags and following live topics both go by this table: another type takes a function and a line here.
+"""
+
+
 def measured_pose(type_name: str, message: Any, child: str, index: int = 0) -> Measured:
-    """The pose that a message of one of `POSE_TYPES` carries.
+    """The pose that a message of one of `POSE_MESSAGES` carries.
 
     Args:
         type_name: ROS 2 type name.
@@ -39,11 +71,7 @@ def measured_pose(type_name: str, message: Any, child: str, index: int = 0) -> M
     Raises:
         KeyError: another type.
     """
-    pose = _POSE_OF[type_name](message, index)
-    if pose is None:
-        found = f"{len(message.poses)} poses, expected one with index {index}"
-        return BadPose(stamp_ns_of(message.header), child, f"pose array: found {found}")
-    return _checked(message.header, child, pose.position, pose.orientation)
+    return POSE_MESSAGES[type_name](message, child, index)
 
 
 def measured_transforms(message: Any, *, static: bool) -> tuple[Measured, ...]:
@@ -54,12 +82,13 @@ def measured_transforms(message: Any, *, static: bool) -> tuple[Measured, ...]:
         static: whether it came on /tf_static.
     """
     return tuple(
-        _checked(one.header, _frame(one.child_frame_id), one.transform.translation, one.transform.rotation, static=static)
+        on_header(one.header, _frame(one.child_frame_id), one.transform.translation, one.transform.rotation, static=static)
         for one in message.transforms
     )
 
 
-def _checked(header: Any, child: str, place: Any, turn: Any, *, static: bool = False) -> Measured:
+def on_header(header: Any, child: str, place: Any, turn: Any, *, static: bool = False) -> Measured:
+    """The pose of a frame in the header's frame, at the header's stamp, from messages with x, y, z and x, y, z, w."""
     position = (float(place.x), float(place.y), float(place.z))
     orientation_wxyz = (float(turn.w), float(turn.x), float(turn.y), float(turn.z))
     return checked_pose(stamp_ns_of(header), _frame(header.frame_id), child, position, orientation_wxyz, static=static)
@@ -67,15 +96,3 @@ def _checked(header: Any, child: str, place: Any, turn: Any, *, static: bool = F
 
 def _frame(name: str) -> str:
     return name.lstrip("/")
-
-
-def _of_array(message: Any, index: int) -> Any:
-    return message.poses[index] if index < len(message.poses) else None
-
-
-_POSE_OF: dict[str, Callable[[Any, int], Any]] = {
-    ODOMETRY: lambda message, _: message.pose.pose,
-    POSE: lambda message, _: message.pose,
-    POSE_WITH_COVARIANCE: lambda message, _: message.pose.pose,
-    POSE_ARRAY: _of_array,
-}

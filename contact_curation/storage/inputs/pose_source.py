@@ -1,4 +1,4 @@
-"""Which topics of a bag or a graph tell where the body is, and how their messages are read."""
+"""Which topics of a bag or a graph hold the body's poses, and how their messages are read."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from contact_curation.errors import InvalidValueError, MissingTopicError
 from contact_curation.motion.body_tracker import TrackerConfig
 from contact_curation.motion.tags.pose import TagPoseConfig
-from contact_curation.storage.inputs.pose_messages import POSE_TYPES, TF, Measured, measured_pose, measured_transforms
+from contact_curation.storage.inputs.pose_messages import POSE_MESSAGES, TF, Measured, measured_pose, measured_transforms
 from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIONS, TagDetections
 from contact_curation.storage.tag_map_file import read_tag_rig
 
@@ -111,7 +111,7 @@ class PoseSource:
         return tuple(dict.fromkeys((*(one.name for one in self.typed), *self.transforms)))
 
     def measured(self, topic: str, message: Any, detections: TagDetections | None = None) -> tuple[Measured, ...]:
-        """What a message of one of `topics` tells of the body and the rig.
+        """The poses of the body and the rig in a message of one of `topics`.
 
         TF often repeats what the body's own topic says; there it is left out.
 
@@ -131,11 +131,11 @@ class PoseSource:
 
 
 def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: str, config: PoseTopicConfig) -> PoseSource:
-    """Chooses the topics that tell of a body.
+    """Chooses the topics with a body's poses.
 
     The body's topic is the one configured; or the one named after the body (TagSLAM's `.../body_<name>`); or the only one of
-    the first of `POSE_TYPES` that there is; or TF. What a simulation knows of the truth has to be named. The board has a topic
-    if one is named after its frame; where nothing else could lead to it, the poses are taken to be given on it.
+    the first of `POSE_MESSAGES` that there is; or TF. What a simulation knows of the truth has to be named. The board has a
+    topic if one is named after its frame; where nothing else could lead to it, the poses are taken to be given on it.
 
     Args:
         where: the bag or graph, for messages.
@@ -149,7 +149,7 @@ def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: st
     if config.tag_map:
         return _tag_source(where, topics, body, config)
     body_frame = config.body_frame_of(body)
-    board = next((one for one in topics if one.type in POSE_TYPES and _last_part(one.name) == config.board_frame), None)
+    board = next((one for one in topics if one.type in POSE_MESSAGES and _last_part(one.name) == config.board_frame), None)
     transforms = tuple(one.name for one in topics if one.type == TF)
     chosen = _named(topics, config.topic) if config.topic else _fitting(topics, board, {body, body_frame, f"body_{body}"})
     if chosen is None:
@@ -193,14 +193,14 @@ def _only(topics: Collection[TypedTopic], kind: str, name: str) -> TypedTopic | 
 
 
 def _named(topics: Collection[TypedTopic], name: str) -> TypedTopic | None:
-    return next((one for one in topics if one.name.lstrip("/") == name.lstrip("/") and one.type in (*POSE_TYPES, TF)), None)
+    return next((one for one in topics if one.name.lstrip("/") == name.lstrip("/") and one.type in (*POSE_MESSAGES, TF)), None)
 
 
 def _fitting(topics: Collection[TypedTopic], board: TypedTopic | None, names: set[str]) -> TypedTopic | None:
-    candidates = [one for one in topics if one.type in POSE_TYPES and one != board and _last_part(one.name) != TRUTH_NAME]
+    candidates = [one for one in topics if one.type in POSE_MESSAGES and one != board and _last_part(one.name) != TRUTH_NAME]
     tiers: Sequence[list[TypedTopic]] = (
         [one for one in candidates if _last_part(one.name) in names],
-        *([one for one in candidates if one.type == kind] for kind in POSE_TYPES),
+        *([one for one in candidates if one.type == kind] for kind in POSE_MESSAGES),
         sorted((one for one in topics if one.type == TF), key=lambda one: _last_part(one.name) == TF_STATIC_NAME)[:1],
     )
     first = next((tier for tier in tiers if tier), [])

@@ -4,7 +4,7 @@ from collections.abc import Generator, Mapping
 from dataclasses import dataclass, field
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.motion.calibration import LEVEL, Rig
+from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected, Toss
@@ -17,10 +17,10 @@ class InputsConfig:
     """How inputs are read; gravity is the body's.
 
     Attributes:
-        poses: which topics tell where the body is.
+        poses: which topics hold the body's poses.
         segmenter: when a motion is a toss.
         gates: what a toss must pass.
-        rig: what tracked; motions are put right of it before the gates see them.
+        rig: what tracked; it is applied to motions before the gates see them.
         as_stored: take ContactNets' files with the random heading and the even stamps that they are stored with. Otherwise
             both are undone (`motion.restored_toss`), so that the files give the tosses of the bag that is made of them.
     """
@@ -28,11 +28,11 @@ class InputsConfig:
     poses: PoseTopicConfig = field(default_factory=PoseTopicConfig)
     segmenter: SegmenterConfig = field(default_factory=SegmenterConfig)
     gates: GateConfig = field(default_factory=GateConfig)
-    rig: Rig = LEVEL
+    rig: RigCalibration = NO_CORRECTION
     as_stored: bool = False
 
     def __post_init__(self) -> None:
-        if self.as_stored and self.rig != LEVEL:
+        if self.as_stored and self.rig != NO_CORRECTION:
             raise InvalidValueError("rig", self.rig, "none here: tosses are taken as stored, with headings that no rig had")
 
 

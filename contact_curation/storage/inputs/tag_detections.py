@@ -54,7 +54,7 @@ class TagDetections:
         return tuple(measured for one in waiting for measured in self.detected(one))
 
     def detected(self, message: Any) -> tuple[Measured, ...]:
-        """The poses that an AprilTagDetectionArray tells, the board's first; nothing before the camera is known."""
+        """The poses in an AprilTagDetectionArray, the board's first; nothing before the camera is known."""
         if self._camera is not None:
             return self._poses(message, self._camera)
         if len(self._waiting) < MOST_WAITING:

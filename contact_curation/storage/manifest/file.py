@@ -1,15 +1,185 @@
-"""Manifests on disk: Parquet, CSV or JSON by the file's ending, with the same content in each."""
+"""Manifests on disk: Parquet, CSV or JSON by the file's ending, with the same content in each.
 
-from collections.abc import Callable
+    JSON      one object: the head, and a toss per line
+    CSV       comment lines `# name: JSON` with the head, then the table, a toss per line; an empty cell is no value
+    Parquet   a row per toss; the head as JSON in the schema's metadata
+
+The head is all that is not about one toss. The same manifest always gives the same bytes.
+"""
+
+import csv
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict, fields
+from io import BytesIO, StringIO
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
-from contact_curation.storage.atomic_file import write_atomically
-from contact_curation.storage.manifest.csv_form import from_csv, to_csv
-from contact_curation.storage.manifest.json_form import from_json, to_json
-from contact_curation.storage.manifest.manifest import Manifest
-from contact_curation.storage.manifest.parquet_form import from_parquet, to_parquet
+from contact_curation.storage.files import check_version, write_atomically
+from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
+from contact_curation.storage.provenance import InputProvenance, RunProvenance
+
+FORMAT = "contact_curation_manifest"
+VERSION = 1
+ROWS = "tosses"
+NOT_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
+"""JSON has no such numbers: they are written as these strings."""
+FLOATS = {field.name for field in fields(ManifestRow) if field.type in (float, float | None)}
+
+
+type Parsed = tuple[Mapping[str, Any], Iterator[ManifestRow]]
+"""The head of a manifest and its rows, which are read when the version of the head is known. Bytes that are no manifest end in
+ValueError, LookupError or TypeError."""
+
+
+def head_of(manifest: Manifest) -> dict[str, Any]:
+    """Everything but the rows, as JSON values."""
+    head = {FORMAT: VERSION, **asdict(manifest.run), "diagnostics": dict(manifest.diagnostics)}
+    return {name: _with_strings(value) for name, value in head.items()}
+
+
+def to_json(manifest: Manifest) -> bytes:
+    """The same manifest always gives the same bytes."""
+    head = json.dumps(head_of(manifest), indent=2, ensure_ascii=False, allow_nan=False)
+    rows = [json.dumps(_with_strings(asdict(row)), ensure_ascii=False, allow_nan=False) for row in manifest.rows]
+    listed = ",\n    ".join(rows)
+    return f'{head[:-2]},\n  "{ROWS}": [\n    {listed}\n  ]\n}}\n'.encode()
+
+
+def from_json(data: bytes) -> Parsed:
+    """Reads what `to_json` wrote."""
+    content = json.loads(data)
+    return content, (row_of(_with_floats(row)) for row in content[ROWS])
+
+
+def row_of(values: Mapping[str, Any]) -> ManifestRow:
+    """A row of its values by name."""
+    return ManifestRow(**{**values, "reasons": tuple(values["reasons"])})
+
+
+def _with_strings(value: Any) -> Any:
+    def leaf(number: Any) -> Any:
+        if isinstance(number, float) and not math.isfinite(number):
+            return next(name for name, meant in NOT_FINITE.items() if str(meant) == str(number))
+        return number
+
+    return _mapped(value, leaf)
+
+
+def _with_floats(row: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: _with_numbers(value) if name in FLOATS else value for name, value in row.items()}
+
+
+def _with_numbers(value: Any) -> Any:
+    return _mapped(value, lambda text: NOT_FINITE.get(text, text) if isinstance(text, str) else text)
+
+
+def _mapped(value: Any, leaf: Callable[[Any], Any]) -> Any:
+    """`value` with `leaf` applied to all that is neither list nor dict in it."""
+    if isinstance(value, Mapping):
+        return {name: _mapped(part, leaf) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_mapped(part, leaf) for part in value]
+    return leaf(value)
+
+
+COMMENT = "# "
+COLUMNS = tuple(field.name for field in fields(ManifestRow))
+BOOLEANS = {"true": True, "false": False}
+READERS: dict[object, Callable[[str], Any]] = {
+    str: str,
+    bool: BOOLEANS.__getitem__,
+    int: int,
+    float: float,
+    int | None: lambda text: int(text) if text else None,
+    float | None: lambda text: float(text) if text else None,
+    tuple[str, ...]: json.loads,
+}
+"""By the type of the row's field."""
+
+
+def to_csv(manifest: Manifest) -> bytes:
+    """The same manifest always gives the same bytes."""
+    out = StringIO(newline="")
+    for name, value in {**head_of(manifest), ROWS: len(manifest.rows)}.items():
+        out.write(f"{COMMENT}{name}: {json.dumps(value, ensure_ascii=False)}\n")
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    writer.writerows([_cell(getattr(row, name)) for name in COLUMNS] for row in manifest.rows)
+    return out.getvalue().encode()
+
+
+def from_csv(data: bytes) -> Parsed:
+    """Reads what `to_csv` wrote."""
+    lines = data.decode().split("\n")
+    comments = 0
+    while lines[comments].startswith(COMMENT):
+        comments += 1
+    parts = (line.removeprefix(COMMENT).partition(": ") for line in lines[:comments])
+    head = {name: json.loads(value) for name, _, value in parts}
+    return head, _csv_rows(head, lines[comments:])
+
+
+def _csv_rows(head: Mapping[str, Any], lines: list[str]) -> Iterator[ManifestRow]:
+    try:
+        rows = [_row(cells) for cells in csv.DictReader(StringIO("\n".join(lines), newline=""), strict=True)]
+    except csv.Error as error:
+        raise ValueError(f"its table is malformed: {error}") from error
+    if len(rows) != head[ROWS] or lines[-1]:
+        raise ValueError(f"it was cut: {head[ROWS]} tosses are announced")
+    yield from rows
+
+
+def _row(cells: dict[str, str]) -> ManifestRow:
+    if set(cells) != set(COLUMNS) or None in cells.values():
+        raise ValueError(f"its columns are {', '.join(map(str, cells))}")
+    return row_of({field.name: READERS[field.type](cells[field.name]) for field in fields(ManifestRow)})
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, tuple) else str(value)
+
+
+METADATA_KEY = b"contact_curation"
+TYPES: dict[object, pa.DataType] = {
+    str: pa.string(),
+    bool: pa.bool_(),
+    int: pa.int64(),
+    float: pa.float64(),
+    int | None: pa.int64(),
+    float | None: pa.float64(),
+    tuple[str, ...]: pa.list_(pa.string()),
+}
+"""By the type of the row's field."""
+OPTIONAL = (int | None, float | None)
+
+
+def to_parquet(manifest: Manifest) -> bytes:
+    """The same manifest always gives the same bytes."""
+    head = json.dumps(head_of(manifest), ensure_ascii=False).encode()
+    columns = [pa.field(field.name, TYPES[field.type], field.type in OPTIONAL) for field in fields(ManifestRow)]
+    schema = pa.schema(columns, metadata={METADATA_KEY: head})
+    arrays = [pa.array([getattr(row, column.name) for row in manifest.rows], column.type) for column in columns]
+    out = BytesIO()
+    pq.write_table(pa.Table.from_arrays(arrays, schema=schema), out, compression="zstd")
+    return out.getvalue()
+
+
+def from_parquet(data: bytes) -> Parsed:
+    """Reads what `to_parquet` wrote."""
+    table = pq.read_table(BytesIO(data))
+    head = json.loads((table.schema.metadata or {})[METADATA_KEY])
+    return head, (row_of(row) for row in table.to_pylist())
+
 
 AROUND = 20
 """Characters beside one that cannot be written, for the message."""
@@ -17,7 +187,7 @@ AROUND = 20
 
 class _Format(NamedTuple):
     write: Callable[[Manifest], bytes]
-    read: Callable[[bytes], Manifest]
+    read: Callable[[bytes], Parsed]
 
 
 FORMATS = {
@@ -47,15 +217,28 @@ def read_manifest(path: Path) -> Manifest:
 
     Raises:
         InvalidValueError: the ending of `path` is not one of `FORMATS`.
-        UnreadableInputError: the file is no manifest, or one of a newer version.
+        UnreadableInputError: the file is no manifest.
+        NewerVersionError: it is one of a newer version.
     """
     read = _format(path).read
     try:
-        return read(path.read_bytes())
+        head, rows = read(path.read_bytes())
+        check_version(path, "a manifest", head[FORMAT], VERSION)
+        return manifest_of(head, rows)
     except OSError as error:
         raise UnreadableInputError(path, f"cannot be read: {error.strerror or error}") from error
+    except UnreadableInputError:
+        raise
     except (ValueError, LookupError, TypeError, ContactCurationError) as error:
         raise UnreadableInputError(path, f"is no manifest of `contact-curation rank`: {_why(error)}") from error
+
+
+def manifest_of(head: Mapping[str, Any], rows: Iterable[ManifestRow]) -> Manifest:
+    """The manifest of a head and its rows, as the readers of the formats give them."""
+    run = {field.name: head[field.name] for field in fields(RunProvenance)}
+    inputs = tuple(InputProvenance(**{**entry, "losses": tuple(entry["losses"])}) for entry in head["inputs"])
+    run.update(command=tuple(head["command"]), inputs=inputs, influence_bound=_with_numbers(head["influence_bound"]))
+    return Manifest(RunProvenance(**run), tuple(rows), _with_numbers(head["diagnostics"]))
 
 
 def _why(error: Exception) -> str:

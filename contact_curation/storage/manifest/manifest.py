@@ -1,4 +1,4 @@
-"""The outcome of a ranking: every toss with its place and the evidence for it; what was kept back, and why."""
+"""The outcome of a ranking: every toss with its place and the evidence for it; what was rejected, and why."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,12 +16,12 @@ class ManifestRow:
 
     Attributes:
         toss_id: unique in the manifest.
-        kept: among the top k.
-        gated: kept back by a gate, before it was scored.
+        kept: selected, as one of the top k.
+        gated: rejected by a gate, before it was scored.
         reasons: why it was gated or not scored, one line each.
         rank: place in the ranking, from 1; None when it was not ranked.
-        score: what the criterion says of it alone; None when it was not ranked.
-        marginal_gain: what it added when it was picked, or would add to the kept ones; None when it was not ranked.
+        score: of the toss alone, by the criterion; None when it was not ranked.
+        marginal_gain: what it added when it was picked, or would add to the selected ones; None when it was not ranked.
         trace: of its Fisher sum; None when it was not scored.
         mean_loss: of its scored transitions; None when it was not scored.
         transitions: how many it has; None when it was not scored.
@@ -81,6 +81,6 @@ class Manifest:
             raise InvalidValueError("manifest", f"toss {next(i for i in ids if ids.count(i) > 1)} twice", "each toss once")
 
     @cached_property
-    def kept(self) -> tuple[ManifestRow, ...]:
-        """The kept tosses, best first."""
+    def selected(self) -> tuple[ManifestRow, ...]:
+        """The selected tosses, best first."""
         return tuple(sorted((row for row in self.rows if row.kept), key=lambda row: row.rank or 0))

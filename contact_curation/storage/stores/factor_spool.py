@@ -68,7 +68,7 @@ class _RowsOnDisk:
         return len(self.shape)
 
     def __array__(self, dtype: np.dtype[Any] | None = None, copy: bool | None = None) -> NDArray[Any]:
-        """The rows, read anew; ValueError once the file is closed."""
+        """The rows, read again; ValueError once the file is closed."""
         size = int(np.prod(self.shape)) * self.dtype.itemsize
         data = os.pread(self.file.fileno(), size, self.begin)
         rows = np.frombuffer(data, self.dtype).reshape(self.shape)

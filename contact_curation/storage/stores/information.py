@@ -4,16 +4,14 @@ import json
 from collections.abc import Iterator
 from dataclasses import asdict, fields
 from pathlib import Path
-from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.record import ParameterBlock, TossInformation
-from contact_curation.storage.stores.array_blob import arrays_from_blob, arrays_to_blob
-from contact_curation.storage.stores.sequenced_table import Added, Row, SequencedTable
-from contact_curation.storage.stores.sqlite import SqliteStore, StoreSchema
+from contact_curation.storage.stores.record_table import Added, Row, SequencedTable, arrays_from_blob, arrays_to_blob
+from contact_curation.storage.stores.sqlite import Store, StoreSchema
 
 SCHEMA = StoreSchema(
     what="an information store",
@@ -34,7 +32,7 @@ class StoredInformation(NamedTuple):
     information: TossInformation
 
 
-class InformationStore:
+class InformationStore(Store):
     """TossInformation by toss and parameters version, in one SQLite file. Use it as a context manager.
 
     Args:
@@ -45,7 +43,7 @@ class InformationStore:
     """
 
     def __init__(self, path: Path) -> None:
-        self._store = SqliteStore(path, SCHEMA)
+        super().__init__(path, SCHEMA)
         self._table = SequencedTable(self._store, "information")
 
     def add(self, information: TossInformation) -> Added:
@@ -109,15 +107,6 @@ class InformationStore:
             for version in dropped:
                 self._table.drop_version(version)
         return tuple(dropped)
-
-    def close(self) -> None:
-        self._store.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.close()
 
     @staticmethod
     def _check_method(toss_id: str, new: dict[str, Any], known: dict[str, Any]) -> None:

@@ -15,6 +15,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from contact_curation.errors import UnreadableInputError
+from contact_curation.storage.files import check_version
 
 WAIT_FOR_WRITERS = 30.0
 """[s] until another process's transaction is over."""
@@ -143,6 +144,28 @@ class SqliteStore:
         if application_id != schema.application_id:
             found = f"a database of something else (application id {application_id})"
             raise UnreadableInputError(self.path, f"is {found}, expected {schema.what}")
-        if version > schema.version:
-            newer = f"version {version}, this package knows versions up to {schema.version}"
-            raise UnreadableInputError(self.path, f"is {schema.what} of {newer}")
+        check_version(self.path, schema.what, version, schema.version)
+
+
+class Store:
+    """What all stores are: one SQLite file that is closed in the end. Use them as context managers.
+
+    Args:
+        path: of the file; made when there is none.
+        schema: what it must look like.
+
+    Raises:
+        UnreadableInputError: the file is something else, is of a newer version, or cannot be opened.
+    """
+
+    def __init__(self, path: Path, schema: StoreSchema) -> None:
+        self._store = SqliteStore(path, schema)
+
+    def close(self) -> None:
+        self._store.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()

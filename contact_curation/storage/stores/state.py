@@ -2,10 +2,8 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
-from contact_curation.storage.stores.sqlite import SqliteStore, StoreSchema
+from contact_curation.storage.stores.sqlite import Store, StoreSchema
 
 SCHEMA = StoreSchema(
     what="a state store",
@@ -15,7 +13,7 @@ SCHEMA = StoreSchema(
 )
 
 
-class StateStore:
+class StateStore(Store):
     """Bytes by name; use it as a context manager.
 
     Args:
@@ -26,7 +24,7 @@ class StateStore:
     """
 
     def __init__(self, path: Path) -> None:
-        self._store = SqliteStore(path, SCHEMA)
+        super().__init__(path, SCHEMA)
 
     def save(self, values: Mapping[str, bytes]) -> None:
         """Keeps all of `values`, or none, in place of what was there under their names."""
@@ -35,12 +33,3 @@ class StateStore:
     def load(self, key: str) -> bytes | None:
         rows = self._store.rows("SELECT value FROM states WHERE key = ?", (key,))
         return bytes(rows[0][0]) if rows else None
-
-    def close(self) -> None:
-        self._store.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.close()

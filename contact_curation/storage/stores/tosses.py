@@ -1,23 +1,25 @@
-"""Every toss that was ever cut, in the order it came: kept before it is announced, never deleted."""
+"""Every toss that was ever cut, in the order it came: stored before it is announced, never deleted.
+
+Beside them the poses since the last complete toss, so that a node that is killed takes up the toss in progress where it was.
+"""
 
 import json
+import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.storage.provenance import TossProvenance
-from contact_curation.storage.stores.array_blob import arrays_from_blob, arrays_to_blob
-from contact_curation.storage.stores.pose_journal import STATEMENT as POSES
-from contact_curation.storage.stores.pose_journal import JournalPose, PoseJournal
-from contact_curation.storage.stores.sequenced_table import Added, Row, SequencedTable
-from contact_curation.storage.stores.sqlite import SqliteStore, StoreSchema
+from contact_curation.storage.stores.record_table import Added, Row, SequencedTable, arrays_from_blob, arrays_to_blob
+from contact_curation.storage.stores.sqlite import Store, StoreSchema
 
 ARRAYS = ("stamps_ns", "positions", "orientations_wxyz", "linear_velocities", "angular_velocities")
+NUMBERS = struct.Struct("<7d")
+"""Position and orientation of a pose."""
 SCHEMA = StoreSchema(
     what="a toss store",
     application_id=0x746F7373,  # "toss"
@@ -26,9 +28,32 @@ SCHEMA = StoreSchema(
         SequencedTable.statement("tosses"),
         SequencedTable.statement("rejected"),
         "CREATE TABLE states (key TEXT PRIMARY KEY, value BLOB NOT NULL)",
-        POSES,
+        (
+            "CREATE TABLE poses (sequence INTEGER PRIMARY KEY AUTOINCREMENT, stamp_ns INTEGER NOT NULL, parent TEXT NOT NULL,"
+            " child TEXT NOT NULL, static INTEGER NOT NULL, numbers BLOB NOT NULL)"
+        ),
     ),
 )
+
+
+class JournalPose(NamedTuple):
+    """Where `child` stood in `parent`.
+
+    Attributes:
+        stamp_ns: header stamp.
+        parent: frame the pose is given in.
+        child: frame the pose is of.
+        position: (3,) [m].
+        orientation_wxyz: (4,) as it came.
+        static: holds for all times.
+    """
+
+    stamp_ns: int
+    parent: str
+    child: str
+    position: tuple[float, float, float]
+    orientation_wxyz: tuple[float, float, float, float]
+    static: bool = False
 
 
 class StoredToss(NamedTuple):
@@ -47,7 +72,7 @@ class StoredRejected(NamedTuple):
     provenance: TossProvenance
 
 
-class TossStore:
+class TossStore(Store):
     """Tosses, rejected motions, and the working state of the node that cuts them, in one SQLite file.
 
     Each method is one transaction; `transaction()` makes several one. Use it as a context manager.
@@ -60,10 +85,9 @@ class TossStore:
     """
 
     def __init__(self, path: Path) -> None:
-        self._store = SqliteStore(path, SCHEMA)
+        super().__init__(path, SCHEMA)
         self._tosses = SequencedTable(self._store, "tosses")
         self._rejected = SequencedTable(self._store, "rejected")
-        self._journal = PoseJournal(self._store)
 
     def add(self, toss: Toss, *, provenance: TossProvenance | None = None) -> Added:
         """Stores a toss; one that is stored already stays as it is.
@@ -74,7 +98,7 @@ class TossStore:
         return self._add(self._tosses, toss, {}, provenance or TossProvenance())
 
     def add_rejected(self, rejected: Rejected, *, provenance: TossProvenance | None = None) -> Added:
-        """Stores a motion that was kept back, with the reasons.
+        """Stores a rejected motion, with the reasons.
 
         Raises:
             InvalidValueError: another motion, or the same for other reasons, is stored under its id.
@@ -123,25 +147,27 @@ class TossStore:
         return bytes(rows[0][0]) if rows else None
 
     def append_poses(self, poses: Sequence[JournalPose]) -> int:
-        """Adds poses to the journal; returns the sequence number of the last."""
-        return self._journal.append(poses)
+        """Adds poses to the journal, every number bit for bit; returns the sequence number of the last pose ever added."""
+        rows = [
+            (pose.stamp_ns, pose.parent, pose.child, pose.static, NUMBERS.pack(*pose.position, *pose.orientation_wxyz))
+            for pose in poses
+        ]
+        with self._store.transaction():
+            statement = "INSERT INTO poses (stamp_ns, parent, child, static, numbers) VALUES (?, ?, ?, ?, ?)"
+            self._store.execute_many(statement, rows)
+            return self._store.last_sequence("poses")
 
     def poses_since(self, sequence: int = 0) -> list[tuple[int, JournalPose]]:
-        """Poses of the journal behind `sequence`, each with its own sequence number."""
-        return self._journal.since(sequence)
+        """Poses of the journal behind `sequence`, each with its own sequence number, in the order they were added."""
+        query = "SELECT sequence, stamp_ns, parent, child, static, numbers FROM poses WHERE sequence > ? ORDER BY sequence"
+        return [
+            (number, _pose(stamp_ns, parent, child, bool(static), numbers))
+            for number, stamp_ns, parent, child, static, numbers in self._store.rows(query, (sequence,))
+        ]
 
     def trim_poses(self, sequence: int) -> None:
         """Forgets the poses of the journal up to and including `sequence`."""
-        self._journal.trim(sequence)
-
-    def close(self) -> None:
-        self._store.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.close()
+        self._store.execute("DELETE FROM poses WHERE sequence <= ?", (sequence,))
 
     def _add(self, table: SequencedTable, toss: Toss, more: dict[str, Any], provenance: TossProvenance) -> Added:
         """The first provenance stays: the same toss may be in several recordings."""
@@ -178,3 +204,8 @@ def _stored(row: Row) -> StoredToss:
 def _stored_rejected(row: Row) -> StoredRejected:
     rejected = Rejected(_toss(row), tuple(json.loads(row.head)["reasons"]))
     return StoredRejected(row.sequence, rejected, TossProvenance(**json.loads(row.extra)))
+
+
+def _pose(stamp_ns: int, parent: str, child: str, static: bool, numbers: bytes) -> JournalPose:
+    x, y, z, qw, qx, qy, qz = NUMBERS.unpack(numbers)
+    return JournalPose(stamp_ns, parent, child, (x, y, z), (qw, qx, qy, qz), static)

@@ -48,7 +48,7 @@ def test_an_exported_part_ranks_like_the_tosses_in_the_whole(cli: Cli, golden: P
     again = cli("rank", tmp_path / "kept" / "golden.mcap", "--top", TOP, "--json").json
     assert evidence(again) == dict(list(evidence(whole).items())[:TOP])
     listed = read_manifest(tmp_path / "kept" / "manifest.json")
-    assert listed.kept == listed.rows == read_manifest(manifest).kept
+    assert listed.selected == listed.rows == read_manifest(manifest).selected
     assert listed.run == read_manifest(manifest).run
     assert digests(golden) == before
 
@@ -60,7 +60,7 @@ def test_every_format_says_where_each_toss_went(
     out = tmp_path / "out"
     per_toss = ["--per-toss"] if form == "mcap" else []
     report = cli("export", golden, "--manifest", manifest, "--format", form, "--out", out, "--json", *per_toss).json
-    kept = [row.toss_id for row in read_manifest(manifest).kept]
+    kept = [row.toss_id for row in read_manifest(manifest).selected]
     assert (report["out"], report["format"], report["warnings"]) == (str(out), form, [])
     assert [(one["toss_id"], one["rank"]) for one in report["tosses"]] == list(zip(kept, range(1, TOP + 1)))
     places = [one["place"] for one in report["tosses"]]
@@ -76,7 +76,7 @@ def test_what_contactnets_files_hold_ranks_like_the_recording(cli: Cli, golden: 
     cli("export", golden, "--manifest", manifest, "--format", "contactnets", "--out", tmp_path / "out")
     again = cli("rank", tmp_path / "out", "--top", TOP, "--json").json
     traces = sorted(row["trace"] for row in again["tosses"])
-    assert traces == pytest.approx(sorted(row.trace or 0.0 for row in read_manifest(manifest).kept), rel=1e-6)
+    assert traces == pytest.approx(sorted(row.trace or 0.0 for row in read_manifest(manifest).selected), rel=1e-6)
 
 
 @pytest.mark.parametrize("form", ["golden", "files"])
@@ -89,7 +89,7 @@ def test_contactnets_files_of_a_rig_hold_what_is_put_right(cli: Cli, golden: Pat
     cli("rank", source, *rig, "--top", 3, "--no-figure", "--out", manifest)
     assert cli("export", source, *rig, "--manifest", manifest, "--format", "contactnets", "--out", tmp_path / "out").status == 0
     right = cli("rank", tmp_path / "out", "--top", 3, "--json").json
-    kept = read_manifest(manifest).kept
+    kept = read_manifest(manifest).selected
     assert sorted(row["trace"] for row in right["tosses"]) == pytest.approx(sorted(row.trace or 0.0 for row in kept), rel=1e-6)
 
 
@@ -127,7 +127,7 @@ def test_tosses_that_are_not_in_the_inputs_are_one_line_and_nothing_is_written(
 ) -> None:
     other = rosbag2_sqlite(tmp_path)
     line = refused(cli, other, "--manifest", manifest, "--format", form, "--out", tmp_path / "out")
-    assert f"{TOP} of {TOP} kept tosses of {manifest} not in them: cube-" in line
+    assert f"{TOP} of {TOP} selected tosses of {manifest} not in them: cube-" in line
     assert "golden.mcap" in line
     assert {path.name for path in tmp_path.iterdir()} == {"manifest.csv", "a"}
 

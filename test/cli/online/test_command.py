@@ -13,7 +13,7 @@ from contact_curation.cli.online import command as online
 from contact_curation.cli.online.options import OnlineConfig, add_online_options, online_config
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.motion.calibration import Rig
+from contact_curation.motion.calibration import RigCalibration
 from contact_curation.motion.pose_stream import FramePose
 from contact_curation.session.free_domain import graph_domain
 from contact_curation.session.free_port import free_port
@@ -291,7 +291,7 @@ def test_recordings_to_judge_by_are_read_as_the_trainer_is_told_to(tmp_path: Pat
         "/**:\n  ros__parameters: {segmenter.tracker_noise: 5.0}\ntrainer:\n  ros__parameters: {rig.normal: [0.01, 0.0, 1.0]}\n"
     )
     inputs = judged_inputs(OnlineConfig(params_file=told))
-    assert (inputs.segmenter.tracker_noise, inputs.rig) == (5.0, Rig(normal=(0.01, 0.0, 1.0)))
+    assert (inputs.segmenter.tracker_noise, inputs.rig) == (5.0, RigCalibration(normal=(0.01, 0.0, 1.0)))
     assert judged_inputs(OnlineConfig()) == InputsConfig()
 
 

@@ -59,7 +59,7 @@ def test_the_manifest_says_what_the_report_says_and_a_figure_lies_beside_it(
     report = cli("rank", golden, "--top", "5", "--out", out, "--json").json
     manifest = read_manifest(out)
     assert [row.toss_id for row in manifest.rows] == [row["toss_id"] for row in report["tosses"]]
-    assert [row.toss_id for row in manifest.kept] == ids(report)[:5]
+    assert [row.toss_id for row in manifest.selected] == ids(report)[:5]
     assert manifest.run.command[:2] == ("contact-curation", "rank")
     assert (manifest.run.criterion, manifest.run.estimator, manifest.run.model) == (
         "representative",
@@ -210,7 +210,7 @@ def test_a_toss_that_was_cut_short_in_one_recording_is_ranked_whole_from_another
         assert report["outcomes"] == alone["outcomes"] == {"selected": 2, "not selected": 0}
         assert [row["frames"] for row in report["tosses"]] == [row["frames"] for row in alone["tosses"]]
         assert any(
-            line.startswith(f"{cut}: toss ") and f"kept back here and whole in {whole}" in line for line in report["warnings"]
+            line.startswith(f"{cut}: toss ") and f"rejected here and accepted in {whole}" in line for line in report["warnings"]
         )
 
 

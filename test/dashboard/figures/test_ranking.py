@@ -12,18 +12,18 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.information.ranker import CRITERIA
 
 
-def picture(count: int = 40, kept: int = 8) -> RankingPicture:
+def picture(count: int = 40, selected: int = 8) -> RankingPicture:
     rng = np.random.default_rng(0)
     return RankingPicture(
         title=f"{count} tosses",
         criterion="log-det",
         scores=np.sort(rng.lognormal(size=count))[::-1],
         gains=np.sort(rng.lognormal(size=count))[::-1],
-        kept=kept,
+        selected=selected,
         spectrum=rng.uniform(0.01, 0.5, 52),
         epsilon=0.99,
         shares={"vertices_normal": (0.8, 0.7), "friction": (0.2, 0.3)},
-        outcomes=(("kept", kept), ("ranked, not kept", count - kept), ("impulse outside the friction cone", 3)),
+        outcomes=(("kept", selected), ("ranked, not kept", count - selected), ("impulse outside the friction cone", 3)),
     )
 
 

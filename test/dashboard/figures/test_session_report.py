@@ -7,21 +7,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact_curation.dashboard.figures.report_data import SessionStory, ToldEvent, ToldThrow, ToldToss, save_figures
+from contact_curation.dashboard.figures.report_data import ReportData, ReportedEvent, ReportedThrow, ReportedToss, save_figures
 from contact_curation.dashboard.figures.session_report import LARGEST_TABLE, report_text, save_report
 from contact_curation.errors import InvalidValueError
 
-STORY = SessionStory(
+STORY = ReportData(
     title="Session of 2 throws",
     facts=[("throws", "2 made"), ("restarts", "curator 1")],
-    throws=[ToldThrow(1, "warm-up", None, None, "rejected: gap"), ToldThrow(2, "designed", 3.25, 2.125, "kept, rank 1 of 1")],
-    ranking=[ToldToss(1, "cube-1", 12.5, 12.5, 80.0, True), ToldToss(2, "cube-2", 7.0, 1.0, 60.0, False)],
+    throws=[
+        ReportedThrow(1, "warm-up", None, None, "rejected: gap"),
+        ReportedThrow(2, "designed", 3.25, 2.125, "kept, rank 1 of 1"),
+    ],
+    ranking=[ReportedToss(1, "cube-1", 12.5, 12.5, 80.0, True), ReportedToss(2, "cube-2", 7.0, 1.0, 60.0, False)],
     rejected=[("cube-0", ["gap: found 3 < 4", "lowest corner"])],
     events=[
-        ToldEvent(0.0, "started", "curator"),
-        ToldEvent(5.0, "died", "curator", "signal SIGKILL: last words"),
-        ToldEvent(6.0, "restarted", "curator"),
-        ToldEvent(10.0, "stopped", "curator", "status 0"),
+        ReportedEvent(0.0, "started", "curator"),
+        ReportedEvent(5.0, "died", "curator", "signal SIGKILL: last words"),
+        ReportedEvent(6.0, "restarted", "curator"),
+        ReportedEvent(10.0, "stopped", "curator", "status 0"),
     ],
     seconds=10.0,
     errors={"position error [% of width]": np.array([80.0, 20.0]), "held-out loss": np.array([0.8, 0.02])},
@@ -29,12 +32,13 @@ STORY = SessionStory(
     spectrum=np.array([0.4, 1.1, 1.6]),
     epsilon=0.6,
 )
-EMPTY = SessionStory("Session of 0 throws", [], [], [], [], [], 0.0)
+EMPTY = ReportData("Session of 0 throws", [], [], [], [], [], 0.0)
 
 
 def test_the_page_tells_everything_and_loads_nothing(tmp_path: Path) -> None:
     figures = save_figures(STORY, tmp_path)
-    assert list(figures) == ["Errors on held-out tosses", "Planned and realised gains", "What the kept set knows", "Nodes"]
+    titles = ["Errors on held-out tosses", "Planned and realised gains", "Information of the selected set", "Nodes"]
+    assert list(figures) == titles
     save_report(STORY, figures, tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
     for text in (
@@ -66,12 +70,12 @@ def test_names_are_no_markup() -> None:
 def test_a_session_without_anything_has_a_page_without_figures(tmp_path: Path) -> None:
     assert save_figures(EMPTY, tmp_path) == {}
     page = report_text(EMPTY, {})
-    assert "The gates kept nothing back." in page
+    assert "The gates rejected nothing." in page
     assert "No node died." in page
 
 
 def test_long_tables_say_what_they_leave_out() -> None:
-    many = [ToldToss(place, f"cube-{place}", 1.0, 1.0, 1.0, False) for place in range(LARGEST_TABLE + 7)]
+    many = [ReportedToss(place, f"cube-{place}", 1.0, 1.0, 1.0, False) for place in range(LARGEST_TABLE + 7)]
     page = report_text(replace(STORY, ranking=many), {})
     assert "7 more are left out here." in page
 

@@ -13,7 +13,7 @@ from contact_curation.dashboard.live.session import LiveSession
 from contact_curation.dashboard.live.throw_view import ThrowMade
 from contact_curation.dashboard.toss_motion import ShownTheta
 from test.dashboard.recorded import Recorded, finite, recorded, recording_screen
-from test.dashboard.sessions import BODY, CONFIG, Scored, fed, kept_set, scored, throw_of
+from test.dashboard.sessions import BODY, CONFIG, Scored, fed, scored, selected_set, throw_of
 
 COUNT, TOP = 6, 4
 CURVES = (
@@ -75,10 +75,10 @@ def test_a_toss_has_measured_and_predicted_paths_and_impulses_at_its_vertices(se
 
 def test_the_page_of_the_ranking_says_of_every_toss_why(session: Recorded) -> None:
     page = session.texts("/ranking")[-1]
-    assert f"{TOP} of {COUNT} tosses kept" in page
+    assert f"{TOP} of {COUNT} tosses selected" in page
     lines = [line for line in page.splitlines() if line.startswith(("| **", "| 5", "| 6"))]
-    assert ["| kept: " in line for line in lines] == [True] * TOP + [False] * 2
-    assert all("not kept: one more, with it the expected error is" in line for line in lines[TOP:])
+    assert ["| selected: " in line for line in lines] == [True] * TOP + [False] * 2
+    assert all("not selected: one more, with it the expected error is" in line for line in lines[TOP:])
 
 
 def test_the_spectrum_is_drawn_by_its_logarithm(session: Recorded, made: Scored) -> None:
@@ -139,7 +139,7 @@ def test_errors_far_beyond_the_width_are_drawn_at_the_top_and_what_is_not_finite
 def test_a_kept_set_waits_for_information_that_has_not_come(made: Scored, tmp_path: Path) -> None:
     screen = recording_screen(tmp_path / "waits.rrd")
     live = LiveSession(screen, BODY, made.theta, CONFIG.loss)
-    live.set_kept(kept_set(made.curation(TOP), TOP, COUNT, made.theta.version), 0)
+    live.set_selected(selected_set(made.curation(TOP), TOP, COUNT, made.theta.version), 0)
     for information in made.informations[:-1]:
         live.add_information(information)
     missing = made.informations[-1]

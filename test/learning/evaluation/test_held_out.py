@@ -16,7 +16,7 @@ from contact_curation.storage.inputs.inputs import open_inputs
 from test.simulated import simulated_tosses
 
 LEAKING = {84, 163, 164, 165, 166, 167, 226, 227, 228, 229, 230, 321, 322, 323, 324, 363, 364}
-"""Public tosses below 400 with a twin from 400 on, by their velocities: `python -m benchmarks.data_duplicates`."""
+"""Public tosses below 400 with a twin from 400 on, by their velocities: `python -m benchmarks.data.duplicates`."""
 
 
 @pytest.fixture(scope="module")

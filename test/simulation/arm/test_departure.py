@@ -8,7 +8,7 @@ from contact_curation.simulation.arm.departure import DEFAULT_DEPARTURE, Departu
 from contact_curation.simulation.arm.model import DEFAULT_ARM
 from contact_curation.simulation.arm.path import JointPath
 from contact_curation.simulation.arm.throw_motion import FRAME_PERIOD, STEP, STEPS_PER_FRAME, ThrowMotion, ThrowPlanner
-from contact_curation.simulation.free_motion import free_motion
+from contact_curation.simulation.world import free_motion
 from test.simulation.throws import PLAIN
 
 

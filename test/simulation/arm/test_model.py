@@ -24,7 +24,7 @@ from contact_curation.simulation.arm.path import DEFAULT_RAMP, JointPath, moving
 from contact_curation.simulation.arm.postures import least_speeds
 from contact_curation.simulation.arm.safety import GateConfig
 from contact_curation.simulation.arm.throw_motion import FRAME_PERIOD, STEP, STEPS_PER_FRAME
-from contact_curation.simulation.free_motion import free_motion
+from contact_curation.simulation.world import free_motion
 from test.simulated import release_states
 
 OCTAHEDRON = 0.06 * np.concatenate([np.eye(3), -np.eye(3)])

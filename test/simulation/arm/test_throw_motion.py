@@ -8,10 +8,10 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
-from contact_curation.simulation.arm.collision_reflex import CollisionReflex, ReflexConfig
 from contact_curation.simulation.arm.departure import DepartureConfig
 from contact_curation.simulation.arm.feasibility import ArmFeasibility, blended
 from contact_curation.simulation.arm.frame import Phase
+from contact_curation.simulation.arm.limits import CollisionReflex, ReflexConfig
 from contact_curation.simulation.arm.path import JointPath, RampConfig
 from contact_curation.simulation.arm.safety import GateConfig
 from contact_curation.simulation.arm.simulation import ArmSimulation, ControlConfig

@@ -19,7 +19,7 @@ from contact_curation.geometry.tags import CornerOrder, TagAxes, in_our_axes, in
 from contact_curation.motion.tags.pose import DetectedTag, TagPose, TagPoseConfig, on_board, tag_pose
 from contact_curation.simulation.camera.camera import CAMERA, CameraConfig, CameraView, add_camera, egl_context
 from contact_curation.simulation.camera.tag_detection import Detection, DetectorConfig, TagDetector
-from contact_curation.simulation.camera.tag_library import tag_library
+from contact_curation.simulation.camera.tag_textures import tag_library
 from contact_curation.simulation.world import world_of
 from test.tag_scene import BOARD, RIG
 

@@ -16,10 +16,9 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from contact_curation.errors import MissingTopicError
-from contact_curation.storage.bags.limits import BagLimits
-from contact_curation.storage.bags.qos import profiles_of, qos_from
+from contact_curation.storage.bags.file import BagLimits
 from contact_curation.storage.bags.reader import BagReader
-from contact_curation.storage.bags.records import OfferedQos, TopicInfo
+from contact_curation.storage.bags.records import OfferedQos, TopicInfo, profiles_of, qos_from
 from test.storage.written_bags import (
     CUBE,
     JAZZY,

@@ -14,24 +14,22 @@ import pyarrow.parquet as pq
 import pytest
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.storage.export.lerobot_dataset import EVIDENCE, write_lerobot
-from contact_curation.storage.export.lerobot_features import FEATURES
-from contact_curation.storage.export.lerobot_stats import feature_stats
-from contact_curation.storage.export.selected import KeptToss
+from contact_curation.storage.export.lerobot import EVIDENCE, FEATURES, feature_stats, write_lerobot
+from contact_curation.storage.export.selected import SelectedToss
 from contact_curation.storage.manifest.manifest import ManifestRow
 from contact_curation.storage.provenance import TossProvenance
 from test.storage.datasets.test_tagslam_bag import synthetic_toss
-from test.storage.kept_rows import row
+from test.storage.selected_rows import row
 
 HEIGHTS = (0.25, 0.2, 0.18)
 EPISODES = "meta/episodes/chunk-000/file-000.parquet"
 DATA = "data/chunk-000/file-000.parquet"
 
 
-def kept_tosses() -> list[KeptToss]:
+def kept_tosses() -> list[SelectedToss]:
     tosses = [replace(synthetic_toss(height), toss_id=f"toss-{place}") for place, height in enumerate(HEIGHTS)]
     return [
-        KeptToss(toss, row(toss.toss_id, rank=place + 1, score=None if place else 0.5), TossProvenance("a.mcap"))
+        SelectedToss(toss, row(toss.toss_id, rank=place + 1, score=None if place else 0.5), TossProvenance("a.mcap"))
         for place, toss in enumerate(tosses)
     ]
 
@@ -123,9 +121,9 @@ def test_tasks_are_indexed_by_their_names_as_pandas_has_it(dataset: Path) -> Non
 
 def test_tosses_of_different_frame_rates_are_no_dataset(tmp_path: Path) -> None:
     first, second, _ = kept_tosses()
-    slow = KeptToss(replace(second.toss, frame_period=1.0 / 60.0), second.row, second.origin)
+    slow = SelectedToss(replace(second.toss, frame_period=1.0 / 60.0), second.row, second.origin)
     with pytest.raises(InvalidValueError, match="frame rate of toss toss-1: found 60 Hz, expected about 148 Hz, one for all"):
         write_lerobot([first, slow], "cube", tmp_path)
-    slowest = KeptToss(replace(first.toss, frame_period=10.0), first.row, first.origin)
+    slowest = SelectedToss(replace(first.toss, frame_period=10.0), first.row, first.origin)
     with pytest.raises(InvalidValueError, match=r"found 0\.1 Hz"):
         write_lerobot([slowest], "cube", tmp_path)

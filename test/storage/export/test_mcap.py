@@ -1,4 +1,4 @@
-"""Parts of recordings hold the kept tosses' messages byte for byte, and give the same tosses when they are read again."""
+"""Parts of recordings hold the selected tosses' messages byte for byte, and give the same tosses when they are read again."""
 
 from collections import Counter
 from collections.abc import Callable

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from contact_curation.storage.bags.records import BagMessage
-from contact_curation.storage.export.windows import Places, PoseTimes, Window, Windows
+from contact_curation.storage.export.survey import Places, PoseTimes, Window, Windows
 
 DAY = 86_400_000
 

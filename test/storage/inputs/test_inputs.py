@@ -11,7 +11,7 @@ from rosbags.rosbag2 import StoragePlugin
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError, MissingTopicError
 from contact_curation.geometry.scalars import ScalarPose
-from contact_curation.motion.calibration import Rig, put_right
+from contact_curation.motion.calibration import RigCalibration, apply_calibration
 from contact_curation.motion.gates import GateConfig
 from contact_curation.motion.pose_stream import FramePose
 from contact_curation.motion.segmenter_config import SegmenterConfig
@@ -249,7 +249,7 @@ def test_a_whole_toss_takes_the_place_of_one_that_was_cut_short_whichever_comes_
         assert kinds(items) == expected_kinds
         assert {item.toss_id: item.digest() for item in items if isinstance(item, Toss)} == expected
         assert lines(items)[1].startswith(f"{cut}: toss ")
-        assert lines(items)[1].endswith(f"is left out: found it kept back here and whole in {whole}, expected each once")
+        assert lines(items)[1].endswith(f"is left out: found it rejected here and accepted in {whole}, expected each once")
 
 
 def test_another_toss_under_the_same_id_is_not_taken_for_the_first(tmp_path: Path) -> None:
@@ -271,19 +271,19 @@ def test_while_reading_the_recording_of_each_toss_is_known(tmp_path: Path) -> No
 
 
 def test_tosses_of_any_input_are_put_right_before_the_gates_see_them(tmp_path: Path) -> None:
-    rig = Rig(normal=(0.02, -0.02, 1.0), centre=(0.3, 0.1, 0.0), scale=1.02)
+    rig = RigCalibration(normal=(0.02, -0.02, 1.0), centre=(0.3, 0.1, 0.0), scale=1.02)
     (tmp_path / "tosses").mkdir()
     save_contactnets(tmp_path / "tosses", 1, synthetic_toss())
     for path in (mcap_file(tmp_path), tmp_path / "tosses"):
         seen = [item for item in opened(path)[0] if isinstance(item, Toss)]
         tilted = [item for item in opened(path, rig=rig)[0] if isinstance(item, Rejected)]
-        assert [one.toss.digest() for one in tilted] == [put_right(toss, rig).digest() for toss in seen] != []
+        assert [one.toss.digest() for one in tilted] == [apply_calibration(toss, rig).digest() for toss in seen] != []
         assert all(any("tilt at rest: found 1." in reason for reason in one.reasons) for one in tilted)
 
 
 def test_tosses_as_stored_have_headings_that_no_rig_had() -> None:
-    with pytest.raises(InvalidValueError, match=r"rig: found Rig\(.*scale=1.01\), expected none here"):
-        InputsConfig(as_stored=True, rig=Rig(scale=1.01))
+    with pytest.raises(InvalidValueError, match=r"rig: found RigCalibration\(.*scale=1.01\), expected none here"):
+        InputsConfig(as_stored=True, rig=RigCalibration(scale=1.01))
 
 
 def test_a_topic_can_be_named_where_several_would_do(tmp_path: Path) -> None:

@@ -1,23 +1,23 @@
-"""A whole toss takes the place of one that was kept back, whichever comes first; otherwise the first of an id stays."""
+"""A whole toss takes the place of one that was rejected, whichever comes first; otherwise the first of an id stays."""
 
 from itertools import permutations
 
-from contact_curation.storage.inputs.known_tosses import KnownTosses, LeftOut, Standing
+from contact_curation.storage.inputs.known_tosses import DuplicateCheck, KnownTosses, LeftOut
 
 SEEN = {"cut": ("a", "cut.mcap", False), "cut later": ("b", "later.mcap", False), "whole": ("c", "whole.mcap", True)}
 """By name: digest, recording, whether it is whole."""
 
 
-def standings(*names: str) -> list[Standing]:
+def standings(*names: str) -> list[DuplicateCheck]:
     known = KnownTosses()
     return [known.see("7", digest, where, whole=whole) for digest, where, whole in (SEEN[name] for name in names)]
 
 
 def test_the_cut_one_is_left_out_in_the_same_words_in_either_order() -> None:
-    why = "toss 7 is left out: found it kept back here and whole in whole.mcap, expected each once"
+    why = "toss 7 is left out: found it rejected here and accepted in whole.mcap, expected each once"
     left_out = LeftOut("cut.mcap", why)
-    assert standings("cut", "whole") == [Standing(True), Standing(True, left_out)]
-    assert standings("whole", "cut") == [Standing(True), Standing(False, left_out)]
+    assert standings("cut", "whole") == [DuplicateCheck(True), DuplicateCheck(True, left_out)]
+    assert standings("whole", "cut") == [DuplicateCheck(True), DuplicateCheck(False, left_out)]
 
 
 def test_of_several_the_whole_one_is_taken_last_whatever_their_order() -> None:

@@ -14,7 +14,7 @@ from contact_curation.storage.inputs.pose_messages import (
     ODOMETRY,
     POSE,
     POSE_ARRAY,
-    POSE_TYPES,
+    POSE_MESSAGES,
     POSE_WITH_COVARIANCE,
     TF,
     measured_pose,
@@ -29,7 +29,7 @@ ONE = FramePose(1_600_000_000_123_456_789, "map", "body_cube", ScalarPose((1.0, 
 STATIC = FramePose(5, "map", "body_surface", ONE.pose, static=True)
 
 
-@pytest.mark.parametrize("type_name", POSE_TYPES)
+@pytest.mark.parametrize("type_name", POSE_MESSAGES)
 def test_every_type_gives_the_same_pose_with_w_in_front_and_the_header_s_stamp(type_name: str) -> None:
     assert measured_pose(type_name, message(type_name, ONE), "body_cube", index=1) == ONE
 
@@ -50,6 +50,13 @@ def test_messages_of_rclpy_are_read_by_the_same_attributes(made: Any, type_name:
     assert measured_pose(type_name, made, "body_cube") == ONE
 
 
+def test_a_type_that_is_added_to_the_table_is_found_and_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    tracked = "my_msgs/msg/Tracked"
+    monkeypatch.setitem(POSE_MESSAGES, tracked, lambda message, child, index: ONE)
+    source = find_pose_source("bag", [TypedTopic("/tracked", tracked)], "cube", PoseTopicConfig())
+    assert source.measured("/tracked", object()) == (ONE,)
+
+
 def test_transforms_are_poses_of_their_children_and_static_on_tf_static() -> None:
     assert measured_transforms(transforms([ONE]), static=False) == (ONE,)
     assert measured_transforms(transforms([STATIC]), static=True) == (STATIC,)
@@ -64,7 +71,7 @@ def test_transforms_are_poses_of_their_children_and_static_on_tf_static() -> Non
     ],
 )
 def test_what_is_no_pose_says_why(pose: ScalarPose, why: str) -> None:
-    for type_name in POSE_TYPES:
+    for type_name in POSE_MESSAGES:
         bad = measured_pose(type_name, message(type_name, FramePose(7, "map", "b", pose)), "b", index=1)
         assert isinstance(bad, BadPose)
         assert (bad.stamp_ns, bad.child) == (7, "b")

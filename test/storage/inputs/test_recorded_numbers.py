@@ -3,7 +3,7 @@
 import pytest
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.storage.inputs.recorded_numbers import RecordedNumbers, number_of_file, recorded_numbers
+from contact_curation.storage.inputs.recording_notes import RecordedNumbers, number_of_file, recorded_numbers
 
 
 def test_a_toss_has_the_number_of_the_last_file_that_began_before_it() -> None:

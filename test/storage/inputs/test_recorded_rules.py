@@ -8,10 +8,9 @@ import pytest
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.segmenter_config import CONTACTNETS_RULES, SegmenterConfig
-from contact_curation.storage.bags.notes import recorded_notes
-from contact_curation.storage.bags.reader import BagReader
+from contact_curation.storage.bags.reader import BagReader, recorded_notes
 from contact_curation.storage.bags.writer import BagWriter
-from contact_curation.storage.inputs.recorded_rules import note_of_rules, with_recorded_rules
+from contact_curation.storage.inputs.recording_notes import note_of_rules, with_recorded_rules
 
 
 def test_the_rules_that_differ_come_back_exactly() -> None:

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.storage.manifest.file import FORMATS, read_manifest, write_manifest
+from contact_curation.storage.manifest.file import FORMATS, manifest_of, read_manifest, write_manifest
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 from contact_curation.storage.provenance import InputProvenance, RunProvenance
 
@@ -101,7 +101,7 @@ def test_any_text_and_number_comes_back_from_every_format(
     )
     manifest = Manifest(replace(RUN, command=(topic, toss_id)), (row,), {"note": topic.replace("N", "n").replace("I", "i")})
     for kind in FORMATS.values():
-        assert_equal(kind.read(kind.write(manifest)), manifest)
+        assert_equal(manifest_of(*kind.read(kind.write(manifest))), manifest)
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
@@ -137,7 +137,7 @@ def test_other_tools_read_the_three_formats(tmp_path: Path) -> None:
 
 def test_kept_tosses_come_best_first() -> None:
     second = replace(RANKED, toss_id="cube-4-ab", rank=2)
-    assert [row.rank for row in Manifest(RUN, (second, GATED, RANKED)).kept] == [1, 2]
+    assert [row.rank for row in Manifest(RUN, (second, GATED, RANKED)).selected] == [1, 2]
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.storage.stores.array_blob import arrays_from_blob, arrays_to_blob
+from contact_curation.storage.stores.record_table import arrays_from_blob, arrays_to_blob
 
 KINDS: list[np.dtype[Any]] = [np.dtype(name) for name in ("f8", "i8", "f4")]
 SHAPES = arrays_of.array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=4)

@@ -10,7 +10,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.information.record import TossInformation
 from contact_curation.storage.stores import information as information_store
 from contact_curation.storage.stores.information import InformationStore
-from contact_curation.storage.stores.sequenced_table import Added
+from contact_curation.storage.stores.record_table import Added
 from test.storage.stored_records import information
 
 

@@ -14,9 +14,8 @@ import pytest
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.storage.provenance import TossProvenance
 from contact_curation.storage.stores.information import InformationStore
-from contact_curation.storage.stores.pose_journal import JournalPose
-from contact_curation.storage.stores.sequenced_table import Added
-from contact_curation.storage.stores.tosses import TossStore
+from contact_curation.storage.stores.record_table import Added
+from contact_curation.storage.stores.tosses import JournalPose, TossStore
 from test.storage.stored_records import rejected, toss
 
 WRITER = """
@@ -92,7 +91,7 @@ def test_an_empty_store_has_no_sequence(path: Path) -> None:
 
 @pytest.mark.parametrize("kept_back_first", [True, False])
 def test_a_toss_that_was_kept_back_once_is_a_toss_as_soon_as_it_comes_whole(path: Path, kept_back_first: bool) -> None:
-    """As `storage.inputs.inputs` has it for recordings: what was kept back under an id hides no toss of that id."""
+    """As `storage.inputs.inputs` has it for recordings: what was rejected under an id hides no toss of that id."""
     with TossStore(path) as store:
         if kept_back_first:
             store.add_rejected(rejected(4))

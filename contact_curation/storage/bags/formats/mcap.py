@@ -5,17 +5,140 @@ file are followed from the front, reading only their heads: that gives the chunk
 cut. The index is used for what it adds: the channels without unpacking any chunk, and where to go on behind damage.
 """
 
+import struct
 from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
-from contact_curation.storage.bags.chunks import Chunk, ChunkedStorage, ParsedChunk, chunk_data
-from contact_curation.storage.bags.errors import DamagedBagError, Losses
-from contact_curation.storage.bags.file import BagFile
-from contact_curation.storage.bags.formats.mcap_records import MCAP_MAGIC, McapDeclarations, parse_chunk
-from contact_curation.storage.bags.formats.mcap_summary import McapSummary, read_summary
-from contact_curation.storage.bags.formats.mcap_walk import McapWalk, Stop
-from contact_curation.storage.bags.limits import BagLimits
+from mcap.opcode import Opcode
+
+from contact_curation.storage.bags.file import BagFile, BagLimits, DamagedBagError, Losses
+from contact_curation.storage.bags.formats.chunks import Chunk, ChunkedStorage, ParsedChunk, chunk_data
+from contact_curation.storage.bags.formats.mcap_records import (
+    MCAP_MAGIC,
+    MESSAGE_HEAD,
+    RECORD_HEAD,
+    McapDeclarations,
+    McapSummary,
+    parse_chunk,
+    read_summary,
+)
+
+CHUNK_HEAD = struct.Struct("<QQQII")
+"""First and last log time, unpacked size, CRC, length of the compression's name."""
+INDEX_HEAD = struct.Struct("<HI")
+"""Channel id, size of the entries behind it."""
+INDEX_ENTRY = 16
+SIZE = struct.Struct("<Q")
+LONGEST_COMPRESSION_NAME = 32
+LOOSE_RUN_BYTES = 1 << 20
+"""Messages outside of chunks are read in runs of about this many bytes."""
+ENDS = (Opcode.DATA_END, Opcode.FOOTER)
+DECLARATIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
+
+
+class Stop(NamedTuple):
+    """Where following the records ended, and why; `why` is empty at a proper end."""
+
+    offset: int
+    why: str
+
+
+class McapWalk:
+    """Collects the chunks of a file, and the messages outside of chunks as chunks of their own.
+
+    Attributes:
+        chunks: in the order they were met.
+        heads: offsets of the chunk records met.
+    """
+
+    def __init__(self, file: BagFile, declarations: McapDeclarations) -> None:
+        self._file = file
+        self._declarations = declarations
+        self.chunks: list[Chunk] = []
+        self.heads: set[int] = set()
+        self._loose: Chunk | None = None
+
+    def follow(self, offset: int) -> Stop:
+        """Follows the records from `offset` on, to the end of the data, to a chunk already met, or to damage."""
+        why = ""
+        try:
+            while offset not in self.heads:
+                if offset == self._file.size:
+                    raise DamagedBagError("the end mark is missing")
+                opcode, length = RECORD_HEAD.unpack(self._file.read(offset, RECORD_HEAD.size))
+                if opcode in ENDS:
+                    break
+                self._take(opcode, offset, length)
+                offset += RECORD_HEAD.size + length
+        except DamagedBagError as error:
+            why = str(error)
+            self._doubt_last_index()
+        self._end_loose_run()
+        return Stop(offset, why)
+
+    def _take(self, opcode: int, offset: int, length: int) -> None:
+        start = offset + RECORD_HEAD.size
+        if opcode == 0:
+            raise DamagedBagError("no record begins there")
+        if opcode == Opcode.CHUNK:
+            self._take_chunk(offset)
+        if length > self._file.size - start:
+            raise DamagedBagError(f"a record of {length} bytes, of which the file holds {self._file.size - start}")
+        if opcode == Opcode.MESSAGE:
+            self._take_message(start, length)
+            return
+        self._end_loose_run()
+        if opcode == Opcode.MESSAGE_INDEX and self.chunks:
+            self._take_index(start)
+        elif opcode in DECLARATIONS:
+            self._declarations.declare(opcode, self._file.read(start, length))
+
+    def _take_chunk(self, offset: int) -> None:
+        """A chunk, or what the file holds of it."""
+        self._end_loose_run()
+        start = offset + RECORD_HEAD.size
+        first, last, unpacked, crc, name_length = CHUNK_HEAD.unpack(self._file.read(start, CHUNK_HEAD.size))
+        if name_length > LONGEST_COMPRESSION_NAME:
+            raise DamagedBagError(f"a chunk whose compression has a name of {name_length} bytes")
+        name_at = start + CHUNK_HEAD.size
+        compression = self._file.read(name_at, name_length).decode(errors="replace")
+        (stored,) = SIZE.unpack(self._file.read(name_at + name_length, SIZE.size))
+        data_at = name_at + name_length + SIZE.size
+        held = min(stored, self._file.size - data_at)
+        self.heads.add(offset)
+        self.chunks.append(Chunk(data_at, held, compression, unpacked, crc, first, last, None, whole=held == stored))
+
+    def _take_index(self, start: int) -> None:
+        """Messages per channel of the chunk before it."""
+        channel, size = INDEX_HEAD.unpack(self._file.read(start, INDEX_HEAD.size))
+        counts = {**(self.chunks[-1].counts or {}), channel: size // INDEX_ENTRY}
+        self.chunks[-1] = replace(self.chunks[-1], counts=counts)
+
+    def _take_message(self, start: int, length: int) -> None:
+        """A message outside of chunks: one more of the run before it, or the first of a new one."""
+        channel, _, log_time, _ = MESSAGE_HEAD.unpack(self._file.read(start, MESSAGE_HEAD.size))
+        begin, end = start - RECORD_HEAD.size, start + length
+        run = self._loose
+        if run is not None and end - run.offset <= LOOSE_RUN_BYTES:
+            size, first, last = end - run.offset, min(run.start_ns, log_time), max(run.end_ns, log_time)
+            counts = Counter(run.counts)
+            counts[channel] += 1
+            self._loose = replace(run, stored=size, unpacked=size, start_ns=first, end_ns=last, counts=counts)
+            return
+        self._end_loose_run()
+        self._loose = Chunk(begin, end - begin, "", end - begin, 0, log_time, log_time, {channel: 1})
+
+    def _end_loose_run(self) -> None:
+        if self._loose is not None:
+            self.chunks.append(self._loose)
+        self._loose = None
+
+    def _doubt_last_index(self) -> None:
+        """Before a cut, the index of the last chunk may be incomplete."""
+        if self.chunks and self._loose is None:
+            self.chunks[-1] = replace(self.chunks[-1], counts=None)
 
 
 def open_mcap(file: BagFile, limits: BagLimits, losses: Losses) -> ChunkedStorage:
@@ -62,7 +185,7 @@ def _gone_on(walk: McapWalk, stop: Stop, summary: McapSummary, name: str, losses
 
 
 def _surveyed(file: BagFile, chunk: Chunk, declarations: McapDeclarations, limits: BagLimits, count: bool) -> Chunk:
-    """The chunk, unpacked once if only that tells its channels and, when those count, how many messages it has."""
+    """The chunk, unpacked once if only that shows its channels and, when those count, how many messages it has."""
     uncounted = chunk.counts is None and count
     if not uncounted and all(number in declarations.channels for number in chunk.counts or {}):
         return chunk

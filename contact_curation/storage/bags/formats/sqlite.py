@@ -8,10 +8,8 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from contact_curation.errors import UnreadableInputError
-from contact_curation.storage.bags.errors import Losses
-from contact_curation.storage.bags.file import BagFile
-from contact_curation.storage.bags.qos import qos_from
-from contact_curation.storage.bags.records import Channel, StoredMessage
+from contact_curation.storage.bags.file import BagFile, Losses
+from contact_curation.storage.bags.records import Channel, StoredMessage, qos_from
 
 SQLITE_MAGIC = b"SQLite format 3\0"
 LARGEST_ROW = 1_000_000_000

@@ -1,0 +1,270 @@
+"""The whole loop for long, faster than real time, with nodes killed on the way: what grows, what gets lost, what comes out.
+
+    python -m benchmarks.speed.soak --throws 200 --folder soak
+
+Every so many throws one of the eight nodes is killed with SIGKILL; the seed says in which order they come. At the end:
+
+- memory: resident size of each process that lives long enough, late against early (throw 50, or 20 throws after its start);
+- nothing lost: every toss that pose_ingest stored is in the scorer's and the curator's store at the last theta, and was
+  recorded; so was every pose that sim_camera published, once and in order; what the recorder itself says that it missed;
+- the buffer: that of fresh, undisturbed nodes fed with the recorded poses at the session's last theta, and that of `rank`.
+
+The exit status is 1 where one of these does not hold.
+"""
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from contact_curation.nodes.ros.processes import spawn_node
+from contact_curation.storage.bags.reader import BagReader
+from contact_curation.storage.stores.information import InformationStore
+from contact_curation.storage.stores.state import StateStore
+from contact_curation.storage.stores.tosses import TossStore
+
+EIGHT = ("pose_ingest", "fisher_scorer", "curator", "trainer", "throw_designer", "sim_arm", "sim_camera", "dashboard")
+POSES, STATIC = "/tagslam/odom/body_cube", "/tf_static"
+BUDGETS = """
+/**/trainer:
+  ros__parameters: {protocol: budgeted, steps: 100, settling_rounds: 1}
+/**/throw_designer:
+  ros__parameters:
+    design: {pool: 48, reference: 32}
+    refinement: {generations: 4}
+    canary: {least_agreement: -1.0}
+    toss_timeout: 3.0
+    retry_period: 0.5
+"""
+EARLY, SETTLING = 50, 20
+"""Throws of the session, and of a process, after which its memory is taken for the first time."""
+ALLOWED_GROWTH = 0.05
+PERIOD = 1.0
+"""[s] between samples."""
+PATIENCE = 300.0
+"""[s] that the undisturbed nodes get."""
+DOMAIN = 91
+
+
+class Sample(NamedTuple):
+    """Resident memory of a process [bytes] after so many throws."""
+
+    throws: int
+    node: str
+    pid: int
+    resident: int
+
+
+class Session:
+    """A running session, seen through its folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / "events.jsonl"
+        self._read = 0
+        self.throws = 0
+        self.pids: dict[str, int] = {}
+        self.events: list[dict[str, Any]] = []
+
+    def look(self) -> None:
+        """Reads what was added to the events."""
+        if not self._path.exists():
+            return
+        with self._path.open() as file:
+            file.seek(self._read)
+            for line in iter(file.readline, ""):
+                if not line.endswith("\n"):
+                    break
+                self._read += len(line.encode())
+                self._take(json.loads(line))
+
+    def _take(self, event: dict[str, Any]) -> None:
+        self.events.append(event)
+        if event["event"] in ("started", "restarted"):
+            self.pids[event["node"]] = event["pid"]
+        elif event["event"] in ("died", "stopped"):
+            self.pids.pop(event["node"], None)
+        self.throws += event["event"] == "throw"
+
+
+def main() -> int:
+    """Runs the soak; returns the exit status."""
+    parser = argparse.ArgumentParser(description="a long session whose nodes are killed now and then")
+    parser.add_argument("--throws", type=int, default=200)
+    parser.add_argument("--every", type=int, default=10, help="throws between two kills")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--folder", type=Path, default=Path("soak"))
+    arguments = parser.parse_args()
+    session, samples, seconds = soak(arguments.folder, arguments.throws, arguments.every, arguments.seed)
+    (arguments.folder / "memory.json").write_text(json.dumps(samples))
+    told = json.loads((arguments.folder / "session.json").read_text())
+    print(f"{session.throws} throws in {seconds:.0f} s; restarts: {told['summary']['restarts']}")
+    findings = [*memory(samples), *lost(arguments.folder, session, told), *buffers(arguments.folder, told)]
+    for sound, line in findings:
+        print(f"{'ok ' if sound else 'NOT'}  {line}")
+    return 0 if all(sound for sound, _ in findings) else 1
+
+
+def soak(folder: Path, throws: int, every: int, seed: int) -> tuple[Session, list[Sample], float]:
+    """Runs the session, and kills."""
+    folder.mkdir(parents=True)
+    budgets = folder / "budgets.yaml"
+    budgets.write_text(BUDGETS)
+    record = folder
+    command = [sys.executable, "-m", "contact_curation.cli.main", "online", "--throws", str(throws), "--rate", "0"]
+    command += ["--top", "16", "--seed", str(seed), "--params-file", str(budgets), "--record", str(record)]
+    random = np.random.default_rng(seed)
+    session, samples, due, deck = Session(folder), [], every, list[str]()
+    began = time.monotonic()
+    with (folder / "online.log").open("wb") as log, subprocess.Popen(command, stdout=log, stderr=log) as online:
+        try:
+            while online.poll() is None:
+                time.sleep(PERIOD)
+                session.look()
+                samples += [Sample(session.throws, node, pid, resident(pid)) for node, pid in session.pids.items()]
+                if due <= session.throws < throws:
+                    due += every
+                    deck = deck or [str(one) for one in random.permutation(EIGHT)]
+                    victim = deck.pop()
+                    if victim in session.pids:
+                        print(f"throw {session.throws}: {victim} is killed", flush=True)
+                        os.kill(session.pids[victim], signal.SIGKILL)
+        finally:
+            online.terminate()
+    session.look()
+    if online.returncode != 0:
+        raise SystemExit(f"the session failed: {(folder / 'online.log').read_text().strip().rpartition(chr(10))[2]}")
+    return session, [one for one in samples if one.resident], time.monotonic() - began
+
+
+def resident(pid: int) -> int:
+    """Resident memory of a process [bytes]; 0 once it is gone."""
+    try:
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except (FileNotFoundError, ProcessLookupError, IndexError):
+        return 0
+
+
+def memory(samples: list[Sample]) -> Iterator[tuple[bool, str]]:
+    """Growth of each process that lived long enough."""
+    lives: dict[tuple[str, int], list[Sample]] = {}
+    for one in samples:
+        lives.setdefault((one.node, one.pid), []).append(one)
+    for (node, pid), life in lives.items():
+        first = max(EARLY, life[0].throws + SETTLING)
+        early = [one.resident for one in life if first <= one.throws < first + SETTLING]
+        late = [one.resident for one in life if one.throws >= max(life[-1].throws - SETTLING // 2, first + SETTLING)]
+        if early and late:
+            before, after = float(np.median(early)), float(np.median(late))
+            growth = after / before - 1.0
+            sizes = f"{before / 1e6:.0f} to {after / 1e6:.0f} MB, throws {first} to {life[-1].throws}"
+            yield growth <= ALLOWED_GROWTH, f"memory of {node} ({pid}): {100.0 * growth:+.1f} % ({sizes})"
+
+
+def lost(folder: Path, session: Session, told: dict[str, Any]) -> Iterator[tuple[bool, str]]:
+    """What is somewhere and not elsewhere."""
+    summary, stores = told["summary"], folder / "stores"
+    with TossStore(stores / "pose_ingest.sqlite") as tosses:
+        stored = {one.toss.toss_id for one in tosses.after(0, 1 << 20)}
+        rejected = {one.rejected.toss.toss_id for one in tosses.rejected_after(0, 1 << 20)}
+    version = summary["parameters_version"]
+    for node in ("fisher_scorer", "curator"):
+        with InformationStore(stores / f"{node}.sqlite") as informations:
+            known = {one.information.toss_id for one in informations.all_of(version)}
+        yield known == stored, f"{node} knows {len(known & stored)} of {len(stored)} tosses at the last theta"
+    with BagReader(folder / "session.mcap") as bag:
+        announced = {one.message.toss_id for one in bag.messages(["/toss"])}
+        kept_back = {one.message.toss_id for one in bag.messages(["/toss_rejected"])} if rejected else set()
+        health = list(bag.messages(["/diagnostics"]))
+        poses = [(one.publish_time_ns, one.log_time_ns) for one in bag.raw_messages([POSES])]
+        stamps = [one.message.header.stamp for one in bag.messages([POSES])]
+        yield not bag.losses, f"the bag is whole {list(bag.losses) or ''}"
+    yield announced == stored, f"{len(announced & stored)} of {len(stored)} tosses were recorded as announced"
+    yield kept_back == rejected, f"{len(kept_back & rejected)} of {len(rejected)} rejected motions were recorded as announced"
+    times = [stamp.sec * 10**9 + stamp.nanosec for stamp in stamps]
+    yield bool(np.all(np.diff(times) > 0)), f"stamps of {len(times)} recorded poses increase"
+    yield from _poses_of_lives([sent for sent, _ in poses], session, health)
+    missed = [int(value) for message in health for value in _values(message, "/session_recorder", "lost")]
+    yield not any(missed), f"the recorder missed {max(missed, default=0)} messages"
+
+
+def _poses_of_lives(sent_ns: list[int], session: Session, health: list[Any]) -> Iterator[tuple[bool, str]]:
+    """What sim_camera said that it published, life by life, against what was recorded of it."""
+    starts = [event["wall_time"] for event in session.events if event.get("node") == "sim_camera" and "tart" in event["event"]]
+    for number, (begin, end) in enumerate(zip(starts, [*starts[1:], float("inf")])):
+        recorded = sum(begin <= time_ns / 1e9 < end for time_ns in sent_ns)
+        said = [
+            int(value)
+            for message in health
+            if begin <= message.log_time_ns / 1e9 < end
+            for value in _values(message, "/sim_camera", "told")
+        ]
+        last = number == len(starts) - 1
+        told = max(said, default=0)
+        sound = recorded == told if last else recorded >= told
+        yield sound, f"poses of sim_camera, life {number + 1}: {told} published as it last said, {recorded} recorded"
+
+
+def _values(message: Any, node: str, key: str) -> list[str]:
+    return [pair.value for status in message.message.status if status.name == node for pair in status.values if pair.key == key]
+
+
+def buffers(folder: Path, told: dict[str, Any]) -> Iterator[tuple[bool, str]]:
+    """The same buffer, from undisturbed nodes and from `rank`."""
+    summary = told["summary"]
+    yield summary["settled"], "the session came to rest"
+    yield summary["same"], f"{summary['replay']}"
+    kept = replayed(folder, folder / "replay", len(summary["kept"]), summary["tosses"])
+    yield kept == summary["kept"], f"undisturbed nodes keep the same {len(kept)} tosses in the same order"
+
+
+def replayed(folder: Path, own: Path, kept: int, tosses: int) -> list[str]:
+    """Kept ids of fresh nodes that hear the recorded poses, at the session's last theta."""
+    own.mkdir()
+    parameters: dict[str, dict[str, Any]] = {
+        "pose_ingest": {},
+        "fisher_scorer": {"params": folder / "checkpoint.safetensors"},
+        "curator": {"top": 16},
+        "player": {"bag": folder / "session.mcap", "topics": [POSES, STATIC], "as_fast_as_possible": True, "stay": True,
+                   "wait_for": 30.0},
+    }  # fmt: skip
+    nodes = []
+    try:
+        for name, values in parameters.items():
+            store = {} if name == "player" else {"store": own / f"{name}.sqlite"}
+            nodes.append(spawn_node(name, {**values, **store}, DOMAIN, own / f"{name}.log"))
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            time.sleep(PERIOD)
+            found, ranked = _buffer(own)
+            if ranked >= tosses and len(found) == kept:
+                time.sleep(2 * PERIOD)
+                return _buffer(own)[0]
+        return _buffer(own)[0]
+    finally:
+        for node in nodes:
+            node.ask_to_end()
+        for node in nodes:
+            node.stop()
+
+
+def _buffer(own: Path) -> tuple[list[str], int]:
+    """Kept ids, and how many tosses were ranked."""
+    store = own / "curator.sqlite"
+    if not (store.exists() and store.with_name("curator.sqlite.state").exists()):
+        return [], 0
+    with StateStore(store.with_name("curator.sqlite.state")) as states:
+        told = json.loads(states.load("buffer") or b'{"kept": [], "version": ""}')
+    with InformationStore(store) as informations:
+        return list(told["kept"]), informations.count(told["version"]) if told["version"] else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

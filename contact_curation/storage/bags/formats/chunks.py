@@ -1,0 +1,193 @@
+"""Bags made of chunks (MCAP, ROS 1): one chunk in memory at a time, messages in order of log time, damage skipped."""
+
+import zlib
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from contact_curation.storage.bags.file import BagFile, BagLimits, DamagedBagError, Losses, unpack, unpack_some
+from contact_curation.storage.bags.records import Channel, StoredMessage
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Where a run of records lies in a file.
+
+    Attributes:
+        offset: of its stored bytes in the file.
+        stored: number of stored bytes.
+        compression: name, empty for none.
+        unpacked: number of bytes once decompressed, as declared.
+        crc: CRC-32 of the unpacked bytes; 0 where there is none.
+        start_ns: earliest log time in it.
+        end_ns: latest log time in it.
+        counts: messages per channel id, from the index behind it; None where there is no index.
+        whole: False when the file ends within it.
+    """
+
+    offset: int
+    stored: int
+    compression: str
+    unpacked: int
+    crc: int
+    start_ns: int
+    end_ns: int
+    counts: Mapping[int, int] | None
+    whole: bool = True
+
+
+@dataclass(frozen=True)
+class ParsedChunk:
+    """Records of a chunk.
+
+    Attributes:
+        messages: of the wanted channels, in the order of the file.
+        undeclared: number of messages whose channel is declared nowhere.
+        damage: why the rest could not be parsed; empty when all was.
+    """
+
+    messages: list[StoredMessage]
+    undeclared: int = 0
+    damage: str = ""
+
+
+class Declarations:
+    """The channels declared so far, by id; chunks may declare more while they are parsed."""
+
+    def __init__(self) -> None:
+        self.channels: dict[int, Channel] = {}
+
+    def wanted(self, topics: Collection[str] | None) -> dict[int, Channel | None]:
+        """Channel per id, None for those that are not of `topics` (None: all are)."""
+        return {
+            number: channel if topics is None or channel.topic in topics else None for number, channel in self.channels.items()
+        }
+
+
+ParseChunk = Callable[[bytes, Collection[str] | None], ParsedChunk]
+
+
+class ChunkedStorage:
+    """Messages of one file of chunks.
+
+    Args:
+        file: the open file.
+        chunks: in any order.
+        declarations: channels, as far as they are known without unpacking the chunks.
+        parse: gives the messages of an unpacked chunk, and declares the channels in it.
+        counts: messages per channel id where the chunks do not say.
+        limits: bounds.
+        losses: where damage is said.
+    """
+
+    def __init__(
+        self,
+        file: BagFile,
+        chunks: Sequence[Chunk],
+        declarations: Declarations,
+        parse: ParseChunk,
+        counts: Mapping[int, int] | None,
+        limits: BagLimits,
+        losses: Losses,
+    ) -> None:
+        self._file = file
+        self._chunks = sorted(chunks, key=lambda chunk: (chunk.start_ns, chunk.offset))
+        self._declarations = declarations
+        self._parse = parse
+        self._declared_counts = counts
+        self._limits = limits
+        self._losses = losses
+
+    @property
+    def name(self) -> str:
+        return self._file.path.name
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        return tuple(self._declarations.channels.values())
+
+    @property
+    def extent_ns(self) -> tuple[int, int]:
+        """First and last log time."""
+        return min((c.start_ns for c in self._chunks), default=0), max((c.end_ns for c in self._chunks), default=0)
+
+    def counts(self) -> Mapping[Channel, int] | None:
+        """Messages per channel; None when only reading everything would show them."""
+        known = [chunk.counts for chunk in self._chunks if chunk.counts is not None]
+        by_id: Mapping[int, int] | None = self._declared_counts
+        if len(known) == len(self._chunks):
+            by_id = sum((Counter(counts) for counts in known), Counter())
+        if by_id is None:
+            return None
+        return {channel: by_id.get(number, 0) for number, channel in self._declarations.channels.items()}
+
+    def messages(self, topics: Collection[str] | None) -> Iterator[StoredMessage]:
+        """Messages of `topics` (None: all) in order of log time, those of one time in the order of the file."""
+        held: list[StoredMessage] = []
+        for index, chunk in enumerate(self._chunks):
+            held += self._load(chunk, topics)
+            held.sort(key=_log_time)
+            following = self._chunks[index + 1].start_ns if index + 1 < len(self._chunks) else None
+            ready = len(held) if following is None else bisect_left(held, following, key=_log_time)
+            ready = max(ready, self._overflow(held))
+            yield from held[:ready]
+            del held[:ready]
+
+    def close(self) -> None:
+        self._file.close()
+
+    def _load(self, chunk: Chunk, topics: Collection[str] | None) -> list[StoredMessage]:
+        """Messages of a chunk, as many as its damage leaves."""
+        try:
+            parsed = self._parse(chunk_data(self._file, chunk, self._limits), topics)
+        except DamagedBagError as error:
+            self._say_damaged(chunk, str(error), "its messages are lost")
+            return []
+        if parsed.damage:
+            self._say_damaged(chunk, parsed.damage, "its messages from there on are lost")
+        if parsed.undeclared:
+            line = f"{parsed.undeclared} messages are of no declared channel and were left out"
+            self._losses.say((self.name, chunk.offset, "undeclared"), f"{self.name}: chunk at byte {chunk.offset}: {line}")
+        return parsed.messages
+
+    def _say_damaged(self, chunk: Chunk, why: str, what: str) -> None:
+        held = ""
+        if chunk.counts is not None:
+            per_topic = Counter({self._topic(number): count for number, count in chunk.counts.items()})
+            held = f" ({', '.join(f'{count} of {topic}' for topic, count in sorted(per_topic.items()))})"
+        where = f"chunk at byte {chunk.offset}, log times {chunk.start_ns} to {chunk.end_ns} ns"
+        self._losses.say((self.name, chunk.offset), f"{self.name}: {where}: {why}; {what}{held}")
+
+    def _topic(self, number: int) -> str:
+        channel = self._declarations.channels.get(number)
+        return channel.topic if channel else f"undeclared channel {number}"
+
+    def _overflow(self, held: list[StoredMessage]) -> int:
+        """How many messages to let go although an overlapping chunk may still precede them."""
+        if sum(len(message.data) for message in held) <= self._limits.reorder_bytes:
+            return 0
+        line = f"log times of chunks overlap by more than {self._limits.reorder_bytes} bytes: messages may come out of order"
+        self._losses.say((self.name, "order"), f"{self.name}: {line}")
+        return len(held) // 2
+
+
+def chunk_data(file: BagFile, chunk: Chunk, limits: BagLimits) -> bytes:
+    """The unpacked bytes of a chunk; of one that the file ends in, what is there.
+
+    Raises:
+        DamagedBagError: a size is beyond the limits, or the bytes are not what was recorded.
+    """
+    if chunk.stored > limits.chunk_bytes:
+        raise DamagedBagError(f"{chunk.stored} bytes are declared where at most {limits.chunk_bytes} are accepted")
+    stored = file.read(chunk.offset, chunk.stored)
+    if not chunk.whole:
+        return unpack_some(chunk.compression, stored, min(chunk.unpacked, limits.chunk_bytes))
+    data = unpack(chunk.compression, stored, chunk.unpacked, limits.chunk_bytes)
+    if chunk.crc and zlib.crc32(data) != chunk.crc:
+        raise DamagedBagError("the checksum does not match")
+    return data
+
+
+def _log_time(message: StoredMessage) -> int:
+    return message.log_time_ns

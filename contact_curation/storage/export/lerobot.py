@@ -1,0 +1,236 @@
+"""Selected tosses as a LeRobot dataset, format v3.0, written with pyarrow; LeRobot itself is not needed.
+
+    meta/info.json                              features, frame rate, counts, where the files are
+    meta/stats.json                             of each feature over all frames, which LeRobot normalises data by
+    meta/tasks.parquet                          one task
+    meta/episodes/chunk-000/file-000.parquet    an episode per toss, best first, with its row of the ranking
+    meta/curation.json                          the ranking itself: the manifest of these tosses
+    data/chunk-000/file-000.parquet             frames, a row group per episode
+
+Columns of a frame, beside those of every dataset of LeRobot's:
+
+    observation.state   position (3) [m], orientation wxyz (4), linear velocity (3) [m/s] in the board's frame, angular velocity
+                        (3) [rad/s] in the body's, all of the body on the board
+    stamp_ns            the frame's own stamp: LeRobot's `timestamp` is frame_index / fps
+
+Read and checked against LeRobot 0.6.1 (lerobot/datasets: dataset_writer, dataset_metadata, io_utils).
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import states_of
+from contact_curation.storage.export.selected import SelectedToss
+from contact_curation.storage.manifest.file import TYPES
+from contact_curation.storage.manifest.manifest import ManifestRow
+
+METRES = 1.0
+
+STATE_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz")
+
+FEATURES: dict[str, dict[str, Any]] = {
+    "observation.state": {"dtype": "float32", "shape": [len(STATE_NAMES)], "names": list(STATE_NAMES)},
+    "stamp_ns": {"dtype": "int64", "shape": [1], "names": None},
+    "timestamp": {"dtype": "float32", "shape": [1], "names": None},
+    "frame_index": {"dtype": "int64", "shape": [1], "names": None},
+    "episode_index": {"dtype": "int64", "shape": [1], "names": None},
+    "index": {"dtype": "int64", "shape": [1], "names": None},
+    "task_index": {"dtype": "int64", "shape": [1], "names": None},
+}
+"""As in meta/info.json; the last five are in every dataset of LeRobot's."""
+
+Columns = dict[str, NDArray[Any]]
+
+
+def episode_columns(toss: Toss, episode: int, first_index: int, fps: int) -> Columns:
+    """The frames of a toss, (T,) or (T, 13) each.
+
+    Args:
+        toss: T frames.
+        episode: its number.
+        first_index: of its first frame among all frames.
+        fps: of the dataset.
+    """
+    frames = np.arange(toss.frames, dtype=np.int64)
+    return {
+        "observation.state": states_of(toss, METRES).astype(np.float32),
+        "stamp_ns": toss.stamps_ns,
+        "timestamp": (frames / fps).astype(np.float32),
+        "frame_index": frames,
+        "episode_index": np.full(toss.frames, episode, dtype=np.int64),
+        "index": first_index + frames,
+        "task_index": np.zeros(toss.frames, dtype=np.int64),
+    }
+
+
+def frames_table(columns: Mapping[str, NDArray[Any]]) -> pa.Table:
+    """The same as a table whose types are those of `FEATURES`."""
+    return pa.table([_array(columns[name], about) for name, about in FEATURES.items()], names=list(FEATURES))
+
+
+def _array(values: NDArray[Any], about: Mapping[str, Any]) -> pa.Array:
+    flat = pa.array(values.ravel(), type=pa.from_numpy_dtype(about["dtype"]))
+    width = about["shape"][0]
+    return flat if width == 1 else pa.FixedSizeListArray.from_arrays(flat, width)
+
+
+QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
+
+Stats = dict[str, list[float] | list[int]]
+
+
+def feature_stats(values: NDArray[Any]) -> Stats:
+    """Of the frames of one feature.
+
+    Args:
+        values: (N,) or (N, D).
+
+    Returns:
+        Lists of D numbers by the statistic's name (D is 1 for a scalar); `count` has one number.
+    """
+    rows = np.asarray(values, dtype=float).reshape(len(values), -1)
+    plain = {"min": rows.min(axis=0), "max": rows.max(axis=0), "mean": rows.mean(axis=0), "std": rows.std(axis=0)}
+    quantiles = dict(zip(QUANTILES, np.quantile(rows, list(QUANTILES.values()), axis=0)))
+    found: Stats = {name: value.tolist() for name, value in plain.items()}
+    return {**found, "count": [len(rows)], **{name: value.tolist() for name, value in quantiles.items()}}
+
+
+def dataset_stats(columns: Mapping[str, NDArray[Any]]) -> dict[str, Stats]:
+    """Of all features, by their names."""
+    return {name: feature_stats(values) for name, values in columns.items()}
+
+
+VERSION = "v3.0"
+FILE = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+FIRST_FILE = FILE.format(chunk_index=0, file_index=0)
+CHUNKS_SIZE, DATA_FILES_MB, VIDEO_FILES_MB = 1000, 100, 200
+"""LeRobot's own limits, for those who append; here all tosses are in the first file, at some 11 kB each."""
+
+LARGEST_RATE_ERROR = 0.01
+
+PREFIX = "curation/"
+SAID_OTHERWISE = ("kept", "gated", "reasons", "frames")
+"""Of a manifest's row: of selected tosses alike, or LeRobot's `length`."""
+
+EVIDENCE = tuple(field for field in fields(ManifestRow) if field.name not in SAID_OTHERWISE)
+
+
+def write_lerobot(tosses: Sequence[SelectedToss], body: str, folder: Path) -> None:
+    """Writes the dataset.
+
+    Args:
+        tosses: best first, at least one.
+        body: what was tossed.
+        folder: to be filled.
+
+    Raises:
+        InvalidValueError: the tosses differ in their frame rates.
+    """
+    fps = common_rate([selected.toss for selected in tosses])
+    task = f"toss the {body}"
+    episodes: list[dict[str, Any]] = []
+    data: list[Columns] = []
+    for number, selected in enumerate(tosses):
+        first = episodes[-1]["dataset_to_index"] if episodes else 0
+        data.append(episode_columns(selected.toss, number, first, fps))
+        episodes.append(_episode(selected, number, first, task, data[-1]))
+    _write_row_groups([frames_table(columns) for columns in data], folder / "data" / FIRST_FILE)
+    _write_row_groups([_episodes_table(episodes)], folder / "meta" / "episodes" / FIRST_FILE)
+    _write_row_groups([_tasks_table(task)], folder / "meta" / "tasks.parquet")
+    together = {name: np.concatenate([columns[name] for columns in data]) for name in FEATURES}
+    _write_json(dataset_stats(together), folder / "meta" / "stats.json")
+    _write_json(_info(len(episodes), episodes[-1]["dataset_to_index"], fps), folder / "meta" / "info.json")
+
+
+def common_rate(tosses: Sequence[Toss]) -> int:
+    """Frames a second.
+
+    Raises:
+        InvalidValueError: the tosses differ, or it is no whole number.
+    """
+    fps = round(1.0 / tosses[0].frame_period)
+    for toss in tosses:
+        if fps < 1 or abs(fps * toss.frame_period - 1.0) > LARGEST_RATE_ERROR:
+            found = f"{1.0 / toss.frame_period:.4g} Hz"
+            raise InvalidValueError(f"frame rate of toss {toss.toss_id}", found, f"about {max(fps, 1)} Hz, one for all tosses")
+    return fps
+
+
+def _episode(selected: SelectedToss, number: int, first: int, task: str, columns: Columns) -> dict[str, Any]:
+    stats = {
+        f"stats/{feature}/{name}": value for feature, found in dataset_stats(columns).items() for name, value in found.items()
+    }
+    return {
+        "episode_index": number,
+        "tasks": [task],
+        "length": selected.toss.frames,
+        "data/chunk_index": 0,
+        "data/file_index": 0,
+        "dataset_from_index": first,
+        "dataset_to_index": first + selected.toss.frames,
+        **stats,
+        "meta/episodes/chunk_index": 0,
+        "meta/episodes/file_index": 0,
+        **{f"{PREFIX}{field.name}": getattr(selected.row, field.name) for field in EVIDENCE},
+    }
+
+
+def _episodes_table(episodes: Sequence[dict[str, Any]]) -> pa.Table:
+    evidence = {f"{PREFIX}{field.name}": TYPES[field.type] for field in EVIDENCE}
+    arrays = {name: pa.array([episode[name] for episode in episodes], evidence.get(name)) for name in episodes[0]}
+    return pa.table(arrays)
+
+
+def _tasks_table(task: str) -> pa.Table:
+    """As pandas writes a frame whose index is the task: LeRobot looks a task's name up there."""
+    table = pa.table({"task_index": pa.array([0], pa.int64()), "task": pa.array([task])})
+    columns = [("task_index", "int64", "int64"), ("task", "unicode", "object")]
+    about = {
+        "index_columns": ["task"],
+        "column_indexes": [{"name": None, "field_name": None, "pandas_type": "unicode", "numpy_type": "object",
+                            "metadata": {"encoding": "UTF-8"}}],
+        "columns": [{"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy_kind, "metadata": None}
+                    for name, kind, numpy_kind in columns],
+        "creator": {"library": "pyarrow", "version": pa.__version__},
+        "pandas_version": "2.3.3",
+    }  # fmt: skip
+    return table.replace_schema_metadata({"pandas": json.dumps(about)})
+
+
+def _info(episodes: int, frames: int, fps: int) -> dict[str, Any]:
+    return {
+        "codebase_version": VERSION,
+        "fps": fps,
+        "features": FEATURES,
+        "total_episodes": episodes,
+        "total_frames": frames,
+        "total_tasks": 1,
+        "chunks_size": CHUNKS_SIZE,
+        "data_files_size_in_mb": DATA_FILES_MB,
+        "video_files_size_in_mb": VIDEO_FILES_MB,
+        "data_path": f"data/{FILE}",
+        "video_path": None,
+        "robot_type": None,
+        "splits": {"train": f"0:{episodes}"},
+    }
+
+
+def _write_row_groups(tables: Sequence[pa.Table], path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with pq.ParquetWriter(path, tables[0].schema, compression="snappy") as writer:
+        for table in tables:
+            writer.write_table(table)
+
+
+def _write_json(content: Any, path: Path) -> None:
+    path.write_text(json.dumps(content, indent=4, ensure_ascii=False) + "\n")

@@ -1,0 +1,84 @@
+"""What a recording notes about itself: the rules that its tosses were cut by, and the numbers of the files it was made of.
+
+ContactNets' data need the rules: the cube rests 1.2 mm low, and a rest at 0.052 m or higher went unseen when its tosses were
+cut (`motion.segmenter_config`). Another reader of the same bag gets the same tosses without further settings. Each number is
+noted with the stamp at which the frames made of its file begin, so that a bag of some files still says which toss is the 417th.
+"""
+
+from bisect import bisect_right
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.motion.segmenter_config import SegmenterConfig
+
+RULES_NOTE = "contact_curation.segmenter"
+UNSET = SegmenterConfig()
+"""By default the rest height follows from the body, and the frame period from the stamps; a recording may know better."""
+
+
+def note_of_rules(rules: SegmenterConfig) -> dict[str, str]:
+    """The note that says a recording's rest height [m] and frame period [s], where they are set."""
+    known = {"rest_height": (rules.rest_height, UNSET.rest_height), "frame_period": (rules.frame_period, UNSET.frame_period)}
+    return {name: repr(value) for name, (value, unset) in known.items() if value != unset}
+
+
+def with_recorded_rules(rules: SegmenterConfig, note: Mapping[str, str]) -> SegmenterConfig:
+    """`rules`, completed by what a recording says; what its user has set stays.
+
+    Raises:
+        InvalidValueError: the note does not hold positive numbers.
+    """
+    try:
+        said = {name: float(value) for name, value in note.items()}
+    except ValueError as error:
+        raise InvalidValueError(f"note {RULES_NOTE} of the recording", dict(note), "numbers") from error
+    if rules.rest_height == UNSET.rest_height and "rest_height" in said:
+        rules = replace(rules, rest_height=said["rest_height"])
+    if rules.frame_period is None and "frame_period" in said:
+        rules = replace(rules, frame_period=said["frame_period"])
+    return rules
+
+
+NUMBERS_NOTE = "contact_curation.numbers"
+
+
+@dataclass(frozen=True)
+class RecordedNumbers:
+    """Where the frames of each file begin.
+
+    Attributes:
+        starts_ns: stamps, ascending.
+        numbers: of the files, one each.
+    """
+
+    starts_ns: tuple[int, ...] = ()
+    numbers: tuple[int, ...] = ()
+
+    def number_at(self, stamp_ns: int) -> int | None:
+        """The number of a toss whose first frame has this stamp; None where the recording says nothing of it."""
+        place = bisect_right(self.starts_ns, stamp_ns) - 1
+        return self.numbers[place] if place >= 0 else None
+
+    def note(self) -> dict[str, str]:
+        """The note that says it."""
+        return {str(number): str(start) for number, start in zip(self.numbers, self.starts_ns, strict=True)}
+
+
+def number_of_file(name: str) -> int | None:
+    """417 for ContactNets' 417.pt; None for other names."""
+    stem, _, ending = name.rpartition(".")
+    return int(stem) if ending == "pt" and stem.isdecimal() else None
+
+
+def recorded_numbers(note: Mapping[str, str]) -> RecordedNumbers:
+    """What a recording's note says.
+
+    Raises:
+        InvalidValueError: the note does not hold stamps by number.
+    """
+    try:
+        pairs = sorted((int(start), int(number)) for number, start in note.items())
+    except ValueError as error:
+        raise InvalidValueError(f"note {NUMBERS_NOTE} of the recording", "other words", "stamps by number") from error
+    return RecordedNumbers(tuple(start for start, _ in pairs), tuple(number for _, number in pairs))
