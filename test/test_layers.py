@@ -1,6 +1,6 @@
 """The parts of the package know only the parts to their left, and each outside library stays in its part.
 
-errors < configs < geometry | solver < contact | motion < information < learning < design < simulation | storage | dashboard
+errors < configs | files < geometry | solver < contact | motion < information < learning < design < simulation | storage | dashboard
 < pipeline | stages < session < nodes | cli < experiments
 """
 
@@ -14,7 +14,7 @@ FOLDER = Path(__file__).resolve().parents[1] / PACKAGE
 
 LAYERS = (
     ("errors",),
-    ("configs",),
+    ("configs", "files"),
     ("geometry", "solver"),
     ("contact", "motion"),
     ("information",),

@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json({**found.document(), "figure": str(arguments.figure) if arguments.figure else None})
     else:
-        print(found)
+        print("\n".join(found.lines()))
         if arguments.figure:
             print(f"figure: {arguments.figure}")
     return 0

@@ -35,8 +35,8 @@ def run(arguments: argparse.Namespace) -> int:
         UnreadableInputError: the manifest is none.
         InvalidValueError: a kept toss is in no input, the folder is not empty, or the format cannot hold the tosses.
     """
+    from contact_curation.files import staged_folder
     from contact_curation.pipeline.export import FORMATS, export_job
-    from contact_curation.storage.files import staged_folder
 
     if arguments.per_toss and arguments.format != "mcap":
         raise InvalidValueError("--per-toss", f"--format {arguments.format}", "--format mcap")

@@ -102,8 +102,12 @@ class Evaluation:
         """
         save_motion_figure(_picture(self), Path(path))
 
+    def lines(self) -> Iterator[str]:
+        """Tables for people."""
+        return _lines(self)
+
     def __str__(self) -> str:
-        return "\n".join(_lines(self))
+        return "\n".join((*self.lines(), *(f"careful: {line}" for line in self.tosses.warnings)))
 
     def __repr__(self) -> str:
         return f"<{' and '.join(one.name for one in self.models)} on {counted_tosses(len(self.tosses.judged_by))}>"

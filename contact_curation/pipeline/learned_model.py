@@ -8,10 +8,10 @@ from contact_curation.contact.models.model import Model
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form, is_physical
 from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.files import read_bounded, write_atomically
 from contact_curation.learning.checkpoints.safetensors_bytes import LARGEST_BYTES
 from contact_curation.learning.checkpoints.selection_document import selections_of
 from contact_curation.learning.checkpoints.stored_model import MALFORMED, model_bytes, model_of_bytes, notes_of_bytes
-from contact_curation.storage.files import read_bounded, write_atomically
 from contact_curation.storage.parameters_file import Parameters, is_checkpoint, read_theta
 
 

@@ -13,13 +13,13 @@ from contact_curation.cli.online.options import OnlineConfig
 from contact_curation.cli.report import json_line
 from contact_curation.dashboard.figures.report_data import save_figures
 from contact_curation.dashboard.figures.session_report import save_report
+from contact_curation.files import write_atomically
 from contact_curation.session.events import EventLog
 from contact_curation.session.node_settings import SessionFolder
 from contact_curation.session.offline_ranking import rank_command, ranking_figure_of
 from contact_curation.session.parameter_files import Parameters
 from contact_curation.session.report_data import report_data_of
 from contact_curation.session.summary import Summary
-from contact_curation.storage.files import write_atomically
 
 
 def finish_record(

@@ -10,9 +10,9 @@ from typing import Any
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import UnreadableInputError
+from contact_curation.files import read_bounded
 from contact_curation.learning.checkpoints.safetensors_bytes import LARGEST_BYTES, unpack
 from contact_curation.session.node_settings import SessionFolder
-from contact_curation.storage.files import read_bounded
 from contact_curation.storage.stores.information import InformationStore
 from contact_curation.storage.stores.state import StateStore
 from contact_curation.storage.stores.tosses import TossStore

@@ -25,7 +25,6 @@ from contact_curation.session.session import Session
 from contact_curation.session.summary import Summary, print_summary, summary_of
 from contact_curation.session.supervisor import Incident, ProgramFailedError
 from contact_curation.solver.compiled import load_kernel
-from contact_curation.storage.body_file import read_body
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -83,7 +82,7 @@ def check_recordings(config: OnlineConfig) -> None:
 
 
 def _body(config: OnlineConfig) -> Body:
-    return read_body(config.body_file) if config.body_file else CONTACTNETS_CUBE
+    return Body.from_file(config.body_file) if config.body_file else CONTACTNETS_CUBE
 
 
 class Voice(Protocol):

@@ -32,11 +32,7 @@ def chosen_body(arguments: argparse.Namespace) -> Body:
     Raises:
         UnreadableInputError: the file describes no body.
     """
-    if arguments.body is None:
-        return CONTACTNETS_CUBE
-    from contact_curation.storage.body_file import read_body
-
-    return read_body(arguments.body)
+    return CONTACTNETS_CUBE if arguments.body is None else Body.from_file(arguments.body)
 
 
 def add_held_out_option(parser: argparse._ArgumentGroup, default: str) -> None:

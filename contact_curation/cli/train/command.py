@@ -26,6 +26,7 @@ from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.cli.stop_signals import StopSignals
 from contact_curation.contact.models.kind import ModelKind
 from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.files import write_atomically
 from contact_curation.information.criteria.orthogonal import VARIANTS
 from contact_curation.information.ranker import CRITERIA, RankingConfig
 from contact_curation.information.scoring import ScoringConfig
@@ -34,7 +35,6 @@ from contact_curation.pipeline.division import DivisionConfig, LearningTosses, h
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.solver.compiled import load_kernel
-from contact_curation.storage.files import write_atomically
 
 if TYPE_CHECKING:
     from contact_curation.cli.train.metrics import TrainingMetrics

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from contact_curation.errors import UnreadableInputError
+from contact_curation.files import read_json, write_atomically
 from contact_curation.motion.toss import NANOSECONDS
-from contact_curation.storage.files import read_json, write_atomically
 
 KEY = "used_until_ns"
 LARGEST_BYTES = 1000

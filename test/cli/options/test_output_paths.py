@@ -12,8 +12,8 @@ from contact_curation.cli import evaluate
 from contact_curation.cli.rank import command as rank
 from contact_curation.cli.train import command as train
 from contact_curation.errors import InvalidValueError
+from contact_curation.files import write_atomically
 from contact_curation.storage.bags.writer import BagWriter
-from contact_curation.storage.files import write_atomically
 from test.cli.commands import Cli
 
 
