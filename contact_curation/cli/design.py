@@ -18,7 +18,7 @@ from contact_curation.cli.options.settings import add_settings
 from contact_curation.cli.options.types import PathEndingIn, natural_number, positive_integer
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.contact.loss_config import DEFAULT_LOSS
-from contact_curation.design.candidates import OutlookConfig
+from contact_curation.design.candidates import CandidateConfig
 from contact_curation.design.planner import DesignConfig
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.toss import Toss
@@ -29,8 +29,8 @@ from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.manifest.file import read_manifest
 
-OUTLOOK = ("forecast", "safety", "noise", "placement")
-STAGES = ("design", *OUTLOOK, "refinement", "loss", *SHARED_STAGES)
+CANDIDATES = ("forecast", "safety", "noise", "placement")
+STAGES = ("design", *CANDIDATES, "refinement", "loss", *SHARED_STAGES)
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -92,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         ContactCurationError: a file cannot be used, nothing safe can be thrown, or `--out` cannot be written.
     """
-    load_kernel()  # forecasts are rollouts
+    load_kernel()  # information is predicted by rollouts
     check_outputs(out=arguments.out)
     task, reading = design_task(arguments)
     known, seen = _known(arguments, reading)
@@ -115,15 +115,15 @@ def design_task(arguments: argparse.Namespace) -> tuple[DesignTask, ReadingConfi
     Raises:
         ContactCurationError: a file cannot be used, or a setting is not accepted.
     """
-    outlook, design = OutlookConfig(), DesignConfig()
-    judged = {name: getattr(outlook, name) for name in OUTLOOK}
+    candidates, design = CandidateConfig(), DesignConfig()
+    judged = {name: getattr(candidates, name) for name in CANDIDATES}
     stages = stages_of(arguments, {"design": design, **judged, "refinement": design.refinement, "loss": DEFAULT_LOSS})
-    outlook = replace(outlook, **{name: stages[name] for name in OUTLOOK})
+    candidates = replace(candidates, **{name: stages[name] for name in CANDIDATES})
     body = chosen_body(arguments)
     thetas = tuple(polytope_of(path, body) for path in (*arguments.checkpoint, *arguments.params))
     task = DesignTask(
         thetas=thetas or (described_polytope(body),),
-        config=replace(stages["design"], outlook=outlook, refinement=stages["refinement"]),
+        config=replace(stages["design"], candidates=candidates, refinement=stages["refinement"]),
         loss=stages["loss"],
         method=EXPLORATION if arguments.warm_up else arguments.baseline or METHODS[0],
         arm=arguments.arm,

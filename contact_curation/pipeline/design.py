@@ -9,13 +9,12 @@ import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
-from contact_curation.design.baselines import random_plan, top_trace_plan
-from contact_curation.design.exploration_plan import warm_up_plan
-from contact_curation.design.particle import Particle
-from contact_curation.design.planner import DesignConfig, Plan, Planner
-from contact_curation.design.safety_set import Feasible
+from contact_curation.design.exploration import exploration_plan
+from contact_curation.design.planner import DesignConfig, Plan, Planner, random_plan, top_trace_plan
+from contact_curation.design.predicted_information import Particle
+from contact_curation.design.releases import PUBLISHED_PRIOR, ReleasePrior, fitted_prior, published_releases, raw_prior
+from contact_curation.design.safety import Feasible
 from contact_curation.design.throw import Throw
-from contact_curation.design.throw_prior import PUBLISHED_PRIOR, ReleasePrior, fitted_prior, published_releases, raw_prior
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
@@ -153,7 +152,7 @@ def design_throws(task: DesignTask, count: int) -> DesignedThrows:
         case "paper":
             plan = top_trace_plan(planner, names, known, task.seed)
         case "exploration":
-            plan = warm_up_plan(planner, names, known, task.seed, [_release(toss) for toss in task.known])
+            plan = exploration_plan(planner, names, known, task.seed, [_release(toss) for toss in task.known])
         case _:
             plan = planner.plan(names, known, task.seed)
     return DesignedThrows(plan, len(task.known), task.seed)

@@ -233,10 +233,10 @@ def _evidence(ranked: RankedTosses) -> Iterator[str]:
         f"D-efficiency {per_toss.determinant:.3g} per toss, {per_transition.determinant:.3g} per transition; "
         f"E-efficiency {per_toss.smallest:.3g} per toss (1 is the average toss)"
     )
-    answer = curation.answer
+    shift = curation.optimum_shift
     yield (
-        f"the estimate from the selected tosses is {answer.off:.3g} from the full-data estimate, "
-        f"expected for random subsets of the same size: {answer.by_chance:.3g} (1 is the scatter of single tosses)"
+        f"the estimate from the selected tosses is {shift.distance:.3g} from the full-data estimate, "
+        f"expected for random subsets of the same size: {shift.at_random:.3g} (1 is the scatter of single tosses)"
     )
     certificate = curation.ranking.certificate
     if certificate:
@@ -244,7 +244,7 @@ def _evidence(ranked: RankedTosses) -> Iterator[str]:
             f"certificate: D-efficiency at least {certificate.subset:.3g} of the best set of that size, "
             f"{certificate.kiefer_wolfowitz:.3g} of the best weighting"
         )
-    gram = curation.kept_gram
+    gram = curation.selected_gram
     if gram:
         yield (
             f"Gram matrix of the selected scores: eigenvalues {gram.smallest:.3g} to {gram.largest:.3g}, rank {gram.rank}, "

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from contact_curation import __version__
 from contact_curation.information.curation import Curation
 from contact_curation.information.network.score_folder import ScoreFolder
-from contact_curation.information.ranker import RankingConfig
+from contact_curation.information.ranker import RankingConfig, criterion_named
 from contact_curation.learning.evaluation.held_out import HeldOutRule
 from contact_curation.pipeline.division import held_out_tosses
 from contact_curation.pipeline.pool import TossPool, pool_of_inputs
@@ -47,7 +47,7 @@ class RankConfig:
 
     def with_exact_scores_in(self, folder: Path) -> "RankConfig":
         """The same; where the criterion asks for networks' scores themselves they go to a folder, whole."""
-        wanted = self.ranking.criterion == "orthogonal" and not self.ranking.whiten
+        wanted = criterion_named(self.ranking.criterion).reads_exact_scores(self.ranking)
         if not (wanted and self.pool.of_weights):
             return self
         return replace(self, pool=replace(self.pool, score_folder=ScoreFolder(folder)))

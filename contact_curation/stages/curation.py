@@ -31,8 +31,7 @@ class CurationConfig:
     """How the buffer is kept.
 
     Attributes:
-        selection: exact: ranks all tosses; streaming: bounded memory, criteria trace and log-det only; sieve: the same with
-            the sieve alone, log-det only.
+        selection: exact: ranks all tosses; streaming: bounded memory, criteria trace and log-det only.
         warm_up: tosses that a streaming log-det takes its prior from.
         coverage: a new theta takes over once this share of the known tosses is scored at it.
     """
@@ -203,7 +202,7 @@ class CurationStage:
 
     def _revision(self, curation: Curation, version: str) -> int:
         """Goes up by one when the kept tosses, their order or theta change; lives on disk with them."""
-        kept = {"kept": list(curation.ranking.kept_ids), "version": version, "criterion": curation.ranking.criterion}
+        kept = {"kept": list(curation.ranking.selected_ids), "version": version, "criterion": curation.ranking.criterion}
         before = json.loads(self._states.load(BUFFER) or b'{"revision": 0}')
         revision = int(before.pop("revision"))
         if before != kept:
@@ -216,7 +215,7 @@ def _log_det(candidates: tuple[TossInformation, ...], curation: Curation, rankin
     """Of the kept set relative to the prior, whatever the criterion."""
     pool = pool_of(candidates)
     prior = log_det_prior(pool, ranking.prior, ranking.cut)
-    factors = pool.stacked(pool.indices_of(curation.ranking.kept_ids))
+    factors = pool.stacked(pool.indices_of(curation.ranking.selected_ids))
     return Accumulated.prior_only(prior.coordinates).joined(factors).log_det
 
 

@@ -9,9 +9,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import NamedTuple
 
-from contact_curation.design.adaptive import Realised
-from contact_curation.design.throw import Throw
-from contact_curation.design.throw_report import ThrowKind, ThrowReport, ThrowState
+from contact_curation.design.designer import Realised
+from contact_curation.design.throw import Throw, ThrowKind, ThrowReport, ThrowState
 from contact_curation.errors import InvalidValueError
 from contact_curation.storage.stores.state import StateStore
 
@@ -163,7 +162,7 @@ class ThrowLog:
 
 
 def _kind(warm_up: str | None) -> ThrowKind:
-    return ThrowKind.DESIGNED if warm_up is None else ThrowKind.WARM_UP
+    return ThrowKind.DESIGNED if warm_up is None else ThrowKind.EXPLORATION
 
 
 def _unmade(proposal: Proposal, state: ThrowState, detail: str) -> ThrowReport:

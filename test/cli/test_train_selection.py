@@ -17,20 +17,20 @@ def manifest(cli: Cli, folder: Path, tmp_path: Path) -> Path:
     return out
 
 
-def kept_ids(manifest: Path) -> list[str]:
+def selected_ids(manifest: Path) -> list[str]:
     return [row["toss_id"] for row in json.loads(manifest.read_text())["tosses"] if row["kept"]]
 
 
 def test_the_kept_tosses_of_a_manifest_are_trained_on(cli: Cli, folder: Path, tmp_path: Path, manifest: Path) -> None:
     done = cli("train", folder, "--manifest", manifest, "--out", tmp_path / "a.safetensors", "--steps", 2, "--json")
-    kept = kept_ids(manifest)
+    kept = selected_ids(manifest)
     assert done.json["training_tosses"] == sorted(kept)
     assert not set(done.json["held_out_tosses"]) & set(kept)
     assert done.err == ""
 
 
 def test_what_is_held_out_wins_over_a_manifest_and_is_said(cli: Cli, folder: Path, tmp_path: Path, manifest: Path) -> None:
-    kept = kept_ids(manifest)
+    kept = selected_ids(manifest)
     options = ("--manifest", manifest, "--out", tmp_path / "a.safetensors", "--steps", 2, "--held-out", kept[0], "--json")
     done = cli("train", folder, *options)
     assert done.json["training_tosses"] == sorted(kept[1:])
@@ -38,7 +38,7 @@ def test_what_is_held_out_wins_over_a_manifest_and_is_said(cli: Cli, folder: Pat
 
 
 def test_kept_tosses_that_are_not_in_the_inputs_are_one_line(cli: Cli, folder: Path, tmp_path: Path, manifest: Path) -> None:
-    kept = kept_ids(manifest)
+    kept = selected_ids(manifest)
     options = ("--manifest", manifest, "--held-out", "none", "--steps", 2, "--json")
     some = [folder / f"{toss_id}.pt" for toss_id in kept[1:]]
     done = cli("train", *some, *options, "--out", tmp_path / "a.safetensors")

@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.design.particle import Particle
+from contact_curation.design.predicted_information import Particle
 from contact_curation.nodes import throw_goals
 from contact_curation.nodes.messages.headers import time_message
 from contact_curation.nodes.messages.throw import throw_of

@@ -7,7 +7,7 @@ from pathlib import Path
 from contact_curation.cli.options.reading import add_body_option
 from contact_curation.cli.options.types import natural_number, number_from_zero, positive_integer
 from contact_curation.cli.report import add_json_option
-from contact_curation.information.ranker import CRITERIA, DEFAULT_CRITERION
+from contact_curation.information.ranker import DEFAULT_CRITERION, criterion_names
 
 CAMERAS = ("poses", "rendered")
 
@@ -56,7 +56,7 @@ def add_online_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--record", type=Path, metavar="DIR", help="keep the session in this folder: bag, model, report, logs")
     add_body_option(parser, "--body-file")  # the nodes' name for it
     parser.add_argument("--top", type=positive_integer, metavar="K", help="how many tosses are kept (default 32)")
-    parser.add_argument("--criterion", choices=CRITERIA, help=f"by what --top chooses (default {DEFAULT_CRITERION})")
+    parser.add_argument("--criterion", choices=criterion_names(), help=f"by what --top chooses (default {DEFAULT_CRITERION})")
     parser.add_argument("--seed", type=natural_number, metavar="N", help="of all that is random (default 0)")
     parser.add_argument(
         "--rate", type=number_from_zero, metavar="R", help="simulated seconds a second; 0: as fast as possible (default 1)"

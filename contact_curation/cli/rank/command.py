@@ -25,7 +25,7 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.criteria.orthogonal import VARIANTS
 from contact_curation.information.network.config import network_config_for
-from contact_curation.information.ranker import CRITERIA, RankingConfig
+from contact_curation.information.ranker import RankingConfig, criterion_names
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.evaluation.held_out import HeldOutRule
 from contact_curation.pipeline.division import held_out_rule
@@ -37,7 +37,7 @@ from contact_curation.storage.manifest.file import FORMATS
 
 STAGES = (*SHARED_STAGES, "loss", "network", "ranking")
 BLOCKS = ("all", "physical")
-CHOICES = {"criterion": CRITERIA, "variant": VARIANTS}
+CHOICES = {"criterion": criterion_names(), "variant": VARIANTS}
 TOLD = {"criterion": "by what the best tosses are selected"}
 RANKING = ("criterion", "variant", "top", "seed")
 SCORING = ("estimator", "influence_bound")

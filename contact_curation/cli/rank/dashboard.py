@@ -116,7 +116,7 @@ def _theta(config: RankConfig, version: str) -> "ShownTheta":
 def _kept_set(pool: TossPool, curation: Curation, top: int) -> "SelectedSet":
     from contact_curation.dashboard.evidence import SelectedSet
 
-    entries = [entry for entry in curation.ranking.entries if entry.kept]
+    entries = [entry for entry in curation.ranking.entries if entry.selected]
     certificate = curation.ranking.certificate
     return SelectedSet(
         criterion=curation.ranking.criterion,

@@ -28,7 +28,7 @@ from contact_curation.contact.models.kind import ModelKind
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.files import write_atomically
 from contact_curation.information.criteria.orthogonal import VARIANTS
-from contact_curation.information.ranker import CRITERIA, RankingConfig
+from contact_curation.information.ranker import RankingConfig, criterion_names
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.evaluation.held_out import HeldOutRule
 from contact_curation.pipeline.division import DivisionConfig, LearningTosses, held_out_rule, learning_tosses, selected_ids
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 STAGES = (*SHARED_STAGES, "training", "ranking", "canary")
 PROTOCOLS = ("budgeted", "published", "exact")
-CHOICES = {"criterion": CRITERIA, "variant": VARIANTS}
+CHOICES = {"criterion": criterion_names(), "variant": VARIANTS}
 TOLD = {"criterion": "by what the best tosses are selected"}
 DEFAULT_SHARE = 0.2
 """Of the tosses that is held out where nothing else is said."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from contact_curation.dashboard.style import BLUE, INK, PALE, VERMILION, save_figure
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.ranker import criterion_named
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,17 +30,6 @@ LABEL_WIDTH = 20
 
 LARGEST_LINEAR_RATIO = 50.0
 """Scores that differ by more are drawn on a logarithmic axis."""
-
-UNITS = {
-    "log-det": "log-det gain of the toss alone [nats]",
-    "representative": "fall of the expected error by the toss alone [variance of the scores]",
-    "trace": "trace of the toss's Fisher matrix [characteristic units]",
-    "leverage": "leverage of the toss [parameters]",
-    "min-eig": "score of the toss alone",
-    "orthogonal": "length of the toss's score [characteristic units]",
-    "longest": "duration of the toss [s]",
-    "random": "random number",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +115,7 @@ def _draw_scores(axes: "Axes", picture: RankingPicture) -> None:
     edges[0], edges[-1] = low, high
     parts = [scores[: picture.selected], scores[picture.selected :]]
     axes.hist(parts, bins=edges.tolist(), stacked=True, color=[SELECTED, OTHER], label=["selected", "not selected"])
-    axes.set(title="Scores", xlabel=UNITS[picture.criterion], ylabel="tosses")
+    axes.set(title="Scores", xlabel=criterion_named(picture.criterion).axis_label(), ylabel="tosses")
     axes.legend(frameon=False)
 
 
@@ -145,7 +135,7 @@ def _draw_gains(axes: "Axes", picture: RankingPicture) -> None:
     axes.set(
         title="Marginal gains",
         xlabel="place in the selected set",
-        ylabel=_gain_unit(picture.criterion),
+        ylabel=criterion_named(picture.criterion).axis_label("gain"),
         xlim=(0.3, selected.size + 0.7),
     )
     if selected.min() > 0.0 and selected.max() > LARGEST_LINEAR_RATIO * selected.min():
@@ -154,10 +144,6 @@ def _draw_gains(axes: "Axes", picture: RankingPicture) -> None:
         axes.set_ylim(top=1.18 * max(float(picture.gains.max()), 1e-12))
     axes.locator_params(axis="x", integer=True)
     axes.legend(frameon=False, loc="upper right")
-
-
-def _gain_unit(criterion: str) -> str:
-    return "gain [nats]" if criterion in ("log-det", "min-eig") else "gain [unit of the score]"
 
 
 def _draw_outcomes(axes: "Axes", picture: RankingPicture) -> None:

@@ -8,9 +8,10 @@ import numpy as np
 
 from contact_curation.contact.models.model import Model
 from contact_curation.information.network.model_scorer import scorer_of_model
+from contact_curation.information.ranker import moved_by_theta
 from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.information.scoring import NotScored, ScoringConfig
-from contact_curation.learning.training.reranking import THETA_FREE, TossScorer
+from contact_curation.learning.training.reranking import TossScorer
 from contact_curation.motion.toss import Toss
 
 BATCH = 64
@@ -19,7 +20,7 @@ BATCH = 64
 
 def toss_scorer(config: ScoringConfig, criterion: str) -> TossScorer:
     """What a criterion needs to know of tosses; the model itself says what it is and which form its theta has."""
-    return _unscored if criterion in THETA_FREE else partial(_scored, config)
+    return partial(_scored, config) if moved_by_theta(criterion) else _unscored
 
 
 def _scored(config: ScoringConfig, model: Model, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:

@@ -6,7 +6,7 @@ from typing import Any
 from contact_curation_msgs.msg import Throw as ThrowMessage
 from contact_curation_msgs.msg import ThrowReport as ThrowReportMessage
 
-from contact_curation.design.throw_report import ThrowKind, ThrowReport, ThrowState
+from contact_curation.design.throw import ThrowKind, ThrowReport, ThrowState
 from contact_curation.errors import InvalidValueError
 from contact_curation.nodes.messages.headers import Stamped, header_message, nanoseconds_of
 from contact_curation.nodes.messages.throw import throw_message, throw_of

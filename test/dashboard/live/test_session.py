@@ -143,7 +143,7 @@ def test_a_kept_set_waits_for_information_that_has_not_come(made: Scored, tmp_pa
     for information in made.informations[:-1]:
         live.add_information(information)
     missing = made.informations[-1]
-    drawable = missing.toss_id not in made.curation(TOP).ranking.kept_ids
+    drawable = missing.toss_id not in made.curation(TOP).ranking.selected_ids
     assert not live.show_ranking()
     live.add_information(missing)
     assert live.show_ranking()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from contact_curation.design.execution_noise import ExecutionNoise, NoiseConfig
-from contact_curation.design.safety_set import DEFAULT_SAFETY, SafetyConfig, SafetySet
+from contact_curation.design.safety import DEFAULT_SAFETY, SafetyConfig, SafetySet
 from contact_curation.design.throw import Throw, throw_of_state
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array

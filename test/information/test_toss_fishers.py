@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.information.toss_fisher import fisher_coherent, fisher_mean, fisher_sum, fisher_sums
+from test.information.toss_fishers import fisher_coherent, fisher_mean, fisher_sum, fisher_sums
 
 SCORES = np.random.default_rng(0).standard_normal((11, 5))
 CENTRE = np.random.default_rng(1).standard_normal(5)

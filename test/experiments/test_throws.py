@@ -12,8 +12,8 @@ from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
+from contact_curation.experiments.designed_throws import RoundsLearner
 from contact_curation.experiments.throws import ThrowsCell
-from contact_curation.experiments.toss_by_toss import RoundsLearner
 from contact_curation.learning.training.protocols import ROUND_TRIMMED, budgeted, exact
 from test.simulated import simulated_tosses
 

@@ -1,9 +1,8 @@
 """Log-det selection from a stream with k places: swap the toss that is least missed for a better one (METHOD 2.5).
 
-While there is room every toss is kept. Then a toss takes the place of the member j for which f(S - j + toss) is largest, if
+While there is room every toss is selected. Then a toss takes the place of the member j for which f(S - j + toss) is largest, if
 that is more than f(S). The value never falls, and memory is the k members. Such exchanges (Fedorov 1972) come out near greedy
-selection on real tosses, where a sieve is full too early; but only the sieve promises anything for every stream.
-`GuardedSwap` runs both and gives the better set: the practice of the one with the guarantee of the other.
+selection on real tosses; nothing is proven of them for every stream.
 """
 
 from collections.abc import Sequence
@@ -13,16 +12,15 @@ import numpy as np
 
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.accumulated import Accumulated, gains_of_rows
-from contact_curation.information.criteria.ties import tie_floor
 from contact_curation.information.prior import LogDetPrior
 from contact_curation.information.record import TossInformation
-from contact_curation.information.streaming.selector import NO_CHANGE, Change, Seen, checked_top, difference
-from contact_curation.information.streaming.sieve import SieveStreaming
+from contact_curation.information.streaming import NO_CHANGE, Change, Seen, checked_top, difference
+from contact_curation.information.ties import tie_floor
 
 
 @dataclass(frozen=True, eq=False)
 class _LeaveOneOut:
-    """What is left of a kept set without each of its members.
+    """What is left of a selected set without each of its members.
 
     Attributes:
         values: (k,) f(S - j).
@@ -43,10 +41,10 @@ class _LeaveOneOut:
 
 
 class SwapStreaming:
-    """Keeps k tosses of a large log-det by exchanges."""
+    """Selects k tosses of a large log-det by exchanges."""
 
     def __init__(self, prior: LogDetPrior, top: int) -> None:
-        """Start with nothing kept.
+        """Start with nothing selected.
 
         Args:
             prior: `log_det_prior` of an earlier pool, or `prior_of_matrix`.
@@ -81,7 +79,7 @@ class SwapStreaming:
 
     @property
     def selected(self) -> tuple[TossInformation, ...]:
-        """The tosses kept now, in the order in which they came."""
+        """The tosses selected now, in the order in which they came."""
         return self._members
 
     @property
@@ -107,38 +105,3 @@ class SwapStreaming:
         if tie_floor(float(values[leaving])) <= self._value:
             return None
         return (*self._members[:leaving], *self._members[leaving + 1 :])
-
-
-class GuardedSwap:
-    """The better of a sieve and of exchanges, at every time: at least (1/2 - epsilon) of the best set's value."""
-
-    def __init__(self, prior: LogDetPrior, top: int, epsilon: float = 0.2) -> None:
-        """Start with nothing kept; arguments and errors as in `SieveStreaming`."""
-        self._sieve = SieveStreaming(prior, top, epsilon)
-        self._swap = SwapStreaming(prior, top)
-
-    def offer(self, info: TossInformation) -> Change:
-        """Look at one toss; say what changed. Errors as in `SieveStreaming.offer`."""
-        before = self.selected
-        self._sieve.offer(info)
-        self._swap.offer(info)
-        return difference(before, self.selected)
-
-    @property
-    def selected(self) -> tuple[TossInformation, ...]:
-        """The tosses of the better set, in the order in which they came."""
-        return self._better.selected
-
-    @property
-    def value(self) -> float:
-        """Log-det of the selected set relative to the prior's; it never falls."""
-        return self._better.value
-
-    @property
-    def seen(self) -> int:
-        """How many different tosses were offered."""
-        return self._swap.seen
-
-    @property
-    def _better(self) -> SieveStreaming | SwapStreaming:
-        return self._sieve if self._sieve.value > self._swap.value else self._swap

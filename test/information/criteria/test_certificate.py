@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contact_curation.information.accumulated import Accumulated
-from contact_curation.information.criteria.relaxation import log_det_bound
+from contact_curation.information.criteria.certificate import log_det_bound
 from contact_curation.information.pool import pool_of
 from contact_curation.information.prior import prior_of_matrix
 from test.information.oracles import best_log_det, log_det_value, mean_toss

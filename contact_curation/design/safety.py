@@ -12,8 +12,13 @@ import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.design.execution_noise import ERRORS, ExecutionNoise
-from contact_curation.design.particle import Particle
-from contact_curation.design.predicted_information import DEFAULT_FORECAST, ForecastConfig, Motions, predicted_motions
+from contact_curation.design.predicted_information import (
+    DEFAULT_PREDICTION,
+    Motions,
+    Particle,
+    PredictionConfig,
+    predicted_motions,
+)
 from contact_curation.design.throw import Throw
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
@@ -133,7 +138,7 @@ class SafetySet:
         return tuple(found)
 
     def motion_refusals(
-        self, particle: Particle, states: Array, config: ForecastConfig = DEFAULT_FORECAST
+        self, particle: Particle, states: Array, config: PredictionConfig = DEFAULT_PREDICTION
     ) -> tuple[str | None, ...]:
         """Why releases (K, 13) may not be made, by where they lead at theta; None for those that may."""
         draws = np.random.default_rng(self.config.seed).standard_normal((self.config.motions, ERRORS))
@@ -144,7 +149,7 @@ class SafetySet:
         return tuple(found)
 
     def of_motions(
-        self, particle: Particle, motions: Motions, executions: int, config: ForecastConfig = DEFAULT_FORECAST
+        self, particle: Particle, motions: Motions, executions: int, config: PredictionConfig = DEFAULT_PREDICTION
     ) -> tuple[str | None, ...]:
         """As `motion_refusals`, of throws with the motions of some executions of each at hand, one throw after the other."""
         values = [each.reshape(-1, executions) for each in _motion_values(self, particle, motions, config)]
@@ -199,7 +204,7 @@ def _motion_limits(config: SafetyConfig) -> tuple[_Limit, ...]:
     )
 
 
-def _motion_values(safety: SafetySet, particle: Particle, motions: Motions, config: ForecastConfig) -> tuple[Array, ...]:
+def _motion_values(safety: SafetySet, particle: Particle, motions: Motions, config: PredictionConfig) -> tuple[Array, ...]:
     """What `_motion_limits` are about, each (N,); not a number where the model gives no motion or the body never rests."""
     places = motions.states[:, :, :2] * particle.body.length_scale  # (N, T, 2)
     touched = np.nan_to_num(particle.geometry.gaps(motions.states), nan=np.inf).min(axis=2) < config.touching
