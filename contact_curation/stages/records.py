@@ -16,7 +16,7 @@ from typing import Any, ClassVar, NamedTuple, get_args, get_origin, get_type_hin
 from contact_curation.design.designer import Realised
 from contact_curation.design.throw import Throw, ThrowKind, ThrowReport, ThrowState
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.storage.files import read_bounded, write_atomically
+from contact_curation.files import read_bounded, write_atomically
 
 FORMAT = 1
 """Version of the layout of all records."""

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from contact_curation.cli.options.body import add_body_option
+from contact_curation.cli.options.reading import add_body_option
 from contact_curation.cli.options.types import natural_number, number_from_zero, positive_integer
 from contact_curation.cli.report import add_json_option
 from contact_curation.information.ranker import DEFAULT_CRITERION, criterion_names

@@ -1,4 +1,4 @@
-"""What goes into the folder of an export, by its format."""
+"""What a ranking selected, for other tools: parts of recordings, ContactNets' files, or a LeRobot dataset."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -7,13 +7,21 @@ from pathlib import Path
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.motion.calibration import NO_CORRECTION
 from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.tosses import read_tosses
+from contact_curation.pipeline.workers import Advance, unheard
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.datasets.contactnets import SUBFOLDER
 from contact_curation.storage.export.contactnets import write_contactnets
 from contact_curation.storage.export.lerobot import write_lerobot
 from contact_curation.storage.export.mcap import BagExport, export_bag
-from contact_curation.storage.export.selected import Advance, changed_inputs, check_all_found, find_selected, selected_rows
-from contact_curation.storage.inputs.inputs import is_contactnets
+from contact_curation.storage.export.selected import (
+    SelectedToss,
+    SelectedTosses,
+    changed_inputs,
+    check_all_found,
+    selected_rows,
+)
+from contact_curation.storage.inputs.inputs import InputsConfig, is_contactnets
 from contact_curation.storage.manifest.file import read_manifest, write_manifest
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 
@@ -72,7 +80,7 @@ def to_contactnets(job: ExportJob, folder: Path, advance: Advance) -> Exported:
     """tosses_processed/N.pt and manifest.json, the N-th row of which is N.pt."""
     level = job.reading.inputs.rig == NO_CORRECTION  # what is put right is no file's content any more
     inputs = replace(job.reading.inputs, as_stored=level)
-    found = find_selected(job.inputs, job.rows, job.manifest_path, job.reading.body, inputs, advance)
+    found = found_tosses(job, inputs, advance)
     write_contactnets(found.tosses, job.reading.body, folder, copied=level)
     write_manifest(job.kept_manifest, folder / "manifest.json")
     return Exported({toss_id: f"{SUBFOLDER}/{number}.pt" for number, toss_id in enumerate(job.rows)}, found.warnings)
@@ -80,7 +88,7 @@ def to_contactnets(job: ExportJob, folder: Path, advance: Advance) -> Exported:
 
 def to_lerobot(job: ExportJob, folder: Path, advance: Advance) -> Exported:
     """A LeRobot dataset, and the manifest in its meta/."""
-    found = find_selected(job.inputs, job.rows, job.manifest_path, job.reading.body, job.reading.inputs, advance)
+    found = found_tosses(job, job.reading.inputs, advance)
     write_lerobot(found.tosses, job.reading.body.name, folder)
     write_manifest(job.kept_manifest, folder / "meta" / "curation.json")
     return Exported({toss_id: f"episode {number}" for number, toss_id in enumerate(job.rows)}, found.warnings)
@@ -107,6 +115,20 @@ FORMATS: Mapping[str, Callable[[ExportJob, Path, Advance], Exported]] = {
     "contactnets": to_contactnets,
     "lerobot": to_lerobot,
 }
+
+
+def found_tosses(job: ExportJob, inputs: InputsConfig, advance: Advance = unheard) -> SelectedTosses:
+    """The selected tosses, best first; those that the gates would reject now, too.
+
+    Raises:
+        InvalidValueError: one of them is in no input.
+    """
+    read = read_tosses(job.inputs, replace(job.reading, inputs=inputs), advance=advance, only=job.rows)
+    outcomes = {**read.by_id, **{one.toss.toss_id: one.toss for one in read.rejected}}
+    check_all_found(job.rows, outcomes, job.manifest_path, read.warnings)
+    tosses = tuple(SelectedToss(outcomes[toss_id], row, read.taken[toss_id].seen.origin) for toss_id, row in job.rows.items())
+    changed = changed_inputs((one.row, one.origin) for one in tosses)
+    return SelectedTosses(tosses, (*read.warnings, *changed))
 
 
 def _exported_bags(job: ExportJob, folder: Path, advance: Advance) -> tuple[list[BagExport], list[str]]:

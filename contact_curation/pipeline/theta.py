@@ -4,8 +4,7 @@ Importing torch takes over a second, which a polytope's ranking does without: it
 score for a network.
 """
 
-import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +18,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.storage.parameters_file import CHECKPOINT, Parameters, is_checkpoint, read_theta
 
 if TYPE_CHECKING:
-    from contact_curation.information.network.forward_pass import NetworkModel
+    from contact_curation.contact.models.model import Model
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,35 +37,47 @@ class NetworkTheta:
     tensors: Mapping[str, Array]
     body: Body
 
-    def model(self) -> "NetworkModel":
+    def model(self) -> "Model":
         """The network."""
-        from contact_curation.contact.models.polytope import PolytopeModel
         from contact_curation.contact.models.registry import model_of_tensors
 
-        model = model_of_tensors(self.kind, self.settings, self.tensors, self.body)
-        if isinstance(model, PolytopeModel):
-            raise InvalidValueError("network", model.kind.value, "a model with networks")
-        return model  # type: ignore[return-value]  # there are no others
+        return model_of_tensors(self.kind, self.settings, self.tensors, self.body)
 
 
-def thetas_of(arguments: argparse.Namespace, body: Body) -> tuple[Parameters | NetworkTheta, ...]:
-    """The thetas that `--model` and `--params` ask for, at least one.
+type Theta = Parameters | NetworkTheta
+
+
+def thetas_of(model: str, paths: Sequence[Path], body: Body) -> tuple[Theta, ...]:
+    """The thetas in some files, at least one: without a file, that of the object as it is described.
 
     Raises:
         ContactCurationError: a file cannot be used, or is for another model; or a network without a file.
     """
-    kind, paths = ModelKind(arguments.model), arguments.params
+    kind = ModelKind(model)
     if kind is ModelKind.POLYTOPE:
-        return tuple(polytope_of(path, body) for path in paths) or (Parameters(ContactGeometry.of_body(body), body),)
+        return tuple(polytope_of(path, body) for path in paths) or (described_polytope(body),)
     if not paths:
         how = f"--params CHECKPOINT{CHECKPOINT}, as `contact-curation train --model {kind.value}` writes it"
         raise InvalidValueError(f"theta of model {kind.value}", "none", how)
-    if arguments.form is not None:
-        raise InvalidValueError("--form", arguments.form, f"none with model {kind.value}: its checkpoint says which")
     return tuple(_network(path, kind, body) for path in paths)
 
 
-def form_of(wanted: str | None, thetas: tuple[Parameters | NetworkTheta, ...]) -> Form:
+def described_polytope(body: Body) -> Parameters:
+    """The polytope of the object as it is described."""
+    return Parameters(ContactGeometry.of_body(body), body)
+
+
+def theta_of(model: "Model") -> Theta:
+    """The parameters of a model, in plain arrays."""
+    from contact_curation.contact.models.polytope import PolytopeModel
+    from contact_curation.contact.models.registry import tensors_of
+
+    if isinstance(model, PolytopeModel):
+        return Parameters(model.geometry(), model.body)
+    return NetworkTheta(model.kind, model.settings(), tensors_of(model), model.body)
+
+
+def form_of(wanted: str | None, thetas: Sequence[Theta]) -> Form:
     """The form that was asked for, or the physical one where every polytope has it; a network's own where it has one."""
     if wanted is not None:
         return Form(wanted)
@@ -95,10 +106,11 @@ def polytope_of(path: Path, body: Body) -> Parameters:
 def _network(path: Path, kind: ModelKind, body: Body) -> NetworkTheta:
     if not is_checkpoint(path):
         raise InvalidValueError(f"theta of model {kind.value}", str(path), f"a checkpoint, a {CHECKPOINT} file")
-    from contact_curation.contact.models.registry import tensors_of
     from contact_curation.storage.checkpoint_file import read_model
 
     model = read_model(path, body)
     if model.kind is not kind:
         raise InvalidValueError(f"model of {path}", model.kind.value, f"{kind.value}, or --model {model.kind.value}")
-    return NetworkTheta(kind, model.settings(), tensors_of(model), model.body)
+    found = theta_of(model)
+    assert isinstance(found, NetworkTheta)
+    return found

@@ -5,15 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.body import CONTACTNETS_CUBE, LARGEST_FILE, Body
 from contact_curation.errors import UnreadableInputError
-from contact_curation.storage.body_file import LARGEST_FILE, read_body
 
 CUBE_FILE = Path(__file__).resolve().parents[2] / "contact_curation" / "config" / "cube.yaml"
 
 
 def test_the_shipped_cube_is_contactnets_cube() -> None:
-    body = read_body(CUBE_FILE)
+    body = Body.from_file(CUBE_FILE)
     assert (body.name, body.mass, body.friction, body.length_scale) == ("cube", 0.37, 0.18, 0.0524)
     np.testing.assert_allclose(body.inertia, CONTACTNETS_CUBE.inertia)
     assert {tuple(corner) for corner in body.vertices} == {tuple(corner) for corner in CONTACTNETS_CUBE.vertices}
@@ -24,7 +23,7 @@ def test_vertices_may_be_listed(tmp_path: Path) -> None:
     text = f"name: wedge\nvertices: {corners}\nmass: 1\ninertia: [1, 1, 1]\nfriction: 0\nlength_scale: 1\n"
     file = tmp_path / "wedge.yaml"
     file.write_text(text)
-    assert read_body(file).vertices.shape == (4, 3)
+    assert Body.from_file(file).vertices.shape == (4, 3)
 
 
 @pytest.mark.parametrize("more", ["[0.5, 0, 0]", "[0, 0, 1]", "[0.2, 0.2, 0.2]"], ids=["on an edge", "twice", "inside"])
@@ -33,7 +32,7 @@ def test_a_vertex_that_is_no_corner_is_refused(tmp_path: Path, more: str) -> Non
     file = tmp_path / "wedge.yaml"
     file.write_text(f"name: wedge\nvertices: {corners}\nmass: 1\ninertia: [1, 1, 1]\nfriction: 0\nlength_scale: 1\n")
     with pytest.raises(UnreadableInputError, match=r"vertices: found vertex \d at .* within the hull of the others"):
-        read_body(file)
+        Body.from_file(file)
 
 
 @pytest.mark.parametrize(
@@ -65,7 +64,7 @@ def test_a_mistake_is_one_line_with_the_file_and_the_key(tmp_path: Path, change:
     file = tmp_path / "body.yaml"
     file.write_text(text.replace(*change, 1))
     with pytest.raises(UnreadableInputError, match=why) as caught:
-        read_body(file)
+        Body.from_file(file)
     assert str(caught.value).startswith(str(file))
     assert "\n" not in str(caught.value)
 
@@ -84,11 +83,11 @@ def test_what_is_no_description_is_refused(tmp_path: Path, content: bytes, why: 
     file = tmp_path / "body.yaml"
     file.write_bytes(content)
     with pytest.raises(UnreadableInputError, match=why):
-        read_body(file)
+        Body.from_file(file)
 
 
 def test_a_file_that_is_not_there_says_so(tmp_path: Path) -> None:
     with pytest.raises(UnreadableInputError, match="cannot be read: No such file"):
-        read_body(tmp_path / "none.yaml")
+        Body.from_file(tmp_path / "none.yaml")
     with pytest.raises(UnreadableInputError, match="cannot be read: Is a directory"):
-        read_body(tmp_path)
+        Body.from_file(tmp_path)

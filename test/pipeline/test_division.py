@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from contact_curation.cli.options.held_out import held_out_rule
 from contact_curation.errors import ContactCurationError
 from contact_curation.learning.evaluation.held_out import HeldOutRule
+from contact_curation.pipeline.division import held_out_rule
 from test.cli.commands import Cli
 
 

@@ -12,18 +12,19 @@ from functools import partial
 from itertools import batched
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Protocol
 
 import numpy as np
 
-from contact_curation.cli.options.theta import NetworkTheta
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.network.config import NetworkConfig
+from contact_curation.information.network.model_scorer import TossScorer, scorer_of_model
 from contact_curation.information.network.score_folder import ScoreFolder
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.reading import InputReader, Reading, ReadingConfig
+from contact_curation.pipeline.theta import NetworkTheta, Theta
+from contact_curation.pipeline.tosses import EachOnce, Recording
 from contact_curation.pipeline.workers import Advance, each
 from contact_curation.storage.parameters_file import Parameters
 from contact_curation.storage.stores.factor_spool import FactorSpool
@@ -39,18 +40,8 @@ Scores = tuple[TossInformation | NotScored, ...]
 """What one toss teaches, once per theta."""
 
 
-class TossScorer(Protocol):
-    """What scores tosses at a theta, of a polytope or a network."""
-
-    @property
-    def version(self) -> str:
-        """Of theta."""
-
-    def losses(self, tosses: Sequence[Toss]) -> tuple[Array, ...]:
-        """Losses (N,) of all scored transitions of each toss."""
-
-    def score(self, tosses: Sequence[Toss]) -> Scores:
-        """What each toss teaches."""
+type Source = Path | Recording
+"""A recording, to be read or already read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +58,7 @@ class PoolConfig:
     """
 
     reading: ReadingConfig
-    thetas: tuple[Parameters | NetworkTheta, ...]
+    thetas: tuple[Theta, ...]
     scoring: ScoringConfig
     bound_influence: bool = False
     network: NetworkConfig = field(default_factory=NetworkConfig)
@@ -79,15 +70,13 @@ class PoolConfig:
         configs = [replace(self.scoring, influence_bound=bound, loss=loss) for bound in bounds]
         return tuple(self._scorer(theta, config) for theta, config in zip(self.thetas, configs, strict=True))
 
-    def _scorer(self, theta: Parameters | NetworkTheta, config: ScoringConfig) -> TossScorer:
+    def _scorer(self, theta: Theta, config: ScoringConfig) -> TossScorer:
         if isinstance(theta, Parameters):
             return Scorer(theta.geometry, theta.body, config)
         import torch  # takes over a second to import
 
-        from contact_curation.information.network.scoring import NetworkScorer
-
         torch.set_num_threads(1)  # on busy cores threads wait for each other many times as long as they work
-        return NetworkScorer(theta.model(), config, self.network, self.score_folder)
+        return scorer_of_model(theta.model(), config, self.network, self.score_folder)
 
     @property
     def form(self) -> str | None:
@@ -131,21 +120,21 @@ class ScoredPool:
     bounds: tuple[float, ...]
 
 
-def score_pool(paths: Sequence[Path], config: PoolConfig, jobs: int, advance: Advance, spool: FactorSpool) -> ScoredPool:
+def score_pool(sources: Sequence[Source], config: PoolConfig, jobs: int, advance: Advance, spool: FactorSpool) -> ScoredPool:
     """Reads and scores recordings.
 
     Args:
-        paths: at least one.
+        sources: at least one.
         config: how.
         jobs: how many processes; with one, everything happens in this one.
         advance: told how many tosses more are done.
         spool: takes the factors; they can be read until it is closed.
     """
     if not config.bound_influence:
-        scored = each(partial(_score_input, config, jobs), paths, jobs, advance)
+        scored = each(partial(_score_input, config, jobs), sources, jobs, advance)
         return ScoredPool(tuple(_spooled(one, spool) for one in scored), config.fixed_bounds)
     with TemporaryDirectory(prefix="contact-curation-") as folder:
-        places = [(path, Path(folder) / f"{place}.sqlite") for place, path in enumerate(paths)]
+        places = [(source, Path(folder) / f"{place}.sqlite") for place, source in enumerate(sources)]
         waiting = tuple(each(partial(_store_input, config, jobs), places, jobs, advance))
         bounds = _bounds(waiting, len(config.thetas))
         scored = each(partial(_score_waiting, config, jobs, bounds), waiting, jobs, advance)
@@ -175,9 +164,13 @@ class _Waiting:
     losses: dict[str, tuple[Array, ...]]
 
 
-def _score_input(config: PoolConfig, jobs: int, path: Path, advance: Advance) -> ScoredInput:
+def _opened(source: Source, config: ReadingConfig) -> InputReader | Recording:
+    return source if isinstance(source, Recording) else InputReader(source, config)
+
+
+def _score_input(config: PoolConfig, jobs: int, source: Source, advance: Advance) -> ScoredInput:
     scorers = config.scorers(config.fixed_bounds, jobs)
-    reader = InputReader(path, config.reading)
+    reader = _opened(source, config.reading)
     scores: dict[str, Scores] = {}
     for tosses in batched(reader.tosses(), BATCH):
         scores.update(_scored(scorers, tosses))
@@ -185,10 +178,10 @@ def _score_input(config: PoolConfig, jobs: int, path: Path, advance: Advance) ->
     return ScoredInput(reader.reading(), scores)
 
 
-def _store_input(config: PoolConfig, jobs: int, place: tuple[Path, Path], advance: Advance) -> _Waiting:
-    path, store_path = place
+def _store_input(config: PoolConfig, jobs: int, place: tuple[Source, Path], advance: Advance) -> _Waiting:
+    source, store_path = place
     scorers = config.scorers(config.fixed_bounds, jobs)
-    reader = InputReader(path, config.reading)
+    reader = _opened(source, config.reading)
     losses: dict[str, tuple[Array, ...]] = {}
     with TossStore(store_path) as store:
         for tosses in batched(reader.tosses(), BATCH):
@@ -221,14 +214,11 @@ def _scored(scorers: Sequence[TossScorer], tosses: Sequence[Toss]) -> dict[str, 
 
 
 def _bounds(waiting: Sequence[_Waiting], thetas: int) -> tuple[float, ...]:
-    """The bounds on losses, one per theta, that a pool's own losses suggest; inf where there are none.
-
-    A toss that several recordings have counts once: the first, or a whole one in place of one that was cut short.
-    """
-    known: dict[str, tuple[Array, ...]] = {}
+    """The bounds on losses, one per theta, that a pool's own losses suggest; inf where there are none."""
+    once = EachOnce()
     for one in waiting:
-        for toss_id, losses in one.losses.items():
-            if toss_id not in known or len(losses[0]) > len(known[toss_id][0]):
-                known[toss_id] = losses
-    together = [np.concatenate([np.zeros(0), *(losses[k] for losses in known.values())]) for k in range(thetas)]
+        once.add(one.reading)
+    taken = [(waiting[each.recording], toss_id) for toss_id, each in once.taken.items() if not each.seen.reasons]
+    known = [one.losses[toss_id] for one, toss_id in taken]
+    together = [np.concatenate([np.zeros(0), *(losses[k] for losses in known)]) for k in range(thetas)]
     return tuple(float(np.quantile(losses, BOUND_QUANTILE)) if losses.size else np.inf for losses in together)

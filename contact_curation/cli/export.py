@@ -1,14 +1,14 @@
-"""`export INPUT... --manifest M --format F --out DIR`: what a ranking kept, for other tools."""
+"""`export INPUT... --manifest M --format F --out DIR`: what a ranking selected, for other tools."""
 
 import argparse
 from pathlib import Path
 
-from contact_curation.cli.options.body import chosen_body
-from contact_curation.cli.options.reading import SHARED_STAGES, add_reading_options, inputs_of, stages_of
+from contact_curation.cli.options.reading import SHARED_STAGES, add_reading_options, chosen_body, inputs_of, stages_of
 from contact_curation.cli.progress import Progress
-from contact_curation.cli.report import add_json_option, counted, print_json, warn
+from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.errors import InvalidValueError
 from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.wording import counted
 
 KINDS = ("mcap", "contactnets", "lerobot")
 
@@ -35,8 +35,8 @@ def run(arguments: argparse.Namespace) -> int:
         UnreadableInputError: the manifest is none.
         InvalidValueError: a kept toss is in no input, the folder is not empty, or the format cannot hold the tosses.
     """
-    from contact_curation.cli.export.formats import FORMATS, export_job
-    from contact_curation.storage.files import staged_folder
+    from contact_curation.files import staged_folder
+    from contact_curation.pipeline.export import FORMATS, export_job
 
     if arguments.per_toss and arguments.format != "mcap":
         raise InvalidValueError("--per-toss", f"--format {arguments.format}", "--format mcap")
