@@ -3,6 +3,7 @@
 Each says what was found and what was expected. Only the door of the command line and the door of the nodes catch them.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 
@@ -56,3 +57,15 @@ class NotScoredError(ContactCurationError):
 
     def __init__(self, toss_id: str, why: str) -> None:
         super().__init__(f"toss {toss_id} was not scored: {why}")
+
+
+class NothingFoundError(ContactCurationError):
+    """No input gave anything that could be used.
+
+    Attributes:
+        warnings: what is wrong with the inputs and is not in the message, one line each.
+    """
+
+    def __init__(self, message: str, warnings: Sequence[str] = ()) -> None:
+        super().__init__(message)
+        self.warnings = tuple(warnings)

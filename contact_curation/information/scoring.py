@@ -48,6 +48,10 @@ class ScoringConfig:
     compression: Compression = field(default_factory=Compression)
     loss: LossConfig = DEFAULT_LOSS
 
+    def __post_init__(self) -> None:
+        if not self.influence_bound > 0.0:
+            raise InvalidValueError("scoring.influence_bound", self.influence_bound, "a positive number")
+
 
 @dataclass(frozen=True)
 class NotScored:

@@ -17,6 +17,7 @@ from contact_curation.information.ranker import criterion_named
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SELECTED, OTHER, WARNING, LINE = BLUE.web, PALE.web, VERMILION.web, INK.web
 WIDTH, HEIGHT, DOTS = 16.0, 10.0, 100
@@ -64,6 +65,11 @@ def save_ranking_figure(picture: RankingPicture, path: Path) -> None:
     Raises:
         InvalidValueError: `path` cannot be written.
     """
+    save_figure(ranking_figure(picture), path)
+
+
+def ranking_figure(picture: RankingPicture) -> "Figure":
+    """The picture as a matplotlib figure, for notebooks."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -84,7 +90,7 @@ def save_ranking_figure(picture: RankingPicture, path: Path) -> None:
         _draw_spectrum(spectrum, picture)
         _draw_shares(shares, picture)
         _draw_outcomes(outcomes, picture)
-        save_figure(figure, path)
+    return figure
 
 
 def _row(figure: Any, widths: list[float]) -> "list[Axes]":

@@ -9,7 +9,6 @@ Tosses are taken one at a time, and random directions are drawn by toss id, so t
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 from hashlib import sha256
 from itertools import pairwise
@@ -21,8 +20,7 @@ import torch
 
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.models.explicit_parameters import ExplicitParameters
-from contact_curation.contact.models.model import Model, Rows, setting
-from contact_curation.contact.parameter_form import Form
+from contact_curation.contact.models.model import Model, Rows
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.factors import Compression, Factor, factor_of_fisher
@@ -39,7 +37,7 @@ from contact_curation.information.network.score_folder import ScoreFolder
 from contact_curation.information.network.sketch import NetworkSketch, ghost_norms, network_sketch, summed_gradient
 from contact_curation.information.pool import sheared
 from contact_curation.information.record import ParameterBlock, TossInformation
-from contact_curation.information.scoring import STORED, NotScored, Scorer, ScoringConfig
+from contact_curation.information.scoring import STORED, NotScored, ScoringConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 
@@ -185,22 +183,6 @@ class NetworkScorer:
     def _sketch(self) -> NetworkSketch | None:
         none = self.network.physical_only or not self._layers
         return None if none else network_sketch(self.model, self.network.sketch)
-
-
-def scorer_of(
-    model: Model, config: ScoringConfig, network: NetworkConfig | None = None, folder: ScoreFolder | None = None
-) -> Scorer | NetworkScorer:
-    """What scores tosses for a model: the kernel where theta is a polytope, in its own form, and torch elsewhere.
-
-    Args:
-        model: any.
-        config: how; a polytope's own form counts.
-        network, folder: as in `NetworkScorer`.
-    """
-    geometry = model.geometry()
-    if geometry is None:
-        return NetworkScorer(model, config, network, folder)
-    return Scorer(geometry, model.body, replace(config, form=setting(model.settings(), "form", Form)))
 
 
 def explicit_blocks(explicit: ExplicitParameters) -> tuple[ParameterBlock, ...]:

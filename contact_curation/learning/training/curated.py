@@ -7,7 +7,7 @@ from itertools import batched
 import numpy as np
 
 from contact_curation.contact.models.model import Model
-from contact_curation.information.network.scoring import scorer_of
+from contact_curation.information.network.model_scorer import scorer_of_model
 from contact_curation.information.ranker import moved_by_theta
 from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.information.scoring import NotScored, ScoringConfig
@@ -100,7 +100,7 @@ def toss_scorer(config: ScoringConfig, criterion: str) -> TossScorer:
 
 
 def _scored(config: ScoringConfig, model: Model, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:
-    scorer = scorer_of(model, config)
+    scorer = scorer_of_model(model, config)
     return tuple(one for batch in batched(tosses, BATCH) for one in scorer.score(batch))
 
 

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 import types
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,7 +20,7 @@ from contact_curation.contact.models.model import Model, Rows
 from contact_curation.contact.parameter_form import Form
 from contact_curation.information.curation import curate_particles
 from contact_curation.information.model_version import model_version
-from contact_curation.information.network.scoring import scorer_of
+from contact_curation.information.network.model_scorer import scorer_of_model
 from contact_curation.information.pool import pool_of
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.record import TossInformation
@@ -30,10 +31,10 @@ from contact_curation.learning.training.plan import TrainingPlan, begin, resume,
 from contact_curation.learning.training.protocols import budgeted, published
 from contact_curation.learning.training.reranking import RerankingConfig
 from contact_curation.motion.transitions import transitions_of
+from test.conftest import REPOSITORY
 from test.contact.cases import CUBE
 from test.simulated import RIG_NOISE, simulated_tosses
 
-ROOT = Path(__file__).resolve().parents[3]
 ONE_THREAD = LossConfig(threads=1)
 TOSSES = simulated_tosses(7, seed=5, noise=RIG_NOISE)
 
@@ -42,34 +43,37 @@ class Example(NamedTuple):
     """What CONTRIBUTING.md says of a model of one's own.
 
     Attributes:
-        files: text by path.
-        line: of the registry.
+        own, text: path and text of its file.
+        registry, line: the registry's path, and what is written into its table.
+        test, its_test: path and text of its test.
         commands: to run with a recording, session.mcap.
     """
 
-    files: dict[str, str]
+    own: str
+    text: str
+    registry: str
     line: str
+    test: str
+    its_test: str
     commands: tuple[str, ...]
 
 
 def example() -> Example:
-    section = (ROOT / "CONTRIBUTING.md").read_text().split("## Add a model\n")[1].split("\n## ")[0]
-    blocks = re.findall(r"```(\w+)\n(.*?)```", section, re.DOTALL)
-    files = {text.split("\n")[0].removeprefix("# "): text.split("\n", 1)[1] for kind, text in blocks if text.startswith("# ")}
-    (line,) = (text for kind, text in blocks if kind == "python" and not text.startswith("# "))
-    (commands,) = (text for kind, text in blocks if kind == "sh")
-    return Example(files, line, tuple(commands.splitlines()))
+    section = (REPOSITORY / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("### Add a model\n")[2]
+    section = section.partition("\n## ")[0].partition("\n### ")[0]
+    steps = re.findall(r"^`([^`]+)`[^\n]*\n\n```python\n(.*?)```", section, re.MULTILINE | re.DOTALL)
+    commands = re.findall(r"```sh\n(.*?)```", section, re.DOTALL)[0].splitlines()
+    return Example(*(part for step in steps for part in step), tuple(commands))
 
 
 @pytest.fixture
 def kind(monkeypatch: pytest.MonkeyPatch) -> str:
     """The name of the example's model, known to this process for the length of a test."""
     told = example()
-    (path,) = (path for path in told.files if path.startswith("contact_curation/"))
-    module = types.ModuleType(path.removesuffix(".py").replace("/", "."))
-    exec(compile(told.files[path], path, "exec"), vars(module))
+    module = types.ModuleType(told.own.removesuffix(".py").replace("/", "."))
+    exec(compile(told.text, told.own, "exec"), vars(module))
     monkeypatch.setitem(sys.modules, module.__name__, module)
-    ((name, entry),) = eval(f"{{{told.line}}}", {"ModelEntry": registry.ModelEntry}).items()
+    ((name, entry),) = eval(f"{{{told.line.strip()}}}", {"ModelEntry": registry.ModelEntry}).items()
     monkeypatch.setitem(registry.MODELS, name, entry)
     return str(name)
 
@@ -83,7 +87,7 @@ def initial(kind: str) -> Model:
 @pytest.mark.parametrize("estimator", list(Estimator))
 def test_its_tosses_are_scored_and_ranked(kind: str, estimator: Estimator) -> None:
     model = initial(kind)
-    infos = scorer_of(model, ScoringConfig(estimator=estimator, loss=ONE_THREAD)).score(TOSSES)
+    infos = scorer_of_model(model, ScoringConfig(estimator=estimator, loss=ONE_THREAD)).score(TOSSES)
     scored = [info for info in infos if isinstance(info, TossInformation)]
     assert len(scored) == len(TOSSES)
     assert {(info.model, info.parameters_version) for info in scored} == {(kind, model_version(model))}
@@ -93,7 +97,7 @@ def test_its_tosses_are_scored_and_ranked(kind: str, estimator: Estimator) -> No
 
 def test_its_scores_are_the_slopes_of_its_loss(kind: str) -> None:
     model, toss = initial(kind), TOSSES[0]
-    (info,) = scorer_of(model, ScoringConfig(estimator=Estimator.EMPIRICAL, loss=ONE_THREAD)).score([toss])
+    (info,) = scorer_of_model(model, ScoringConfig(estimator=Estimator.EMPIRICAL, loss=ONE_THREAD)).score([toss])
     assert isinstance(info, TossInformation)
     rows = transitions_of([toss], CUBE.length_scale)
     each = []
@@ -109,7 +113,7 @@ def test_its_scores_are_the_slopes_of_its_loss(kind: str) -> None:
 
 
 def test_it_trains_on_its_own_selection_is_stored_evaluated_and_rolled_out(kind: str) -> None:
-    protocol = budgeted(kind).__class__(**{**vars(budgeted(kind)), "steps": 60, "batch": 32, "loss": ONE_THREAD})
+    protocol = replace(budgeted(kind), steps=60, batch=32, loss=ONE_THREAD)
     selection = RerankingConfig(RankingConfig("representative", top=4, certificate_steps=0))
     plan = TrainingPlan(kind, CUBE, protocol, TOSSES[:5], TOSSES[5:], selection=selection)
     curated = begin(plan)
@@ -132,15 +136,17 @@ def test_it_trains_on_its_own_selection_is_stored_evaluated_and_rolled_out(kind:
 def test_the_example_of_contributing_works_in_a_copy_of_the_package(tmp_path: Path, golden: Path) -> None:
     """Written, registered and used by the command line, by nothing but what CONTRIBUTING.md says."""
     told = example()
-    ignored = shutil.ignore_patterns("__pycache__")
-    shutil.copytree(ROOT / "contact_curation", tmp_path / "contact_curation", ignore=ignored)
-    for path, text in told.files.items():
+    assert len(told.line.splitlines()) == 1
+    shutil.copytree(
+        REPOSITORY / "contact_curation", tmp_path / "contact_curation", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    for path, text in ((told.own, told.text), (told.test, told.its_test)):
+        assert not (REPOSITORY / path).exists()
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(text)
-    table = tmp_path / "contact_curation/contact/models/registry.py"
+    table = tmp_path / told.registry
     head, rest = table.read_text().split("MODELS = {\n")
-    lines, tail = rest.split("}\n", 1)
-    table.write_text(f"{head}MODELS = {{\n{lines}    {told.line}}}\n{tail}")
+    table.write_text(f"{head}MODELS = {{\n{told.line}{rest}")
     shutil.copy(golden, tmp_path / "session.mcap")
     for command in told.commands:
         words = command.split()

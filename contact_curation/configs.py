@@ -1,0 +1,95 @@
+"""The fields of frozen config dataclasses: their paths, types, defaults and descriptions.
+
+A field is described once, in its class's docstring; the options of commands and the parameters of nodes are made of it.
+"""
+
+import inspect
+import re
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass, replace
+from enum import Enum
+from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
+
+from contact_curation.errors import InvalidValueError
+
+_ATTRIBUTE = re.compile(r"^    (\w+(?:, \w+)*): (.+(?:\n {8,}.+)*)", re.MULTILINE)
+_BOOLEANS = {"true": True, "false": False}
+
+
+class ConfigField(NamedTuple):
+    """One field that is no config itself.
+
+    Attributes:
+        path: names with dots between them, e.g. ``gates.depth``.
+        kind: its type.
+        default: its value in the config at hand.
+        description: what the class's docstring says of it; may be empty.
+    """
+
+    path: str
+    kind: Any
+    default: Any
+    description: str
+
+
+def fields_of(config: Any, prefix: str = "") -> Iterator[ConfigField]:
+    """Every field of a config and of the configs inside it."""
+    kinds, described = get_type_hints(type(config)), descriptions_of(type(config))
+    for field in fields(config):
+        value = getattr(config, field.name)
+        if is_dataclass(value):
+            yield from fields_of(value, f"{prefix}{field.name}.")
+        else:
+            yield ConfigField(f"{prefix}{field.name}", kinds[field.name], value, described.get(field.name, ""))
+
+
+def field_of(config: Any, path: str) -> ConfigField:
+    """The field at a path.
+
+    Raises:
+        InvalidValueError: there is none.
+    """
+    found = {field.path: field for field in fields_of(config)}
+    if path not in found:
+        raise InvalidValueError("field", path, f"one of {', '.join(sorted(found))}")
+    return found[path]
+
+
+def with_field(config: Any, path: str, value: Any) -> Any:
+    """A copy with one field changed.
+
+    Raises:
+        InvalidValueError: the class does not accept the value.
+    """
+    name, _, rest = path.partition(".")
+    return replace(config, **{name: with_field(getattr(config, name), rest, value) if rest else value})
+
+
+def parsed(kind: Any, text: str) -> Any:
+    """`text` as a value of a field's type: numbers with commas between them for a tuple, ``none`` for None.
+
+    Raises:
+        ValueError, KeyError, TypeError: it is none.
+    """
+    if get_origin(kind) is tuple:
+        return tuple(parsed(part, word) for part, word in zip(get_args(kind), text.split(","), strict=True))
+    if get_origin(kind) is Union or type(None) in get_args(kind):
+        return None if text == "none" else parsed(next(part for part in get_args(kind) if part is not type(None)), text)
+    if kind is bool:
+        return _BOOLEANS[text.lower()]
+    if isinstance(kind, type) and issubclass(kind, Enum | int | float | str):
+        return kind(text)
+    raise TypeError(kind)
+
+
+def kind_in_words(kind: Any) -> str:
+    """A type as a user would say it: `float`, `tuple[float, float]`, `one of circular, polyhedral`."""
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return f"one of {', '.join(str(each.value) for each in kind)}"
+    return kind.__name__ if type(kind) is type else str(kind).replace("NoneType", "none").replace("None", "none")
+
+
+def descriptions_of(config: type) -> dict[str, str]:
+    """What a config's docstring says of its attributes, by their names."""
+    section = (inspect.getdoc(config) or "").partition("Attributes:\n")[2]
+    return {name: " ".join(text.split()) for names, text in _ATTRIBUTE.findall(section) for name in names.split(", ")}

@@ -1,0 +1,45 @@
+"""A polytope's theta as safetensors bytes: arrays by name and nothing else, so that reading them runs no code.
+
+Keys are those of DESIGN 6: vertices_normal (V, 3), normal (3), vertices_tangent (V, 3), tangents (2, 3), friction included, and
+where the ground is not through the origin pivot (3) and height (1); all in characteristic lengths.
+"""
+
+import numpy as np
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
+
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.errors import InvalidValueError
+
+REQUIRED = ("vertices_normal", "normal", "vertices_tangent", "tangents")
+OPTIONAL = ("pivot", "height")
+LARGEST_BYTES = 1 << 20
+"""Far more than 32 vertices take."""
+
+
+def geometry_of_bytes(data: bytes) -> ContactGeometry:
+    """The polytope in safetensors bytes.
+
+    Raises:
+        InvalidValueError: bytes that are no safetensors, or arrays that are no polytope.
+    """
+    if len(data) > LARGEST_BYTES:
+        raise InvalidValueError("parameters", f"{len(data)} bytes", f"at most {LARGEST_BYTES}")
+    try:
+        arrays = load(data)
+    except (SafetensorError, KeyError, ValueError) as error:
+        raise InvalidValueError("parameters", f"no safetensors ({error})", "arrays as safetensors bytes") from error
+    if not set(REQUIRED) <= set(arrays) <= {*REQUIRED, *OPTIONAL}:
+        expected = f"{', '.join(REQUIRED)} and optionally {', '.join(OPTIONAL)}"
+        raise InvalidValueError("parameters", f"arrays {', '.join(sorted(arrays)) or 'none'}", expected)
+    numbers = {name: np.asarray(array, dtype=float) for name, array in arrays.items()}
+    height = numbers.pop("height", np.zeros(1))
+    if height.size != 1:
+        raise InvalidValueError("height", f"shape {height.shape}", "one number")
+    return ContactGeometry(**numbers, height=float(height.ravel()[0]))
+
+
+def bytes_of_geometry(geometry: ContactGeometry) -> bytes:
+    """A polytope as safetensors bytes; `geometry_of_bytes` gives it back bit for bit."""
+    arrays = {name: np.ascontiguousarray(getattr(geometry, name)) for name in (*REQUIRED, "pivot")}
+    return bytes(save({**arrays, "height": np.array([geometry.height])}))

@@ -1,0 +1,308 @@
+"""Scoring and curating that die and come back; no node is spun."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.evaluation import Estimator
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.errors import InvalidValueError
+from contact_curation.information.curation import curate
+from contact_curation.information.ranker import RankingConfig
+from contact_curation.information.record import TossInformation
+from contact_curation.information.scoring import ScoringConfig
+from contact_curation.nodes.messages.curated_buffer import buffer_message
+from contact_curation.stages.curation import CurationConfig, CurationStage
+from contact_curation.stages.records import Cursor
+from contact_curation.stages.scored_theta import theta_of_geometry
+from contact_curation.stages.scoring import ScoringStage, checked_body
+from contact_curation.stages.selection import StreamingSelection
+from contact_curation.storage.stores.information import InformationStore
+from contact_curation.storage.stores.state import StateStore
+from test.graph.parts.offline import scored
+from test.simulated import simulated_tosses
+
+TOSSES = simulated_tosses(8, seed=11)
+FRAMES = {toss.toss_id: "board" for toss in TOSSES}
+CUBE = ContactGeometry.of_body(CONTACTNETS_CUBE)
+LARGER = replace(CUBE, vertices_normal=CUBE.vertices_normal * 1.01)
+
+
+@contextmanager
+def stores(folder: Path) -> Iterator[tuple[InformationStore, StateStore]]:
+    folder.mkdir(exist_ok=True)
+    with ExitStack() as stack:
+        yield (
+            stack.enter_context(InformationStore(folder / "information")),
+            stack.enter_context(StateStore(folder / "states")),
+        )
+
+
+@contextmanager
+def scoring(folder: Path) -> Iterator[ScoringStage]:
+    with stores(folder) as (informations, states):
+        yield ScoringStage(CONTACTNETS_CUBE, ScoringConfig(), informations, states, theta_of_geometry(CUBE))
+
+
+@contextmanager
+def curating(folder: Path, top: int = 3, config: CurationConfig | None = None) -> Iterator[CurationStage]:
+    with stores(folder) as (informations, states):
+        yield CurationStage(RankingConfig(top=top), config or CurationConfig(), informations, states)
+
+
+def added(stage: CurationStage, informations: list[TossInformation], first_stamp_ns: int = 0) -> None:
+    for place, information in enumerate(informations):
+        stage.add(information, first_stamp_ns + place, "board")
+
+
+def test_a_toss_is_scored_once_however_often_it_comes(tmp_path: Path) -> None:
+    with scoring(tmp_path) as stage:
+        first = stage.score(TOSSES[:3], FRAMES)
+        again = stage.score(TOSSES[:4], FRAMES)
+    assert [one.sequence for one in first.new] == [1, 2, 3]
+    assert [one.information.toss_id for one in again.new] == [TOSSES[3].toss_id]
+
+
+def test_what_was_scored_and_not_announced_is_announced_after_a_death(tmp_path: Path) -> None:
+    with scoring(tmp_path) as stage:
+        batch = stage.score(TOSSES[:3], FRAMES)
+        stage.announced(batch.new[:1])
+    with scoring(tmp_path) as stage:
+        missed = stage.unannounced(10)
+    assert [one.sequence for one in missed] == [2, 3]
+    assert missed[0].stamped == (int(TOSSES[1].stamps_ns[-1]), "board")
+    assert np.array_equal(missed[0].information.factor, batch.new[1].information.factor)
+
+
+def test_a_new_theta_is_kept_over_a_death_and_begins_anew(tmp_path: Path) -> None:
+    with scoring(tmp_path) as stage:
+        stage.score(TOSSES[:2], FRAMES)
+        stage.advance(Cursor(2, TOSSES[1].toss_id))
+        before = stage.version
+        assert stage.cursor == Cursor(2, TOSSES[1].toss_id)
+        assert not stage.renew(theta_of_geometry(CUBE))
+        assert stage.renew(theta_of_geometry(LARGER))
+        assert stage.cursor == Cursor()
+    with scoring(tmp_path) as stage:
+        assert stage.version != before
+        again = stage.score(TOSSES[:2], FRAMES)
+    assert [one.information.parameters_version for one in again.new] == [stage.version] * 2
+
+
+def test_results_made_in_two_ways_do_not_go_into_one_store(tmp_path: Path) -> None:
+    with scoring(tmp_path) as stage:
+        stage.score(TOSSES[:1], FRAMES)
+    other = ScoringConfig(estimator=Estimator.EMPIRICAL)
+    with stores(tmp_path) as (informations, states), pytest.raises(InvalidValueError, match="expected gauss-newton"):
+        ScoringStage(CONTACTNETS_CUBE, other, informations, states, theta_of_geometry(CUBE))
+
+
+def test_a_toss_of_another_body_is_refused() -> None:
+    with pytest.raises(InvalidValueError, match="found bottle, expected cube"):
+        checked_body(replace(TOSSES[0], body="bottle"), CONTACTNETS_CUBE)
+
+
+def test_the_buffer_is_the_ranking_of_all_that_came_in_any_order(tmp_path: Path) -> None:
+    informations = scored(TOSSES)
+    with curating(tmp_path) as stage:
+        added(stage, informations[::-1])
+        buffer = stage.buffer()
+    assert buffer is not None
+    assert buffer.curation.ranking == curate(informations, RankingConfig(top=3)).ranking
+    assert buffer.curation.ranking.criterion == "representative"
+
+
+def test_the_log_det_of_a_buffer_is_what_its_tosses_added_by_log_det(tmp_path: Path) -> None:
+    with curating(tmp_path) as stage:
+        stage.rank_by(RankingConfig("log-det", top=3))
+        added(stage, scored(TOSSES))
+        buffer = stage.buffer()
+    assert buffer is not None
+    gains = [entry.marginal_gain for entry in buffer.curation.ranking.entries if entry.selected]
+    assert buffer.log_det == pytest.approx(sum(gains), rel=1e-9)
+
+
+def test_a_curator_that_died_has_its_buffer_revision_and_place_back(tmp_path: Path) -> None:
+    informations = scored(TOSSES)
+    with curating(tmp_path) as stage:
+        added(stage, informations, first_stamp_ns=100)
+        stage.advance(Cursor(8, TOSSES[-1].toss_id))
+        before = stage.buffer()
+    with curating(tmp_path) as stage:
+        after = stage.buffer()
+        assert stage.cursor == Cursor(8, TOSSES[-1].toss_id)
+        assert stage.last_stamp_ns(TOSSES[2].toss_id) == 102
+    assert before is not None
+    assert after is not None
+    assert after.curation.ranking == before.curation.ranking
+    assert (after.revision, after.newest_stamp_ns, after.frame_id) == (before.revision, 107, "board")
+
+
+def test_the_revision_counts_changes_of_the_kept_set_alone(tmp_path: Path) -> None:
+    informations = scored(TOSSES)
+    with curating(tmp_path, top=2) as stage:
+        revisions = []
+        kept = []
+        for information in informations:
+            added(stage, [information])
+            buffer = stage.buffer()
+            assert buffer is not None
+            revisions.append(buffer.revision)
+            kept.append(buffer.curation.ranking.selected_ids)
+    changes = [1] + [int(one != other) for one, other in zip(kept[1:], kept)]
+    assert revisions == np.cumsum(changes).tolist()
+    assert 0 in changes
+
+
+def test_thetas_are_never_mixed_and_a_new_one_takes_over_when_it_knows_enough(tmp_path: Path) -> None:
+    old, new = scored(TOSSES), scored(TOSSES, LARGER)
+    with curating(tmp_path) as stage:
+        added(stage, old)
+        added(stage, new[:7])  # 7 of 8 are less than 90 %
+        before = stage.buffer()
+        added(stage, new[7:])
+        after = stage.buffer()
+    assert before is not None
+    assert after is not None
+    assert {one.parameters_version for one in before.candidates} == {old[0].parameters_version}
+    assert {one.parameters_version for one in after.candidates} == {new[0].parameters_version}
+    assert after.curation.ranking == curate(new, RankingConfig(top=3)).ranking
+
+
+def test_a_theta_that_comes_back_is_scored_and_ranked_as_a_new_one(tmp_path: Path) -> None:
+    thetas = [theta_of_geometry(geometry) for geometry in (CUBE, LARGER, CUBE)]
+    versions, buffers, announced = [], [], []
+    with scoring(tmp_path / "scorer") as scorer, curating(tmp_path / "curator") as curator:
+        for number, theta in enumerate(thetas):
+            scorer.renew(theta)
+            versions.append(scorer.version)
+            batch = scorer.score(TOSSES[: 6 + number], FRAMES)
+            announced.append([one.sequence for one in batch.new])
+            for one in batch.new:
+                curator.add(one.information, *one.stamped)
+            curator.advance(Cursor(batch.new[-1].sequence, batch.new[-1].information.toss_id))
+            buffers.append(curator.buffer())
+    assert announced == [list(range(1, 7)), list(range(7, 14)), list(range(14, 22))]
+    assert versions[0] == versions[2] != versions[1]
+    assert [one.candidates[0].parameters_version for one in buffers if one] == versions
+    assert [one.seen for one in buffers if one] == [6, 7, 8]
+    with curating(tmp_path / "curator") as curator:
+        again = curator.buffer()
+    assert again is not None
+    assert again.candidates[0].parameters_version == versions[2]
+
+
+def test_what_comes_once_more_after_a_death_does_not_bring_an_older_theta_back(tmp_path: Path) -> None:
+    old, new = scored(TOSSES), scored(TOSSES, LARGER)
+    with curating(tmp_path) as stage:
+        added(stage, old[:6])
+        stage.advance(Cursor(6, old[5].toss_id))
+        added(stage, [*old[6:], *new])  # and dies before the cursor moves
+    with curating(tmp_path) as stage:
+        added(stage, [*old[6:], *new])
+        stage.advance(Cursor(16, new[-1].toss_id))
+        buffer = stage.buffer()
+    assert buffer is not None
+    assert buffer.candidates[0].parameters_version == new[0].parameters_version
+    assert buffer.seen == 8
+
+
+def test_information_made_in_another_way_is_refused_and_the_rest_stays_ranked(tmp_path: Path) -> None:
+    informations = scored(TOSSES)
+    with curating(tmp_path) as stage:
+        added(stage, informations[:5])
+        with pytest.raises(InvalidValueError, match="found empirical, expected gauss-newton, as stored for these parameters"):
+            stage.add(replace(informations[5], estimator="empirical"), 0, "board")
+        added(stage, informations[6:])
+        buffer = stage.buffer()
+    assert buffer is not None
+    assert buffer.seen == 7
+
+
+def test_another_criterion_ranks_what_is_there_already(tmp_path: Path) -> None:
+    informations = scored(TOSSES)
+    with curating(tmp_path) as stage:
+        added(stage, informations)
+        stage.rank_by(RankingConfig(criterion="trace", top=2))
+        buffer = stage.buffer()
+    assert buffer is not None
+    traces = {one.toss_id: one.trace for one in buffer.candidates}
+    assert len(buffer.curation.ranking.selected_ids) == 2
+    assert buffer.curation.ranking == curate(informations, RankingConfig(criterion="trace", top=2)).ranking
+    assert len(traces) == 8
+
+
+def test_a_streaming_trace_keeps_the_same_tosses_with_bounded_memory(tmp_path: Path) -> None:
+    informations = scored(TOSSES)
+    config = RankingConfig(criterion="trace", top=3)
+    selection = StreamingSelection(config, warm_up=4)
+    for information in informations:
+        selection.add(information)
+    assert selection.seen == 8
+    assert len(selection.candidates) == 3
+    largest = sorted(informations, key=lambda one: one.trace, reverse=True)[:3]
+    assert {one.toss_id for one in selection.candidates} == {one.toss_id for one in largest}
+
+
+def test_a_streaming_log_det_takes_its_prior_from_the_first_tosses(tmp_path: Path) -> None:
+    selection = StreamingSelection(RankingConfig("log-det", top=3), warm_up=4)
+    sizes = []
+    for information in scored(TOSSES):
+        selection.add(information)
+        sizes.append(len(selection.candidates))
+    assert sizes[:3] == [1, 2, 3]
+    assert selection.seen == 8
+    assert 1 <= sizes[-1] <= 3
+
+
+@pytest.mark.parametrize(("criterion", "bounded"), [("log-det", True), ("trace", False), ("representative", False)])
+def test_a_buffer_says_what_is_proven_of_it_against_sets_of_its_size(tmp_path: Path, criterion: str, bounded: bool) -> None:
+    with curating(tmp_path) as stage:
+        stage.rank_by(RankingConfig(criterion, top=3))
+        added(stage, scored(TOSSES))
+        buffer = stage.buffer()
+    assert buffer is not None
+    certificate = buffer.curation.ranking.certificate
+    assert buffer_message(buffer).efficiency_bound == (certificate.subset if certificate else 0.0)
+    assert (certificate is not None and 0.0 < certificate.subset < 1.0) == bounded
+
+
+def test_nothing_is_proven_of_a_stream_that_has_let_tosses_go(tmp_path: Path) -> None:
+    bounds = []
+    with curating(tmp_path, config=CurationConfig(selection="streaming", warm_up=4)) as stage:
+        for information in scored(TOSSES):
+            added(stage, [information])
+            buffer = stage.buffer()
+            assert buffer is not None
+            bounds.append(buffer_message(buffer).efficiency_bound)
+    assert min(bounds[:3]) > 0.0
+    assert bounds[3:] == [0.0] * 5
+
+
+def test_log_det_stands_in_for_the_default_where_tosses_are_let_go_but_not_for_what_was_named(tmp_path: Path) -> None:
+    with curating(tmp_path, config=CurationConfig(selection="streaming", warm_up=4)) as stage:
+        added(stage, scored(TOSSES))
+        buffer = stage.buffer()
+        with pytest.raises(InvalidValueError, match="criterion of a streaming selection: found representative"):
+            stage.check(RankingConfig("representative", top=3))
+    assert buffer is not None
+    assert stage.ranking == RankingConfig("log-det", top=3)
+    assert buffer_message(buffer).criterion == "log-det"
+    with curating(tmp_path) as stage:
+        assert stage.ranking.criterion == "representative"
+
+
+def test_a_stream_cannot_keep_to_every_criterion(tmp_path: Path) -> None:
+    config = CurationConfig(selection="streaming")
+    with stores(tmp_path) as (informations, states), pytest.raises(InvalidValueError, match="trace or log-det"):
+        CurationStage(RankingConfig(criterion="orthogonal"), config, informations, states)
+
+
+def test_a_selection_that_there_is_no_more_is_refused_with_those_that_there_are() -> None:
+    with pytest.raises(InvalidValueError, match="selection: found sieve, expected one of exact, streaming"):
+        CurationConfig(selection="sieve")
