@@ -93,7 +93,7 @@ class FisherSums:
 def evaluate(
     geometry: ContactGeometry, body: Body, before: ArrayLike, after: ArrayLike, dt: ArrayLike, config: LossConfig = DEFAULT_LOSS
 ) -> Evaluation:
-    """Everything the loss says of N transitions.
+    """Loss terms, impulses and scores of N transitions.
 
     Args:
         geometry: theta.

@@ -1,4 +1,4 @@
-"""Transitions as models take them, and what a batch of them says about theta."""
+"""Transitions as models take them, and the losses of a batch of them."""
 
 from collections.abc import Callable
 from typing import NamedTuple

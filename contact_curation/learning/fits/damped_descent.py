@@ -20,7 +20,7 @@ SHRINK, GROW = 0.2, 4.0
 """What the damping is multiplied with after a step that was taken, or was not."""
 
 
-class Place(NamedTuple):
+class Iterate(NamedTuple):
     """A model and what is known there.
 
     Attributes:
@@ -61,27 +61,27 @@ class Descent(NamedTuple):
     """Where a descent ended.
 
     Attributes:
-        place: the lowest that was found.
+        iterate: the lowest that was found.
         steps: how many were tried.
         arrived: whether the last one was as small as wanted.
     """
 
-    place: Place
+    iterate: Iterate
     steps: int
     arrived: bool
 
 
-def descend(start: PolytopeModel, place_of: Callable[[PolytopeModel], Place], limits: DescentLimits) -> Descent:
+def descend(start: PolytopeModel, evaluated_at: Callable[[PolytopeModel], Iterate], limits: DescentLimits) -> Descent:
     """Goes down from a model, which is not changed, as far as steps lead.
 
     Args:
         start: where to begin.
-        place_of: evaluates a model.
+        evaluated_at: evaluates a model.
         limits: when to end.
     """
-    here, damping = place_of(start), limits.damping
+    here, damping = evaluated_at(start), limits.damping
     for tried in range(1, limits.steps + 1):
-        there = place_of(moved(here.model, _step(here, damping, limits.floor)))
+        there = evaluated_at(moved(here.model, _step(here, damping, limits.floor)))
         as_many = there.not_solved <= here.not_solved
         if there.objective <= here.objective and as_many:
             small = here.objective - there.objective <= limits.tolerance * here.objective
@@ -95,7 +95,7 @@ def descend(start: PolytopeModel, place_of: Callable[[PolytopeModel], Place], li
     return Descent(here, limits.steps, False)
 
 
-def _step(place: Place, damping: float, floor: float) -> Array:
-    diagonal = np.diagonal(place.information)
-    damped = place.information + np.diag(damping * diagonal + floor * diagonal.mean())
-    return np.asarray(np.linalg.solve(damped, place.score))
+def _step(iterate: Iterate, damping: float, floor: float) -> Array:
+    diagonal = np.diagonal(iterate.information)
+    damped = iterate.information + np.diag(damping * diagonal + floor * diagonal.mean())
+    return np.asarray(np.linalg.solve(damped, iterate.score))

@@ -24,7 +24,7 @@ from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.models.polytope import INITIAL_NOISE, PolytopeModel
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.learning.fits.damped_descent import DescentLimits, Place, descend
+from contact_curation.learning.fits.damped_descent import DescentLimits, Iterate, descend
 from contact_curation.learning.fits.polytope_fit import checked_weights
 from contact_curation.learning.fits.polytope_sums import physical_difference, polytope_sums
 from contact_curation.motion.transitions import Transitions
@@ -107,9 +107,9 @@ def fit_held(
         damping = config.damping[0 if number == 0 and origin is None else 1]
         held = HeldSum(data, counts, config, (origin or start).geometry(), noise)
         limits = DescentLimits(tolerance, config.steps, damping, config.largest_damping)
-        found = descend(model, held.place, limits)
-        model, steps = found.place.model, steps + found.steps
-    return HeldFit(model, found.place.objective, steps)
+        found = descend(model, held.iterate, limits)
+        model, steps = found.iterate.model, steps + found.steps
+    return HeldFit(model, found.iterate.objective, steps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +130,7 @@ class HeldSum:
     origin: ContactGeometry
     noise: float
 
-    def place(self, model: PolytopeModel) -> Place:
+    def iterate(self, model: PolytopeModel) -> Iterate:
         """The sum at a model."""
         geometry = model.geometry()
         sums = polytope_sums(model, self.data, Estimator.GAUSS_NEWTON, self.config.loss)
@@ -143,4 +143,4 @@ class HeldSum:
         score[-1] -= ground * geometry.height
         information[-1, -1] += ground
         objective = float((self.counts * sums.losses).sum() + holds @ away**2 + ground * geometry.height**2)
-        return Place(model, objective, score, information)
+        return Iterate(model, objective, score, information)

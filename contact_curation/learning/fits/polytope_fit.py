@@ -17,7 +17,7 @@ from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.learning.fits.damped_descent import DescentLimits, Place, descend
+from contact_curation.learning.fits.damped_descent import DescentLimits, Iterate, descend
 from contact_curation.learning.fits.polytope_sums import polytope_sums
 from contact_curation.motion.transitions import Transitions
 
@@ -85,16 +85,16 @@ def fit_polytope(
     config = config or FitConfig()
     counts = checked_weights(weights, len(data.toss_ids))
     limits = DescentLimits(config.tolerance, config.max_steps, config.damping, config.largest_damping, FLOOR)
-    found = descend(model, lambda here: _place(here, data, counts, config), limits)
-    end = found.place
+    found = descend(model, lambda here: _iterate(here, data, counts, config), limits)
+    end = found.iterate
     return PolytopeFit(end.model, end.objective, found.steps, found.arrived, end.not_solved)
 
 
-def _place(model: PolytopeModel, data: Transitions, weights: Array, config: FitConfig) -> Place:
+def _iterate(model: PolytopeModel, data: Transitions, weights: Array, config: FitConfig) -> Iterate:
     sums = polytope_sums(model, data, Estimator.GAUSS_NEWTON, config.loss)
     information = np.tensordot(weights, sums.fishers, axes=1)
     missing = int(sums.not_solved[weights > 0.0].sum())
-    return Place(model, float(weights @ sums.losses), weights @ sums.scores, information, missing)
+    return Iterate(model, float(weights @ sums.losses), weights @ sums.scores, information, missing)
 
 
 def checked_weights(weights: ArrayLike | None, tosses: int) -> Array:

@@ -63,7 +63,8 @@ def example() -> Example:
     section = section.partition("\n## ")[0].partition("\n### ")[0]
     steps = re.findall(r"^`([^`]+)`[^\n]*\n\n```python\n(.*?)```", section, re.MULTILINE | re.DOTALL)
     commands = re.findall(r"```sh\n(.*?)```", section, re.DOTALL)[0].splitlines()
-    return Example(*(part for step in steps for part in step), tuple(commands))
+    own, registered, test = steps
+    return Example(*own, *registered, *test, tuple(commands))
 
 
 @pytest.fixture

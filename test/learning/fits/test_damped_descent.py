@@ -10,7 +10,7 @@ from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.geometry.quaternions import Array
-from contact_curation.learning.fits.damped_descent import DescentLimits, Place, descend
+from contact_curation.learning.fits.damped_descent import DescentLimits, Iterate, descend
 from contact_curation.learning.fits.held_fit import HeldFitConfig, fit_held
 from contact_curation.learning.fits.polytope_fit import FitConfig, fit_polytope
 from contact_curation.learning.fits.polytope_sums import physical_difference
@@ -34,59 +34,59 @@ def from_wanted(model: PolytopeModel) -> Array:
     return physical_difference(model.geometry(), WANTED.geometry())
 
 
-def bowl(model: PolytopeModel) -> Place:
+def bowl(model: PolytopeModel) -> Iterate:
     """Squares of what is missing to WANTED, and one that no parameter lowers."""
     away = from_wanted(model)
-    return Place(model, 1.0 + float(STIFFNESS @ away**2), -STIFFNESS * away, np.diag(STIFFNESS))
+    return Iterate(model, 1.0 + float(STIFFNESS @ away**2), -STIFFNESS * away, np.diag(STIFFNESS))
 
 
 def test_steps_arrive_at_the_bottom_and_leave_their_start_alone() -> None:
     before = START.geometry().vertices_normal.copy()
     found = descend(START, bowl, LIMITS)
     assert found.arrived
-    assert found.place.objective == pytest.approx(1.0, abs=1e-5)
-    assert np.abs(from_wanted(found.place.model)).max() < 3e-3
+    assert found.iterate.objective == pytest.approx(1.0, abs=1e-5)
+    assert np.abs(from_wanted(found.iterate.model)).max() < 3e-3
     np.testing.assert_array_equal(START.geometry().vertices_normal, before)
 
 
 def test_the_first_step_is_as_short_as_the_damping_makes_it() -> None:
     once = descend(START, bowl, replace(LIMITS, steps=1, damping=3.0))
     assert (once.steps, once.arrived) == (1, False)
-    np.testing.assert_allclose(from_wanted(once.place.model), 0.75 * from_wanted(START), atol=1e-12)
+    np.testing.assert_allclose(from_wanted(once.iterate.model), 0.75 * from_wanted(START), atol=1e-12)
 
 
 def test_a_step_that_raises_the_sum_is_not_taken_and_the_next_ones_are_shorter() -> None:
     tried: list[float] = []
 
-    def a_slope_that_lies(model: PolytopeModel) -> Place:
-        place = bowl(model)
+    def a_slope_that_lies(model: PolytopeModel) -> Iterate:
+        iterate = bowl(model)
         tried.append(float(np.linalg.norm(physical_difference(model.geometry(), START.geometry()))))
-        return place._replace(score=-place.score)
+        return iterate._replace(score=-iterate.score)
 
     found = descend(START, a_slope_that_lies, replace(LIMITS, largest_damping=100.0))
     assert found.arrived  # no step leads down, however short
-    assert found.place.objective == bowl(START).objective
+    assert found.iterate.objective == bowl(START).objective
     whole = np.linalg.norm(from_wanted(START))
     np.testing.assert_allclose(tried[1:], [whole / (1.0 + 4.0**k) for k in range(5)], rtol=1e-3)
 
 
 def test_a_lower_sum_that_leaves_out_more_is_none() -> None:
     found = descend(START, lambda model: bowl(model)._replace(not_solved=int(model is not START)), LIMITS)
-    assert (found.place.model, found.arrived) == (START, False)
+    assert (found.iterate.model, found.arrived) == (START, False)
 
 
 def test_a_parameter_that_nothing_measures_stays_where_the_floor_holds_it() -> None:
     measured = np.where(np.arange(52) < 40, STIFFNESS, 0.0)
 
-    def blind(model: PolytopeModel) -> Place:
+    def blind(model: PolytopeModel) -> Iterate:
         away = from_wanted(model)
-        return Place(model, 1.0 + float(measured @ away**2), -measured * away, np.diag(measured))
+        return Iterate(model, 1.0 + float(measured @ away**2), -measured * away, np.diag(measured))
 
     with pytest.raises(np.linalg.LinAlgError):
         descend(START, blind, LIMITS)
     found = descend(START, blind, replace(LIMITS, floor=1e-12))
-    np.testing.assert_allclose(from_wanted(found.place.model)[40:], from_wanted(START)[40:], atol=1e-12)
-    assert np.abs(from_wanted(found.place.model)[:40]).max() < 3e-3
+    np.testing.assert_allclose(from_wanted(found.iterate.model)[40:], from_wanted(START)[40:], atol=1e-12)
+    assert np.abs(from_wanted(found.iterate.model)[:40]).max() < 3e-3
 
 
 def test_both_fits_end_where_they_did_when_each_had_steps_of_its_own() -> None:

@@ -32,13 +32,13 @@ def test_the_step_goes_down_the_sum_that_is_said(data: Transitions) -> None:
     """The score is minus half the sum's slope, by central differences; A0 and the ground are in both."""
     model, origin = initial(1, noise=0.05), initial(2, noise=0.05).geometry()
     held = HeldSum(data, np.ones(3), CONFIG, origin, 0.06)
-    place = held.place(model)
+    iterate = held.iterate(model)
     rng = np.random.default_rng(0)
     for _ in range(4):
-        step = 1e-6 * rng.standard_normal(place.score.size)
+        step = 1e-6 * rng.standard_normal(iterate.score.size)
         step[-3:-1] *= 1e-3  # the tilt is held so stiffly that it would be all there is
-        ahead, behind = (held.place(moved(model, sign * step)).objective for sign in (1.0, -1.0))
-        assert ahead - behind == pytest.approx(-4.0 * float(place.score @ step), rel=1e-3)
+        ahead, behind = (held.iterate(moved(model, sign * step)).objective for sign in (1.0, -1.0))
+        assert ahead - behind == pytest.approx(-4.0 * float(iterate.score @ step), rel=1e-3)
 
 
 def test_the_way_from_one_geometry_to_another_is_the_step_between_them() -> None:
