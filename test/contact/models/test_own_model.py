@@ -63,8 +63,8 @@ def example() -> Example:
     section = section.partition("\n## ")[0].partition("\n### ")[0]
     steps = re.findall(r"^`([^`]+)`[^\n]*\n\n```python\n(.*?)```", section, re.MULTILINE | re.DOTALL)
     commands = re.findall(r"```sh\n(.*?)```", section, re.DOTALL)[0].splitlines()
-    own, registered, test = steps
-    return Example(*own, *registered, *test, tuple(commands))
+    (own, text), (registered, line), (test, its_test) = steps
+    return Example(own, text, registered, line, test, its_test, tuple(commands))
 
 
 @pytest.fixture
