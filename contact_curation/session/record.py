@@ -10,10 +10,10 @@ from typing import Any
 
 from contact_curation import __version__
 from contact_curation.cli.online.options import OnlineConfig
-from contact_curation.cli.report import json_line
 from contact_curation.dashboard.figures.report_data import save_figures
 from contact_curation.dashboard.figures.session_report import save_report
 from contact_curation.files import write_atomically
+from contact_curation.pipeline.wording import json_line
 from contact_curation.session.events import EventLog
 from contact_curation.session.node_settings import SessionFolder
 from contact_curation.session.offline_ranking import rank_command, ranking_figure_of
