@@ -35,19 +35,6 @@ RANK = {part: rank for rank, layer in enumerate(LAYERS) for part in layer}
 MOST_FILES = 20
 """In one folder."""
 
-TO_MEND = {
-    "contact_curation.session.node_settings",
-    "contact_curation.session.record",
-    "contact_curation.session.session",
-    "contact_curation.session.summary",
-    "contact_curation.stages.curation",
-    "contact_curation.stages.design",
-    "contact_curation.stages.held_out_tosses",
-    "contact_curation.stages.scored_theta",
-    "contact_curation.stages.scoring",
-}
-"""Modules that were moved to their part and still import from its right."""
-
 FACE = f"{PACKAGE}.__init__"
 FACE_NAMES = set(contact_curation.__all__) - set(RANK)
 MAY_USE_THE_FACE = ("cli", "experiments")
@@ -123,9 +110,7 @@ MODULES = sorted(FOLDER.rglob("*.py"))
 def test_a_module_imports_only_what_lies_to_its_left(path: Path) -> None:
     # A package's own name lacks the last part that relative imports count from.
     module = module_name(path) + (".__init__" if path.name == "__init__.py" else "")
-    found = violations(module, path.read_text(encoding="utf-8"))
-    assert found == [] or module in TO_MEND
-    assert not (found == [] and module in TO_MEND), "it is mended: strike it from TO_MEND"
+    assert violations(module, path.read_text(encoding="utf-8")) == []
 
 
 @pytest.mark.parametrize("top", ["contact_curation", "test", "docs", "benchmarks", "msg_defs"])

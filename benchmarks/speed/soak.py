@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from contact_curation.nodes.ros.processes import spawn_node
+from contact_curation.stages.records import BufferRecord, load_record
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.stores.information import InformationStore
 from contact_curation.storage.stores.state import StateStore
@@ -256,14 +257,14 @@ def replayed(folder: Path, own: Path, kept: int, tosses: int) -> list[str]:
 
 
 def _buffer(own: Path) -> tuple[list[str], int]:
-    """Kept ids, and how many tosses were ranked."""
+    """Selected ids, and how many tosses were ranked."""
     store = own / "curator.sqlite"
     if not (store.exists() and store.with_name("curator.sqlite.state").exists()):
         return [], 0
     with StateStore(store.with_name("curator.sqlite.state")) as states:
-        told = json.loads(states.load("buffer") or b'{"kept": [], "version": ""}')
+        buffer = load_record(states.load, BufferRecord) or BufferRecord()
     with InformationStore(store) as informations:
-        return list(told["kept"]), informations.count(told["version"]) if told["version"] else 0
+        return list(buffer.selected), informations.count(buffer.version) if buffer.version else 0
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ import json
 import os
 import shutil
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Sequence
@@ -19,18 +18,22 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NoReturn
 
-from contact_curation.cli.main import NAME
 from contact_curation.cli.main import main as command_line
 from contact_curation.errors import ContactCurationError
-from contact_curation.session.node_settings import SessionFolder
-from contact_curation.session.replayed_nodes import DemoFailedError, NodesRanking, Recording, rank_by_nodes
+from contact_curation.session.config import SessionFolder
+from contact_curation.session.replay import NodesRanking, Recording, rank_by_nodes
+from contact_curation.session.report import verb_output
 from contact_curation.storage.inputs.inputs import is_contactnets
 
 GOLDEN_BAG = Path(__file__).resolve().parents[2] / "bags" / "golden.mcap"
 BUDGETS = Path(__file__).resolve().parents[1] / "config" / "demo.yaml"
-THROWS, KEPT = 12, 8
+THROWS, SELECTED = 12, 8
 LISTED = 10
 """Tosses that are printed."""
+
+
+class DemoFailedError(ContactCurationError):
+    """The demo did not show what it should."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -72,7 +75,7 @@ def throw(record: Path, *, stay: bool) -> int:
     folder = SessionFolder(record)
     if folder.events.exists():
         shutil.rmtree(record)
-    words = ["online", "--throws", str(THROWS), "--rate", "0", "--top", str(KEPT), "--record", str(record)]
+    words = ["online", "--throws", str(THROWS), "--rate", "0", "--top", str(SELECTED), "--record", str(record)]
     words += ["--held-out", str(GOLDEN_BAG), "--params-file", str(BUDGETS), "--stay" if stay else "--dashboard"]
     print(f"{THROWS} throws: designed, made by a simulated arm, tracked, scored, curated, and learned from.", flush=True)
     status = command_line(words)
@@ -92,21 +95,21 @@ def show(recording: Recording, out: Path, folder: Path) -> None:
 
     Raises:
         DemoFailedError: the nodes were silent for long, or the rankings differ.
-        ProgramFailedError: a node cannot be kept running.
+        ProgramFailedError: a command of ours fails, or a node cannot be kept running.
     """
     begun = time.monotonic()
     print(f"1. The library ranks {recording.bag.name}.")
     expected = _ranked_by_library(recording, out)
     print(f"2. The nodes rank it: {recording.bag.name} replayed at {recording.rate:g} times its speed, on DDS.")
     (out / "nodes").mkdir(exist_ok=True)
-    found = rank_by_nodes(recording, expected["tosses"], out / "nodes", folder)
+    selected = [row["toss_id"] for row in expected["tosses"] if row["kept"]]
+    found = rank_by_nodes(recording, len(expected["tosses"]), selected, out / "nodes", folder, _say)
     print("3. What came out.")
     _print_ranking(found, expected)
-    kept = [row["toss_id"] for row in expected["tosses"] if row["kept"]]
-    rejected = {row["toss_id"]: row["reasons"] for row in expected["tosses"] if row["gated"]}
-    if found.kept != kept or found.rejected != rejected:
-        raise DemoFailedError(f"nodes and library disagree: found {found.kept}, expected {kept}; see {out / 'nodes'}")
-    print(f"\nNodes and library agree: the same {len(kept)} tosses in the same order, the same {len(rejected)} kept back.")
+    rejected = {row["toss_id"]: tuple(row["reasons"]) for row in expected["tosses"] if row["gated"]}
+    if list(found.selected) != selected or found.rejected != rejected:
+        raise DemoFailedError(f"nodes and library disagree: found {found.selected}, expected {selected}; see {out / 'nodes'}")
+    print(f"\nNodes and library agree: the same {len(selected)} tosses in the same order, the same {len(rejected)} rejected.")
     print(f"manifest: {expected['out']}\nfigure: {expected['figure']}\nlogs of the nodes: {out / 'nodes'}")
     print(f"{time.monotonic() - begun:.0f} s")
 
@@ -114,45 +117,36 @@ def show(recording: Recording, out: Path, folder: Path) -> None:
 def _recording(arguments: argparse.Namespace, folder: Path) -> Recording:
     """The input itself, or the bag that is made of a folder of ContactNets' files."""
     if not is_contactnets(arguments.data):
-        return Recording(arguments.data, rate=5.0, top=KEPT)
+        return Recording(arguments.data, rate=5.0, top=SELECTED)
     bag = folder / "contactnets.mcap"
     print(f"0. The tosses in {arguments.data} become a bag.")
-    _command("import", "contactnets", str(arguments.data), "--out", str(bag))
+    verb_output("import", "contactnets", str(arguments.data), "--out", str(bag))
     return Recording(bag, rate=20.0, top=32)
 
 
 def _ranked_by_library(recording: Recording, out: Path) -> dict[str, Any]:
     """What `rank --json` says."""
     manifest = str(out / "manifest.parquet")
-    output = _command("rank", str(recording.bag), "--top", str(recording.top), "--out", manifest, "--json")
+    output = verb_output("rank", str(recording.bag), "--top", str(recording.top), "--out", manifest, "--json")
     report: dict[str, Any] = json.loads(output)
     return report
 
 
-def _command(*words: str) -> str:
-    """What a command of ours prints.
-
-    Raises:
-        DemoFailedError: it fails.
-    """
-    done = subprocess.run(
-        [sys.executable, "-m", "contact_curation.cli.main", *words], capture_output=True, text=True, check=False
-    )
-    if done.returncode != 0:
-        raise DemoFailedError(done.stderr.strip().rpartition("\n")[2].removeprefix(f"{NAME}: error: "))
-    return done.stdout
+def _say(line: str) -> None:
+    """Where the nodes stand."""
+    print(f"   {line}", flush=True)
 
 
 def _print_ranking(found: NodesRanking, expected: dict[str, Any]) -> None:
-    """The best tosses and those that were kept back."""
+    """The best tosses and those that were rejected."""
     rows = {row["toss_id"]: row for row in expected["tosses"]}
     print(f"   {'rank':>4}  {'toss':<36}  {'gain':>8}  {'trace':>8}  {'time [s]':>8}")
-    for place, toss_id in enumerate(found.kept[:LISTED], start=1):
+    for place, toss_id in enumerate(found.selected[:LISTED], start=1):
         row = rows[toss_id]
         numbers = f"{row['marginal_gain']:>8.4g}  {found.traces[toss_id]:>8.4g}  {row['duration']:>8.2f}"
         print(f"   {place:>4}  {toss_id:<36}  {numbers}")
     for toss_id, reasons in found.rejected.items():
-        print(f"   kept back  {toss_id}: {'; '.join(reasons)}")
+        print(f"   rejected  {toss_id}: {'; '.join(reasons)}")
 
 
 def _interrupted(number: int, frame: Any) -> NoReturn:

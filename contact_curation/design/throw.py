@@ -124,7 +124,7 @@ class ThrowKind(StrEnum):
     """Why a throw was chosen."""
 
     DESIGNED = "designed"
-    EXPLORATION = "warm-up"
+    EXPLORATION = "exploration"
 
 
 class ThrowState(StrEnum):

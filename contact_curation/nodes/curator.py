@@ -18,15 +18,16 @@ from contact_curation.information.ranker import RankingConfig
 from contact_curation.nodes.messages.curated_buffer import buffer_message
 from contact_curation.nodes.messages.headers import stamped_of
 from contact_curation.nodes.messages.toss_information import information_of
-from contact_curation.nodes.ros.catch_up import CatchUp, Cursor, Source
+from contact_curation.nodes.ros.catch_up import CatchUp, Source
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config, with_values
 from contact_curation.nodes.ros.qos import kept
-from contact_curation.nodes.ros.throttled_warnings import Complaints
+from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Latest, Worker
 from contact_curation.stages.buffer_manifest import manifest_of
 from contact_curation.stages.curation import Buffer, CurationConfig, CurationStage
+from contact_curation.stages.records import Cursor
 from contact_curation.storage.manifest.file import write_manifest
 from contact_curation.storage.stores.information import InformationStore
 from contact_curation.storage.stores.state import StateStore
@@ -49,7 +50,7 @@ class Curator(StageNode):
         self._wanted = self._stage.ranking
         if self._wanted != ranking:
             self.get_logger().info(f"{ranking.criterion} needs all tosses: keeps to {self._wanted.criterion}")
-        self._complaints = Complaints(self)
+        self._warnings = ThrottledWarnings(self)
         self._buffer: Buffer | None = None
         self._publisher = self.create_publisher(CuratedBuffer, "curated_buffer", kept(1))
         self._worker = Worker(self.fail)
@@ -73,7 +74,7 @@ class Curator(StageNode):
                     raise InvalidValueError(f"body of toss {message.toss_id}", message.body, self._body)
                 self._stage.add(information_of(message), *stamped_of(message.header))
             except InvalidValueError as error:
-                self._complaints.note("bad information", str(error))
+                self._warnings.note("bad information", str(error))
         self._stage.advance(cursor)
         self._curating.want()
 
@@ -82,7 +83,7 @@ class Curator(StageNode):
         try:
             self._buffer = self._stage.buffer()
         except ContactCurationError as error:
-            self._complaints.note("not ranked", str(error))
+            self._warnings.note("not ranked", str(error))
             return
         if self._buffer is not None:
             self._publisher.publish(buffer_message(self._buffer))
@@ -125,7 +126,7 @@ class Curator(StageNode):
         buffer = self._buffer
         kept_now = 0 if buffer is None else len(buffer.curation.ranking.selected_ids)
         seen = 0 if buffer is None else buffer.seen
-        values = {"kept": kept_now, "seen": seen, "queue": self._worker.waiting, **self._complaints.counts}
+        values = {"kept": kept_now, "seen": seen, "queue": self._worker.waiting, **self._warnings.counts}
         return Health(f"{kept_now} of {seen} tosses kept", values)
 
 

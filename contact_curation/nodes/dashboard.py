@@ -27,7 +27,7 @@ from contact_curation.dashboard.live.serving import ServingConfig, close_screen,
 from contact_curation.dashboard.live.session import LiveSession
 from contact_curation.errors import ContactCurationError
 from contact_curation.motion.toss import NANOSECONDS
-from contact_curation.nodes.messages.headers import nanoseconds_of
+from contact_curation.nodes.messages.headers import check_format, nanoseconds_of
 from contact_curation.nodes.messages.shown import first_theta, healths_of, kept_set_of, theta_of, throw_made_of, training_of
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.toss_information import information_of
@@ -38,8 +38,9 @@ from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.qos import kept, profile
-from contact_curation.nodes.ros.throttled_warnings import Complaints
+from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Latest, Worker
+from contact_curation.stages.records import ServedDashboard, write_record
 from contact_curation.stages.scoring import checked_body
 
 TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16)
@@ -58,18 +59,19 @@ class Dashboard(StageNode):
         loss = declare_config(self, replace(DEFAULT_LOSS, threads=1), "loss.")
         parameters = declare(self, "params", "", "theta to begin with: JSON file or checkpoint; empty: the body as described")
         self._limit = declare(self, "queue", 512, "messages that wait at most; the rest is dropped", bounds=(1, 1 << 20))
+        state = declare(self, "state", "", "file that says where it is served, once it is; empty: none")
         serving = declared_serving(self)
         theta, self._body = first_theta(parameters, self._body)
         self._screen = open_screen(serving, live_layout(self._body))
         self._session = LiveSession(self._screen, self._body, theta, loss)
         self._dropped: Counter[str] = Counter()
-        self._complaints = Complaints(self)
+        self._warnings = ThrottledWarnings(self)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._closing = False
         self._buffer: Any = None
         self._revision, self._pending = 0, False
         self._nodes: dict[str, NodeHealth] = {}
-        self._parameters: Any = None
+        self._model_parameters: Any = None
         self._worker = Worker(self.fail)
         self._ranking = Latest(self._worker, partial(self._guarded, self._draw_ranking))
         self._theta = Latest(self._worker, partial(self._guarded, self._take_theta))
@@ -87,6 +89,8 @@ class Dashboard(StageNode):
         HealthReport(self, self._health)
         if serving.web_port:
             self.get_logger().info(f"dashboard at {serving.address}")
+            if state:
+                write_record(Path(state), ServedDashboard(serving.address))
 
     def close(self) -> None:
         self._closing = True
@@ -115,7 +119,7 @@ class Dashboard(StageNode):
         self._ranking.want()
 
     def _parameters_came(self, message: Any) -> None:
-        self._parameters = message
+        self._model_parameters = message
         self._theta.want()
 
     def _health_came(self, message: Any) -> None:
@@ -129,7 +133,7 @@ class Dashboard(StageNode):
         try:
             job()
         except ContactCurationError as error:
-            self._complaints.note("not shown", str(error))
+            self._warnings.note("not shown", str(error))
 
     def _take_tosses(self, messages: list[Any]) -> None:
         for message in messages:
@@ -141,6 +145,7 @@ class Dashboard(StageNode):
         self._ranking.want()
 
     def _take_rejected(self, message: Any) -> None:
+        check_format(message)
         stamp_ns = nanoseconds_of(message.header.stamp)
         self._session.add_rejected(message.toss_id, message.frames, message.reasons, stamp_ns)
 
@@ -152,7 +157,7 @@ class Dashboard(StageNode):
 
     def _take_theta(self) -> None:
         """The newest only."""
-        self._session.set_theta(theta_of(self._parameters, self._body))
+        self._session.set_theta(theta_of(self._model_parameters, self._body))
         self._session.show_motion()
 
     def _draw_ranking(self) -> None:
@@ -179,7 +184,7 @@ class Dashboard(StageNode):
             "tosses": self._session.tosses,
             "buffer": 0 if self._pending else self._revision,
             **dropped,
-            **self._complaints.counts,
+            **self._warnings.counts,
         }
         lost = sum(self._dropped.values())
         return Health(f"{lost} messages not shown" if lost else "everything is shown", values, warning=bool(lost))

@@ -17,16 +17,18 @@ from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.motion.toss import Toss
+from contact_curation.nodes.messages.headers import check_format
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.toss_information import information_message
 from contact_curation.nodes.ros.body_parameter import declared_body
-from contact_curation.nodes.ros.catch_up import CatchUp, Cursor, Source
+from contact_curation.nodes.ros.catch_up import CatchUp, Source
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
-from contact_curation.nodes.ros.throttled_warnings import Complaints
+from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
+from contact_curation.stages.records import Cursor
 from contact_curation.stages.scored_theta import ScoredTheta, read_scored_theta, theta_of_geometry
 from contact_curation.stages.scoring import Announcement, ScoringStage, checked_body
 from contact_curation.storage.stores.information import InformationStore
@@ -53,7 +55,7 @@ class FisherScorer(StageNode):
         self._informations = InformationStore(store)
         self._states = StateStore(store.with_name(f"{store.name}.state"))
         self._stage = ScoringStage(self._body, config, self._informations, self._states, theta)
-        self._complaints = Complaints(self)
+        self._warnings = ThrottledWarnings(self)
         self._publisher = self.create_publisher(TossInformationMessage, "toss_information", kept(RESULTS_KEPT))
         while missed := self._stage.unannounced(LARGEST_PAGE):
             self._announce(missed)
@@ -75,13 +77,13 @@ class FisherScorer(StageNode):
         self._announce(batch.new)
         self._stage.advance(cursor)
         for one in batch.not_scored:
-            self._complaints.note("not scored", f"toss {one.toss_id}: {one.reason}")
+            self._warnings.note("not scored", f"toss {one.toss_id}: {one.reason}")
 
     def _translated(self, message: Any) -> Toss | None:
         try:
             return checked_body(toss_of(message), self._body)
         except InvalidValueError as error:
-            self._complaints.note("bad toss", str(error))
+            self._warnings.note("bad toss", str(error))
             return None
 
     def _announce(self, batch: Sequence[Announcement]) -> None:
@@ -95,11 +97,12 @@ class FisherScorer(StageNode):
     def _renew(self, message: Any) -> None:
         """On the worker's thread: everything is scored again, if theta is another one."""
         try:
+            check_format(message)
             if message.body != self._body.name:
                 raise InvalidValueError("body of the parameters", message.body, self._body.name)
             renewed = self._stage.renew(ScoredTheta(message.model, bytes(message.safetensors)))
         except InvalidValueError as error:
-            self._complaints.note("bad parameters", str(error))
+            self._warnings.note("bad parameters", str(error))
             return
         if renewed:
             self.get_logger().info(f"scoring at theta {self._stage.version} from now on")
@@ -117,7 +120,7 @@ class FisherScorer(StageNode):
             "toss": self._tosses.cursor.sequence,
             "queue": self._worker.waiting,
             "parameters_version": self._stage.version,
-            **self._complaints.counts,
+            **self._warnings.counts,
         }
         return Health(f"{self._stage.last_sequence} records at theta {self._stage.version}", values)
 

@@ -19,13 +19,12 @@ from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.nodes.messages.toss import rejected_message, toss_message
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport, Rate
-from contact_curation.nodes.ros.inbox import Inbox
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.pose_topics import PoseTopics, Received
 from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
-from contact_curation.nodes.ros.throttled_warnings import Complaints
-from contact_curation.nodes.ros.worker import Latest, Worker
+from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
+from contact_curation.nodes.ros.worker import Inbox, Latest, Worker
 from contact_curation.stages.ingest import Arrival, IngestJournal
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig
@@ -57,7 +56,7 @@ class PoseIngest(StageNode):
         type_name = declare(self, "type", "", "ROS type of the pose topic; empty: as its publisher says")
         depth = declare(self, "queue_depth", 32768, "poses kept until they are taken", bounds=(296, 1 << 20))
         self._store = TossStore(Path(declare(self, "store", "tosses.sqlite", "file that tosses are kept in")))
-        self._complaints = Complaints(self)
+        self._warnings = ThrottledWarnings(self)
         self._inbox = Inbox[Received](MOST_WAITING, self.context.ok)
         self._received = Rate()
         self._journal: IngestJournal | None = None
@@ -103,14 +102,14 @@ class PoseIngest(StageNode):
         happened = journal.take(arrivals)
         self._announce(happened.tosses, happened.rejected)
         for bad in happened.bad:
-            self._complaints.note(f"bad {bad.kind}", f"{bad.child} at {bad.stamp_ns} ns: {bad.why}")
+            self._warnings.note(f"bad {bad.kind}", f"{bad.child} at {bad.stamp_ns} ns: {bad.why}")
         for conflict in happened.conflicts:
-            self._complaints.note("conflict", conflict)
+            self._warnings.note("conflict", conflict)
 
     def _announce(self, tosses: Sequence[StoredToss], rejected: Sequence[StoredRejected]) -> None:
-        for kept_back in rejected:
-            self._rejected.publish(rejected_message(kept_back.rejected, self._poses.board_frame))
-            self.get_logger().info(f"rejected {kept_back.rejected.toss.toss_id}: {'; '.join(kept_back.rejected.reasons)}")
+        for one in rejected:
+            self._rejected.publish(rejected_message(one.rejected, self._poses.board_frame))
+            self.get_logger().info(f"rejected {one.rejected.toss.toss_id}: {'; '.join(one.rejected.reasons)}")
         for stored in tosses:
             self._tosses.publish(toss_message(stored.toss, stored.sequence, self._poses.board_frame))
         if self._journal is not None and (tosses or rejected):
@@ -133,7 +132,7 @@ class PoseIngest(StageNode):
         values = {
             "messages": self._received.count, "known": self._topics.known, "rate_hz": f"{rate:.1f}", "queue": len(self._inbox),
             "tosses_stored": self._store.last_sequence, "rejected_stored": self._store.last_rejected_sequence,
-            **counts, **self._complaints.counts, **offers,
+            **counts, **self._warnings.counts, **offers,
         }  # fmt: skip
         if self._ingest is not None:
             values["noise"] = f"{self._ingest.noise.multiple:.1f}"

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from contact_curation.errors import InvalidValueError, MissingDependencyError
@@ -22,8 +21,8 @@ from contact_curation.nodes.ros.message_definition import definition_text
 from contact_curation.nodes.ros.message_types import message_class
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare
-from contact_curation.nodes.ros.qos import profile
-from contact_curation.nodes.ros.throttled_warnings import Complaints
+from contact_curation.nodes.ros.qos import offered, profile
+from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Latest, Worker
 from contact_curation.storage.bags.records import OfferedQos, RawMessage
 from contact_curation.storage.bags.session import SessionBag
@@ -61,7 +60,7 @@ class SessionRecorder(StageNode):
         period = declare(self, "flush_period", 1.0, "what is older than this outlives a kill [s]", bounds=(0.01, 60.0))
         if Path(path).suffix != ".mcap":
             raise InvalidValueError("parameter bag", repr(path), "a file name ending in .mcap")
-        self._complaints = Complaints(self)
+        self._warnings = ThrottledWarnings(self)
         self._received = Rate()
         self._lost = self._known = 0
         self._bytes_in = self._bytes_out = 0  # each counted by one thread
@@ -105,7 +104,7 @@ class SessionRecorder(StageNode):
         """Says once what is not recorded."""
         if (topic, kind) not in self._left_out:
             self._left_out.add((topic, kind))
-            self._complaints.note("left out", f"{kind} on {topic}: {why}")
+            self._warnings.note("left out", f"{kind} on {topic}: {why}")
 
     def _offered(self, topic: str, kind: str) -> Heard | None:
         """How a topic is published; None where its publishers have gone meanwhile."""
@@ -114,12 +113,7 @@ class SessionRecorder(StageNode):
             return None
         known = self._topics.get(topic)
         schema = known[0].schema if known is not None and known[0].type == kind else definition_text(kind)
-        profiles = [info.qos_profile for info in offers]
-        qos = OfferedQos(
-            latched=all(one.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in profiles),
-            reliable=all(one.reliability == ReliabilityPolicy.RELIABLE for one in profiles),
-        )
-        return Heard(kind, schema, str(offers[0].topic_type_hash), qos)
+        return Heard(kind, schema, str(offers[0].topic_type_hash), offered(info.qos_profile for info in offers))
 
     def _subscribe(self, topic: str, heard: Heard) -> None:
         if topic in self._topics:
@@ -180,7 +174,7 @@ class SessionRecorder(StageNode):
             "topics": len(self._topics),
             "queue": len(self._waiting),
             "rate_hz": f"{self._received.per_second():.0f}",
-            **self._complaints.counts,
+            **self._warnings.counts,
         }
         return Health(f"{written} messages of {len(self._topics)} topics, {self._lost} lost", values, warning=self._lost > 0)
 

@@ -23,7 +23,7 @@ from contact_curation.nodes.ros.health import Health, HealthReport, Rate
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.qos import profile
-from contact_curation.nodes.ros.throttled_warnings import Complaints
+from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
 from contact_curation.simulation.camera.camera import CameraConfig
 from contact_curation.simulation.camera.tag_detection import DetectorConfig
@@ -46,7 +46,7 @@ class SimCamera(StageNode):
         super().__init__("sim_camera")
         self._body = declared_body(self)
         self._body_frame = f"body_{self._body.name}"
-        self._complaints = Complaints(self)
+        self._warnings = ThrottledWarnings(self)
         self._received, self._told, self._before = Rate(), 0, 0
         self._sight = self._declared_sight()
         self._worker = Worker(self.fail)
@@ -81,7 +81,7 @@ class SimCamera(StageNode):
         self._received.count += 1
         measured = measured_pose(ODOMETRY, message, self._body_frame)
         if isinstance(measured, BadPose):
-            self._complaints.note("bad pose", measured.why)
+            self._warnings.note("bad pose", measured.why)
             return
         position, orientation = measured.pose
         true = TrueFrame(measured.stamp_ns, Pose(np.array(position), np.array(orientation)))
@@ -98,7 +98,7 @@ class SimCamera(StageNode):
 
     def _health(self) -> Health:
         rate = self._received.per_second()
-        values = {"frames": self._received.count, "told": self._told, "queue": self._worker.waiting, **self._complaints.counts}
+        values = {"frames": self._received.count, "told": self._told, "queue": self._worker.waiting, **self._warnings.counts}
         return Health(f"{rate:.0f} frames/s", values, warning=rate == 0.0)
 
 

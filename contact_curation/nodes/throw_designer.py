@@ -1,4 +1,4 @@
-"""throw_designer: theta and what is known in, the throw that will teach most out; with `auto` throws are made, one by one."""
+"""throw_designer: theta and what is known in, the most informative throw out; with `auto` throws are made, one by one."""
 
 import sys
 from collections.abc import Sequence
@@ -13,26 +13,27 @@ from contact_curation_msgs.srv import GetInformation, ProposeThrow
 from rclpy.clock import Clock, ClockType
 
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.design.throw import ThrowKind
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.motion.toss import NANOSECONDS
-from contact_curation.nodes.messages.headers import Stamped, nanoseconds_of
-from contact_curation.nodes.messages.model_parameters import MODEL, geometry_of_bytes
+from contact_curation.nodes.messages.headers import Stamped, check_format, nanoseconds_of
 from contact_curation.nodes.messages.throw import throw_message, throw_of
 from contact_curation.nodes.messages.toss_information import information_of
 from contact_curation.nodes.ros.body_parameter import declared_body
-from contact_curation.nodes.ros.catch_up import CatchUp, Cursor, Source
+from contact_curation.nodes.ros.catch_up import CatchUp, Source
 from contact_curation.nodes.ros.design_parameters import declared_design, declared_thrower
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare
 from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
-from contact_curation.nodes.ros.throttled_warnings import Complaints
+from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
 from contact_curation.nodes.throw_goals import Outcome, ThrowGoals
 from contact_curation.nodes.throw_reports import ThrowReports
 from contact_curation.stages.design import DesignStage
-from contact_curation.stages.scored_theta import read_scored_theta
-from contact_curation.stages.throw_log import Proposal
+from contact_curation.stages.records import Cursor, Proposal
+from contact_curation.stages.scored_theta import ScoredTheta, polytope_of, read_scored_theta
+from contact_curation.stages.throw_loop import LoopConfig, ThrowLoop
 from contact_curation.storage.stores.state import StateStore
 
 INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
@@ -55,26 +56,21 @@ class ThrowDesigner(StageNode):
         store = Path(declare(self, "store", "throws.sqlite", "file that throws, theta and what they taught are kept in"))
         self._board_frame = declare(self, "board_frame", "body_surface", "frame that throws are given in")
         declare(self, "auto", False, "throws are made one after the other", fixed=False)
-        self._max_throws = declare(self, "max_throws", 0, "no more throws than these in auto; 0: no end", bounds=(0, 1 << 31))
-        self._toss_timeout = declare(self, "toss_timeout", 15.0, "waits so long for a throw's toss [s]", bounds=(0.0, 3600.0))
-        self._pause = declare(self, "retry_period", 2.0, "pause after a throw that was not made [s]", bounds=(0.1, 3600.0))
-        goal_timeout = declare(self, "goal_timeout", 60.0, "gives a throw up after this [s]", bounds=(0.1, 3600.0))
+        loop = declared_loop(self)
         geometry: ContactGeometry | None = None
         if parameters:
             theta, self._body = read_scored_theta(Path(parameters), self._body)
-            geometry = polytope_in(theta.model, theta.data)
+            geometry = polytope_of(theta)
         self._states = StateStore(store)
         self._stage = DesignStage(self._body, config, self._states, geometry, feasible=declared_thrower(self, self._body))
-        self._complaints = Complaints(self)
+        self._warnings = ThrottledWarnings(self)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._not_before = self._now()
-        self._toss_until = self._now() + self._toss_timeout
-        self._at_work = False
+        self._loop = ThrowLoop(self._stage, loop, self._now)
         self._to_send: Any = None
         self._last: Proposal | None = None
         self._reports = ThrowReports(self, self._board_frame)
         self._reports.tell(self._stage.reports)
-        self._goals = ThrowGoals(self, self._told, goal_timeout)
+        self._goals = ThrowGoals(self, self._told, loop.goal_timeout)
         self._worker = Worker(self.fail)
         self.create_service(ProposeThrow, "propose_throw", self._propose)
         self.create_subscription(ModelParameters, "model_parameters", self._parameters_came, kept(1))
@@ -95,21 +91,15 @@ class ThrowDesigner(StageNode):
         if self._to_send is not None:
             message, self._to_send = self._to_send, None
             self._goals.send(message) if auto else self._told(Outcome(None, "auto was turned off"))
-        if not auto or self._at_work or self._goals.busy or not self._goals.ready:
-            return
-        waits = self._stage.awaits_toss and self._now() < self._toss_until
-        done = self._max_throws and len(self._stage.throws) >= self._max_throws
-        if not (waits or done or self._now() < self._not_before):
-            self._at_work = True
+        if auto and self._goals.ready and not self._goals.busy and self._loop.due():
             self._worker.do(self._throw_next)
 
     def _throw_next(self) -> None:
         """On the worker's thread."""
         try:
-            self._last = self._stage.propose()
+            self._last = self._loop.next()
         except ContactCurationError as error:
-            self._complaints.note("no throw", str(error))
-            self._not_before, self._at_work = self._now() + self._pause, False
+            self._warnings.note("no throw", str(error))
             return
         self._reports.tell([self._stage.begin(self._last)])
         self._to_send = throw_message(self._last.throw, Stamped(0, self._board_frame))
@@ -122,15 +112,11 @@ class ThrowDesigner(StageNode):
         try:
             if outcome.executed is None:
                 raise InvalidValueError("throw", outcome.message or "no reason", "one that was made")
-            self._stage.finish(throw_of(outcome.executed), nanoseconds_of(outcome.executed.header.stamp))
-            self._toss_until = self._now() + self._toss_timeout
-            self._reports.tell(self._stage.reports)
+            reports = self._loop.finish(throw_of(outcome.executed), nanoseconds_of(outcome.executed.header.stamp))
         except InvalidValueError as error:
-            self._complaints.note("throw not made", str(error))
-            self._reports.tell([self._stage.abandon(outcome.message if outcome.executed is None else str(error))])
-            self._reports.tell(self._stage.reports)
-            self._not_before = self._now() + self._pause
-        self._at_work = False
+            self._warnings.note("throw not made", str(error))
+            reports = self._loop.abandon(outcome.message if outcome.executed is None else str(error))
+        self._reports.tell(reports)
 
     def _propose(self, request: Any, response: Any) -> Any:
         """Answers when the worker has come to it; what is heard meanwhile waits in its queues."""
@@ -145,7 +131,9 @@ class ThrowDesigner(StageNode):
             response.message = f"found no throw within {LONGEST_PROPOSAL:g} s"
             return response
         response.success = True
-        response.message = "designed" if proposal.warm_up is None else f"warm-up ({proposal.warm_up})"
+        response.message = (
+            "designed" if proposal.exploration is None else f"{ThrowKind.EXPLORATION.value} ({proposal.exploration})"
+        )
         response.throw_command = throw_message(proposal.throw, Stamped(0, self._board_frame))
         return response
 
@@ -164,16 +152,25 @@ class ThrowDesigner(StageNode):
     def _renew(self, message: Any) -> None:
         """On the worker's thread."""
         try:
+            check_format(message)
             if message.body != self._body.name:
                 raise InvalidValueError("body of the parameters", message.body, self._body.name)
-            self._stage.renew(polytope_in(message.model, bytes(message.safetensors)))
+            self._stage.renew(polytope_of(ScoredTheta(message.model, bytes(message.safetensors))))
             self._reports.tell(self._stage.reports)
         except InvalidValueError as error:
-            self._complaints.note("bad parameters", str(error))
+            self._warnings.note("bad parameters", str(error))
 
     def _buffer_came(self, message: Any) -> None:
         if message.body == self._body.name:
-            self._worker.do(partial(self._stage.keep, tuple(message.toss_ids)))
+            self._worker.do(partial(self._select, message))
+
+    def _select(self, message: Any) -> None:
+        """On the worker's thread."""
+        try:
+            check_format(message)
+            self._stage.select(tuple(message.toss_ids))
+        except InvalidValueError as error:
+            self._warnings.note("bad buffer", str(error))
 
     def _rejected_came(self, message: Any) -> None:
         if message.body == self._body.name:
@@ -181,7 +178,11 @@ class ThrowDesigner(StageNode):
 
     def _reject(self, message: Any) -> None:
         """On the worker's thread: no toss will come of that throw."""
-        self._stage.reject(nanoseconds_of(message.header.stamp), "; ".join(message.reasons))
+        try:
+            check_format(message)
+            self._stage.reject(nanoseconds_of(message.header.stamp), tuple(message.reasons))
+        except InvalidValueError as error:
+            self._warnings.note("bad rejection", str(error))
         self._reports.tell(self._stage.reports)
 
     def _take(self, messages: Sequence[Any], cursor: Cursor) -> None:
@@ -192,7 +193,7 @@ class ThrowDesigner(StageNode):
                     raise InvalidValueError(f"body of toss {message.toss_id}", message.body, self._body.name)
                 self._stage.add(information_of(message), nanoseconds_of(message.header.stamp))
             except InvalidValueError as error:
-                self._complaints.note("bad information", str(error))
+                self._warnings.note("bad information", str(error))
         self._reports.tell(self._stage.reports)
 
     def _now(self) -> float:
@@ -209,23 +210,27 @@ class ThrowDesigner(StageNode):
             "realised_ratio": round(self._stage.ratio, 3),
             "parameters_version": self._stage.version,
             "queue": self._worker.waiting,
-            **self._complaints.counts,
+            **self._warnings.counts,
         }
         if last is None:
             return Health(f"{len(made)} throws made", values)
-        how = f"planned to gain {last.throw.expected_information:.3g}" if last.warm_up is None else f"warm-up: {last.warm_up}"
+        how = (
+            f"planned to gain {last.throw.expected_information:.3g}"
+            if last.exploration is None
+            else f"{ThrowKind.EXPLORATION.value}: {last.exploration}"
+        )
         return Health(f"{len(made)} throws made, {last.throw.throw_id} {how}", values)
 
 
-def polytope_in(model: str, data: bytes) -> ContactGeometry:
-    """The polytope that ModelParameters carries.
-
-    Raises:
-        InvalidValueError: a network, whose motions are not predicted here, or no parameters.
-    """
-    if model != MODEL:
-        raise InvalidValueError("model to design throws with", repr(model), MODEL)
-    return geometry_of_bytes(data)
+def declared_loop(node: StageNode) -> LoopConfig:
+    """How long `auto` waits."""
+    default = LoopConfig()
+    return LoopConfig(
+        declare(node, "max_throws", default.max_throws, "no more throws than these in auto; 0: no end", bounds=(0, 1 << 31)),
+        declare(node, "toss_timeout", default.toss_timeout, "waits so long for a throw's toss [s]", bounds=(0.0, 3600.0)),
+        declare(node, "retry_period", default.retry_period, "pause after a throw that was not made [s]", bounds=(0.1, 3600.0)),
+        declare(node, "goal_timeout", default.goal_timeout, "gives a throw up after this [s]", bounds=(0.1, 3600.0)),
+    )
 
 
 def main() -> int:

@@ -1,4 +1,4 @@
-"""trainer: the kept set in, a model trained on it out. The checkpoint is on disk before the parameters are announced."""
+"""trainer: the selected tosses in, a model trained on it out. The checkpoint is on disk before the parameters are announced."""
 
 import sys
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from contact_curation.contact.models.kind import ModelKind
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.model_version import model_version
 from contact_curation.learning.training.progress import TrainingState
-from contact_curation.nodes.messages.headers import Stamped, stamped_of
+from contact_curation.nodes.messages.headers import Stamped, check_format, stamped_of
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.trained_model import model_message
 from contact_curation.nodes.messages.training_status import status_message
@@ -21,13 +21,12 @@ from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.qos import kept
-from contact_curation.nodes.ros.throttled_warnings import Complaints
-from contact_curation.nodes.ros.training_parameters import declared_first_model, declared_protocol
+from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
+from contact_curation.nodes.ros.training_parameters import declared_first_model, declared_held_out, declared_protocol
 from contact_curation.nodes.ros.worker import Latest, Worker
 from contact_curation.nodes.toss_fetch import TossFetch
-from contact_curation.stages.held_out_tosses import declared_held_out
 from contact_curation.stages.scoring import checked_body
-from contact_curation.stages.training import KeptSet, Moment, RoundsConfig, TrainingStage
+from contact_curation.stages.training import Moment, RoundsConfig, SelectedSet, TrainingStage
 from contact_curation.storage.stores.tosses import TossStore
 
 STATUSES_KEPT = 64
@@ -35,7 +34,7 @@ STATUSES_KEPT = 64
 
 
 class Trainer(StageNode):
-    """Trains a model on whatever the curator keeps, round after round."""
+    """Trains a model on whatever the curator selects, round after round."""
 
     def __init__(self) -> None:
         super().__init__("trainer")
@@ -58,9 +57,9 @@ class Trainer(StageNode):
             self._tosses,
             Path(checkpoint or store.with_suffix(".safetensors")),
         )
-        self._complaints = Complaints(self)
+        self._warnings = ThrottledWarnings(self)
         self._stamped = Stamped(0, "")
-        self._parameters = self.create_publisher(ModelParameters, "model_parameters", kept(1))
+        self._model_parameters = self.create_publisher(ModelParameters, "model_parameters", kept(1))
         self._status = self.create_publisher(TrainingStatus, "training_status", kept(STATUSES_KEPT))
         self._worker = Worker(self.fail)
         self._training = Latest(self._worker, self._train)
@@ -78,11 +77,15 @@ class Trainer(StageNode):
 
     def _follow(self, message: Any) -> None:
         """On the worker's thread, as everything below but the last."""
-        if message.body != self._body.name:
-            self._complaints.note("bad buffer", f"found body {message.body}, expected {self._body.name}")
+        try:
+            check_format(message)
+            if message.body != self._body.name:
+                raise InvalidValueError("body of the buffer", message.body, self._body.name)
+        except InvalidValueError as error:
+            self._warnings.note("bad buffer", str(error))
             return
         self._stamped = stamped_of(message.header)
-        self._stage.follow(KeptSet(message.revision, message.tosses_seen, tuple(message.toss_ids)))
+        self._stage.follow(SelectedSet(message.revision, message.tosses_seen, tuple(message.toss_ids)))
         self._fetch.ask()
         self._training.want()
 
@@ -91,9 +94,9 @@ class Trainer(StageNode):
             try:
                 self._stage.add(checked_body(toss_of(message), self._body))
             except InvalidValueError as error:
-                self._complaints.note("bad toss", str(error))
+                self._warnings.note("bad toss", str(error))
         for toss_id in unknown:
-            self._complaints.note("unknown toss", f"get_tosses knows no {toss_id}, which the buffer holds")
+            self._warnings.note("unknown toss", f"get_tosses knows no {toss_id}, which the buffer holds")
         self._training.want()
 
     def _train(self) -> None:
@@ -114,21 +117,21 @@ class Trainer(StageNode):
     def _announce(self, moment: Moment) -> None:
         version = model_version(moment.model)
         if moment.ended:
-            self._parameters.publish(model_message(moment.model, version, moment.progress.gradient_steps, self._stamped))
+            self._model_parameters.publish(model_message(moment.model, version, moment.progress.gradient_steps, self._stamped))
         errors = self._held_out.errors(moment.model)
         self._status.publish(status_message(moment, version, errors, self._stamped, waiting=not self._stage.due))
 
     def _health(self) -> Health:
         progress, number = self._stage.progress, self._stage.round.number
         if progress is None:
-            return Health("waiting for a kept set", self._complaints.counts)
+            return Health("waiting for selected tosses", self._warnings.counts)
         values = {
             "round": number,
             "gradient_steps": progress.gradient_steps,
             "training_loss": progress.training_loss,
             "missing": len(self._stage.missing),
             "queue": self._worker.waiting,
-            **self._complaints.counts,
+            **self._warnings.counts,
         }
         failed = progress.state is TrainingState.FAILED
         return Health(f"round {number}: {progress.reason or progress.state.value}", values, warning=failed)

@@ -5,8 +5,9 @@ import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from contact_curation.session.config import SessionFolder
 from contact_curation.session.free_domain import VARIABLE
-from contact_curation.session.node_settings import DASHBOARD, RECORDER, SessionFolder
+from contact_curation.session.node_parameters import DASHBOARD, RECORDER
 from contact_curation.session.parameter_files import Parameters
 from contact_curation.session.supervisor import Incident, Patience, Program, Supervisor
 

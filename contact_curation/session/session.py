@@ -1,24 +1,27 @@
-"""A session: nodes that are kept running and followed by their stores, until the throws are made and all has come to rest."""
+"""A session: nodes that are kept running and followed by their records, until the throws are made and all has come to rest."""
 
-import re
+import os
 import time
 from collections.abc import Callable
-from typing import Any
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Protocol
 
-from contact_curation.cli.online.options import OnlineConfig
-from contact_curation.cli.stop_signals import StopSignals
-from contact_curation.contact.body import Body
-from contact_curation.errors import UnreadableInputError
+from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
+from contact_curation.motion.toss import Toss
+from contact_curation.session.config import SessionConfig, SessionFolder
 from contact_curation.session.events import EventLog
-from contact_curation.session.log_follower import LogFollower
-from contact_curation.session.node_settings import DASHBOARD, SessionFolder
-from contact_curation.session.parameter_files import Parameters
-from contact_curation.session.settling import awaits_gain, awaits_motion, is_scored, rejected_motion, training_is_due
-from contact_curation.session.standstill import Standstill
-from contact_curation.session.stores import SessionStores, Standing, ThrowMade
-from contact_curation.session.supervisor import Supervisor
+from contact_curation.session.free_domain import graph_domain
+from contact_curation.session.graph import supervised
+from contact_curation.session.node_parameters import DASHBOARD, held_out_inputs, session_parameters, write_tag_map
+from contact_curation.session.parameter_files import Parameters, write_node_parameters
+from contact_curation.session.report import finish_record
+from contact_curation.session.state import SessionState, SessionStores
+from contact_curation.session.summary import SessionSummary, gains, outcome_of, summary_of
+from contact_curation.session.supervisor import Incident, ProgramFailedError, Supervisor
+from contact_curation.storage.inputs.inputs import Problem, open_inputs
 
-ARM, DESIGNER = "sim_arm", "throw_designer"
+ARM = "sim_arm"
 
 POLL = 0.25
 """[s] between looks."""
@@ -32,13 +35,101 @@ PATIENCE = 120.0
 GAIN_PATIENCE = 20.0
 """[s] that are waited for what the last throw's toss taught: after a kill it may never be known."""
 
-ADDRESS = re.compile(r"dashboard at (\S+)")
+LONGEST_PAUSE = 180.0
+"""[s] between two throws, beyond the time that the designer gives a throw's toss: images may take minutes to be rendered."""
 
-NO_THROW = re.compile(r"no throw: (.*?)(?: \(\d+ times so far\))?; dropped")
-"""What the designer says when it finds none that may be commanded."""
+MOST_STARTS = 3
+"""Of the arm, without a throw in between."""
 
-ROUND_DEFAULTS = {"least_tosses": 2, "settling_rounds": 3}
-"""The trainer's."""
+
+class SessionReporter(Protocol):
+    """Says how a session goes."""
+
+    def say(self, line: str) -> None:
+        """On the way."""
+
+    def conclude(self, summary: SessionSummary) -> None:
+        """What came of it."""
+
+
+def run_session(
+    config: SessionConfig,
+    folder: SessionFolder,
+    command: tuple[str, ...],
+    stopped: Callable[[], bool],
+    reporter: SessionReporter,
+) -> SessionSummary:
+    """A session from its start to what came of it.
+
+    Args:
+        config: what is asked for.
+        folder: of the session.
+        command: that asked for it, for the record.
+        stopped: whether it is to end early.
+        reporter: says how it goes.
+
+    Raises:
+        ContactCurationError: a file cannot be used, or a node cannot be kept running.
+    """
+    body = config.body()
+    parameters = session_parameters(config, body, folder)
+    folder.make()
+    write_node_parameters(folder.parameters, parameters)
+    write_tag_map(config, body, folder, parameters)
+    with ExitStack() as running:
+        events = running.enter_context(EventLog(folder.events))
+
+        def tell(incident: Incident) -> None:
+            events.incident(incident)
+            if incident.what in NEWS:
+                reporter.say(f"{incident.program} {NEWS[incident.what]} ({incident.detail})")
+
+        domain = running.enter_context(graph_domain(os.environ))
+        supervisor = running.enter_context(supervised(parameters, folder, domain, tell))
+        session = Session(config, parameters, folder, events, reporter.say)
+        supervisor.start()
+        session.follow(supervisor, stopped)
+        staying = config.stay and bool(session.state.dashboard) and not stopped()
+        supervisor.stop([name for name in parameters if not (staying and name == DASHBOARD)])
+        summary = summary_of(
+            config, session.state, folder.checkpoint, supervisor.restarts, events.seconds, settled=session.settled
+        )
+        if config.record:
+            reporter.say("all nodes have ended; replaying the recorded session, and writing its report")
+            summary = finish_record(config, folder, parameters, command, summary, events)
+        reporter.conclude(summary)
+        if staying:
+            reporter.say(f"\nThe dashboard goes on until Ctrl-C: {session.state.dashboard}")
+            session.stay(supervisor, stopped)
+    return summary
+
+
+NEWS = {"died": "died", "given up": "is given up"}
+"""Incidents that somebody should know of, and how they are said."""
+
+
+def check_recordings(config: SessionConfig) -> None:
+    """Looks into the recordings that the model is evaluated on: a trainer without them goes on, and nobody would see why.
+
+    Raises:
+        ContactCurationError: one of them cannot be read, or there is no toss in any.
+    """
+    found = [_first_toss(path, config) for path in config.held_out]
+    if found and not any(isinstance(one, Toss) for one in found):
+        raise InvalidValueError("--held-out", next(str(one) for one in found), "recordings of tosses")
+
+
+def _first_toss(path: Path, config: SessionConfig) -> Toss | Problem | str:
+    """The first sound toss of a recording, or why there is none."""
+    inputs = open_inputs([path], config.body(), held_out_inputs(config))
+    problems: list[Problem] = []
+    for one in inputs:
+        if isinstance(one, Toss):
+            return one
+        problems += [one] if isinstance(one, Problem) else []
+    if not inputs.summaries:
+        raise ContactCurationError(str(problems[0]))
+    return problems[0] if problems else f"no toss in {path}"
 
 
 class Session:
@@ -46,7 +137,6 @@ class Session:
 
     Args:
         config: what was asked for.
-        body: that is thrown.
         parameters: of the nodes.
         folder: of the session.
         events: takes what happens.
@@ -55,144 +145,132 @@ class Session:
 
     def __init__(
         self,
-        config: OnlineConfig,
-        body: Body,
+        config: SessionConfig,
         parameters: dict[str, Parameters],
         folder: SessionFolder,
         events: EventLog,
         say: Callable[[str], None],
     ) -> None:
         self._config = config
-        self._rounds = {name: int(parameters["trainer"].get(name, default)) for name, default in ROUND_DEFAULTS.items()}
         self._toss_timeout = float(parameters["throw_designer"]["toss_timeout"]) + AT_REST
-        self._stores = SessionStores(folder, body)
-        self._folder = folder
+        self._stores = SessionStores(folder)
         self._events = events
         self._say = say
         self._told = 0
-        self._complaints = LogFollower(folder.logs / f"{DESIGNER}.log", NO_THROW)
-        self._complaint = ""
         self._changed = time.monotonic()
-        self._trained: tuple[Any, str] = (None, "")
-        self.standing = Standing()
+        self.state = SessionState()
         self.settled = False
-        self.address = ""
 
-    def follow(self, supervisor: Supervisor, stop: StopSignals) -> None:
-        """Until the throws are over and everything is at rest, or a signal comes.
+    def follow(self, supervisor: Supervisor, stopped: Callable[[], bool]) -> None:
+        """Until the throws are over and everything is at rest, or it is stopped.
 
         Raises:
             ProgramFailedError: a node cannot be kept running, or no throws come.
         """
         standstill = Standstill(time.monotonic(), self._toss_timeout)
-        while not (stop.wanted or self._is_over()):
+        while not (stopped() or self._is_over()):
             time.sleep(POLL)
             supervisor.look()
             self._look()
-            self._look_for_address()
-            self._look_for_complaints()
-            throws = len(self.standing.throws)
-            if throws < self._config.throws and standstill.found(throws, time.monotonic(), self._complaint):
+            throws = len(self.state.throws)
+            if throws < self._config.throws and standstill.found(throws, time.monotonic(), self.state.no_throw):
                 self._say("no throw for long: the arm, which may have stopped itself, is started again")
                 supervisor.kill(ARM)
         self._tell_of_throws(everything=True)
 
-    def stay(self, supervisor: Supervisor, stop: StopSignals) -> None:
-        """Keeps what still runs running until a signal comes."""
-        while not stop.wanted:
+    def stay(self, supervisor: Supervisor, stopped: Callable[[], bool]) -> None:
+        """Keeps what still runs running until it is stopped."""
+        while not stopped():
             time.sleep(POLL)
             supervisor.look()
 
     def _is_over(self) -> bool:
         """Whether all throws were made, and nothing is to come of them any more."""
         waited = time.monotonic() - self._changed
-        if not self._config.throws or len(self.standing.throws) < self._config.throws or waited < AT_REST:
+        if not self._config.throws or len(self.state.throws) < self._config.throws or waited < AT_REST:
             return False
-        self.settled = self._at_rest()
+        awaits_motion = self.state.awaits_motion and waited < self._toss_timeout
+        awaits_gain = self.state.awaits_gain and waited < GAIN_PATIENCE
+        self.settled = not (awaits_motion or awaits_gain) and self.state.is_scored and self.state.is_trained
         return self.settled or waited > PATIENCE + self._toss_timeout
-
-    def _at_rest(self) -> bool:
-        standing = self.standing
-        waited = time.monotonic() - self._changed
-        if (awaits_motion(standing) and waited < self._toss_timeout) or (awaits_gain(standing) and waited < GAIN_PATIENCE):
-            return False
-        if not is_scored(standing) or training_is_due(standing, **self._rounds):
-            return False
-        return standing.training is None or self._trained_version(standing) == standing.version
-
-    def _trained_version(self, standing: Standing) -> str:
-        """Of the checkpoint, which is read when it has changed."""
-        if self._trained[0] != standing.training:
-            self._trained = standing.training, self._stores.trained_version()
-        return self._trained[1]
 
     def _look(self) -> None:
         try:
-            standing = self._stores.look()
+            state = self._stores.look()
         except UnreadableInputError as error:  # a node that is just making its store
             self._events.note("unreadable", detail=str(error))
             return
-        if standing != self.standing:
-            if len(standing.throws) > len(self.standing.throws):
-                self._complaint = ""
-            self.standing, self._changed = standing, time.monotonic()
-            self._tell_of_throws()
+        if state == self.state:
+            return
+        before, self.state, self._changed = self.state, state, time.monotonic()
+        if state.dashboard != before.dashboard:
+            self._say(f"dashboard: {state.dashboard}")
+        if state.no_throw and state.no_throw != before.no_throw:
+            self._say(f"no throw: {state.no_throw}")
+        self._tell_of_throws()
 
     def _tell_of_throws(self, *, everything: bool = False) -> None:
         """A line about each throw, in order, once it is known what came of it; of the last one at the end in any case."""
-        for throw in self.standing.throws[self._told :]:
-            last = throw is self.standing.throws[-1]
-            if last and (awaits_motion(self.standing) or awaits_gain(self.standing)) and not everything:
+        for place in range(self._told, len(self.state.throws)):
+            last = place == len(self.state.throws) - 1
+            if last and (self.state.awaits_motion or self.state.awaits_gain) and not everything:
                 return
             self._told += 1
-            self._tell(throw)
+            self._tell(place)
 
-    def _tell(self, throw: ThrowMade) -> None:
-        place = self.standing.throws.index(throw)
-        outcome = outcome_of(self.standing, place)
+    def _tell(self, place: int) -> None:
+        throw, outcome = self.state.throws[place], outcome_of(self.state, place)
         self._events.note(
             "throw",
-            throw=throw.throw_id,
+            throw=throw.commanded.throw_id,
             number=place + 1,
-            kind="designed" if throw.warm_up is None else "warm-up",
-            planned=throw.planned,
-            realised=throw.realised,
+            kind=throw.report.kind.value,
+            planned=throw.planned_gain,
+            realised=throw.realised_gain,
             toss=throw.toss_id,
             outcome=outcome,
         )
         of = f" of {self._config.throws}" if self._config.throws else ""
         self._say(f"throw {place + 1:3d}{of}  {gains(throw):<34}  {outcome}  ({self._events.seconds:.0f} s)")
 
-    def _look_for_complaints(self) -> None:
-        """Says why no throw is commanded; the same reason again only after a throw."""
-        for complaint in self._complaints.new():
-            if complaint != self._complaint:
-                self._complaint = complaint
-                self._say(f"no throw: {complaint}")
 
-    def _look_for_address(self) -> None:
-        path = self._folder.logs / f"{DASHBOARD}.log"
-        if not self._config.dashboard or self.address or not path.exists():
-            return
-        found = ADDRESS.search(path.read_text(errors="replace"))
-        if found:
-            self.address = found[1]
-            self._say(f"dashboard: {self.address}")
+class Standstill:
+    """Notices when throws have stopped coming: an arm that stopped itself waits to be armed, which here only a new start does.
 
+    Args:
+        now: a steady clock [s].
+        toss_timeout: so long the designer waits for a throw's toss before it commands the next [s].
+    """
 
-def gains(throw: ThrowMade) -> str:
-    """What a throw was planned to teach, and what its toss did."""
-    if throw.planned is None:
-        return "warm-up"
-    realised = "none known" if throw.realised is None else f"{throw.realised:.3g} realised"
-    return f"gain {throw.planned:.3g} planned, {realised}"
+    def __init__(self, now: float, toss_timeout: float) -> None:
+        self._pause = LONGEST_PAUSE + toss_timeout
+        self._throws = 0
+        self._since = now
+        self._starts = 0
 
+    def found(self, throws: int, now: float, no_throw: str = "") -> bool:
+        """Whether the arm should be started again; asked often.
 
-def outcome_of(standing: Standing, place: int) -> str:
-    """What became of the toss of a throw, in words."""
-    throw = standing.throws[place]
-    if throw.toss_id:
-        rank = standing.kept.index(throw.toss_id) + 1 if throw.toss_id in standing.kept else None
-        return f"kept, rank {rank} of {len(standing.kept)}" if rank else "not kept"
-    rejected = rejected_motion(standing, place)
-    return "no motion was seen" if rejected is None else f"rejected: {rejected.reasons[0]}"
+        Args:
+            throws: made so far.
+            now: the clock.
+            no_throw: why the designer has commanded none since the last throw; empty where that is not why.
+
+        Raises:
+            ProgramFailedError: that has not helped, or cannot.
+        """
+        if throws != self._throws:
+            self._throws, self._since, self._starts = throws, now, 0
+        if now - self._since < self._pause:
+            return False
+        if no_throw:
+            raise ProgramFailedError(f"found no throw for {self._pause:.0f} s after {throws} throws: {no_throw}")
+        if self._starts == MOST_STARTS:
+            waited = self._pause * (MOST_STARTS + 1)
+            raise ProgramFailedError(
+                f"found no throw for {waited:.0f} s after {throws} throws, though sim_arm was started again {MOST_STARTS} "
+                "times; see the logs of sim_arm and throw_designer"
+            )
+        self._since = now
+        self._starts += 1
+        return True

@@ -1,147 +1,243 @@
-"""What came of a session: one table for people, one object for programs."""
+"""What came of a session: one record, as a table for people and as an object for programs."""
 
-from dataclasses import dataclass
-from math import isfinite, nan
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from contact_curation.cli.online.options import OnlineConfig
-from contact_curation.contact.body import Body
-from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.toss import Toss
-from contact_curation.session.events import EventLog
-from contact_curation.session.node_settings import judged_inputs
-from contact_curation.session.session import Session, gains, outcome_of
-from contact_curation.session.stores import Standing
-from contact_curation.storage.inputs.inputs import open_inputs
+from contact_curation.session.config import SessionConfig
+from contact_curation.session.node_parameters import held_out_inputs
+from contact_curation.session.state import SessionState
+from contact_curation.stages.held_out_tosses import HeldOutTosses
+from contact_curation.stages.records import ThrowRecord
 
 
 @dataclass(frozen=True)
-class Summary:
+class ThrowOutcome:
+    """A throw and what came of it.
+
+    Attributes:
+        number: from 1.
+        throw: its name.
+        kind: why it was chosen.
+        planned_gain: in log-det; None for exploration.
+        realised_gain: of its toss; None where it is not known, and for exploration.
+        toss: its toss; empty without one.
+        outcome: of its toss, in words.
+        gains: both gains, in words.
+    """
+
+    number: int
+    throw: str
+    kind: str
+    planned_gain: float | None
+    realised_gain: float | None
+    toss: str
+    outcome: str
+    gains: str
+
+
+@dataclass(frozen=True)
+class HeldOutSummary:
+    """Errors of the trained model on held-out tosses: means of position [% of the width], rotation [deg] and loss."""
+
+    position: float
+    rotation: float
+    loss: float
+    tosses: int
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What ranking a session's bag offline gave.
+
+    Attributes:
+        same: whether the session's own ranking.
+        replay: the same in words.
+        manifest: file; empty where it could not be ranked.
+    """
+
+    same: bool
+    replay: str
+    manifest: str = ""
+
+
+@dataclass(frozen=True)
+class SessionSummary:
     """What came of a session.
 
     Attributes:
-        document: all of it, as JSON has it.
-        complete: whether all throws that were asked for were made.
+        throws: that were made.
+        wanted: how many were asked for; 0: no end.
+        designed: how many of them were.
+        planned_gain: of all whose gain is known.
+        realised_gain: of those.
+        tosses: that passed the gates.
+        rejected: reasons by id, of the motions that did not.
+        selected: ids of the buffer, best first.
+        parameters_version: of the theta that they are ranked at.
+        rounds: of training.
+        gradient_steps: taken.
+        held_out: errors of the trained model; None without recordings, or before it was trained.
+        restarts: how often each node was started again, if it was.
+        settled: whether everything had come to rest.
+        dashboard: its address; empty without one.
+        seconds: it took.
+        replay: of its bag; None where it was not recorded.
+        folder: of the record.
+        report: file.
     """
 
-    document: dict[str, Any]
-    complete: bool
+    throws: tuple[ThrowOutcome, ...]
+    wanted: int
+    designed: int
+    planned_gain: float
+    realised_gain: float
+    tosses: int
+    rejected: Mapping[str, tuple[str, ...]]
+    selected: tuple[str, ...]
+    parameters_version: str
+    rounds: int
+    gradient_steps: int
+    held_out: HeldOutSummary | None
+    restarts: Mapping[str, int]
+    settled: bool
+    dashboard: str
+    seconds: float
+    replay: Replay | None = None
+    folder: str = ""
+    report: str = ""
+
+    @property
+    def complete(self) -> bool:
+        """Whether all throws that were asked for were made."""
+        return len(self.throws) >= self.wanted
+
+    def document(self) -> dict[str, Any]:
+        """All of it, as JSON has it."""
+        content = asdict(self)
+        content["kept"] = content.pop("selected")
+        replay = content.pop("replay") or {}
+        optional = {**replay, **{name: content.pop(name) for name in ("folder", "report")}}
+        return content | {name: value for name, value in optional.items() if value != ""}
+
+    def facts(self) -> list[tuple[str, str]]:
+        """Name and text of each, for people."""
+        restarts = ", ".join(f"{name} {count}" for name, count in self.restarts.items()) or "none"
+        files = [] if self.replay is None else [("replay", self.replay.replay), ("manifest", self.replay.manifest)]
+        lines = [
+            ("throws", f"{len(self.throws)} made, {self.designed} of them designed"),
+            ("tosses", f"{self.tosses} sound, {len(self.rejected)} rejected"),
+            ("gain", self._gain()),
+            ("held out", self._errors()),
+            ("buffer", f"{len(self.selected)} of {self.tosses} tosses selected"),
+            ("training", f"{self.rounds} rounds, {self.gradient_steps} steps"),
+            ("restarts", restarts),
+            ("time", f"{self.seconds:.0f} s" + ("" if self.settled else "; ended before all was at rest")),
+            *files,
+            ("report", self.report),
+            ("dashboard", self.dashboard),
+        ]
+        return [(name, text) for name, text in lines if text]
+
+    def table(self) -> str:
+        """For people: a line for each throw, and one for each fact."""
+        throws = [f"   {one.number:>4}  {one.gains:<40}  {one.outcome}" for one in self.throws]
+        return "\n".join(["", *throws, "", *(f"   {name:<12}  {text}" for name, text in self.facts())])
+
+    def _gain(self) -> str:
+        if not self.planned_gain:
+            return "no designed throw was scored"
+        share = 100.0 * self.realised_gain / self.planned_gain
+        return f"planned {self.planned_gain:.3g}, realised {self.realised_gain:.3g} in log-det, {share:.0f} %"
+
+    def _errors(self) -> str:
+        if self.held_out is None:
+            return "no held-out recording, or nothing trained yet"
+        errors = self.held_out
+        numbers = f"position {errors.position:.1f} %, rotation {errors.rotation:.1f} degrees, loss {errors.loss:.3g}"
+        return f"{numbers}, mean over {errors.tosses} tosses"
 
 
 def summary_of(
-    config: OnlineConfig, body: Body, session: Session, checkpoint: Path, restarts: dict[str, int], events: EventLog
-) -> Summary:
+    config: SessionConfig,
+    state: SessionState,
+    checkpoint: Path,
+    restarts: Mapping[str, int],
+    seconds: float,
+    *,
+    settled: bool,
+) -> SessionSummary:
     """From what the nodes left.
 
     Args:
         config: what was asked for.
-        body: that was thrown.
-        session: at its end.
+        state: of the session at its end.
         checkpoint: the trainer's.
         restarts: of each node.
-        events: of the session.
+        seconds: since it began.
+        settled: whether everything had come to rest.
     """
-    standing = session.standing
-    made = standing.throws
-    planned = [throw for throw in made if throw.planned is not None and throw.realised is not None]
-    total = sum(throw.planned or 0.0 for throw in planned)
-    document = {
-        "throws": [_throw(standing, place) for place in range(len(made))],
-        "wanted": config.throws,
-        "designed": sum(throw.warm_up is None for throw in made),
-        "planned_gain": total,
-        "realised_gain": sum(throw.realised or 0.0 for throw in planned),
-        "tosses": len(standing.tosses),
-        "rejected": {one.toss_id: list(one.reasons) for one in standing.kept_back},
-        "kept": list(standing.kept),
-        "parameters_version": standing.version,
-        "rounds": standing.training.round if standing.training else 0,
-        "gradient_steps": standing.training.gradient_steps if standing.training else 0,
-        "held_out": _held_out(config, checkpoint, body),
-        "restarts": {name: count for name, count in restarts.items() if count},
-        "settled": session.settled,
-        "dashboard": session.address,
-        "seconds": round(events.seconds, 1),
-    }
-    return Summary(document, complete=not config.throws or len(made) >= config.throws)
+    scored = [throw for throw in state.throws if throw.realised_gain is not None]
+    return SessionSummary(
+        throws=tuple(_throw(state, place) for place in range(len(state.throws))),
+        wanted=config.throws,
+        designed=sum(throw.exploration is None for throw in state.throws),
+        planned_gain=sum(throw.planned_gain or 0.0 for throw in scored),
+        realised_gain=sum(throw.realised_gain or 0.0 for throw in scored),
+        tosses=len(state.tosses),
+        rejected=dict(state.rejected),
+        selected=state.buffer.selected,
+        parameters_version=state.buffer.version,
+        rounds=state.training.round,
+        gradient_steps=state.training.gradient_steps,
+        held_out=_held_out(config, checkpoint),
+        restarts={name: count for name, count in restarts.items() if count},
+        settled=settled,
+        dashboard=state.dashboard,
+        seconds=round(seconds, 1),
+    )
 
 
-def print_summary(summary: Summary) -> None:
-    """For people."""
-    told = summary.document
-    print()
-    for throw in told["throws"]:
-        print(f"   {throw['number']:>4}  {throw['gains']:<40}  {throw['outcome']}")
-    print()
-    for name, text in summary_lines(told):
-        print(f"   {name:<12}  {text}")
+def gains(throw: ThrowRecord) -> str:
+    """What a throw was planned to add, and what its toss did, in words."""
+    if throw.planned_gain is None:
+        return throw.report.kind.value
+    realised = "none known" if throw.realised_gain is None else f"{throw.realised_gain:.3g} realised"
+    return f"gain {throw.planned_gain:.3g} planned, {realised}"
 
 
-def summary_lines(told: dict[str, Any]) -> list[tuple[str, str]]:
-    """Name and text of each fact."""
-    throws, rejected = told["throws"], told["rejected"]
-    restarts = ", ".join(f"{name} {count}" for name, count in told["restarts"].items()) or "none"
-    lines = [
-        ("throws", f"{len(throws)} made, {told['designed']} of them designed"),
-        ("tosses", f"{told['tosses']} sound, {len(rejected)} rejected"),
-        ("gain", _gain(told)),
-        ("held out", _errors(told["held_out"])),
-        ("buffer", f"{len(told['kept'])} of {told['tosses']} tosses kept"),
-        ("training", f"{told['rounds']} rounds, {told['gradient_steps']} steps"),
-        ("restarts", restarts),
-        ("time", f"{told['seconds']:.0f} s" + ("" if told["settled"] else "; ended before all was at rest")),
-    ]
-    return lines + [(name, told[name]) for name in ("replay", "manifest", "report", "dashboard") if told.get(name)]
+def outcome_of(state: SessionState, place: int) -> str:
+    """What became of the toss of a throw, in words."""
+    throw, selected = state.throws[place], state.buffer.selected
+    if throw.toss_id in selected:
+        return f"selected, rank {selected.index(throw.toss_id) + 1} of {len(selected)}"
+    if throw.toss_id:
+        return "not selected"
+    return f"rejected: {throw.rejected[0]}" if throw.rejected else "no motion was seen"
 
 
-def _gain(told: dict[str, Any]) -> str:
-    if not told["planned_gain"]:
-        return "no designed throw was scored"
-    ratio = told["realised_gain"] / told["planned_gain"]
-    return f"planned {told['planned_gain']:.3g}, realised {told['realised_gain']:.3g} in log-det, {100.0 * ratio:.0f} %"
+def _throw(state: SessionState, place: int) -> ThrowOutcome:
+    throw = state.throws[place]
+    return ThrowOutcome(
+        number=place + 1,
+        throw=throw.commanded.throw_id,
+        kind=throw.report.kind.value,
+        planned_gain=throw.planned_gain,
+        realised_gain=throw.realised_gain,
+        toss=throw.toss_id,
+        outcome=outcome_of(state, place),
+        gains=gains(throw),
+    )
 
 
-def _errors(errors: dict[str, Any] | None) -> str:
-    if errors is None:
-        return "no held-out recording, or nothing trained yet"
-    numbers = f"position {errors['position']:.1f} %, rotation {errors['rotation']:.1f} degrees, loss {errors['loss']:.3g}"
-    return f"{numbers}, mean over {errors['tosses']} tosses"
-
-
-def _throw(standing: Standing, place: int) -> dict[str, Any]:
-    throw = standing.throws[place]
-    return {
-        "number": place + 1,
-        "throw": throw.throw_id,
-        "kind": "designed" if throw.warm_up is None else "warm-up",
-        "planned_gain": throw.planned,
-        "realised_gain": throw.realised,
-        "toss": throw.toss_id,
-        "outcome": outcome_of(standing, place),
-        "gains": gains(throw),
-    }
-
-
-def _held_out(config: OnlineConfig, checkpoint: Path, body: Body) -> dict[str, Any] | None:
-    """Errors of the model in the checkpoint; None where there is none, or nothing to judge it by."""
-    tosses = [one for one in open_inputs(config.held_out, body, judged_inputs(config)) if isinstance(one, Toss)]
-    if not (tosses and checkpoint.exists()):
+def _held_out(config: SessionConfig, checkpoint: Path) -> HeldOutSummary | None:
+    """Errors of the model in the checkpoint; None where there is none, or nothing to evaluate it on."""
+    if not (config.held_out and checkpoint.exists()):
         return None
-    from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
-    from contact_curation.storage.checkpoint_file import read_model
+    from contact_curation.storage.checkpoint_file import read_model  # torch takes over a second to import
 
-    found = evaluate_model(read_model(checkpoint, body), tosses, EvaluationConfig())
-    finite = found.errors.finite
-    return {
-        "position": _mean(found.errors.position[finite]),
-        "rotation": _mean(found.errors.rotation[finite]),
-        "loss": found.mean_loss if isfinite(found.mean_loss) else nan,
-        "tosses": len(tosses),
-    }
-
-
-def _mean(values: Array) -> float:
-    return float(np.mean(values)) if values.size else nan
+    body = config.body()
+    held_out = HeldOutTosses([str(path) for path in config.held_out], body, held_out_inputs(config))
+    errors = held_out.errors(read_model(checkpoint, body))
+    return HeldOutSummary(errors.position, errors.rotation, errors.loss, len(held_out.tosses))

@@ -119,6 +119,12 @@ class ArmStage:
             self._released_at = frame.time
         return frame, self._ending()
 
+    @property
+    def stands_still(self) -> bool:
+        """Whether nothing moves, and the gate wants nothing else: without a goal simulated time need not run."""
+        stopped = self._simulation.phase is Phase.STOPPED
+        return not self.busy and stopped != bool(self._gate.arming)
+
     def frame(self) -> ArmFrame:
         """The world as it is."""
         return self._simulation.frame()

@@ -5,8 +5,7 @@ that the buffer does not shrink to a handful of tosses while the others are bein
 information came last: a training may come back to where it was.
 """
 
-import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.accumulated import Accumulated
@@ -15,14 +14,20 @@ from contact_curation.information.pool import pool_of
 from contact_curation.information.prior import log_det_prior
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.record import TossInformation
-from contact_curation.nodes.ros.catch_up import Cursor
+from contact_curation.stages.records import (
+    BufferRecord,
+    CuratorPosition,
+    Cursor,
+    Stamped,
+    TossHeader,
+    kept_records,
+    load_record,
+)
 from contact_curation.stages.selection import SELECTIONS, Selection, kept_to, selection_of
 from contact_curation.storage.stores.information import InformationStore
 from contact_curation.storage.stores.state import StateStore
 
-CURSOR, BUFFER, STAMP, ORDER = "cursor", "buffer", "stamp", "order"
-
-VERSIONS_KEPT = 2
+MOST_VERSIONS = 2
 """The theta that the buffer is ranked at, and one that may take over."""
 
 
@@ -104,10 +109,10 @@ class CurationStage:
         self._states = states
         ranking = kept_to(config.selection, ranking)
         self.check(ranking)
-        self._newest_stamp_ns, self._frame_id = json.loads(states.load(STAMP) or b'[0, ""]')
+        position = load_record(states.load, CuratorPosition) or CuratorPosition()
+        self._newest, known = position.newest, position.versions
         self._selections: dict[str, Selection] = {}
-        kept_order = json.loads(states.load(ORDER) or b"null")
-        self._order: list[str] = list(informations.versions) if kept_order is None else kept_order
+        self._order = list(informations.versions if known is None else known)
         self.rank_by(ranking)
 
     @property
@@ -127,7 +132,7 @@ class CurationStage:
     @property
     def cursor(self) -> Cursor:
         """Behind the last information that is kept."""
-        return Cursor(*json.loads(self._states.load(CURSOR) or b'[0, ""]'))
+        return (load_record(self._states.load, CuratorPosition) or CuratorPosition()).cursor
 
     def add(self, information: TossInformation, stamp_ns: int, frame_id: str) -> None:
         """Keeps what a toss teaches.
@@ -142,18 +147,17 @@ class CurationStage:
         if [version] != self._order[-1:]:
             self._order = [one for one in self._order if one != version] + [version]
         self._selections[version].add(information)
-        if stamp_ns > self._newest_stamp_ns:
-            self._newest_stamp_ns, self._frame_id = stamp_ns, frame_id
-        self._states.save({_stamp_key(information.toss_id): str(stamp_ns).encode()})
+        if stamp_ns > self._newest.stamp_ns:
+            self._newest = Stamped(stamp_ns, frame_id)
+        self._states.save(kept_records(TossHeader(Stamped(stamp_ns, frame_id)), name=information.toss_id))
 
     def advance(self, cursor: Cursor) -> None:
         """Remembers that everything up to the cursor is kept, and forgets older thetas.
 
         Which theta came last is remembered here and no sooner: after a death everything behind the cursor comes once more.
         """
-        forgotten, self._order = self._order[:-VERSIONS_KEPT], self._order[-VERSIONS_KEPT:]
-        stamp = json.dumps([self._newest_stamp_ns, self._frame_id]).encode()
-        self._states.save({CURSOR: json.dumps(cursor).encode(), STAMP: stamp, ORDER: json.dumps(self._order).encode()})
+        forgotten, self._order = self._order[:-MOST_VERSIONS], self._order[-MOST_VERSIONS:]
+        self._states.save(kept_records(CuratorPosition(cursor, self._newest, tuple(self._order))))
         for version in forgotten:
             del self._selections[version]
             self._informations.drop_version(version)
@@ -173,16 +177,17 @@ class CurationStage:
             ranking=self._ranking,
             curation=curation,
             candidates=candidates,
-            revision=self._revision(curation, candidates[0].parameters_version),
+            revision=self._revision(curation, candidates[0].parameters_version, selection.seen),
             seen=selection.seen,
-            newest_stamp_ns=self._newest_stamp_ns,
+            newest_stamp_ns=self._newest.stamp_ns,
             log_det=_log_det(candidates, curation, self._ranking),
-            frame_id=self._frame_id,
+            frame_id=self._newest.frame_id,
         )
 
     def last_stamp_ns(self, toss_id: str) -> int:
         """Stamp of a kept toss's last frame."""
-        return int(self._states.load(_stamp_key(toss_id)) or b"0")
+        header = load_record(self._states.load, TossHeader, toss_id)
+        return 0 if header is None else header.stamped.stamp_ns
 
     def _fresh(self, ranking: RankingConfig) -> Selection:
         return selection_of(self._config.selection, ranking, self._config.warm_up)
@@ -200,24 +205,20 @@ class CurationStage:
         newest_first = [self._selections[version] for version in reversed(self._order)]
         return next((one for one in newest_first if one.seen >= self._config.coverage * known), None)
 
-    def _revision(self, curation: Curation, version: str) -> int:
-        """Goes up by one when the kept tosses, their order or theta change; lives on disk with them."""
-        kept = {"kept": list(curation.ranking.selected_ids), "version": version, "criterion": curation.ranking.criterion}
-        before = json.loads(self._states.load(BUFFER) or b'{"revision": 0}')
-        revision = int(before.pop("revision"))
-        if before != kept:
-            revision += 1
-            self._states.save({BUFFER: json.dumps({**kept, "revision": revision}).encode()})
-        return revision
+    def _revision(self, curation: Curation, version: str, seen: int) -> int:
+        """Goes up by one when the selected tosses, their order, theta or criterion change; lives on disk with them."""
+        before = load_record(self._states.load, BufferRecord) or BufferRecord()
+        record = BufferRecord(before.revision, curation.ranking.selected_ids, version, curation.ranking.criterion, seen)
+        if replace(record, seen=before.seen) != before:
+            record = replace(record, revision=before.revision + 1)
+        if record != before:
+            self._states.save(kept_records(record))
+        return record.revision
 
 
 def _log_det(candidates: tuple[TossInformation, ...], curation: Curation, ranking: RankingConfig) -> float:
-    """Of the kept set relative to the prior, whatever the criterion."""
+    """Of the selected tosses relative to the prior, whatever the criterion."""
     pool = pool_of(candidates)
     prior = log_det_prior(pool, ranking.prior, ranking.cut)
     factors = pool.stacked(pool.indices_of(curation.ranking.selected_ids))
     return Accumulated.prior_only(prior.coordinates).joined(factors).log_det
-
-
-def _stamp_key(toss_id: str) -> str:
-    return f"stamp/{toss_id}"

@@ -1,13 +1,13 @@
 """Design of throws, restartable: what was thrown is on disk, and the next throw follows from that and what is known.
 
-Until theta passes the readiness check, throws are spread over first impacts (`design.exploration`); from then on they are what
-is expected to teach most, given the kept tosses and its own throws. While everything is scored again at a new theta, throws
-are planned at the one before, at which everything is known.
+Until theta passes the readiness check, throws are spread over first impacts (`design.exploration`); from then on they are those
+that are expected to add most information, given the selected tosses and its own throws. While everything is scored again at a
+new theta, throws are planned at the one before, at which everything is known.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import replace
+from math import nan
 
 import numpy as np
 
@@ -22,13 +22,23 @@ from contact_curation.design.throw import Throw, ThrowReport
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
-from contact_curation.nodes.messages.model_parameters import bytes_of_geometry, geometry_of_bytes
-from contact_curation.stages.throw_log import Made, Proposal, ThrowLog
+from contact_curation.learning.checkpoints.theta_bytes import bytes_of_geometry, geometry_of_bytes
+from contact_curation.stages.records import (
+    FirstLoss,
+    Proposal,
+    ReferenceScores,
+    ThrowRecord,
+    kept_records,
+    load_record,
+    record_key,
+)
+from contact_curation.stages.throw_log import ThrowLog
 from contact_curation.storage.stores.state import StateStore
 
-THETA, SCORES = "theta", "reference scores"
+THETA = "theta"
+"""What its safetensors bytes are kept under."""
 
-VERSIONS_KEPT = 3
+MOST_VERSIONS = 3
 """Thetas that are kept in memory, with their information: a trainer may be this much ahead of the scorer."""
 
 
@@ -57,8 +67,8 @@ class DesignStage:
         self._states = states
         self._infos: dict[str, dict[str, TossInformation]] = {}
         self._stamps: dict[str, int] = {}
-        self._rejected: dict[int, str] = {}
-        self._kept: frozenset[str] = frozenset()
+        self._rejected: dict[int, tuple[str, ...]] = {}
+        self._selected: frozenset[str] = frozenset()
         self._particles: dict[str, Particle] = {}
         self._planners: dict[str, Planner] = {}
         self._log = ThrowLog(states)
@@ -73,7 +83,7 @@ class DesignStage:
         return next(reversed(self._particles), "")
 
     @property
-    def throws(self) -> tuple[Made, ...]:
+    def throws(self) -> tuple[ThrowRecord, ...]:
         """All that were made."""
         return self._log.made
 
@@ -85,7 +95,7 @@ class DesignStage:
     @property
     def awaits_toss(self) -> bool:
         """Whether the toss of the last throw was neither scored yet nor rejected."""
-        return bool(self.throws) and not (self.throws[-1].toss_id or self.throws[-1].rejected)
+        return bool(self.throws) and self.throws[-1].awaits_motion
 
     @property
     def ratio(self) -> float:
@@ -102,9 +112,9 @@ class DesignStage:
         self._measure()
         return True
 
-    def keep(self, toss_ids: Sequence[str]) -> None:
-        """The kept set is another."""
-        self._kept = frozenset(toss_ids)
+    def select(self, toss_ids: Sequence[str]) -> None:
+        """Other tosses are selected."""
+        self._selected = frozenset(toss_ids)
 
     def add(self, info: TossInformation, stamp_ns: int) -> None:
         """A toss was scored, at some theta.
@@ -115,24 +125,24 @@ class DesignStage:
         """
         self._infos[info.parameters_version] = self._infos.pop(info.parameters_version, {})  # the newest last
         self._infos[info.parameters_version][info.toss_id] = info
-        while len(self._infos) > VERSIONS_KEPT:
+        while len(self._infos) > MOST_VERSIONS:
             oldest = next(version for version in self._infos if version != self.version)
             del self._infos[oldest]
-        if info.toss_id not in self._stamps and self._states.load(_loss_key(info.toss_id)) is None:
-            self._states.save({_loss_key(info.toss_id): repr(info.mean_loss).encode()})
+        if info.toss_id not in self._stamps and self._states.load(record_key(FirstLoss, info.toss_id)) is None:
+            self._states.save(kept_records(FirstLoss(info.mean_loss), name=info.toss_id))
         self._stamps[info.toss_id] = stamp_ns
         if not self._log.busy:  # else it may be that of the throw under way, whose release nobody has told of yet
             self._match(info.toss_id)
             self._measure()
 
-    def reject(self, first_ns: int, reason: str) -> None:
-        """A motion was kept back, which will be no toss.
+    def reject(self, first_ns: int, reasons: Sequence[str]) -> None:
+        """A motion was rejected, which will be no toss.
 
         Args:
             first_ns: stamp of its first frame.
-            reason: why.
+            reasons: why.
         """
-        self._rejected[first_ns] = reason
+        self._rejected[first_ns] = tuple(reasons)
         if not self._log.busy:  # else it may be that of the throw under way
             self._match_rejected()
 
@@ -156,6 +166,10 @@ class DesignStage:
                 reason = str(error)
         thrown = [made.executed.release for made in self.throws]
         return Proposal(self._designer.explore(name, own, thrown), reason)
+
+    def refuse(self, reason: str) -> None:
+        """No throw could be proposed, for this reason; whoever supervises can read it."""
+        self._log.refuse(reason)
 
     def distrust(self) -> str | None:
         """Why theta is not trusted with choosing throws; None when it is."""
@@ -190,11 +204,11 @@ class DesignStage:
         self._measure()
 
     def _match_rejected(self) -> None:
-        """Gives each motion that was kept back to the throw that it began with; the first one there counts."""
-        for first_ns, reason in sorted(self._rejected.items()):
+        """Gives each rejected motion to the throw that it began with; the first one there counts."""
+        for first_ns, reasons in sorted(self._rejected.items()):
             place = self._log.thrower_of(first_ns)
-            if place is not None and not (self.throws[place].toss_id or self.throws[place].rejected):
-                self._log.replace(place, replace(self.throws[place], rejected=reason))
+            if place is not None and self.throws[place].awaits_motion:
+                self._log.replace(place, replace(self.throws[place], rejected=reasons))
         self._rejected.clear()
 
     def _match(self, toss_id: str) -> None:
@@ -211,7 +225,7 @@ class DesignStage:
         Where that is not the theta of the plan, what was to be expected is predicted anew: only gains at one theta compare.
         """
         last = self.throws[-1] if self.throws else None
-        if last is None or last.warm_up is not None or not last.toss_id or last.realised is not None:
+        if last is None or last.exploration is not None or not last.toss_id or last.realised is not None:
             return
         scored = [version for version in self._particles if last.toss_id in self._infos.get(version, {})]
         if not scored:
@@ -226,14 +240,14 @@ class DesignStage:
     def _take_up(self, particle: Particle) -> None:
         self._particles.pop(particle.version, None)
         self._particles[particle.version] = particle
-        while len(self._particles) > VERSIONS_KEPT:
+        while len(self._particles) > MOST_VERSIONS:
             oldest = next(iter(self._particles))
             del self._particles[oldest]
             self._planners.pop(oldest, None)
 
     def _wanted(self) -> frozenset[str]:
-        """The kept tosses and those of its own throws."""
-        return self._kept | {made.toss_id for made in self.throws}
+        """The selected tosses and those of its own throws."""
+        return self._selected | {made.toss_id for made in self.throws}
 
     def _best_known(self) -> str:
         """The version of the theta at which most of the wanted tosses are scored; the newest of several."""
@@ -255,17 +269,14 @@ class DesignStage:
         """Of the tosses that are known at a theta, as they were scored first, oldest first."""
         known = (info.toss_id for info in self._known_infos(version))
         ids = sorted(known, key=lambda toss_id: (self._stamps[toss_id], toss_id))
-        return [float(self._states.load(_loss_key(toss_id)) or b"nan") for toss_id in ids]
+        losses = [load_record(self._states.load, FirstLoss, toss_id) for toss_id in ids]
+        return [nan if loss is None else loss.mean_loss for loss in losses]
 
     def _reference_scores(self, version: str) -> list[Array]:
         """Of a theta and the last one that was asked about before, that one first; kept on disk for a restart."""
-        kept: dict[str, list[float]] = json.loads(self._states.load(SCORES) or b"{}")
-        if version not in kept:
-            kept[version] = self._design(version).planner.reference_scores().tolist()
-            kept = dict(list(kept.items())[-2:])
-            self._states.save({SCORES: json.dumps(kept).encode()})
-        return [np.array(scores) for scores in kept.values()]
-
-
-def _loss_key(toss_id: str) -> str:
-    return f"first loss/{toss_id}"
+        known = load_record(self._states.load, ReferenceScores) or ReferenceScores({})
+        if version not in known.scores:
+            scores = {**known.scores, version: tuple(self._design(version).planner.reference_scores().tolist())}
+            known = ReferenceScores(dict(list(scores.items())[-2:]))
+            self._states.save(kept_records(known))
+        return [np.array(scores) for scores in known.scores.values()]

@@ -1,22 +1,51 @@
-"""Tosses that a node holds out: read from recordings when it starts, and how well a model predicts them."""
+"""Tosses that a trainer holds out: read from recordings when it starts, and how well a model predicts them."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from rclpy.node import Node
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.models.model import Model
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
-from contact_curation.motion.calibration import NO_CORRECTION
-from contact_curation.motion.segmenter_config import SegmenterConfig
+from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.motion.toss import Toss
-from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.storage.inputs.inputs import InputsConfig, Problem, open_inputs
+
+
+@dataclass(frozen=True)
+class TrackerConfig:
+    """The tracker that recorded the held-out tosses.
+
+    Attributes:
+        tracker_noise: of the tracker of those recordings, as pose_ingest's.
+    """
+
+    tracker_noise: float = 1.0
+
+
+@dataclass(frozen=True)
+class HeldOutConfig:
+    """How recordings are read that a model is evaluated on.
+
+    Attributes:
+        segmenter: how noisy their tracker is.
+        rig: how their poses are calibrated.
+    """
+
+    segmenter: TrackerConfig = TrackerConfig()
+    rig: RigCalibration = NO_CORRECTION
+
+    @property
+    def inputs(self) -> InputsConfig:
+        """The same as the configuration of whoever reads them."""
+        default = InputsConfig()
+        segmenter = replace(default.segmenter, tracker_noise=self.segmenter.tracker_noise)
+        return replace(default, segmenter=segmenter, rig=self.rig)
 
 
 class HeldOutErrors(NamedTuple):
@@ -36,7 +65,7 @@ class HeldOutErrors(NamedTuple):
 
 
 class HeldOutTosses:
-    """The sound tosses of some recordings; what their gates keep back is left out.
+    """The sound tosses of some recordings; what their gates reject is left out.
 
     Args:
         paths: recordings; none for no held-out tosses.
@@ -62,19 +91,6 @@ class HeldOutTosses:
         finite = found.errors.finite
         position, rotation = (_mean(values[finite]) for values in (found.errors.position, found.errors.rotation))
         return HeldOutErrors(found.mean_loss, position, rotation, len(found.not_finite))
-
-
-def declared_held_out(node: Node, body: Body) -> HeldOutTosses:
-    """Those that a node's parameters name.
-
-    Raises:
-        InvalidValueError: there is no toss in them.
-    """
-    paths = declare(node, "held_out", [""], "recordings that are never trained on, for the errors of training_status")
-    noise = declare(node, "segmenter.tracker_noise", 1.0, "of the tracker of those recordings, as pose_ingest's")
-    rig = declare_config(node, NO_CORRECTION, "rig.")
-    config = InputsConfig(segmenter=SegmenterConfig(tracker_noise=noise), rig=rig)
-    return HeldOutTosses([path for path in paths if path], body, config)
 
 
 def _mean(values: Array) -> float:

@@ -6,25 +6,26 @@ publisher sends once more is known by its time of publication and skipped.
 """
 
 import hashlib
-import json
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.ingest import IngestEvent, TossIngest
 from contact_curation.motion.pose_stream import BadPose, FramePose
-from contact_curation.motion.toss import Rejected, Toss
+from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
+from contact_curation.stages.records import AnnouncedTosses, IngestPosition, IngestSnapshot, kept_records, load_record
 from contact_curation.storage.provenance import TossProvenance
 from contact_curation.storage.stores.tosses import JournalPose, StoredRejected, StoredToss, TossStore
-
-STATE, NEWEST, ANNOUNCED = "ingest", "newest", "announced"
 
 JOURNAL_LENGTH = 512
 """Measurements after which the state is saved and the journal emptied, at the next moment without a toss in progress."""
 
 LONGEST_JOURNAL = 8192
 """The same, toss or not."""
+
+MOST_AHEAD_NS = 1_000_000_000
+"""Of the present; what is known to a later time was published by a clock that has been set back since."""
 
 PAGE = 64
 
@@ -57,6 +58,14 @@ class Happened(NamedTuple):
     tosses: tuple[StoredToss, ...]
     rejected: tuple[StoredRejected, ...]
     conflicts: tuple[str, ...]
+
+
+def published_before(newest: Mapping[str, int], now_ns: int) -> tuple[dict[str, int], str]:
+    """Of times of publication those that are not ahead of the present, and a warning where a clock was set back since."""
+    past = {topic: published_ns for topic, published_ns in newest.items() if published_ns <= now_ns + MOST_AHEAD_NS}
+    ahead = (max(newest.values(), default=0) - now_ns) / NANOSECONDS
+    warning = f"the clock was set back: found poses published {ahead:.0f} s ahead; all that comes is new"
+    return past, "" if len(past) == len(newest) else warning
 
 
 class IngestJournal:
@@ -96,46 +105,45 @@ class IngestJournal:
 
     def unannounced(self) -> tuple[tuple[StoredToss, ...], tuple[StoredRejected, ...]]:
         """A page of what is stored and was perhaps never announced, because of a kill."""
-        tosses, rejected = self._announced()
-        return self._store.after(tosses, PAGE), self._store.rejected_after(rejected, PAGE)
+        known = self._announced()
+        return self._store.after(known.tosses, PAGE), self._store.rejected_after(known.rejected, PAGE)
 
     def announced(self, tosses: int, rejected: int) -> None:
         """Remembers up to which sequence numbers everything was announced."""
         known = self._announced()
-        pair = [max(known[0], tosses), max(known[1], rejected)]
-        self._store.save_state(ANNOUNCED, json.dumps(pair).encode())
+        self._keep(AnnouncedTosses(max(known.tosses, tosses), max(known.rejected, rejected)))
 
-    def _announced(self) -> tuple[int, int]:
-        state = self._store.load_state(ANNOUNCED)
-        tosses, rejected = json.loads(state) if state else (0, 0)
-        return tosses, rejected
+    def _announced(self) -> AnnouncedTosses:
+        return load_record(self._store.load_state, AnnouncedTosses) or AnnouncedTosses()
+
+    def _keep(self, record: AnnouncedTosses | IngestPosition | IngestSnapshot) -> None:
+        for key, data in kept_records(record).items():
+            self._store.save_state(key, data)
 
     def _write_down(self, poses: Sequence[FramePose]) -> None:
         if poses:
             self._last = self._store.append_poses([_journal_pose(pose) for pose in poses])
             self._journaled += len(poses)
-        state: dict[str, Any] = {"configuration": self._configuration, "newest": self._newest}
-        self._store.save_state(NEWEST, json.dumps(state).encode())
+        self._keep(IngestPosition(self._configuration, self._newest))
         if self._journaled >= (LONGEST_JOURNAL if self._ingest.tossing else JOURNAL_LENGTH):
             self._save()
 
     def _save(self) -> None:
-        state = {"configuration": self._configuration, "after": self._last, "ingest": self._ingest.snapshot()}
-        self._store.save_state(STATE, json.dumps(state).encode())
+        self._keep(IngestSnapshot(self._configuration, self._last, self._ingest.snapshot()))
         self._store.trim_poses(self._last)
         self._journaled = 0
 
     def _restore(self) -> None:
         """Takes up where an earlier run stopped; the tosses that come out once more are in the store already."""
-        newest = json.loads(self._store.load_state(NEWEST) or b"{}")
-        if newest.get("configuration") != self._configuration:
+        position = load_record(self._store.load_state, IngestPosition)
+        if position is None or position.configuration != self._configuration:
             self._forget()
             return
-        self._newest = newest["newest"]
-        state = json.loads(self._store.load_state(STATE) or b"{}")
-        if state.get("configuration") == self._configuration:
-            self._ingest.restore(state["ingest"])
-            self._last = state["after"]
+        self._newest = dict(position.newest)
+        snapshot = load_record(self._store.load_state, IngestSnapshot)
+        if snapshot is not None and snapshot.configuration == self._configuration:
+            self._ingest.restore(dict(snapshot.ingest))
+            self._last = snapshot.after
         for sequence, pose in self._store.poses_since(self._last):
             self._ingest.push(_frame_pose(pose))
             self._last, self._journaled = sequence, self._journaled + 1

@@ -5,17 +5,20 @@ torch is imported for a network only: a polytope is scored without.
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.kind import ModelKind
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig
+from contact_curation.learning.checkpoints.theta_bytes import bytes_of_geometry, geometry_of_bytes
 from contact_curation.motion.toss import Toss
-from contact_curation.nodes.messages.model_parameters import bytes_of_geometry, geometry_of_bytes
 from contact_curation.storage.parameters_file import Parameters, read_theta
+
+if TYPE_CHECKING:
+    from contact_curation.contact.models.model import Model
 
 
 class ScoredTheta(NamedTuple):
@@ -59,9 +62,16 @@ def read_scored_theta(path: Path, body: Body) -> tuple[ScoredTheta, Body]:
     theta = read_theta(path, body)
     if isinstance(theta, Parameters):
         return theta_of_geometry(theta.geometry), theta.body
-    from contact_curation.nodes.messages.trained_model import theta_bytes
+    return theta_of_model(theta), body
 
-    return ScoredTheta(theta.kind.value, theta_bytes(theta)), body
+
+def theta_of_model(model: "Model") -> ScoredTheta:
+    """A model's: of a polytope its geometry, of a network all of it."""
+    from contact_curation.contact.models.polytope import PolytopeModel
+    from contact_curation.learning.checkpoints.stored_model import model_bytes
+
+    data = bytes_of_geometry(model.geometry()) if isinstance(model, PolytopeModel) else model_bytes(model)
+    return ScoredTheta(model.kind.value, data)
 
 
 def scorer_of(theta: ScoredTheta, body: Body, config: ScoringConfig) -> TossScorer:
@@ -74,6 +84,29 @@ def scorer_of(theta: ScoredTheta, body: Body, config: ScoringConfig) -> TossScor
         return Scorer(geometry_of_bytes(theta.data), body, config)
     if theta.model not in {kind.value for kind in ModelKind}:
         raise InvalidValueError("model of the parameters", repr(theta.model), ", ".join(kind.value for kind in ModelKind))
-    from contact_curation.nodes.messages.trained_model import network_scorer
+    return _network_scorer(theta, body, config)
 
-    return network_scorer(theta.model, theta.data, body, config)
+
+def polytope_of(theta: ScoredTheta) -> ContactGeometry:
+    """The polytope that theta is.
+
+    Raises:
+        InvalidValueError: it is a network's, whose motions are not predicted without it, or no theta.
+    """
+    if theta.model != ModelKind.POLYTOPE:
+        raise InvalidValueError("model to design throws with", repr(theta.model), ModelKind.POLYTOPE.value)
+    return geometry_of_bytes(theta.data)
+
+
+def _network_scorer(theta: ScoredTheta, body: Body, config: ScoringConfig) -> TossScorer:
+    from contact_curation.contact.models.polytope import PolytopeModel
+    from contact_curation.information.network.scoring import NetworkScorer
+    from contact_curation.learning.checkpoints.stored_model import model_of_bytes
+
+    try:
+        model = model_of_bytes(theta.data, "model_parameters", body)
+    except UnreadableInputError as error:
+        raise InvalidValueError("parameters", f"none ({error})", f"a {theta.model} for body {body.name}") from error
+    if model.kind.value != theta.model or isinstance(model, PolytopeModel):
+        raise InvalidValueError("model in the parameters", model.kind.value, theta.model)
+    return NetworkScorer(model, config)  # type: ignore[arg-type]  # a model that is no polytope is a network

@@ -4,7 +4,6 @@ A toss is scored once per theta. What it teaches is stored under its own number 
 numbers that were perhaps never announced are announced again.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -13,15 +12,23 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import NotScored, ScoringConfig
 from contact_curation.motion.toss import Toss
-from contact_curation.nodes.messages.headers import Stamped
-from contact_curation.nodes.ros.catch_up import Cursor
+from contact_curation.stages.records import (
+    AnnouncedInformation,
+    Cursor,
+    ScorerPosition,
+    Stamped,
+    TossHeader,
+    kept_records,
+    load_record,
+)
 from contact_curation.stages.scored_theta import ScoredTheta, TossScorer, scorer_of
 from contact_curation.storage.stores.information import InformationStore
 from contact_curation.storage.stores.state import StateStore
 
-PARAMETERS, MODEL, CURSOR, ANNOUNCED = "parameters", "model", "cursor", "announced"
+PARAMETERS, MODEL = "parameters", "model"
+"""What theta is kept under: its safetensors bytes, and the name of its model."""
 
-VERSIONS_KEPT = 2
+MOST_VERSIONS = 2
 """Older thetas' information is dropped: it can be scored again."""
 
 
@@ -73,8 +80,8 @@ class ScoringStage:
     @property
     def cursor(self) -> Cursor:
         """Behind the last toss that was scored at this theta."""
-        kept = json.loads(self._states.load(CURSOR) or b"{}")
-        return Cursor(*kept["cursor"]) if kept.get("version") == self.version else Cursor()
+        known = load_record(self._states.load, ScorerPosition)
+        return known.cursor if known is not None and known.version == self.version else Cursor()
 
     def renew(self, theta: ScoredTheta) -> bool:
         """Goes on with another theta; False when it is the same.
@@ -91,7 +98,7 @@ class ScoringStage:
         self._informations.drop_version(scorer.version)
         self._states.save({PARAMETERS: theta.data, MODEL: theta.model.encode()})
         self._scorer = scorer
-        self._informations.keep_newest_versions(VERSIONS_KEPT)
+        self._informations.keep_newest_versions(MOST_VERSIONS)
         return True
 
     def score(self, tosses: Sequence[Toss], frames: Mapping[str, str]) -> Batch:
@@ -105,7 +112,8 @@ class ScoringStage:
         results = self._scorer.score(fresh) if fresh else ()
         scored = [(toss, result) for toss, result in zip(fresh, results) if isinstance(result, TossInformation)]
         headers = {toss.toss_id: Stamped(int(toss.stamps_ns[-1]), frames[toss.toss_id]) for toss, _ in scored}
-        self._states.save({_header_key(toss_id): json.dumps(header).encode() for toss_id, header in headers.items()})
+        records = [kept_records(TossHeader(header), name=toss_id) for toss_id, header in headers.items()]
+        self._states.save({key: data for one in records for key, data in one.items()})
         new = [Announcement(self._informations.add(one).sequence, one, headers[one.toss_id]) for _, one in scored]
         return Batch(tuple(new), tuple(result for result in results if isinstance(result, NotScored)))
 
@@ -115,16 +123,17 @@ class ScoringStage:
 
     def unannounced(self, limit: int) -> tuple[Announcement, ...]:
         """A page of what is kept and was perhaps never announced."""
-        return self.after(int(self._states.load(ANNOUNCED) or b"0"), limit)
+        known = load_record(self._states.load, AnnouncedInformation) or AnnouncedInformation()
+        return self.after(known.sequence, limit)
 
     def announced(self, batch: Sequence[Announcement]) -> None:
         """Remembers that everything up to these was announced."""
         if batch:
-            self._states.save({ANNOUNCED: str(batch[-1].sequence).encode()})
+            self._states.save(kept_records(AnnouncedInformation(batch[-1].sequence)))
 
     def advance(self, cursor: Cursor) -> None:
         """Remembers that every toss up to the cursor was scored at this theta."""
-        self._states.save({CURSOR: json.dumps({"version": self.version, "cursor": cursor}).encode()})
+        self._states.save(kept_records(ScorerPosition(self.version, cursor)))
 
     @property
     def last_sequence(self) -> int:
@@ -148,8 +157,8 @@ class ScoringStage:
         return scorer
 
     def _with_header(self, sequence: int, information: TossInformation) -> Announcement:
-        header = json.loads(self._states.load(_header_key(information.toss_id)) or b'[0, ""]')
-        return Announcement(sequence, information, Stamped(*header))
+        header = load_record(self._states.load, TossHeader, information.toss_id)
+        return Announcement(sequence, information, Stamped() if header is None else header.stamped)
 
 
 def checked_body(toss: Toss, body: Body) -> Toss:
@@ -157,7 +166,3 @@ def checked_body(toss: Toss, body: Body) -> Toss:
     if toss.body != body.name:
         raise InvalidValueError(f"body of toss {toss.toss_id}", toss.body, body.name)
     return toss
-
-
-def _header_key(toss_id: str) -> str:
-    return f"header/{toss_id}"

@@ -1,25 +1,27 @@
-"""Training that may be killed at any time: rounds on the kept set, each from where the last one ended.
+"""Training that may be killed at any time: rounds on the selected tosses, each from where the last one ended.
 
-A round takes the newest kept set whose tosses are all there, gives it the protocol's budget of gradient steps, and ends with
-new parameters. These change the ranking, thus the kept set, thus the next round. So that it comes to rest, only so many rounds
-may follow one another without a toss that is new to the curator.
+A round takes the newest selected set whose tosses are all there, gives it the protocol's budget of gradient steps, and ends
+with new parameters. These change the ranking, thus the selected set, thus the next round. So that it comes to rest, only so
+many rounds may follow one another without a toss that is new to the curator.
 
-The checkpoint holds the training in the middle of a round, and which round that is; the tosses are in a store of its own.
+The checkpoint holds the training in the middle of a round, and which round that is; the tosses are in a store of its own, and
+with them a `TrainingRecord` for whoever supervises.
 """
 
-import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 from contact_curation.contact.models.model import Model, Rows
 from contact_curation.errors import InvalidValueError
+from contact_curation.information.model_version import model_version
 from contact_curation.learning.training.progress import Progress, TrainingState
 from contact_curation.learning.training.protocols import TrainingConfig
 from contact_curation.learning.training.training import Training
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
+from contact_curation.stages.records import TrainingRecord, kept_records, load_record, record_bytes, record_of
 from contact_curation.storage.checkpoint_file import read_model, read_notes, resume_training, save_checkpoint
 from contact_curation.storage.stores.tosses import TossStore
 
@@ -27,8 +29,8 @@ ROUND = "round"
 """Name of the checkpoint's note about the round it is in."""
 
 
-class KeptSet(NamedTuple):
-    """What the curator keeps.
+class SelectedSet(NamedTuple):
+    """What the curator selected.
 
     Attributes:
         revision: of the buffer.
@@ -46,7 +48,7 @@ class RoundsConfig:
     """When a round begins, and how finely it is cut.
 
     Attributes:
-        least_tosses: no round on fewer kept tosses.
+        least_tosses: no round on fewer selected tosses.
         settling_rounds: rounds that may follow one another without a toss that is new to the curator.
         slice_steps: gradient steps between two looks at what came.
         checkpoint_steps: gradient steps between two checkpoints in the middle of a round.
@@ -101,7 +103,7 @@ class Moment(NamedTuple):
 
 
 class TrainingStage:
-    """Trains one model on whatever is kept.
+    """Trains one model on whatever is selected.
 
     Args:
         begin: gives the model to begin with, from the first training data.
@@ -130,11 +132,13 @@ class TrainingStage:
         self._seed = seed
         self._tosses = tosses
         self._checkpoint = checkpoint
-        self._wanted: KeptSet | None = None
+        self._wanted: SelectedSet | None = None
         self._training: Training | None = None
         self._round = Round()
+        self._record = load_record(tosses.load_state, TrainingRecord)
         if checkpoint.exists():
             self._resume()
+        self._note()
 
     @property
     def now(self) -> Moment | None:
@@ -155,16 +159,18 @@ class TrainingStage:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Ids of the newest kept set whose tosses have to be fetched."""
+        """Ids of the newest selected set whose tosses have to be fetched."""
         return () if self._wanted is None else tuple(one for one in self._wanted.toss_ids if not self._tosses.contains(one))
 
-    def follow(self, kept: KeptSet) -> None:
+    def follow(self, selected: SelectedSet) -> None:
         """Trains on this set from the next round on."""
-        self._wanted = kept
+        self._wanted = selected
+        self._note()
 
     def add(self, toss: Toss) -> None:
         """Keeps a toss that was fetched; InvalidValueError if another one of its id is there."""
         self._tosses.add(toss)
+        self._note()
 
     @property
     def due(self) -> bool:
@@ -196,7 +202,7 @@ class TrainingStage:
 
     @property
     def _round_due(self) -> bool:
-        """Whether the newest kept set is another one, is all there, and may still be trained on."""
+        """Whether the newest selected set is another one, is all there, and may still be trained on."""
         wanted = self._wanted
         if wanted is None or len(wanted.toss_ids) < self._rounds.least_tosses or self.missing:
             return False
@@ -204,7 +210,7 @@ class TrainingStage:
             return False
         return self._has_new_toss(wanted) or self._round.settling < self._rounds.settling_rounds
 
-    def _has_new_toss(self, wanted: KeptSet) -> bool:
+    def _has_new_toss(self, wanted: SelectedSet) -> bool:
         return wanted.tosses_seen > self._round.tosses_seen
 
     def _start_round(self) -> None:
@@ -231,7 +237,26 @@ class TrainingStage:
     def _save(self) -> None:
         last, earlier = self._round.toss_ids, self._round.earlier_ids
         ids = {"training ids": "\n".join((*last, *earlier)), "fitted ids": "\n".join(last)}  # as `evaluate` reads them
-        save_checkpoint(self._checkpoint, self._trained_so_far, {ROUND: json.dumps(asdict(self._round)), **ids})
+        save_checkpoint(self._checkpoint, self._trained_so_far, {ROUND: record_bytes(self._round).decode(), **ids})
+        self._note()
+
+    def _note(self) -> None:
+        """Keeps what a supervisor reads, where it has changed: after the checkpoint, which it tells of."""
+        wanted, before = self._wanted, self._record or TrainingRecord()
+        idle = wanted is not None and not self.due and not self.missing
+        ended = self._training is not None and not self._running
+        record = TrainingRecord(
+            round=self._round.number,
+            gradient_steps=0 if self.progress is None else self.progress.gradient_steps,
+            running=self._running,
+            version=model_version(self._trained_so_far.trained()) if ended else before.version,
+            revision=wanted.revision if wanted is not None and idle else 0,
+            tosses_seen=wanted.tosses_seen if wanted is not None and idle else 0,
+        )
+        if record != self._record:
+            self._record = record
+            for key, data in kept_records(record).items():
+                self._tosses.save_state(key, data)
 
     def _resume(self) -> None:
         """Goes on in the middle of the round; where its tosses or the protocol are others, from its parameters on.
@@ -253,5 +278,4 @@ def _round_of(notes: Mapping[str, str], path: Path) -> Round:
     """The round that a checkpoint is in; a checkpoint of the `train` command is in none."""
     if ROUND not in notes:
         raise InvalidValueError(f"checkpoint {path}", "none of a trainer node", "one; `params` takes others")
-    told = json.loads(notes[ROUND])
-    return Round(**{**told, **{name: tuple(told[name]) for name in ("toss_ids", "earlier_ids") if name in told}})
+    return record_of(Round, notes[ROUND].encode(), path)

@@ -12,7 +12,7 @@ import pytest
 
 from contact_curation.cli import demo
 from contact_curation.cli.demo import GOLDEN_BAG, THROWS, main
-from contact_curation.session.replayed_nodes import Recording, rank_by_nodes
+from contact_curation.session.replay import Recording, rank_by_nodes
 from contact_curation.session.supervisor import ProgramFailedError
 
 COMMAND = [sys.executable, "-m", "contact_curation.cli.demo", "--out"]
@@ -44,7 +44,7 @@ def wait_until(holds: Callable[[], bool], seconds: float = 60.0) -> None:
 def test_nodes_and_library_agree_on_the_golden_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--data", str(GOLDEN_BAG), "--out", str(tmp_path / "demo")]) == 0
     said = capsys.readouterr().out
-    assert "Nodes and library agree: the same 8 tosses in the same order, the same 3 kept back." in said
+    assert "Nodes and library agree: the same 8 tosses in the same order, the same 3 rejected." in said
     for reason in ("gap: found", "displacement beside the velocity: found", "lowest corner of the toss: found"):
         assert reason in said
     assert (tmp_path / "demo" / "manifest.parquet").exists()
@@ -104,4 +104,4 @@ def test_a_bag_is_replayed_as_it_is_named_by_its_file_or_its_folder(
 def test_a_node_that_cannot_be_kept_running_ends_it_with_its_last_words(tmp_path: Path) -> None:
     recording = Recording(tmp_path / "none.mcap", rate=5.0, top=8)
     with pytest.raises(ProgramFailedError, match=r"died 4 times right after its start, .*none\.mcap"):
-        rank_by_nodes(recording, [{"toss_id": "cube-1", "kept": True}], tmp_path, tmp_path)
+        rank_by_nodes(recording, 1, ["cube-1"], tmp_path, tmp_path, print)

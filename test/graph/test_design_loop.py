@@ -12,6 +12,7 @@ from std_srvs.srv import Trigger
 
 from contact_curation.nodes.ros.processes import NodeProcess
 from contact_curation.nodes.ros.qos import RESULTS_KEPT
+from contact_curation.stages.records import ThrowRecord
 from test.cli.commands import write_parameters
 from test.graph.parts.graph import Graph
 from test.graph.test_throw_designer import SMALL, made
@@ -56,14 +57,14 @@ class Loop:
         )
         return self.designer
 
-    def entries(self) -> list[Any]:
+    def entries(self) -> tuple[ThrowRecord, ...]:
         """Throws that were made."""
         return made(self.graph.folder)
 
     def until_made(self, throws: int) -> None:
         """Waits until so many throws were made and the last one's toss was scored."""
         self.graph.until(
-            lambda: len(self.entries()) >= throws and self.entries()[-1]["toss_id"], LONG, f"{throws} throws and tosses"
+            lambda: len(self.entries()) >= throws and self.entries()[-1].toss_id, LONG, f"{throws} throws and tosses"
         )
 
     def until_under_way(self) -> str:
@@ -77,9 +78,10 @@ def test_each_throw_of_the_arm_gets_its_toss_and_a_gain_like_the_planned_one(gra
     loop = Loop(graph, THROWS)
     loop.until_made(THROWS)
     entries = loop.entries()
-    assert len({entry["toss_id"] for entry in entries}) == THROWS
-    assert [entry["commanded"]["throw_id"] for entry in entries] == [f"cube-throw-{number}" for number in range(THROWS)]
-    gains = [(entry["realised"]["planned"], entry["realised"]["realised"]) for entry in entries]
+    assert len({entry.toss_id for entry in entries}) == THROWS
+    assert [entry.commanded.throw_id for entry in entries] == [f"cube-throw-{number}" for number in range(THROWS)]
+    gains = [(entry.realised.planned, entry.realised.realised) for entry in entries if entry.realised]
+    assert len(gains) == THROWS
     assert all(planned > 0.0 for planned, _ in gains)
     assert 0.3 < sum(realised for _, realised in gains) / sum(planned for planned, _ in gains) < 3.0, gains
     assert gains[-1][0] < 0.7 * gains[0][0]  # what is known is not gained again
@@ -96,8 +98,8 @@ def test_a_designer_that_is_killed_in_mid_throw_goes_on_and_no_toss_is_given_to_
     loop.started_designer()
     loop.until_made(4)
     entries = loop.entries()
-    assert lost not in {entry["commanded"]["throw_id"] for entry in entries}
-    tosses = [entry["toss_id"] for entry in entries]
+    assert lost not in {entry.commanded.throw_id for entry in entries}
+    tosses = [entry.toss_id for entry in entries]
     assert all(tosses)
     assert len(set(tosses)) == len(tosses)
     states = [report.state for report in loop.reports if report.throw_command.throw_id == lost]
@@ -122,7 +124,7 @@ def test_an_arm_that_is_killed_in_mid_throw_leaves_a_loop_that_goes_on_when_it_i
     assert graph.listener.call(Trigger, "/sim_arm/arm", Trigger.Request(), LONG).success
     loop.until_made(4)
     entries = loop.entries()
-    assert lost not in {entry["commanded"]["throw_id"] for entry in entries}
-    assert len({entry["toss_id"] for entry in entries}) == 4
-    stamps = [entry["released_ns"] for entry in entries]
+    assert lost not in {entry.commanded.throw_id for entry in entries}
+    assert len({entry.toss_id for entry in entries}) == 4
+    stamps = [entry.released_ns for entry in entries]
     assert stamps == sorted(stamps)

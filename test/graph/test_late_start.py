@@ -15,7 +15,7 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.information.curation import curate
 from contact_curation.information.ranker import RankingConfig
-from contact_curation.nodes.messages.model_parameters import MODEL, bytes_of_geometry
+from contact_curation.learning.checkpoints.theta_bytes import bytes_of_geometry
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.toss_information import information_of
 from contact_curation.nodes.ros.qos import kept
@@ -57,7 +57,7 @@ def test_scorer_and_curator_that_come_late_and_a_new_theta_and_criterion(graph: 
     cube = ContactGeometry.of_body(CONTACTNETS_CUBE)
     theta = replace(cube, vertices_normal=cube.vertices_normal * 1.005, tangents=cube.tangents * 1.2)
     parameters = graph.listener.node.create_publisher(ModelParameters, "/model_parameters", kept(1))
-    published = ModelParameters(body="cube", model=MODEL, version="theta", safetensors=bytes_of_geometry(theta))
+    published = ModelParameters(body="cube", model="polytope", version="theta", safetensors=bytes_of_geometry(theta))
     parameters.publish(published)
     new = curated(golden_bag, TOP, theta)
     version = scored(expected[:1], theta)[0].parameters_version

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 import contact_curation
-from contact_curation.session.node_settings import STAGES
+from contact_curation.session.node_parameters import STAGES
 from contact_curation.session.parameter_files import read_node_parameters, write_node_parameters
 from test.graph.parts.declared_parameters import nodes_yaml
 

@@ -1,6 +1,5 @@
 """The designer as a process: it proposes, has throws made one after the other, and goes on where it was killed."""
 
-import json
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -20,6 +19,7 @@ from contact_curation.nodes import throw_goals
 from contact_curation.nodes.messages.headers import time_message
 from contact_curation.nodes.messages.throw import throw_of
 from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
+from contact_curation.stages.records import ThrowLogRecord, ThrowRecord, load_record
 from contact_curation.storage.stores.state import StateStore
 from test.cli.commands import write_parameters
 from test.graph.parts.graph import Graph
@@ -45,10 +45,9 @@ def trusted(graph: Graph) -> dict[str, Any]:
     return {"params": write_parameters(graph.folder / "true.json"), "canary.enabled": False}
 
 
-def made(folder: Path) -> list[Any]:
+def made(folder: Path) -> tuple[ThrowRecord, ...]:
     with StateStore(folder / "throws.sqlite") as states:
-        entries: list[Any] = json.loads(states.load("throws") or b"[]")
-    return entries
+        return (load_record(states.load, ThrowLogRecord) or ThrowLogRecord()).made
 
 
 def counted(heard: list[Any], kind: str) -> int:
@@ -88,7 +87,7 @@ def test_without_a_theta_that_it_can_use_throws_warm_up(graph: Graph) -> None:
     request = ProposeThrow.Request(body="cube", seed=1)
     first = graph.listener.call(ProposeThrow, "propose_throw", request, LONG)
     assert first.success
-    assert first.message == "warm-up (parameters: found none, expected model_parameters)"
+    assert first.message == "exploration (parameters: found none, expected model_parameters)"
     assert first.throw_command.expected_information == 0.0
 
 
@@ -96,14 +95,15 @@ def test_in_auto_throws_are_made_one_after_the_other_each_when_the_last_ones_tos
     thrower = Thrower(graph.listener)
     reports = reported(graph)
     started(graph, auto=True, max_throws=3, toss_timeout=LONG, **trusted(graph))
-    graph.until(lambda: len(made(graph.folder)) == 3 and made(graph.folder)[-1]["realised"], LONG, "three throws and tosses")
+    graph.until(lambda: len(made(graph.folder)) == 3 and made(graph.folder)[-1].realised, LONG, "three throws and tosses")
     settled(1.0)
     entries = made(graph.folder)
-    assert [entry["toss_id"] for entry in entries] == thrower.toss_ids
+    assert [entry.toss_id for entry in entries] == thrower.toss_ids
     assert len(thrower.commands) == 3
-    ratios = [entry["realised"]["realised"] / entry["realised"]["planned"] for entry in entries]
+    realised = [entry.realised for entry in entries if entry.realised]
+    ratios = [one.ratio for one in realised]
     assert all(0.3 < ratio < 3.0 for ratio in ratios), ratios
-    assert entries[1]["realised"]["planned"] < entries[0]["realised"]["planned"]  # what is known is not gained again
+    assert realised[1].planned < realised[0].planned  # what is known is not gained again
     told = [(one.throw_command.throw_id, one.state) for one in reports]
     states = ("commanded", "executed", "scored")
     assert [pair for pair in told if pair[1] == "commanded"] == [(f"cube-throw-{k}", "commanded") for k in range(3)]
@@ -114,8 +114,8 @@ def test_in_auto_throws_are_made_one_after_the_other_each_when_the_last_ones_tos
             "scored",
         ]  # both at once where it is quick
         assert {one.state for one in own} <= set(states)
-        assert (own[-1].toss_id, own[-1].realised_gain) == (entry["toss_id"], entry["realised"]["realised"])
-        assert (own[-1].kind, own[-1].planned_gain) == ("designed", entry["commanded"]["expected_information"])
+        assert (own[-1].toss_id, own[-1].realised_gain) == (entry.toss_id, entry.realised_gain)
+        assert (own[-1].kind, own[-1].planned_gain) == ("designed", entry.commanded.expected_information)
         assert own[-1].executed.throw_id == own[-1].throw_command.throw_id
 
 
@@ -127,7 +127,7 @@ def test_a_throw_whose_motion_is_rejected_is_followed_by_the_next_at_once(graph:
     publisher = graph.listener.node.create_publisher(TossRejected, "/toss_rejected", kept(RESULTS_KEPT))
     started(graph, auto=True, max_throws=2, toss_timeout=10.0 * LONG, **trusted(graph))
     graph.until(lambda: len(made(graph.folder)) == 1, LONG, "a first throw")
-    stamp = time_message(made(graph.folder)[0]["released_ns"])
+    stamp = time_message(made(graph.folder)[0].released_ns)
     reasons = ["gap: found 0.2 s", "depth: found 9 mm"]
     publisher.publish(TossRejected(header=Header(stamp=stamp), toss_id="cube-1", body="cube", reasons=reasons))
     graph.until(lambda: len(made(graph.folder)) == 2, LONG, "a second throw")
@@ -176,7 +176,7 @@ def test_a_designer_that_is_killed_goes_on_with_the_throws_it_had(graph: Graph) 
     thrower.silent.clear()
     started(graph, auto=True, max_throws=2, toss_timeout=0.5, **trusted(graph))
     graph.until(lambda: len(made(graph.folder)) == 2, LONG, "a second throw")
-    names = [entry["commanded"]["throw_id"] for entry in made(graph.folder)]
+    names = [entry.commanded.throw_id for entry in made(graph.folder)]
     assert names == ["cube-throw-0", "cube-throw-1"]
     graph.until(lambda: reports[-1:] and reports[-1].toss_id, LONG, "the report of the second throw")
     assert (reports[0].throw_command.throw_id, reports[0].state) == ("cube-throw-0", "executed")  # told by who came back

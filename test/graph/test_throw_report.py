@@ -59,7 +59,7 @@ def test_a_report_that_contradicts_itself_is_refused(changed: dict[str, object],
     ("changed", "why"),
     [
         ({"state": "lost"}, "state of a throw's report: found 'lost', expected commanded, not made, executed, scored"),
-        ({"kind": ""}, "kind of a throw's report: found '', expected designed, warm-up"),
+        ({"kind": ""}, "kind of a throw's report: found '', expected designed, exploration"),
     ],
 )
 def test_words_of_a_message_that_are_not_known_are_refused(changed: dict[str, str], why: str) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.information.model_version import model_version
-from contact_curation.nodes.messages.model_parameters import geometry_of_bytes
+from contact_curation.learning.checkpoints.theta_bytes import geometry_of_bytes
 from contact_curation.storage.checkpoint_file import read_model
 from test.graph.parts.graph import Graph
 from test.graph.parts.offline import tosses_of

@@ -4,7 +4,8 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
-from contact_curation.nodes.ros.catch_up import CatchUp, Cursor, Source
+from contact_curation.nodes.ros.catch_up import CatchUp, Source
+from contact_curation.stages.records import Cursor
 
 PAGE = 4
 

@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-from contact_curation.nodes.ros import inbox
-from contact_curation.nodes.ros.inbox import Inbox
+from contact_curation.nodes.ros import worker
+from contact_curation.nodes.ros.worker import Inbox
 
 
 def test_items_come_out_in_their_order_as_many_as_are_wanted() -> None:
@@ -37,7 +37,7 @@ def test_a_full_box_makes_whoever_brings_more_wait_and_nothing_is_lost() -> None
 
 
 def test_when_nothing_is_taken_any_more_nobody_waits_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(inbox, "PATIENCE", 0.01)
+    monkeypatch.setattr(worker, "PATIENCE", 0.01)
     goes_on = [True]
     box = Inbox[int](1, lambda: goes_on[0])
     box.put(1)

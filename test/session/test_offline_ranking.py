@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from contact_curation.session.node_settings import SessionFolder
-from contact_curation.session.offline_ranking import rank_command
+from contact_curation.session.config import SessionFolder
+from contact_curation.session.report import rank_command
 
 
 @pytest.mark.parametrize(
@@ -20,6 +20,7 @@ from contact_curation.session.offline_ranking import rank_command
     ],
 )
 def test_what_stood_in_for_the_default_is_named(tmp_path: Path, curator: dict[str, Any], criterion: str | None) -> None:
-    words = rank_command(SessionFolder(tmp_path), {"pose_ingest": {}, "fisher_scorer": {}, "curator": curator}, None)
+    parameters = {"pose_ingest": {}, "fisher_scorer": {}, "curator": curator}
+    words = rank_command(SessionFolder(tmp_path), parameters, None, tmp_path / "ranking.png")
     named = words[words.index("--criterion") + 1] if "--criterion" in words else None
     assert named == criterion

@@ -2,7 +2,7 @@
 
 import pytest
 
-from contact_curation.session.standstill import LONGEST_PAUSE, MOST_STARTS, Standstill
+from contact_curation.session.session import LONGEST_PAUSE, MOST_STARTS, Standstill
 from contact_curation.session.supervisor import ProgramFailedError
 
 TIMEOUT = 15.0

@@ -53,15 +53,15 @@ def known(stage: DesignStage, count: int, seed: int = 0) -> list[TossInformation
     infos = [info for info in PARTICLE.scorer.score(simulated_tosses(count, seed)) if isinstance(info, TossInformation)]
     for number, info in enumerate(infos):
         stage.add(info, number)
-    stage.keep([info.toss_id for info in infos])
+    stage.select([info.toss_id for info in infos])
     return infos
 
 
-def test_without_theta_throws_warm_up_each_unlike_those_before(states: StateStore) -> None:
+def test_without_theta_throws_explore_each_unlike_those_before(states: StateStore) -> None:
     stage = DesignStage(CUBE, CONFIG, states)
     first = thrown(stage, SECOND)
     proposal = stage.propose()
-    assert proposal.warm_up == "parameters: found none, expected model_parameters"
+    assert proposal.exploration == "parameters: found none, expected model_parameters"
     assert (first.expected_information, first.parameters_version) == (0.0, "")
     assert proposal.throw.throw_id == "cube-throw-1"
     assert np.abs(proposal.throw.orientation_wxyz - first.orientation_wxyz).max() > 0.05
@@ -80,7 +80,7 @@ def test_theta_is_trusted_when_tosses_fit_it_and_the_theta_before_it_was_like_it
     assert not stage.renew(TRUE)
     assert stage.distrust() is None
     proposal = stage.propose()
-    assert proposal.warm_up is None
+    assert proposal.exploration is None
     assert proposal.throw.parameters_version == PARTICLE.version
     assert proposal.throw.expected_information > 0.0
 
@@ -91,21 +91,21 @@ def test_what_theta_learned_from_does_not_count_as_predicted(states: StateStore)
     infos = known(stage, 3)
     for info in infos:  # the same tosses at the theta that learned from them
         stage.add(replace(info, parameters_version=NEARLY.version, mean_loss=0.001), 5)
-    stage.keep([info.toss_id for info in infos])
+    stage.select([info.toss_id for info in infos])
     assert stage.distrust() == "thetas: found 1, expected two that agree"
     strange = replace(infos[0], toss_id="strange", mean_loss=7.0, parameters_version="some first theta")
     for number in range(4):
         one = replace(strange, toss_id=f"strange-{number}")
         stage.add(one, 10 + number)
         stage.add(replace(one, parameters_version=NEARLY.version, mean_loss=0.001), 10 + number)
-    stage.keep([f"strange-{number}" for number in range(4)])
+    stage.select([f"strange-{number}" for number in range(4)])
     assert stage.distrust() == "loss: found a median of 7, expected at most 0.15"
     again = DesignStage(CUBE, CONFIG, states)
     for number in range(4):  # all that a scorer still has after a restart
         again.add(
             replace(strange, toss_id=f"strange-{number}", parameters_version=NEARLY.version, mean_loss=0.001), 10 + number
         )
-    again.keep([f"strange-{number}" for number in range(4)])
+    again.select([f"strange-{number}" for number in range(4)])
     assert again.distrust() == "loss: found a median of 7, expected at most 0.15"
 
 
@@ -114,7 +114,7 @@ def test_a_rejected_motion_ends_the_wait_of_the_throw_that_it_began_with_and_of_
     thrown(stage, SECOND)
     waits = []
     for first_ns, reason in ((SECOND // 2, "carried"), (SECOND + 7_000_000, "depth: found 9 mm"), (2 * SECOND, "still")):
-        stage.reject(first_ns, reason)
+        stage.reject(first_ns, (reason,))
         waits.append(stage.awaits_toss)
     assert waits == [True, False, False]
     assert stage.reports[0].detail == "rejected: depth: found 9 mm"
@@ -123,7 +123,7 @@ def test_a_rejected_motion_ends_the_wait_of_the_throw_that_it_began_with_and_of_
     assert not again.awaits_toss
     proposal = again.propose()
     again.begin(proposal)
-    again.reject(3 * SECOND, "gap: found 0.1 s")  # of the throw under way: nobody has told yet when it left
+    again.reject(3 * SECOND, ("gap: found 0.1 s",))  # of the throw under way: nobody has told yet when it left
     again.finish(proposal.throw, 3 * SECOND)
     assert again.reports[1].detail == "rejected: gap: found 0.1 s"
 
@@ -131,7 +131,7 @@ def test_a_rejected_motion_ends_the_wait_of_the_throw_that_it_began_with_and_of_
 def test_a_toss_behind_a_rejected_motion_is_still_the_throws(states: StateStore) -> None:
     stage = DesignStage(CUBE, TRUSTING, states, TRUE)
     throw = thrown(stage, SECOND)
-    stage.reject(SECOND, "gap: found 0.1 s")
+    stage.reject(SECOND, ("gap: found 0.1 s",))
     info, stamp_ns = information(throw, SECOND)
     stage.add(info, stamp_ns)
     assert (stage.reports[0].state, stage.reports[0].toss_id, stage.reports[0].detail) == (ThrowState.SCORED, info.toss_id, "")
@@ -140,8 +140,8 @@ def test_a_toss_behind_a_rejected_motion_is_still_the_throws(states: StateStore)
 def test_a_theta_at_which_nothing_comes_to_rest_is_not_followed_but_said(states: StateStore) -> None:
     stage = DesignStage(CUBE, TRUSTING, states, other_theta(1.0, 1e-3).geometry)
     proposal = stage.propose()
-    assert proposal.warm_up is not None
-    assert "releases that may be thrown: found 0" in proposal.warm_up
+    assert proposal.exploration is not None
+    assert "releases that may be thrown: found 0" in proposal.exploration
     assert proposal.throw.expected_information == 0.0
 
 
@@ -160,7 +160,7 @@ def test_the_first_toss_behind_a_throw_is_the_throws_whenever_it_is_heard_of(sta
     stage.add(old[0], 3)  # an old one, scored again
     assert stage.awaits_toss
     info, stamp_ns = information(throw, SECOND)
-    stage.keep([*(one.toss_id for one in old), info.toss_id])  # the curator heard of it first
+    stage.select([*(one.toss_id for one in old), info.toss_id])  # the curator heard of it first
     stage.add(info, stamp_ns)
     made = stage.throws[-1]
     assert made.toss_id == info.toss_id
@@ -212,11 +212,11 @@ def test_a_throw_is_told_of_from_its_command_to_its_gain(states: StateStore) -> 
     assert told[-1].realised == stage.throws[-1].realised.realised  # type: ignore[union-attr]
 
 
-def test_a_throw_that_was_not_made_is_told_with_the_reason_and_one_of_warm_up_with_its_own(states: StateStore) -> None:
+def test_a_throw_that_was_not_made_is_told_with_the_reason_and_one_of_exploration_with_its_own(states: StateStore) -> None:
     stage = DesignStage(CUBE, CONFIG, states)
     proposal = stage.propose()
     begun = stage.begin(proposal)
-    assert (begun.kind, begun.planned, begun.detail) == (ThrowKind.EXPLORATION, 0.0, proposal.warm_up)
+    assert (begun.kind, begun.planned, begun.detail) == (ThrowKind.EXPLORATION, 0.0, proposal.exploration)
     report = stage.abandon("joint 4 is too fast")
     assert (report.state, report.detail) == (ThrowState.NOT_MADE, "joint 4 is too fast")
     assert report.commanded.throw_id == "cube-throw-0"

@@ -1,5 +1,6 @@
 """Rounds of training without a node: when they begin, when they stop, and that a kill changes no digit."""
 
+import json
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
@@ -13,14 +14,17 @@ from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import Model, Rows
 from contact_curation.contact.models.registry import initial_model, tensors_of
 from contact_curation.contact.parameter_form import Form
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.information.model_version import model_version
+from contact_curation.learning.checkpoints.safetensors_bytes import pack, unpack
 from contact_curation.learning.training.progress import TrainingState
 from contact_curation.learning.training.protocols import ROUND_TRIMMED, TrainingConfig, budgeted, exact
 from contact_curation.learning.training.training import Training
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 from contact_curation.pipeline.learned_model import load_model
-from contact_curation.stages.training import KeptSet, Moment, RoundsConfig, TrainingStage
+from contact_curation.stages.records import TrainingRecord, load_record, record_bytes
+from contact_curation.stages.training import Moment, RoundsConfig, SelectedSet, TrainingStage
 from contact_curation.storage.checkpoint_file import save_checkpoint
 from contact_curation.storage.stores.tosses import TossStore
 from test.simulated import simulated_tosses
@@ -53,8 +57,8 @@ def store(tmp_path: Path) -> Iterator[TossStore]:
         yield made
 
 
-def kept(revision: int, seen: int, *numbers: int) -> KeptSet:
-    return KeptSet(revision, seen, tuple(tosses()[number].toss_id for number in numbers))
+def chosen(revision: int, seen: int, *numbers: int) -> SelectedSet:
+    return SelectedSet(revision, seen, tuple(tosses()[number].toss_id for number in numbers))
 
 
 def until_idle(training: TrainingStage) -> list[Moment]:
@@ -71,7 +75,7 @@ def numbers_of(model: Model) -> dict[str, bytes]:
 
 def test_a_round_waits_for_its_tosses_and_says_which_are_missing(tmp_path: Path, store: TossStore) -> None:
     training = stage(tmp_path, store)
-    training.follow(kept(1, 3, 2, 0))
+    training.follow(chosen(1, 3, 2, 0))
     training.add(tosses()[2])
     assert list(training.missing) == [tosses()[0].toss_id]
     assert not training.due
@@ -86,14 +90,14 @@ def test_a_round_ends_with_other_parameters_and_a_checkpoint_and_the_next_waits_
     for toss in tosses():
         store.add(toss)
     training = stage(tmp_path, store)
-    training.follow(kept(1, 3, 2, 0))
+    training.follow(chosen(1, 3, 2, 0))
     before, after = until_idle(training)
     assert (before.ended, after.ended) == (False, True)
     assert after.progress.gradient_steps == 20
     assert numbers_of(before.model) != numbers_of(after.model)
-    training.follow(kept(2, 4, 0, 2))  # the same tosses in another order
+    training.follow(chosen(2, 4, 0, 2))  # the same tosses in another order
     assert not training.due
-    training.follow(kept(3, 4, 0, 1))
+    training.follow(chosen(3, 4, 0, 1))
     assert until_idle(training)[-1].progress.gradient_steps == 40
 
 
@@ -103,7 +107,7 @@ def test_a_checkpoint_says_what_its_theta_follows_from(tmp_path: Path, store: To
         store.add(toss)
     training = stage(tmp_path, store, config)
     for revision, numbers in enumerate(((0, 1, 2), (2, 3, 4)), start=1):
-        training.follow(kept(revision, 3 + revision, *numbers))
+        training.follow(chosen(revision, 3 + revision, *numbers))
         until_idle(training)
     told = load_model(tmp_path / "model.safetensors", CONTACTNETS_CUBE)
     last = frozenset(tosses()[number].toss_id for number in (2, 3, 4))
@@ -117,11 +121,79 @@ def test_the_loop_comes_to_rest_when_no_new_toss_comes(tmp_path: Path, store: To
     training = stage(tmp_path, store)
     ended = []
     for revision in range(6):  # a ranking that swings to and fro, as that of a new theta may
-        training.follow(kept(revision, 6, 0, 1 + revision % 2))
+        training.follow(chosen(revision, 6, 0, 1 + revision % 2))
         ended += [moment.round.settling for moment in until_idle(training) if moment.ended]
     assert ended == [0, 1, 2]
-    training.follow(kept(9, 7, 0, 5))
+    training.follow(chosen(9, 7, 0, 5))
     assert [moment.round.settling for moment in until_idle(training)] == [0]
+
+
+def noted(store: TossStore) -> TrainingRecord:
+    """What a supervisor reads."""
+    record = load_record(store.load_state, TrainingRecord)
+    assert record is not None
+    return record
+
+
+def test_a_supervisor_reads_when_nothing_is_left_to_train_on(tmp_path: Path, store: TossStore) -> None:
+    training = stage(tmp_path, store)
+    assert noted(store) == TrainingRecord()
+    training.follow(chosen(1, 1, 0))
+    assert noted(store).revision == 0  # a toss is missing
+    training.add(tosses()[0])  # and is too few
+    assert (noted(store).revision, noted(store).tosses_seen) == (1, 1)
+    training.follow(chosen(2, 3, 2, 0))  # one is missing
+    assert noted(store).revision == 0
+    for toss in tosses():
+        training.add(toss)
+    assert noted(store).revision == 0  # a round is due
+    training.advance()
+    assert (noted(store).running, noted(store).round, noted(store).revision) == (True, 1, 0)
+    last = until_idle(training)[-1]
+    assert noted(store) == TrainingRecord(1, 20, False, model_version(last.model), 2, 3)
+    training.follow(chosen(3, 3, 0, 2))  # the same tosses in another order
+    assert noted(store).revision == 3
+    training.follow(chosen(4, 3, 0, 1))
+    assert noted(store).revision == 0
+    for revision in range(5, 7):
+        until_idle(training)
+        training.follow(chosen(revision, 3, 0, 1 + revision % 2))
+    assert (noted(store).revision, training.round.settling) == (6, 2)  # without a new toss it has settled
+    training.follow(chosen(7, 4, 0, 1))  # another toss was seen, and not selected
+    assert noted(store).revision == 0
+
+
+def test_what_a_supervisor_reads_is_right_again_after_a_kill(tmp_path: Path, store: TossStore) -> None:
+    for toss in tosses():
+        store.add(toss)
+    training = stage(tmp_path, store)
+    training.follow(chosen(1, 3, 2, 0))
+    until_idle(training)
+    before = noted(store)
+    store.save_state(TrainingRecord.KEY, record_bytes(replace(before, running=True, gradient_steps=12)))  # of before the end
+    again = stage(tmp_path, store)
+    assert noted(store) == replace(before, revision=0, tosses_seen=0)  # which buffer there is now it has not heard
+    again.follow(chosen(1, 3, 2, 0))
+    assert noted(store) == before
+
+
+def test_a_round_that_was_noted_before_notes_had_a_format_is_gone_on_with(tmp_path: Path, store: TossStore) -> None:
+    for toss in tosses():
+        store.add(toss)
+    training = stage(tmp_path, store)
+    training.follow(chosen(1, 3, 2, 0))
+    until_idle(training)
+    path = tmp_path / "model.safetensors"
+    packed = unpack(path.read_bytes(), path)
+    note = json.loads(packed.documents["notes"]["round"])
+    del note["format"]
+    packed.documents["notes"]["round"] = json.dumps(note)
+    path.write_bytes(pack(packed.arrays, packed.documents))
+    assert stage(tmp_path, store).round == training.round
+    packed.documents["notes"]["round"] = json.dumps({**note, "format": 2})
+    path.write_bytes(pack(packed.arrays, packed.documents))
+    with pytest.raises(UnreadableInputError, match="holds a Round of format 2, this package knows formats up to 1"):
+        stage(tmp_path, store)
 
 
 @pytest.mark.parametrize("slices", range(1, 6))
@@ -134,13 +206,13 @@ def test_a_kill_at_any_slice_changes_no_digit(tmp_path: Path, slices: int) -> No
             for toss in tosses():
                 store.add(toss)
             training = stage(folder, store)
-            training.follow(kept(1, 3, 2, 0))
+            training.follow(chosen(1, 3, 2, 0))
             for _ in range(slices):
                 training.advance()
             if killed:
                 training = stage(folder, store)
             until_idle(training)
-            training.follow(kept(2, 4, 3, 0))
+            training.follow(chosen(2, 4, 3, 0))
             results.append(until_idle(training)[-1])
     assert numbers_of(results[0].model) == numbers_of(results[1].model)
     assert results[0].round == results[1].round
@@ -157,7 +229,7 @@ def test_an_exact_round_ends_at_once_and_neither_the_rounds_before_nor_a_kill_ch
             config, path = exact(ROUND_TRIMMED), folder / "model.safetensors"
             training = TrainingStage(lambda _: untrained(), 1.0, config, ROUNDS, 0, store, path)
             for revision, numbers in enumerate(rounds, start=1):
-                training.follow(kept(revision, 2 + revision, *numbers))
+                training.follow(chosen(revision, 2 + revision, *numbers))
                 begun.append(training.advance())
                 if kills:
                     training = TrainingStage(lambda _: untrained(), 1.0, config, ROUNDS, 0, store, path)
@@ -175,7 +247,7 @@ def test_what_was_stepped_is_not_stepped_again_after_a_kill(tmp_path: Path, stor
     for toss in tosses():
         store.add(toss)
     training = stage(tmp_path, store)
-    training.follow(kept(1, 3, 2, 0))
+    training.follow(chosen(1, 3, 2, 0))
     for expected in (0, 6, 12, 18, 20):
         training.advance()
         resumed = stage(tmp_path, store)
@@ -194,7 +266,7 @@ def test_a_round_trains_on_every_toss_of_the_set_whatever_their_order(tmp_path: 
         folder = tmp_path / name
         folder.mkdir()
         training = stage(folder, store)
-        training.follow(kept(1, 3, *numbers))
+        training.follow(chosen(1, 3, *numbers))
         learned.append(numbers_of(until_idle(training)[-1].model))
     assert learned[0] != learned[1]
     assert learned[0] == learned[2]
@@ -204,12 +276,12 @@ def test_where_the_tosses_of_a_round_are_lost_it_goes_on_from_its_parameters(tmp
     for toss in tosses():
         store.add(toss)
     training = stage(tmp_path, store)
-    training.follow(kept(1, 3, 2, 0))
+    training.follow(chosen(1, 3, 2, 0))
     learned = until_idle(training)[-1].model
     with TossStore(tmp_path / "empty.sqlite") as empty:
         again = stage(tmp_path, empty)
         assert not again.due
-        again.follow(kept(1, 3, 2, 0))
+        again.follow(chosen(1, 3, 2, 0))
         for toss in tosses():
             again.add(toss)
         start = again.advance()
@@ -221,10 +293,10 @@ def test_another_protocol_goes_on_from_the_parameters_too(tmp_path: Path, store:
     for toss in tosses():
         store.add(toss)
     training = stage(tmp_path, store)
-    training.follow(kept(1, 3, 2, 0))
+    training.follow(chosen(1, 3, 2, 0))
     until_idle(training)
     again = stage(tmp_path, store, replace(CONFIG, steps=9, evaluation_steps=9))
-    again.follow(kept(1, 3, 2, 0))
+    again.follow(chosen(1, 3, 2, 0))
     assert until_idle(again)[-1].progress.gradient_steps == 9
 
 
@@ -233,11 +305,11 @@ def test_a_training_that_fails_says_so_and_goes_on_with_another_set(tmp_path: Pa
         store.add(toss)
     explosive = replace(CONFIG, polytope=replace(CONFIG.polytope, learning_rate=500.0))
     training = stage(tmp_path, store, explosive)
-    training.follow(kept(1, 3, 2, 0))
+    training.follow(chosen(1, 3, 2, 0))
     failed = until_idle(training)[-1].progress
     assert failed.state is TrainingState.FAILED
     assert "cube-" in failed.reason
-    training.follow(kept(2, 4, 2, 1))
+    training.follow(chosen(2, 4, 2, 1))
     assert training.due
 
 

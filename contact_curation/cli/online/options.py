@@ -1,48 +1,13 @@
 """The options of `online`, and what they ask for."""
 
 import argparse
-from dataclasses import dataclass
 from pathlib import Path
 
 from contact_curation.cli.options.reading import add_body_option
 from contact_curation.cli.options.types import natural_number, number_from_zero, positive_integer
 from contact_curation.cli.report import add_json_option
 from contact_curation.information.ranker import DEFAULT_CRITERION, criterion_names
-
-CAMERAS = ("poses", "rendered")
-
-
-@dataclass(frozen=True)
-class OnlineConfig:
-    """What the options ask for; None where an option was not given.
-
-    Attributes:
-        throws: ends after so many; 0: goes on.
-        camera: what the simulated camera tells.
-        dashboard: whether it is served.
-        stay: whether the dashboard is served until Ctrl-C, when the throws are over.
-        record: folder that keeps the session; None for none.
-        body_file: describes the body.
-        top: how many tosses are kept.
-        criterion: which.
-        seed: of all that is random.
-        rate: simulated seconds a second; 0: as fast as possible.
-        held_out: recordings that the model is judged by.
-        params_file: parameters of the nodes.
-    """
-
-    throws: int = 0
-    camera: str = CAMERAS[0]
-    dashboard: bool = False
-    stay: bool = False
-    record: Path | None = None
-    body_file: Path | None = None
-    top: int | None = None
-    criterion: str | None = None
-    seed: int | None = None
-    rate: float | None = None
-    held_out: tuple[Path, ...] = ()
-    params_file: Path | None = None
+from contact_curation.session.config import CAMERAS, SessionConfig
 
 
 def add_online_options(parser: argparse.ArgumentParser) -> None:
@@ -55,8 +20,8 @@ def add_online_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--stay", action="store_true", help="serve it until Ctrl-C, also when the throws are over")
     parser.add_argument("--record", type=Path, metavar="DIR", help="keep the session in this folder: bag, model, report, logs")
     add_body_option(parser, "--body-file")  # the nodes' name for it
-    parser.add_argument("--top", type=positive_integer, metavar="K", help="how many tosses are kept (default 32)")
-    parser.add_argument("--criterion", choices=criterion_names(), help=f"by what --top chooses (default {DEFAULT_CRITERION})")
+    parser.add_argument("--top", type=positive_integer, metavar="K", help="how many tosses are selected (default 32)")
+    parser.add_argument("--criterion", choices=criterion_names(), help=f"by what --top selects (default {DEFAULT_CRITERION})")
     parser.add_argument("--seed", type=natural_number, metavar="N", help="of all that is random (default 0)")
     parser.add_argument(
         "--rate", type=number_from_zero, metavar="R", help="simulated seconds a second; 0: as fast as possible (default 1)"
@@ -68,7 +33,7 @@ def add_online_options(parser: argparse.ArgumentParser) -> None:
         action="extend",
         default=[],
         metavar="INPUT",
-        help="recordings that are never trained on, to judge the model by (default none)",
+        help="recordings that are never trained on, to evaluate the model on (default none)",
     )
     parser.add_argument(
         "--params-file",
@@ -79,9 +44,9 @@ def add_online_options(parser: argparse.ArgumentParser) -> None:
     add_json_option(parser)
 
 
-def online_config(arguments: argparse.Namespace) -> OnlineConfig:
+def session_config(arguments: argparse.Namespace) -> SessionConfig:
     """The options' configuration."""
-    return OnlineConfig(
+    return SessionConfig(
         throws=arguments.throws or 0,
         camera=arguments.camera,
         dashboard=arguments.dashboard or arguments.stay,

@@ -27,8 +27,8 @@ class ReportedThrow:
 
     Attributes:
         number: from 1.
-        kind: designed or warm-up.
-        planned: gain in log-det; None in warm-up.
+        kind: designed or exploration.
+        planned: gain in log-det; None for exploration.
         realised: gain of its toss; None where it is not known.
         outcome: of its toss, in words.
     """
@@ -144,7 +144,7 @@ def learning_figure(data: ReportData) -> "Figure":
 
 
 def gains_figure(data: ReportData) -> "Figure":
-    """Two bars per designed throw; warm-up throws are marked."""
+    """Two bars per designed throw; exploration throws are marked."""
     figure = _figure(3.2)
     panel = figure.subplots()
     places = np.array([throw.number for throw in data.throws], dtype=float)
@@ -153,8 +153,10 @@ def gains_figure(data: ReportData) -> "Figure":
         (0.2, BLUE.web, "realised", [throw.realised for throw in data.throws]),
     ):
         panel.bar(places + shift, [value or 0.0 for value in values], width=0.4, color=colour, label=label)
-    warm_up = [throw.number for throw in data.throws if throw.kind == "warm-up"]
-    panel.plot(warm_up, [0.0] * len(warm_up), linestyle="", marker="^", color=VERMILION.web, label="warm-up", clip_on=False)
+    exploration = [throw.number for throw in data.throws if throw.planned is None]
+    panel.plot(
+        exploration, [0.0] * len(exploration), linestyle="", marker="^", color=VERMILION.web, label="exploration", clip_on=False
+    )
     panel.set(xlabel="throw", ylabel="gain in log-det [nats]")
     panel.legend(frameon=False)
     panel.grid(alpha=0.3, axis="y")

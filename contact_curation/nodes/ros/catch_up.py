@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -17,19 +17,13 @@ from rclpy.task import Future
 
 from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
 from contact_curation.nodes.ros.worker import Worker
+from contact_curation.stages.records import Cursor
 
 PERIOD = 1.0
 """[s] between questions when nothing is missing."""
 
 PATIENCE = 5
 """Periods until a question without an answer is asked again: the server was killed meanwhile."""
-
-
-class Cursor(NamedTuple):
-    """The last message that was taken: its number and its toss; zero and empty before the first."""
-
-    sequence: int = 0
-    toss_id: str = ""
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from contact_curation.errors import MissingTopicError
-from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.ros.message_types import message_class
-from contact_curation.nodes.ros.qos import profile
+from contact_curation.nodes.ros.qos import offered, profile
+from contact_curation.stages.ingest import published_before
+from contact_curation.storage.bags.records import OfferedQos
 from contact_curation.storage.inputs.pose_messages import POSE_MESSAGES, TF, Measured
 from contact_curation.storage.inputs.pose_source import PoseSource, PoseTopicConfig, TypedTopic, find_pose_source
 from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIONS
@@ -26,9 +26,6 @@ READ_TYPES = (*POSE_MESSAGES, DETECTIONS, CAMERA_INFO)
 
 TF_STATIC = "/tf_static"
 RIG = (TypedTopic("/tf", TF), TypedTopic(TF_STATIC, TF))
-
-MOST_AHEAD_NS = 1_000_000_000
-"""Of the present; what is known to a later time was published by a clock that has been set back since."""
 
 LOOKS_FOR_THE_RIG = 10
 """So many looks at the graph a body's poses wait for the rig's static transforms: a fast bag would be far ahead of them.
@@ -41,13 +38,11 @@ class Offer(NamedTuple):
 
     Attributes:
         type: ROS type name.
-        reliable: none of them is best effort.
-        latched: all of them keep messages for late subscribers.
+        qos: how they offer it.
     """
 
     type: str
-    reliable: bool
-    latched: bool
+    qos: OfferedQos
 
 
 class Received(NamedTuple):
@@ -137,13 +132,10 @@ class PoseTopics:
 
     def _past(self, newest: Mapping[str, int]) -> dict[str, int]:
         """Times of publication that lie behind the present one; the others say nothing any more."""
-        now_ns = Clock(clock_type=ClockType.SYSTEM_TIME).now().nanoseconds
-        ahead_ns = max(newest.values(), default=0) - now_ns
-        if ahead_ns > MOST_AHEAD_NS:
-            self._node.get_logger().warning(
-                f"the clock was set back: found poses published {ahead_ns / NANOSECONDS:.0f} s ahead; all that comes is new"
-            )
-        return {topic: published_ns for topic, published_ns in newest.items() if published_ns <= now_ns + MOST_AHEAD_NS}
+        past, warning = published_before(newest, Clock(clock_type=ClockType.SYSTEM_TIME).now().nanoseconds)
+        if warning:
+            self._node.get_logger().warning(warning)
+        return past
 
     def _follow_topics(self, topics: Sequence[str]) -> None:
         for topic in topics:
@@ -156,7 +148,7 @@ class PoseTopics:
         """Whether the static transforms have come, or their publishers keep none for late subscribers."""
         if TF_STATIC not in self._subscriptions:
             return False
-        return TF_STATIC in self._heard or not self._subscriptions[TF_STATIC][0].latched
+        return TF_STATIC in self._heard or not self._subscriptions[TF_STATIC][0].qos.latched
 
     def read(self, received: Received) -> tuple[str, int, tuple[Measured, ...]]:
         """What a message says, with the topic and the time of publication that it is known by from now on.
@@ -193,11 +185,10 @@ class PoseTopics:
     def _offer(self, topic: str) -> Offer | None:
         """What the publishers of a topic offer; None while there are none of the right type."""
         wanted = {one.name: one.type for one in (*RIG, *(self.source.typed if self.source else ()))}[topic]
-        offered = [info.qos_profile for info in self._node.get_publishers_info_by_topic(topic) if info.topic_type == wanted]
-        if not offered:
+        profiles = [info.qos_profile for info in self._node.get_publishers_info_by_topic(topic) if info.topic_type == wanted]
+        if not profiles:
             return None
-        reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
-        return Offer(wanted, reliable, all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered))
+        return Offer(wanted, offered(profiles))
 
     def _subscribe(self, topic: str, offer: Offer) -> None:
         after_ns = self._newest.get(topic, 0)
@@ -213,6 +204,6 @@ class PoseTopics:
 
         if topic in self._subscriptions:
             self._node.destroy_subscription(self._subscriptions[topic][1])
-        qos = profile(self._depth, reliable=offer.reliable, latched=offer.latched)
+        qos = profile(self._depth, reliable=offer.qos.reliable, latched=offer.qos.latched)
         subscription = self._node.create_subscription(message_class(offer.type), topic, on_message, qos)
         self._subscriptions[topic] = offer, subscription

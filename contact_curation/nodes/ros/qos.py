@@ -1,6 +1,10 @@
 """The qualities of service of the graph's topics."""
 
+from collections.abc import Iterable
+
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from contact_curation.storage.bags.records import OfferedQos
 
 RESULTS_KEPT = 256
 """Results that a late listener still gets from the topic; services give all of them."""
@@ -18,4 +22,13 @@ def profile(depth: int, *, reliable: bool, latched: bool) -> QoSProfile:
         depth=depth,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def offered(profiles: Iterable[QoSProfile]) -> OfferedQos:
+    """What all publishers of a topic offer: reliable if all are, latched if all keep messages for late subscribers."""
+    known = list(profiles)
+    return OfferedQos(
+        latched=all(one.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in known),
+        reliable=all(one.reliability == ReliabilityPolicy.RELIABLE for one in known),
     )

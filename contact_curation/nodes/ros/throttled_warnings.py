@@ -11,7 +11,7 @@ PAUSE = 30.0
 """[s] of the steady clock until the same kind of fault is logged again."""
 
 
-class Complaints:
+class ThrottledWarnings:
     """Counts faults by kind; `node` logs them."""
 
     def __init__(self, node: Node) -> None:

@@ -17,6 +17,7 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.training.protocols import ROUND_TRIMMED, TrainingConfig, budgeted, exact
 from contact_curation.nodes.ros.parameters import declare, declare_config
+from contact_curation.stages.held_out_tosses import HeldOutConfig, HeldOutTosses
 from contact_curation.storage.parameters_file import Parameters, read_theta
 
 ROUND_STEPS = 400
@@ -73,6 +74,17 @@ def declared_first_model(node: Node, kind: ModelKind, body: Body, form: Form, se
     if model.kind is not kind:
         raise InvalidValueError(f"model in {path}", model.kind.value, kind.value)
     return lambda _: model
+
+
+def declared_held_out(node: Node, body: Body) -> HeldOutTosses:
+    """The tosses of the recordings that a node's parameters name.
+
+    Raises:
+        InvalidValueError: there is no toss in them.
+    """
+    paths = declare(node, "held_out", [""], "recordings that are never trained on, for the errors of training_status")
+    config = declare_config(node, HeldOutConfig())
+    return HeldOutTosses([path for path in paths if path], body, config.inputs)
 
 
 def _stored_model(path: Path, body: Body, form: Form) -> Model:

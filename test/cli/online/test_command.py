@@ -10,42 +10,57 @@ import pytest
 
 from contact_curation.cli.main import main
 from contact_curation.cli.online import command as online
-from contact_curation.cli.online.options import OnlineConfig, add_online_options, online_config
+from contact_curation.cli.online.options import add_online_options, session_config
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.design.designer import Realised
+from contact_curation.design.throw import throw_of_state
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.motion.calibration import RigCalibration
 from contact_curation.motion.pose_stream import FramePose
+from contact_curation.session.config import SessionConfig, SessionFolder
+from contact_curation.session.events import EventLog
 from contact_curation.session.free_domain import graph_domain
-from contact_curation.session.free_port import free_port
 from contact_curation.session.graph import graph_environment
-from contact_curation.session.node_settings import SessionFolder, judged_inputs, session_parameters
-from contact_curation.session.offline_ranking import rank_command
+from contact_curation.session.node_parameters import declared_parameters, free_port, held_out_inputs, session_parameters
 from contact_curation.session.parameter_files import Parameters
-from contact_curation.session.session import gains, outcome_of
-from contact_curation.session.settling import awaits_gain, awaits_motion, is_scored, training_is_due
-from contact_curation.session.stores import KeptBack, SessionStores, Standing, ThrowMade, Training
+from contact_curation.session.report import rank_command
+from contact_curation.session.session import Session
+from contact_curation.session.state import SessionState, SessionStores
+from contact_curation.session.summary import gains, outcome_of
 from contact_curation.session.supervisor import ProgramFailedError
 from contact_curation.solver import compiled
+from contact_curation.stages.records import (
+    BufferRecord,
+    ServedDashboard,
+    ThrowLogRecord,
+    ThrowRecord,
+    TrainingRecord,
+    kept_records,
+    write_record,
+)
 from contact_curation.storage.inputs.inputs import InputsConfig
 from contact_curation.storage.inputs.pose_messages import POSE
 from contact_curation.storage.stores.information import InformationStore
 from contact_curation.storage.stores.state import StateStore
 from contact_curation.storage.stores.tosses import TossStore
+from test.design.cases import releases
 from test.motion.streams import stream
 from test.storage.pose_recordings import recorded
 from test.storage.stored_records import information, rejected, toss
 from test.storage.written_bags import write_ours
 
-THROW = ThrowMade("throw-0", None, 100, "toss-0", 2.0, 1.5)
-TRAINING = Training(running=False, round=3, tosses_seen=3, settling=0, toss_ids=("a", "b"), gradient_steps=900)
-AT_REST = Standing((THROW,), ("a", "b", "c"), (), ("b", "a"), "theta", ranked=3, scored=3, training=TRAINING)
-ROUNDS = {"least_tosses": 2, "settling_rounds": 3}
+COMMANDED = throw_of_state("throw-0", "cube", releases(1)[0], 2.5, "theta")
+THROW = ThrowRecord(COMMANDED, COMMANDED, 100, 90, None, "toss-0", Realised("throw-0", "toss-0", 2.0, 1.5))
+UNSEEN = ThrowRecord(COMMANDED, COMMANDED, 200, 190)
+BUFFER = BufferRecord(4, ("b", "a"), "theta", "trace", 3)
+TRAINING = TrainingRecord(round=3, gradient_steps=900, running=False, version="theta", revision=4, tosses_seen=3)
+AT_REST = SessionState((THROW,), "", ("a", "b", "c"), (), BUFFER, ranked=3, scored=3, training=TRAINING)
 
 
 def parameters_of(folder: Path, text: str = "", **options: object) -> dict[str, Parameters]:
     path = folder / "nodes.yaml"
     path.write_text(text)
-    config = OnlineConfig(params_file=path if text else None, **options)  # type: ignore[arg-type]
+    config = SessionConfig(params_file=path if text else None, **options)  # type: ignore[arg-type]
     return session_parameters(config, CONTACTNETS_CUBE, SessionFolder(folder))
 
 
@@ -61,6 +76,9 @@ def test_options_go_before_the_file_and_the_session_before_both(tmp_path: Path) 
     assert found["sim_arm"]["armed"] is True
     assert found["throw_designer"]["max_throws"] == 12
     assert found["throw_designer"]["toss_timeout"] == 3.0 + 12.0 / 2.0
+    slow = parameters_of(tmp_path, "sim_arm: {ros__parameters: {rate: 1.0}}")["throw_designer"]
+    usual = declared_parameters()["throw_designer"]
+    assert all(slow[name] == usual[name] for name in ("toss_timeout", "goal_timeout"))
 
 
 def test_designer_and_arm_are_told_of_the_same_arm(tmp_path: Path) -> None:
@@ -172,7 +190,7 @@ fisher_scorer: {ros__parameters: {estimator: empirical, influence_bound: .inf, l
 curator: {ros__parameters: {criterion: trace, prior: 0.01, whiten: false}}
 """
     parameters = parameters_of(tmp_path, text, top=5)
-    words = rank_command(SessionFolder(tmp_path), parameters, None)
+    words = rank_command(SessionFolder(tmp_path), parameters, None, tmp_path / "ranking.png")
     settings = [words[place + 1] for place, word in enumerate(words) if word == "--set"]
     wanted = [
         "segmenter.region_x=-1.0,1.0",
@@ -192,81 +210,115 @@ curator: {ros__parameters: {criterion: trace, prior: 0.01, whiten: false}}
 def test_a_session_is_read_from_its_stores(tmp_path: Path) -> None:
     folder = SessionFolder(tmp_path)
     folder.make()
-    stores = SessionStores(folder, CONTACTNETS_CUBE)
-    assert stores.look() == Standing()
+    stores = SessionStores(folder)
+    assert stores.look() == SessionState()
     first, second, bad = toss(1), toss(2), rejected(3)
     with TossStore(folder.store("pose_ingest")) as tosses:
         tosses.add(first)
         tosses.add_rejected(bad)
-    entry = {"commanded": {"throw_id": "t", "expected_information": 2.5}, "after_ns": 5, "toss_id": "a", "warm_up": None}
     with StateStore(folder.store("throw_designer")) as states:
-        states.save({"throws": json.dumps([{**entry, "realised": None}]).encode()})
+        states.save(kept_records(ThrowLogRecord(2, None, (THROW, UNSEEN), "releases: found 0")))
     scored = information(1)
     with InformationStore(folder.store("fisher_scorer")) as informations:
         informations.add(scored)
+    buffer = BufferRecord(1, ("a",), scored.parameters_version, "trace", 1)
     with StateStore(folder.store("curator").with_name("curator.sqlite.state")) as states:
-        states.save({"buffer": json.dumps({"kept": ["a"], "version": scored.parameters_version, "revision": 1}).encode()})
+        states.save(kept_records(buffer))
+    with TossStore(folder.store("trainer")) as tosses:
+        for key, data in kept_records(TRAINING).items():
+            tosses.save_state(key, data)
+    write_record(folder.dashboard, ServedDashboard("http://here"))
     seen = stores.look()
-    assert seen.throws == (ThrowMade("t", None, 5, "a", 2.5, None),)
+    assert [(one.toss_id, one.planned_gain, one.after_ns) for one in seen.throws] == [("toss-0", 2.0, 100), ("", 2.5, 200)]
+    assert (seen.no_throw, seen.dashboard) == ("releases: found 0", "http://here")
     assert seen.tosses == (first.toss_id,)
-    assert [one.reasons for one in seen.kept_back] == [tuple(bad.reasons)]
-    assert (seen.kept, seen.version) == (("a",), scored.parameters_version)
-    assert (seen.scored, seen.ranked, seen.training) == (1, 0, None)
+    assert seen.rejected == ((bad.toss.toss_id, tuple(bad.reasons)),)
+    assert (seen.buffer, seen.scored, seen.ranked, seen.training) == (buffer, 1, 0, TRAINING)
+    assert stores.look() == seen  # nothing has changed
     with TossStore(folder.store("pose_ingest")) as tosses:
         tosses.add(second)
     assert stores.look().tosses == (first.toss_id, second.toss_id)
+    assert stores.look().throws is seen.throws
 
 
-def test_training_is_due_until_the_kept_set_was_trained_on_or_settled() -> None:
-    assert not training_is_due(AT_REST, **ROUNDS)
-    assert training_is_due(replace(AT_REST, training=replace(TRAINING, running=True)), **ROUNDS)
-    other = replace(AT_REST, kept=("b", "c"))
-    assert training_is_due(other, **ROUNDS)
-    settled = replace(other, training=replace(TRAINING, settling=3))
-    assert not training_is_due(settled, **ROUNDS)
-    assert training_is_due(replace(settled, ranked=4), **ROUNDS)
-    assert training_is_due(replace(AT_REST, training=None), **ROUNDS)
-    assert not training_is_due(replace(AT_REST, training=None, kept=("a",)), **ROUNDS)
+def test_a_record_of_a_newer_node_is_refused_in_one_line(tmp_path: Path) -> None:
+    folder = SessionFolder(tmp_path)
+    folder.make()
+    with StateStore(folder.store("throw_designer")) as states:
+        states.save({"throws": json.dumps({"format": 2}).encode()})
+    message = "throw_designer.sqlite: holds a ThrowLogRecord of format 2, this package knows formats up to 1"
+    with pytest.raises(UnreadableInputError, match=message):
+        SessionStores(folder).look()
+
+
+def test_a_session_is_trained_when_the_trainer_has_nothing_to_do_with_its_buffer_at_its_theta() -> None:
+    assert AT_REST.is_trained
+    assert not replace(AT_REST, training=replace(TRAINING, running=True)).is_trained
+    assert not replace(AT_REST, buffer=replace(BUFFER, revision=5)).is_trained  # it has not heard of it yet
+    assert not replace(AT_REST, buffer=replace(BUFFER, seen=4)).is_trained
+    assert not replace(AT_REST, training=replace(TRAINING, revision=0)).is_trained  # a round is due
+    assert not replace(AT_REST, training=replace(TRAINING, version="newer")).is_trained  # tosses are being scored again
+    assert replace(AT_REST, training=TrainingRecord(revision=4, tosses_seen=3)).is_trained  # too few to train on
+    assert SessionState().is_trained
 
 
 def test_a_toss_that_is_not_scored_yet_keeps_a_session_from_rest() -> None:
-    assert is_scored(AT_REST)
-    assert not is_scored(replace(AT_REST, ranked=2))
-    assert not is_scored(replace(AT_REST, tosses=("a", "b", "c", "d")))
+    assert AT_REST.is_scored
+    assert not replace(AT_REST, ranked=2).is_scored
+    assert not replace(AT_REST, tosses=("a", "b", "c", "d")).is_scored
 
 
 def test_only_the_last_throw_is_waited_for_until_its_motion_was_seen() -> None:
-    unseen = replace(THROW, toss_id="", realised=None, after_ns=200)
-    assert not awaits_motion(Standing())
-    assert awaits_motion(Standing((THROW, unseen)))
-    assert not awaits_motion(Standing((unseen, replace(THROW, after_ns=300))))
-    seen = KeptBack("c", ("gap: found 3",), 250)
-    assert not awaits_motion(Standing((THROW, unseen), kept_back=(seen,)))
-    assert awaits_motion(Standing((THROW, unseen), kept_back=(replace(seen, last_ns=150),)))
-    assert awaits_gain(Standing((replace(THROW, realised=None),)))
-    assert not awaits_gain(Standing((unseen,)))
+    assert not SessionState().awaits_motion
+    assert SessionState((THROW, UNSEEN)).awaits_motion
+    assert not SessionState((UNSEEN, THROW)).awaits_motion
+    assert not SessionState((THROW, replace(UNSEEN, rejected=("gap: found 3",)))).awaits_motion
+    assert SessionState((replace(THROW, realised=None),)).awaits_gain
+    assert not SessionState((replace(THROW, realised=None, exploration="few tosses"),)).awaits_gain
+    assert not SessionState((UNSEEN,)).awaits_gain
 
 
 def test_what_became_of_a_throw_is_told_in_words() -> None:
-    lost, bad = replace(THROW, toss_id="", after_ns=200), replace(THROW, toss_id="", after_ns=300)
-    kept_back = (KeptBack("c", ("gap: found 3", "more"), 350),)
-    standing = Standing((THROW, lost, bad), kept=("x", "toss-0"), kept_back=kept_back)
-    assert [outcome_of(standing, place) for place in range(3)] == [
-        "kept, rank 2 of 2",
+    bad = replace(UNSEEN, rejected=("gap: found 3", "more"))
+    state = SessionState((THROW, UNSEEN, bad), buffer=replace(BUFFER, selected=("x", "toss-0")))
+    assert [outcome_of(state, place) for place in range(3)] == [
+        "selected, rank 2 of 2",
         "no motion was seen",
         "rejected: gap: found 3",
     ]
-    assert outcome_of(replace(standing, kept=()), 0) == "not kept"
+    assert outcome_of(replace(state, buffer=BUFFER), 0) == "not selected"
     assert gains(THROW) == "gain 2 planned, 1.5 realised"
-    assert gains(replace(THROW, planned=None, warm_up="tosses")) == "warm-up"
+    exploring = replace(THROW, exploration="few tosses", realised=None)
+    assert gains(exploring) == exploring.report.kind.value
+
+
+def test_a_session_says_once_where_the_dashboard_is_and_why_there_is_no_throw(tmp_path: Path) -> None:
+    folder, said = SessionFolder(tmp_path), list[str]()
+    folder.make()
+    parameters = parameters_of(tmp_path, throws=2)
+    with EventLog(folder.events) as events:
+        session = Session(SessionConfig(throws=2), parameters, folder, events, said.append)
+        write_record(folder.dashboard, ServedDashboard("http://here"))
+        log = ThrowLogRecord(1, None, (THROW,), "")
+        for reason in ("", "releases: found 0", "releases: found 0", "", "releases: found 0", "the kernel"):
+            with StateStore(folder.store("throw_designer")) as states:
+                states.save(kept_records(replace(log, no_throw=reason)))
+            session._look()
+    assert said == [
+        "dashboard: http://here",
+        "throw   1 of 2  gain 2 planned, 1.5 realised        not selected  (0 s)",
+        "no throw: releases: found 0",
+        "no throw: releases: found 0",  # the same again, after a throw
+        "no throw: the kernel",
+    ]
 
 
 def test_a_dashboard_that_stays_is_served() -> None:
     parser = argparse.ArgumentParser()
     add_online_options(parser)
-    assert online_config(parser.parse_args(["--stay"])).dashboard
-    assert not online_config(parser.parse_args([])).dashboard
-    assert online_config(parser.parse_args(["--held-out", "a", "b"])).held_out == (Path("a"), Path("b"))
+    assert session_config(parser.parse_args(["--stay"])).dashboard
+    assert not session_config(parser.parse_args([])).dashboard
+    assert session_config(parser.parse_args(["--held-out", "a", "b"])).held_out == (Path("a"), Path("b"))
 
 
 @pytest.mark.parametrize("words", [["--throws", "0"], ["--rate", "-1"], ["--camera", "eye"], ["--criterion", "best"]])
@@ -290,9 +342,9 @@ def test_recordings_to_judge_by_are_read_as_the_trainer_is_told_to(tmp_path: Pat
     told.write_text(
         "/**:\n  ros__parameters: {segmenter.tracker_noise: 5.0}\ntrainer:\n  ros__parameters: {rig.normal: [0.01, 0.0, 1.0]}\n"
     )
-    inputs = judged_inputs(OnlineConfig(params_file=told))
+    inputs = held_out_inputs(SessionConfig(params_file=told))
     assert (inputs.segmenter.tracker_noise, inputs.rig) == (5.0, RigCalibration(normal=(0.01, 0.0, 1.0)))
-    assert judged_inputs(OnlineConfig()) == InputsConfig()
+    assert held_out_inputs(SessionConfig()) == InputsConfig()
 
 
 @pytest.mark.parametrize(("name", "says"), [("none.mcap", "No such file"), ("folder", "is a folder without storage files")])

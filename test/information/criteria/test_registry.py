@@ -37,7 +37,9 @@ def test_only_a_criterion_that_needs_a_prior_asks_for_it(one: Criterion) -> None
 
 @EVERY
 def test_only_a_criterion_that_needs_theta_ranks_otherwise_at_another_one(one: Criterion) -> None:
-    elsewhere = [replace(new, duration=old.duration) for new, old in zip(tosses(40, 6, 4, seed=1), POOL, strict=True)]
+    losses = np.random.default_rng(0).uniform(0.1, 0.2, 40).tolist()
+    others = zip(tosses(40, 6, 4, seed=1), POOL, losses, strict=True)
+    elsewhere = [replace(new, duration=old.duration, mean_loss=loss) for new, old, loss in others]
     config = RankingConfig(one.name, top=8)
     assert (rank(POOL, config).ids != rank(elsewhere, config).ids) == (Need.THETA in one.needs)
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from contact_curation.nodes.ros.awake_clock import AwakeClock
+from contact_curation.stages.simulated_time import AwakeClock
 
 
 class Steady:

@@ -1,4 +1,4 @@
-"""ModelParameters, theta as safetensors bytes: arrays by name and nothing else, so that reading them runs no code.
+"""A polytope's theta as safetensors bytes: arrays by name and nothing else, so that reading them runs no code.
 
 Keys are those of DESIGN 6: vertices_normal (V, 3), normal (3), vertices_tangent (V, 3), tangents (2, 3), friction included, and
 where the ground is not through the origin pivot (3) and height (1); all in characteristic lengths.
@@ -11,7 +11,6 @@ from safetensors.numpy import load, save
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.errors import InvalidValueError
 
-MODEL = "polytope"
 REQUIRED = ("vertices_normal", "normal", "vertices_tangent", "tangents")
 OPTIONAL = ("pivot", "height")
 LARGEST_BYTES = 1 << 20

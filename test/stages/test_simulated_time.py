@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.nodes.ros.simulated_time import BLOCK, SimulatedTime
+from contact_curation.stages.simulated_time import BLOCK, SimulatedTime
 
 EPOCH = 1_000_000_000
 

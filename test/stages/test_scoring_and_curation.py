@@ -17,8 +17,8 @@ from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.nodes.messages.curated_buffer import buffer_message
-from contact_curation.nodes.ros.catch_up import Cursor
 from contact_curation.stages.curation import CurationConfig, CurationStage
+from contact_curation.stages.records import Cursor
 from contact_curation.stages.scored_theta import theta_of_geometry
 from contact_curation.stages.scoring import ScoringStage, checked_body
 from contact_curation.stages.selection import StreamingSelection
@@ -301,3 +301,8 @@ def test_a_stream_cannot_keep_to_every_criterion(tmp_path: Path) -> None:
     config = CurationConfig(selection="streaming")
     with stores(tmp_path) as (informations, states), pytest.raises(InvalidValueError, match="trace or log-det"):
         CurationStage(RankingConfig(criterion="orthogonal"), config, informations, states)
+
+
+def test_a_selection_that_there_is_no_more_is_refused_with_those_that_there_are() -> None:
+    with pytest.raises(InvalidValueError, match="selection: found sieve, expected one of exact, streaming"):
+        CurationConfig(selection="sieve")
