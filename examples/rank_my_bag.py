@@ -14,8 +14,10 @@ parser.add_argument("--top", type=int, default=8, help="how many tosses are sele
 parser.add_argument("--out", default="manifest.parquet", help="a .parquet, .csv or .json file")
 arguments = parser.parse_args()
 
-options = {"body": cc.Body.from_file(arguments.body)} if arguments.body else {}
-tosses = cc.read(arguments.inputs, **options)
+if arguments.body:
+    tosses = cc.read(arguments.inputs, body=cc.Body.from_file(arguments.body))
+else:
+    tosses = cc.read(arguments.inputs)
 for line in tosses.warnings:
     print(f"warning: {line}")
 for one in tosses.rejected:

@@ -115,7 +115,8 @@ def test_the_first_page_of_the_face_works_as_it_stands(bench: Path) -> None:
 
 
 def test_a_pattern_a_path_and_several_are_recordings(bench: Path, tosses: cc.Tosses) -> None:
-    for inputs in ("*.mcap", bench / "session.mcap", ["session.mcap", bench / "test.mcap"]):
+    several: list[str | Path] = ["session.mcap", bench / "test.mcap"]
+    for inputs in ("*.mcap", bench / "session.mcap", several):
         assert cc.read(inputs).ids == tosses.ids
     twice = cc.read("*.mcap")
     assert len(twice.duplicates) == len(twice.warnings) == 24
@@ -205,7 +206,8 @@ def test_scores_are_those_of_the_ranking_with_names_and_units(tosses: cc.Tosses,
         assert float(losses.mean()) == pytest.approx(rows[toss_id].mean_loss, rel=1e-12)
         assert len(losses) == rows[toss_id].transitions
         assert factor.shape[1] == len(info.parameter_names)
-    np.testing.assert_allclose(info.traces, [rows[toss_id].trace for toss_id in info.toss_ids], rtol=1e-3)
+    traces = np.array([rows[toss_id].trace for toss_id in info.toss_ids], dtype=float)
+    np.testing.assert_allclose(info.traces, traces, rtol=1e-3)
     assert not info.not_scored
 
 
