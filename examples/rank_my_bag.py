@@ -6,6 +6,7 @@ python examples/rank_my_bag.py session.mcap [more.mcap ...] [--body brick.yaml] 
 import argparse
 
 import contact_curation as cc
+from contact_curation.contact.body import CONTACTNETS_CUBE
 
 parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
 parser.add_argument("inputs", nargs="+", help="MCAP files, rosbag2 folders, ROS 1 bags")
@@ -14,10 +15,8 @@ parser.add_argument("--top", type=int, default=8, help="how many tosses are sele
 parser.add_argument("--out", default="manifest.parquet", help="a .parquet, .csv or .json file")
 arguments = parser.parse_args()
 
-if arguments.body:
-    tosses = cc.read(arguments.inputs, body=cc.Body.from_file(arguments.body))
-else:
-    tosses = cc.read(arguments.inputs)
+body = cc.Body.from_file(arguments.body) if arguments.body else CONTACTNETS_CUBE
+tosses = cc.read(arguments.inputs, body=body)
 for line in tosses.warnings:
     print(f"warning: {line}")
 for one in tosses.rejected:

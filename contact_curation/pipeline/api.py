@@ -16,7 +16,6 @@ from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.evaluation.held_out import HeldOutRule
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.division import DivisionConfig, held_out_rule, learning_tosses
-from contact_curation.pipeline.progress import Progress, silent
 from contact_curation.pipeline.ranked import RankedTosses
 from contact_curation.pipeline.ranking import RankConfig, rank_tosses
 from contact_curation.pipeline.reading import ReadingConfig
@@ -24,6 +23,7 @@ from contact_curation.pipeline.scoring import PoolConfig
 from contact_curation.pipeline.theta import Theta, described_polytope, form_of, theta_of
 from contact_curation.pipeline.toss_scores import TossScores, toss_scores
 from contact_curation.pipeline.tosses import Inputs, Tosses, input_paths, read_tosses
+from contact_curation.pipeline.workers import Progress, silent
 from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.inputs.inputs import InputsConfig
 from contact_curation.storage.parameters_file import Parameters
