@@ -5,8 +5,8 @@ VENV := .venv
 PYTHON := $(VENV)/bin/python
 DONE := $(VENV)/done
 CPU := $(shell (uname -m; grep -m1 -E '^(flags|Features)' /proc/cpuinfo) 2>/dev/null | cksum | cut -d' ' -f1)
-CHECKED := contact_curation test benchmarks bags msg_defs setup.py .ci/lock
-TYPED := contact_curation test benchmarks bags
+CHECKED := contact_curation test benchmarks bags examples msg_defs setup.py .ci/lock
+TYPED := contact_curation test benchmarks bags examples
 
 MESSAGE_SOURCES := $(shell find msg_defs -name build -prune -o -name '*.egg-info' -prune -o -name __pycache__ -prune -o -type f -print)
 KERNEL_SOURCES := $(wildcard contact_curation/*/kernel/*)

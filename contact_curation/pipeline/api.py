@@ -1,8 +1,8 @@
-"""The verbs of `import contact_curation as cc`: what the commands do, as functions, with the same defaults and the same digits."""
+"""The functions of `import contact_curation as cc`: what the commands do, with the same defaults and the same digits."""
 
 from collections.abc import Sequence
 from dataclasses import replace
-from os import PathLike
+from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,6 @@ from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.evaluation.held_out import HeldOutRule
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.division import DivisionConfig, held_out_rule, learning_tosses
-from contact_curation.pipeline.progress import Progress, silent
 from contact_curation.pipeline.ranked import RankedTosses
 from contact_curation.pipeline.ranking import RankConfig, rank_tosses
 from contact_curation.pipeline.reading import ReadingConfig
@@ -24,6 +23,7 @@ from contact_curation.pipeline.scoring import PoolConfig
 from contact_curation.pipeline.theta import Theta, described_polytope, form_of, theta_of
 from contact_curation.pipeline.toss_scores import TossScores, toss_scores
 from contact_curation.pipeline.tosses import Inputs, Tosses, input_paths, read_tosses
+from contact_curation.pipeline.workers import Progress, silent
 from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.inputs.inputs import InputsConfig
 from contact_curation.storage.parameters_file import Parameters
@@ -66,9 +66,9 @@ def read(
         >>> len(tosses.accepted), len(tosses.rejected)
         (21, 3)
         >>> tosses.accepted[0].positions.shape  # frames, [m]
-        (55, 3)
+        (100, 3)
         >>> tosses.rejected[0].reasons[0].split(":")[0]
-        'gap'
+        'displacement beside the velocity'
     """
     with progress("reading", "tosses") as bar:
         return read_tosses(input_paths(inputs), ReadingConfig(body, config or InputsConfig()), jobs, bar.advance)
@@ -100,7 +100,7 @@ def score(
         >>> info.scores.shape, info.parameter_names[0], info.parameter_units[0]
         ((21, 52), 'vertices_normal[0][0]', 'characteristic length')
         >>> info.factors[0].shape[1], len(info.losses[0])
-        (52, 54)
+        (52, 99)
     """
     found = _tosses(tosses, body).check_some("no toss to score")
     config = _pool_config(found.config, _theta(model, found.body), estimator)
@@ -127,8 +127,8 @@ def rank(
         tosses: as `read` gives them, or what `read` takes: then no more than 64 tosses of a recording are in memory at a time.
         top: how many are selected.
         body: what was tossed, where `tosses` are recordings.
-        criterion: by what: ``representative``, ``log-det``, ``trace``, ``min-eig``, ``orthogonal``, ``leverage``, ``longest`` or
-            ``random``.
+        criterion: by what: ``representative``, ``log-det``, ``trace``, ``min-eig``, ``orthogonal``, ``leverage``, ``longest``,
+            ``random``, or one of your own (`information.criteria.criterion.register`).
         model: whose parameters the tosses teach about, or its file; None for the body as it is described.
         estimator: of the Fisher matrix: ``gauss-newton`` or ``empirical``.
         seed: of criterion random.
@@ -137,7 +137,7 @@ def rank(
         progress: hears how far it is.
 
     Returns:
-        The ranking: `selected`, `selected_ids`, `to_pandas()`, `to_arrow()`, `plot()`, `save(path)`; `print` shows the evidence.
+        The ranking: `selected`, `selected_ids`, `to_pandas()`, `to_arrow()`, `plot()`, `save(path)`; `print` shows it.
 
     Raises:
         ContactCurationError: nothing could be ranked, a name is unknown, or the file holds no model.
@@ -254,8 +254,8 @@ def evaluate(
         progress: hears how far it is.
 
     Returns:
-        Errors of position and penetration [% of the body's width] and rotation [degrees] with 95 % intervals; `print` shows them,
-        `document()` is one object for programs.
+        Errors of position and penetration [% of the body's width] and rotation [degrees] with 95 % intervals: `print` shows
+        them, `document()` gives them to programs.
 
     Raises:
         ContactCurationError: there is no toss to judge by, or one of another body.
@@ -295,7 +295,8 @@ def design(
         known: tosses that were selected until now.
         throws: how many.
         body: what is thrown, where there is no model.
-        method: ``information``; ``exploration``: different first impacts, for an unknown theta; ``paper`` and ``prior``: baselines.
+        method: ``information``; ``exploration``: different first impacts, for an unknown theta; ``paper`` and ``prior`` are
+            baselines.
         arm: only throws that the simulated arm can make.
         seed: the same gives the same throws.
         name: that their ids begin with.
@@ -331,7 +332,7 @@ def _theta(model: "LearnedModel | str | PathLike[str] | None", body: Body) -> Th
         return described_polytope(body)
     from contact_curation.pipeline.learned_model import load_model
 
-    return theta_of((load_model(model, body) if isinstance(model, str | PathLike) else model).model)
+    return theta_of((load_model(fspath(model), body) if isinstance(model, str | PathLike) else model).model)
 
 
 def _pool_config(reading: ReadingConfig, theta: Theta, estimator: str) -> PoolConfig:

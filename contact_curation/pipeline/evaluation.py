@@ -15,9 +15,9 @@ from contact_curation.motion.transitions import transitions_of
 from contact_curation.pipeline.division import DivisionConfig, held_out_rule, learning_tosses
 from contact_curation.pipeline.evaluated import Evaluation, JudgingTosses
 from contact_curation.pipeline.learned_model import LearnedModel
-from contact_curation.pipeline.progress import Progress, silent
 from contact_curation.pipeline.reading import settings_of
 from contact_curation.pipeline.tosses import Tosses
+from contact_curation.pipeline.workers import Progress, silent
 
 EVERYTHING = "all there are"
 

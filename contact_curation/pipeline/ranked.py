@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from html import escape
+from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -113,10 +114,8 @@ class RankedTosses:
         Raises:
             MissingDependencyError: pandas is not installed.
         """
-        try:
-            import pandas  # noqa: F401
-        except ImportError as error:
-            raise MissingDependencyError("pandas", "pip install pandas, or take to_arrow()") from error
+        if find_spec("pandas") is None:
+            raise MissingDependencyError("pandas", "pip install pandas, or take to_arrow()")
         return self.to_arrow().to_pandas()
 
     def plot(self) -> "Figure":

@@ -13,10 +13,10 @@ from contact_curation.information.ranker import RankingConfig, criterion_named
 from contact_curation.learning.evaluation.held_out import HeldOutRule
 from contact_curation.pipeline.division import held_out_tosses
 from contact_curation.pipeline.pool import TossPool, pool_of_inputs
-from contact_curation.pipeline.progress import Progress, silent
 from contact_curation.pipeline.ranked import RankedTosses
 from contact_curation.pipeline.scoring import PoolConfig, ScoredPool, Source, score_pool
 from contact_curation.pipeline.tosses import Tosses, read_tosses
+from contact_curation.pipeline.workers import Progress, silent
 from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.manifest.manifest import Diagnostic, Manifest
 from contact_curation.storage.manifest.ranked import ranked_manifest

@@ -8,7 +8,7 @@ import numpy as np
 from contact_curation.contact.parameter_form import parameter_form
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.network.model_scorer import TossScorer
-from contact_curation.information.record import ParameterBlock, TossInformation
+from contact_curation.information.record import ParameterBlock, Rows, TossInformation
 from contact_curation.information.scoring import Scorer
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.scoring import BATCH
@@ -38,7 +38,7 @@ class TossScores:
     parameter_names: tuple[str, ...]
     parameter_units: tuple[str, ...]
     scores: Array
-    factors: tuple[Array, ...]
+    factors: tuple[Rows, ...]
     losses: tuple[Array, ...]
     not_scored: Mapping[str, str]
     version: str
@@ -46,7 +46,7 @@ class TossScores:
     @property
     def traces(self) -> Array:
         """(K,) trace of each toss's Fisher matrix, as far as its factor holds it."""
-        return np.array([float(np.square(factor, dtype=float).sum()) for factor in self.factors])
+        return np.array([float(np.square(np.asarray(factor, dtype=float)).sum()) for factor in self.factors])
 
     def __len__(self) -> int:
         return len(self.toss_ids)

@@ -1,4 +1,4 @@
-"""The same work for each of several inputs, in this process or in several; the results come in the order of the inputs."""
+"""The same work for each of several inputs, in this process or in several; and who hears how far it is."""
 
 import multiprocessing
 import multiprocessing.connection
@@ -8,7 +8,9 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
+from typing import Protocol
 
 from contact_curation.errors import ContactCurationError
 
@@ -18,6 +20,37 @@ Advance = Callable[[int], None]
 
 def unheard(count: int) -> None:
     """For who wants to hear of no progress."""
+
+
+class Bar(Protocol):
+    """One piece of work under way."""
+
+    def advance(self, count: int = 1, note: str = "") -> None:
+        """So many more are done; `note` says how it goes."""
+
+
+class Progress(Protocol):
+    """Makes a bar for each piece of work."""
+
+    def __call__(self, what: str, unit: str, total: int | None = None, done: int = 0, /) -> AbstractContextManager[Bar]:
+        """A bar.
+
+        Args:
+            what: is being done, e.g. "reading".
+            unit: of what is counted, e.g. "tosses".
+            total: how many there will be; None where nobody knows.
+            done: how many of them were done before.
+        """
+
+
+class _Silent:
+    def advance(self, count: int = 1, note: str = "") -> None:
+        pass
+
+
+def silent(what: str, unit: str, total: int | None = None, done: int = 0) -> AbstractContextManager[Bar]:
+    """Progress that nobody hears of."""
+    return nullcontext(_Silent())
 
 
 class WorkerDiedError(ContactCurationError):

@@ -64,6 +64,6 @@ def test_the_command_that_train_proposes_reads_the_recordings_as_it_did(cli: Cli
 
 
 def test_a_pool_that_is_smaller_than_what_is_to_be_kept_is_told(cli: Cli, golden: Path) -> None:
-    told = "every toss that could be ranked is kept, for --top asks for no fewer"
+    told = "every toss that could be ranked is selected: there are no more than were asked for"
     assert told in cli("rank", golden, "--top", "1000").out
     assert told not in cli("rank", golden, "--top", "20").out

@@ -1,0 +1,263 @@
+"""`import contact_curation as cc`: the examples of its documentation run, and its digits are those of the commands."""
+
+import doctest
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contact_curation as cc
+from contact_curation.errors import (
+    ContactCurationError,
+    InvalidValueError,
+    MissingDependencyError,
+    NothingFoundError,
+    UnreadableInputError,
+)
+from contact_curation.learning.checkpoints.safetensors_bytes import unpack
+from contact_curation.pipeline import ranked
+from contact_curation.storage.manifest.file import read_manifest
+from contact_curation.storage.parameters_file import read_parameters
+from contact_curation.storage.throws_file import read_throws
+from test.cli.commands import Cli
+from test.conftest import REPOSITORY
+
+SHORT = 30
+"""Gradient steps."""
+
+
+@pytest.fixture(scope="module")
+def tosses(golden_bag: Path) -> cc.Tosses:
+    return cc.read(golden_bag)
+
+
+@pytest.fixture(scope="module")
+def body(tosses: cc.Tosses) -> cc.Body:
+    return tosses.body
+
+
+@pytest.fixture(scope="module")
+def ranking(tosses: cc.Tosses) -> cc.RankedTosses:
+    return cc.rank(tosses, top=8)
+
+
+@pytest.fixture(scope="module")
+def model(ranking: cc.RankedTosses) -> cc.LearnedModel:
+    return cc.train(ranking.selected, steps=SHORT)
+
+
+@pytest.fixture
+def bench(golden_bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the files that examples name."""
+    for name in ("session.mcap", "test.mcap"):
+        shutil.copy(golden_bag, tmp_path / name)
+    shutil.copy(REPOSITORY / "contact_curation" / "config" / "cube.yaml", tmp_path / "brick.yaml")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+IMPORTED_FIRST = """
+import sys
+import contact_curation as cc
+assert not [name for name in sys.modules if name.startswith("contact_curation.")], sys.modules
+assert not {"numpy", "torch", "yaml"} & set(sys.modules)
+assert {"rank", "Body"} <= set(dir(cc))
+from contact_curation.design import planner  # a part that has the name of a function
+assert callable(cc.design) and cc.design.__module__ == "contact_curation.pipeline.api"
+assert "torch" not in sys.modules or "torch" in str(planner.__dict__)
+"""
+
+
+def test_it_imports_nothing_until_a_name_is_used_and_design_stays_a_function() -> None:
+    subprocess.run([sys.executable, "-c", IMPORTED_FIRST], check=True)
+
+
+def test_ranking_a_polytope_imports_no_torch(golden_bag: Path) -> None:
+    code = (
+        f"import sys, contact_curation as cc; cc.rank(cc.read({str(golden_bag)!r}), top=2); assert 'torch' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_every_name_has_a_home_and_a_documentation() -> None:
+    for name in cc.__all__:
+        assert (getattr(cc, name).__doc__ or "").strip(), name
+    with pytest.raises(AttributeError, match="no attribute 'ranks'"):
+        cc.ranks  # noqa: B018
+
+
+def test_the_examples_in_the_documentation_run(
+    bench: Path, body: cc.Body, tosses: cc.Tosses, ranking: cc.RankedTosses, model: cc.LearnedModel
+) -> None:
+    model.save("model.safetensors")
+    given = {"cc": cc, "body": body, "tosses": tosses, "ranking": ranking, "model": model}
+    runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
+    finder = doctest.DocTestFinder(recurse=False)
+    documented = {"Body.from_file": cc.Body.from_file, **{name: getattr(cc, name) for name in cc.__all__ if name.islower()}}
+    for name, function in documented.items():
+        (example,) = finder.find(function, name, globs=dict(given))
+        assert example.examples, name
+        assert runner.run(example).failed == 0, name
+
+
+@pytest.mark.slow
+def test_the_first_page_of_the_face_works_as_it_stands(bench: Path) -> None:
+    page = (REPOSITORY / "docs" / "python.md").read_text()
+    code = page.partition("```python\n")[2].partition("```")[0]
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=bench)
+    assert done.returncode == 0, done.stderr
+    assert "judged by 21 tosses" in done.stdout
+
+
+def test_a_pattern_a_path_and_several_are_recordings(bench: Path, tosses: cc.Tosses) -> None:
+    several: list[str | Path] = ["session.mcap", bench / "test.mcap"]
+    for inputs in ("*.mcap", bench / "session.mcap", several):
+        assert cc.read(inputs).ids == tosses.ids
+    twice = cc.read("*.mcap")
+    assert len(twice.duplicates) == len(twice.warnings) == 24
+    with pytest.raises(UnreadableInputError, match="nothing matches this pattern"):
+        cc.read("*.db3")
+    missing = cc.read("none.mcap")
+    assert (len(missing), len(missing.warnings)) == (0, 1)
+    with pytest.raises(NothingFoundError, match=r"none\.mcap"):
+        cc.rank(missing)
+
+
+def test_what_was_rejected_has_its_reasons(tosses: cc.Tosses) -> None:
+    assert sum(tosses.reasons.values()) == len(tosses.rejected) == 3
+    assert all(one.reasons for one in tosses.rejected)
+    assert "21 tosses of cube, 3 rejected" in repr(tosses)
+
+
+def test_a_ranking_is_that_of_the_command(
+    cli: Cli, golden_bag: Path, body: cc.Body, tosses: cc.Tosses, ranking: cc.RankedTosses, tmp_path: Path
+) -> None:
+    report = cli("rank", golden_bag, "--top", 8, "--out", tmp_path / "command.json", "--no-figure", "--json").json
+    for mine in (ranking, cc.rank(golden_bag, top=8, body=body)):
+        assert json.loads(json.dumps(mine.document()["tosses"])) == report["tosses"]
+        assert list(mine.selected_ids) == [row["toss_id"] for row in report["tosses"] if row["kept"]]
+        assert [toss.toss_id for toss in mine.selected] == list(mine.selected_ids)
+        assert [toss.digest() for toss in mine.selected] == [tosses.by_id[name].digest() for name in mine.selected_ids]
+    ranking.save(tmp_path / "mine.json")
+    mine_, command = (read_manifest(tmp_path / f"{name}.json") for name in ("mine", "command"))
+    assert (mine_.rows, mine_.diagnostics) == (command.rows, command.diagnostics)
+    assert str(ranking).splitlines()[0] == cli("rank", golden_bag, "--top", 8).out.splitlines()[0]
+
+
+def test_held_out_tosses_are_neither_ranked_from_memory_nor_from_recordings(golden_bag: Path, tosses: cc.Tosses) -> None:
+    rankings = [cc.rank(source, top=3, held_out="0-3", criterion="trace") for source in (tosses, golden_bag)]
+    assert rankings[0].outcomes == rankings[1].outcomes
+    assert rankings[0].outcomes["held out"] == 4
+    assert rankings[0].ids == rankings[1].ids
+
+
+def test_a_training_is_that_of_the_command(
+    cli: Cli, golden_bag: Path, ranking: cc.RankedTosses, model: cc.LearnedModel, tmp_path: Path
+) -> None:
+    ranking.save(tmp_path / "m.csv")
+    words = ("--manifest", tmp_path / "m.csv", "--held-out", "none", "--steps", SHORT)
+    assert cli("train", golden_bag, *words, "--out", tmp_path / "command.safetensors").status == 0
+    model.save(tmp_path / "mine.safetensors")
+    mine, command = (unpack((tmp_path / name).read_bytes(), name) for name in ("mine.safetensors", "command.safetensors"))
+    assert mine.documents == command.documents
+    assert {name: array.tobytes() for name, array in mine.arrays.items()} == {
+        name: array.tobytes() for name, array in command.arrays.items()
+    }
+    again = cc.load_model(tmp_path / "mine.safetensors")
+    assert (again.learned_from, again.kind, again.body.name) == (frozenset(ranking.selected_ids), "polytope", "cube")
+
+
+def test_an_evaluation_is_that_of_the_command(
+    cli: Cli, golden_bag: Path, tosses: cc.Tosses, model: cc.LearnedModel, tmp_path: Path
+) -> None:
+    model.save(tmp_path / "m.safetensors")
+    report: dict[str, Any] = cli("evaluate", tmp_path / "m.safetensors", golden_bag, "--json").json
+    mine = cc.evaluate(cc.load_model(tmp_path / "m.safetensors"), tosses)
+    for name in ("tosses", "chosen", "bootstrap", "known_why_not"):
+        assert json.loads(json.dumps(mine.document()[name])) == report[name]
+    assert [row["loss"] for row in mine.document()["models"][0]["per_toss"]] == [
+        row["loss"] for row in report["models"][0]["per_toss"]
+    ]
+    assert "careful: " in str(mine)  # it is judged by tosses that it learned from
+
+
+def test_designed_throws_are_those_of_the_command(cli: Cli, golden_bag: Path, ranking: cc.RankedTosses, tmp_path: Path) -> None:
+    ranking.save(tmp_path / "m.csv")
+    words = ("--known", golden_bag, "--manifest", tmp_path / "m.csv", "--throws", 2, "--baseline", "prior")
+    assert cli("design", *words, "--out", tmp_path / "command.json").status == 0
+    cc.design(known=ranking.selected, throws=2, method="prior").save(tmp_path / "mine.json")
+    assert [throw.to_mapping() for throw in read_throws(tmp_path / "mine.json")] == [
+        throw.to_mapping() for throw in read_throws(tmp_path / "command.json")
+    ]
+
+
+def test_scores_are_those_of_the_ranking_with_names_and_units(tosses: cc.Tosses, ranking: cc.RankedTosses) -> None:
+    info = cc.score(tosses)
+    assert info.toss_ids == tosses.ids
+    assert info.scores.shape == (len(tosses), len(info.parameter_names)) == (21, len(info.parameter_units))
+    assert dict(zip(info.parameter_names, info.parameter_units))["tilt[1]"] == "rad"
+    rows = {row.toss_id: row for row in ranking.manifest.rows}
+    for toss_id, losses, factor in zip(info.toss_ids, info.losses, info.factors, strict=True):
+        assert float(losses.mean()) == pytest.approx(rows[toss_id].mean_loss, rel=1e-12)
+        assert len(losses) == rows[toss_id].transitions
+        assert factor.shape[1] == len(info.parameter_names)
+    traces = np.array([rows[toss_id].trace for toss_id in info.toss_ids], dtype=float)
+    np.testing.assert_allclose(info.traces, traces, rtol=1e-3)
+    assert not info.not_scored
+
+
+def test_models_of_files_are_scored_and_ranked_for(
+    tosses: cc.Tosses, body: cc.Body, model: cc.LearnedModel, true_parameters: Path, tmp_path: Path
+) -> None:
+    true = read_parameters(true_parameters, body)
+    assert true.geometry.vertex_count == 8
+    assert cc.rank(tosses, 4, model=true_parameters).ids == cc.rank(tosses, 4).ids
+    model.save(tmp_path / "m.safetensors")
+    by_file, by_model = cc.rank(tosses, 4, model=tmp_path / "m.safetensors"), cc.rank(tosses, 4, model=model)
+    assert by_file.ids == by_model.ids
+    assert by_file.manifest.run.parameters_version == by_model.manifest.run.parameters_version
+    with pytest.raises(InvalidValueError, match="the body that the polytope in"):
+        cc.load_model(true_parameters)
+
+
+def test_a_ranking_is_a_table_and_a_figure(ranking: cc.RankedTosses, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    table = ranking.to_arrow()
+    assert (table.num_rows, "toss_id" in table.column_names) == (24, True)
+    assert "<table>" in ranking._repr_html_()
+    ranking.plot().savefig(tmp_path / "mine.png")
+    assert (tmp_path / "mine.png").stat().st_size > 10_000
+    monkeypatch.setattr(ranked, "find_spec", lambda name: None)
+    with pytest.raises(MissingDependencyError, match="pip install pandas"):
+        ranking.to_pandas()
+
+
+def test_tosses_of_no_recording_are_ranked(tosses: cc.Tosses, body: cc.Body, ranking: cc.RankedTosses) -> None:
+    live = cc.Tosses.of(list(reversed(tosses.accepted)), body)
+    assert cc.rank(live, top=8).ids == ranking.ids
+    with pytest.raises(InvalidValueError, match="twice"):
+        cc.Tosses.of([tosses.accepted[0]] * 2, body)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda tosses: cc.rank(tosses, criterion="luck"),
+        lambda tosses: cc.rank(tosses, top=0),
+        lambda tosses: cc.rank(tosses, estimator="guess"),
+        lambda tosses: cc.rank(tosses, held_out="900-901"),
+        lambda tosses: cc.train(tosses, "sphere"),
+        lambda tosses: cc.train(tosses, protocol="luck"),
+        lambda tosses: cc.design(method="luck"),
+        lambda tosses: tosses.only(["cube-0"]),
+        lambda tosses: cc.load_model("none.safetensors"),
+        lambda tosses: cc.Body.from_file("none.yaml"),
+    ],
+)
+def test_what_is_not_accepted_is_an_error_of_ours(tosses: cc.Tosses, call: Any) -> None:
+    with pytest.raises(ContactCurationError):
+        call(tosses)
