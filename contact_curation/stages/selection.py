@@ -1,6 +1,6 @@
 """What a curator keeps in memory of a stream of scored tosses: all of them, or a bounded number.
 
-`exact` keeps everything and ranks it all: the kept set is that of `contact-curation rank` on the same tosses. `streaming` keeps
+`exact` keeps everything and ranks it all: the selected set is that of `contact-curation rank` on the same tosses. `streaming` keeps
 what one pass can: the k largest traces, exactly; or for log-det the better of exchanges, which come out near `exact`, and of a
 sieve, which is proven to reach nearly half of the best set's value. `sieve` is that sieve alone: on real tosses it is little
 better than keeping the first k. The prior of log-det comes from the first tosses.
@@ -71,7 +71,7 @@ class StreamingSelection:
         kind: streaming or sieve; the latter for log-det only.
 
     Raises:
-        InvalidValueError: another criterion, which no pass over a stream can keep to.
+        InvalidValueError: another criterion, which is not possible in one pass.
     """
 
     def __init__(self, config: RankingConfig, warm_up: int, kind: str = "streaming") -> None:
@@ -106,7 +106,7 @@ class StreamingSelection:
         return len(self._first) if self._selector is None else self._selector.seen
 
 
-def kept_to(kind: str, config: RankingConfig) -> RankingConfig:
+def ranking_for(kind: str, config: RankingConfig) -> RankingConfig:
     """How tosses are ranked by one of `SELECTIONS` where a configuration may not have named its criterion."""
     stands_in = kind != "exact" and config.criterion == DEFAULT_CRITERION
     return replace(config, criterion=STREAMED_CRITERION) if stands_in else config
@@ -116,6 +116,6 @@ def selection_of(kind: str, config: RankingConfig, warm_up: int) -> Selection:
     """A fresh selection of one of `SELECTIONS`.
 
     Raises:
-        InvalidValueError: the criterion cannot be kept to in one pass.
+        InvalidValueError: the criterion is not possible in one pass.
     """
     return ExactSelection() if kind == "exact" else StreamingSelection(config, warm_up, kind)
