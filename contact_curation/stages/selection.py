@@ -1,9 +1,9 @@
 """What a curator keeps in memory of a stream of scored tosses: all of them, or a bounded number.
 
-`exact` keeps everything and ranks it all: the selected set is that of `contact-curation rank` on the same tosses. `streaming` keeps
-what one pass can: the k largest traces, exactly; or for log-det the better of exchanges, which come out near `exact`, and of a
-sieve, which is proven to reach nearly half of the best set's value. `sieve` is that sieve alone: on real tosses it is little
-better than keeping the first k. The prior of log-det comes from the first tosses.
+`exact` keeps everything and ranks it all: the selected set is that of `contact-curation rank` on the same tosses. `streaming`
+keeps what one pass can: the k largest traces, exactly; or for log-det the better of exchanges, which come out near `exact`,
+and of a sieve, which is proven to reach nearly half of the best set's value. `sieve` is that sieve alone: on real tosses it is
+little better than keeping the first k. The prior of log-det comes from the first tosses.
 
 The default criterion needs the whole pool. Where tosses are let go log-det stands in for it.
 """
