@@ -1,3 +1,81 @@
-"""Online curation of contact-rich robot tosses: which tosses teach, which to keep, what to throw next."""
+"""Online curation of contact-rich robot tosses: which tosses teach, which to keep, what to throw next.
+
+    import contact_curation as cc
+
+The names below are imported when they are first used, so that `import contact_curation` takes no time (PEP 562).
+"""
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from contact_curation.contact.body import Body
+    from contact_curation.motion.toss import Toss
+    from contact_curation.pipeline.api import design, evaluate, rank, read, score, train
+    from contact_curation.pipeline.design import DesignedThrows
+    from contact_curation.pipeline.evaluated import Evaluation
+    from contact_curation.pipeline.learned_model import LearnedModel, load_model
+    from contact_curation.pipeline.ranked import RankedTosses
+    from contact_curation.pipeline.toss_scores import TossScores
+    from contact_curation.pipeline.tosses import Tosses
 
 __version__ = "0.1.0"
+__all__ = [
+    "Body",
+    "DesignedThrows",
+    "Evaluation",
+    "LearnedModel",
+    "RankedTosses",
+    "Toss",
+    "TossScores",
+    "Tosses",
+    "design",
+    "evaluate",
+    "load_model",
+    "rank",
+    "read",
+    "score",
+    "train",
+]
+
+_HOMES = {
+    "Body": "contact.body",
+    "Toss": "motion.toss",
+    "Tosses": "pipeline.tosses",
+    "RankedTosses": "pipeline.ranked",
+    "TossScores": "pipeline.toss_scores",
+    "LearnedModel": "pipeline.learned_model",
+    "Evaluation": "pipeline.evaluated",
+    "DesignedThrows": "pipeline.design",
+    "load_model": "pipeline.learned_model",
+    **dict.fromkeys(("read", "score", "rank", "train", "evaluate"), "pipeline.api"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    globals()[name] = value  # so that it is looked for once
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+class _Face(ModuleType):
+    """`design` is a function here, though a part of the package has this name, too: importing the part does not change that."""
+
+    @property
+    def design(self) -> Any:
+        return import_module(f"{__name__}.pipeline.api").design
+
+    @design.setter
+    def design(self, part: ModuleType) -> None:
+        """Where Python would note the part."""
+
+
+sys.modules[__name__].__class__ = _Face

@@ -1,7 +1,7 @@
 """The parts of the package know only the parts to their left, and each outside library stays in its part.
 
-errors < configs < geometry | solver < contact | motion < information < learning < design < simulation | storage | dashboard
-< pipeline | stages < session < nodes | cli < experiments
+errors < configs | files < geometry | solver < contact | motion < information < learning < design < simulation | storage
+| dashboard < pipeline | stages < session < nodes | cli < experiments
 """
 
 import ast
@@ -14,7 +14,7 @@ FOLDER = Path(__file__).resolve().parents[1] / PACKAGE
 
 LAYERS = (
     ("errors",),
-    ("configs",),
+    ("configs", "files"),
     ("geometry", "solver"),
     ("contact", "motion"),
     ("information",),
@@ -29,14 +29,6 @@ LAYERS = (
 RANK = {part: rank for rank, layer in enumerate(LAYERS) for part in layer}
 MOST_FILES = 20
 """In one folder."""
-
-TO_MEND = {
-    "contact_curation.pipeline.known_tosses",
-    "contact_curation.pipeline.numbered_pool",
-    "contact_curation.pipeline.pool_scoring",
-    "contact_curation.pipeline.training_tosses",
-}
-"""Modules that were moved to their part and still import from its right."""
 
 NOT_CODE = {"launch", "config", "kernel", "__pycache__"}
 HOME = {
@@ -104,9 +96,7 @@ MODULES = sorted(FOLDER.rglob("*.py"))
 def test_a_module_imports_only_what_lies_to_its_left(path: Path) -> None:
     # A package's own name lacks the last part that relative imports count from.
     module = module_name(path) + (".__init__" if path.name == "__init__.py" else "")
-    found = violations(module, path.read_text(encoding="utf-8"))
-    assert found == [] or module in TO_MEND
-    assert not (found == [] and module in TO_MEND), "it is mended: strike it from TO_MEND"
+    assert violations(module, path.read_text(encoding="utf-8")) == []
 
 
 @pytest.mark.parametrize("top", ["contact_curation", "test", "docs", "benchmarks", "msg_defs"])

@@ -31,7 +31,7 @@ from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.pool import Pool, pool_of
-from contact_curation.information.ranker import CRITERIA, RankingConfig, rank_particles
+from contact_curation.information.ranker import RankingConfig, criterion_names, rank_particles
 from contact_curation.information.ranking import Ranking
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import Scorer, ScoringConfig
@@ -173,7 +173,7 @@ def parities(tosses: Sources) -> list[Parity]:
     rows = []
     for estimator in Estimator:
         pools = {name: scored(getattr(tosses, name), estimator) for name in ("files", "turned", "bag")}
-        for criterion in CRITERIA:
+        for criterion in criterion_names():
             config = RankingConfig(criterion, top=KEPT, certificate_steps=0)
             rankings = {name: rank_particles([pool], config) for name, pool in pools.items()}
             rows += [
@@ -192,12 +192,12 @@ def scored(tosses: Iterable[Toss], estimator: Estimator) -> Pool:
 
 def parity(ours: Ranking, theirs: Ranking, estimator: Estimator, criterion: str, compared: str) -> Parity:
     """What is the same in two rankings."""
-    pairs = list(zip(ours.kept_ids, theirs.kept_ids, strict=True))
+    pairs = list(zip(ours.selected_ids, theirs.selected_ids, strict=True))
     other = next((place for place, (one, another) in enumerate(pairs, 1) if one != another), None)
     scores = {entry.toss_id: entry.score for entry in theirs.entries}
     largest = max(abs(score) for score in scores.values())
     off = max(abs(entry.score - scores[entry.toss_id]) for entry in ours.entries) / largest
-    common = len(set(ours.kept_ids) & set(theirs.kept_ids))
+    common = len(set(ours.selected_ids) & set(theirs.selected_ids))
     ties = all(abs(scores[one] - scores[another]) <= SAME_SCORE * largest for one, another in pairs) and common == KEPT
     return Parity(estimator.value, criterion, compared, common, other is None, ties, other, off)
 

@@ -11,12 +11,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contact_curation.design.execution_noise import ExecutionNoise
-from contact_curation.design.particle import Particle
+from contact_curation.design.greedy_batch import RefinementConfig
 from contact_curation.design.planner import DesignConfig, Planner
-from contact_curation.design.predicted_information import ForecastConfig, Motions, forecast, predicted_motions
-from contact_curation.design.refinement import RefinementConfig
+from contact_curation.design.predicted_information import (
+    Motions,
+    Particle,
+    PredictionConfig,
+    predicted_information,
+    predicted_motions,
+)
+from contact_curation.design.releases import ReleasePrior, fitted_prior, raw_prior
 from contact_curation.design.throw import Throw
-from contact_curation.design.throw_prior import ReleasePrior, fitted_prior, raw_prior
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.subspace import identifiable_subspace
@@ -29,7 +34,7 @@ THROWS = 8
 RANDOM_SETS = 2
 """Of each prior; their mean counts."""
 
-EXACT = ForecastConfig(thinning=1)
+EXACT = PredictionConfig(thinning=1)
 DESIGNS = {"greedy": RefinementConfig(generations=0), "greedy and CMA-ES": RefinementConfig()}
 RANDOM = ("random canonical", "random raw")
 
@@ -63,7 +68,7 @@ class Scale:
     @staticmethod
     def of(particle: Particle, releases: Array) -> "Scale":
         """In units of the mean replayed throw."""
-        information = forecast(particle, predicted_motions(particle, releases, EXACT), EXACT)
+        information = predicted_information(particle, predicted_motions(particle, releases, EXACT), EXACT)
         fishers = information.fishers[information.known]
         return Scale(particle, identifiable_subspace(fishers.sum(axis=0)).per_mean_toss(len(fishers)))
 
@@ -76,7 +81,7 @@ class Scale:
         return self._of(_motions_of(_tosses_of(seen), self.particle), len(seen))
 
     def _of(self, motions: Motions, count: int) -> float:
-        information = forecast(self.particle, motions, EXACT)
+        information = predicted_information(self.particle, motions, EXACT)
         total = information.fishers[information.known].sum(axis=0)
         values = np.linalg.eigvalsh(self.whitening.T @ total @ self.whitening) / count
         return float(np.exp(np.log(np.maximum(values, 1e-300)).mean()))

@@ -15,9 +15,8 @@ from dataclasses import replace
 import numpy as np
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.design.releases import Placement
+from contact_curation.design.releases import PUBLISHED_PRIOR, Placement
 from contact_curation.design.throw import Throw, throw_of_state
-from contact_curation.design.throw_prior import PUBLISHED_PRIOR
 from contact_curation.simulation.arm.departure import DEFAULT_DEPARTURE, DepartureConfig
 from contact_curation.simulation.arm.feasibility import ArmFeasibility
 from contact_curation.simulation.arm.safety import GateConfig

@@ -35,15 +35,12 @@ from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.design.execution_noise import ERRORS, ExecutionNoise
-from contact_curation.design.greedy_batch import greedy_batch
-from contact_curation.design.particle import Particle
+from contact_curation.design.greedy_batch import RefinementConfig, greedy_batch
 from contact_curation.design.planner import DesignConfig, Planner
-from contact_curation.design.predicted_information import ForecastConfig, forecast, predicted_motions
+from contact_curation.design.predicted_information import Particle, PredictionConfig, predicted_information, predicted_motions
 from contact_curation.design.readiness import spearman
-from contact_curation.design.refinement import RefinementConfig
-from contact_curation.design.releases import Placement
+from contact_curation.design.releases import Placement, ReleasePrior, fitted_prior, published_releases, raw_prior
 from contact_curation.design.throw import throw_of_state
-from contact_curation.design.throw_prior import ReleasePrior, fitted_prior, published_releases, raw_prior
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
 from contact_curation.information.subspace import identifiable_subspace
@@ -69,7 +66,7 @@ LEARNED_FROM = (0, 4, 8, 16, 32)
 UNSEEN = 20
 """Tosses that no theta learned from."""
 BODY = CONTACTNETS_CUBE
-EXACT = ForecastConfig(thinning=1)
+EXACT = PredictionConfig(thinning=1)
 NOISE = ExecutionNoise.expected()
 
 
@@ -116,13 +113,13 @@ class Gain:
 
 @dataclass(frozen=True)
 class Trust:
-    """What the canary sees of a theta fitted to so many tosses (0: a random initialisation), quartiles over the seeds.
+    """What the readiness check sees of a theta fitted to so many tosses (0: a random initialisation), quartiles over the seeds.
 
     Attributes:
         tosses: learned from.
         loss: median loss of tosses that it did not learn from.
         agreement: rank correlation of the reference throws' scores with those of the theta before it in the table.
-        truth: the same with those at the true cube, which the canary cannot see.
+        truth: the same with those at the true cube, which the check cannot see.
     """
 
     tosses: int
@@ -151,7 +148,7 @@ class Setting:
 
     def efficiency(self, states: Array) -> float:
         """D-efficiency of throws (B, 13) that come out like this."""
-        information = forecast(self.truth, predicted_motions(self.truth, states, EXACT), EXACT)
+        information = predicted_information(self.truth, predicted_motions(self.truth, states, EXACT), EXACT)
         total = information.fishers[information.known].sum(axis=0)
         values = np.linalg.eigvalsh(self.whitening.T @ total @ self.whitening) / len(states)
         return float(np.exp(np.log(np.maximum(values, 1e-300)).mean()))
@@ -175,7 +172,7 @@ def setting(loss: LossConfig) -> Setting:
     releases = (
         np.array([states_of(toss, 1.0)[0] for toss in tosses]) if folder else published_releases(400, np.random.default_rng(7))
     )
-    information = forecast(truth, predicted_motions(truth, releases, EXACT), EXACT)
+    information = predicted_information(truth, predicted_motions(truth, releases, EXACT), EXACT)
     subspace = identifiable_subspace(information.fishers.sum(axis=0))
     return Setting(truth, releases, tosses, subspace.per_mean_toss(len(releases)), loss)
 
@@ -305,8 +302,8 @@ def timings(loss: LossConfig, repeats: int) -> list[Timing]:
     releases = planner.prior.draw(TIMED_THROWS, np.random.default_rng(0))
 
     def judged() -> None:
-        planner.outlook.refusals(releases)
-        planner.outlook.candidates(releases)
+        planner.evaluator.refusals(releases)
+        planner.evaluator.evaluate(releases)
 
     jobs: dict[str, Callable[[], object]] = {
         f"{TIMED_THROWS} throws: limits of the release, 8 executions each, expected information": judged,
@@ -330,7 +327,7 @@ def _print(times: Sequence[Timing], rows: Sequence[Worth], gains: Sequence[Gain]
         on = f"s on {timing.processors} processors, {timing.processor_seconds:.2f} s of work, {each:.2f} s each"
         print(f"{timing.seconds:7.2f} {on}: {timing.what}")
     if trusted:
-        print("\nwhat the canary sees, quartiles over the seeds")
+        print("\nwhat the readiness check sees, quartiles over the seeds")
         print(f"{'tosses':>6} {'loss':>24} {'agreement':>24} {'with the truth':>24}")
     for one in trusted:
         cells = [" ".join(f"{value:7.3f}" for value in values) for values in (one.loss, one.agreement, one.truth)]

@@ -32,17 +32,15 @@ from scipy.stats import rankdata
 from benchmarks.selection.rules import Row, finished_rows, fold_bench, foreseen_motions, print_summaries, recorded_bench, traits
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.design.particle import Particle
-from contact_curation.design.predicted_information import DEFAULT_FORECAST, expected
+from contact_curation.design.predicted_information import DEFAULT_PREDICTION, Particle, expected_information
 from contact_curation.experiments.cell import Cell
 from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, judged, pool_of_cell
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.criteria.modular import leverages
 from contact_curation.information.pool import pool_of
-from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.information.ranker import RankingConfig, rank, rank_particles
 from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.information.scoring import ScoringConfig
+from contact_curation.information.subspace import pool_subspace
 from contact_curation.learning.fits.exact_fit import optimum
 from contact_curation.learning.fits.held_fit import fit_held
 from contact_curation.learning.training.curated import kept_transitions
@@ -129,7 +127,7 @@ type Chooser = Callable[[Situation], Choice]
 def by_criterion(criterion: str, situation: Situation) -> Choice:
     """As the package ranks."""
     config = _ranking(criterion, situation.trial.size, situation.trial.seed)
-    return Choice(rank_particles([pool_of(situation.infos(one, criterion)) for one in situation.models], config).kept_ids)
+    return Choice(rank_particles([pool_of(situation.infos(one, criterion)) for one in situation.models], config).selected_ids)
 
 
 def half_random(situation: Situation) -> Choice:
@@ -144,7 +142,7 @@ def leverage_drawn(situation: Situation) -> Choice:
     """Systematic sampling: a toss drawn with the chance pi counts k / K / pi times (Horvitz and Thompson 1952)."""
     pool = pool_of(situation.infos(situation.models[0]))
     size, rng = situation.trial.size, situation.rng()
-    chances = _inclusion(leverages(pool, pool_subspace(pool).whitening), size)
+    chances = _inclusion(pool.traces_in(pool_subspace(pool).whitening), size)
     order = rng.permutation(len(pool))
     edges = np.concatenate([[0.0], np.cumsum(chances[order])])
     drawn = order[np.flatnonzero(np.diff(np.floor(edges - rng.random() + 1e-12)))]
@@ -155,7 +153,7 @@ def by_expected(situation: Situation) -> Choice:
     """Log-det of the information that the model expects, at the release alone."""
     model, tosses = situation.models[0], situation.tosses
     particle = Particle(model.geometry(), model.body, ONE_THREAD)
-    fishers = expected(particle, foreseen_motions(particle, tosses), DEFAULT_FORECAST.executions).fishers
+    fishers = expected_information(particle, foreseen_motions(particle, tosses), DEFAULT_PREDICTION.executions).fishers
     told = {toss.toss_id: fisher for toss, fisher in zip(tosses, fishers, strict=True)}
     infos = [_with_fisher(info, told[info.toss_id]) for info in situation.infos(model)]
     return Choice(_by_log_det(infos, situation.trial.size))
@@ -271,7 +269,7 @@ def _ranking(criterion: str, size: int, seed: int = 0) -> RankingConfig:
 
 
 def _by_log_det(infos: Sequence[TossInformation], size: int) -> tuple[str, ...]:
-    return rank(infos, _ranking("log-det", size)).kept_ids
+    return rank(infos, _ranking("log-det", size)).selected_ids
 
 
 def _inclusion(sizes: Array, count: int) -> Array:

@@ -21,14 +21,13 @@ from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.information.accumulated import Accumulated
+from contact_curation.information.criteria.exchanges import SwapStreaming
 from contact_curation.information.diagnostics import efficiency, smallest_sufficient_k
 from contact_curation.information.pool import Indices, Pool, pool_of
 from contact_curation.information.prior import log_det_prior
 from contact_curation.information.ranker import RankingConfig, rank_particles
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import Scorer, ScoringConfig
-from contact_curation.information.streaming.sieve import SieveStreaming
-from contact_curation.information.streaming.swap import GuardedSwap, SwapStreaming
 from contact_curation.information.subspace import identifiable_subspace
 from contact_curation.motion.toss import Toss
 from contact_curation.storage.datasets.contactnets import read_contactnets
@@ -148,8 +147,8 @@ def design(particles: Sequence[Pool], judge: Pool, config: RankingConfig, name: 
     """What the judge says of a ranking's kept set."""
     ranking = rank_particles(particles, config)
     subspace = identifiable_subspace(judge.fisher)
-    per_toss = efficiency(judge, subspace, ranking.kept_ids)
-    per_frame = efficiency(judge, subspace, ranking.kept_ids, per_transition=True)
+    per_toss = efficiency(judge, subspace, ranking.selected_ids)
+    per_frame = efficiency(judge, subspace, ranking.selected_ids, per_transition=True)
     certified = ranking.certificate.subset if ranking.certificate else None
     efficiencies = (per_toss.determinant, per_toss.smallest, per_frame.determinant)
     return Design(config.criterion, name, estimator, config.top, *efficiencies, certified)
@@ -163,16 +162,15 @@ def streams(pool: Pool, estimator: Estimator) -> list[Streamed]:
     for kept in SIZES:
         greedy = rank_particles([pool], RankingConfig("log-det", top=kept))
         values = {"first k": [nothing.joined(pool.stacked(order[:kept])).log_det for order in orders]}
-        for kind in (SieveStreaming, SwapStreaming, GuardedSwap):
-            values[kind.__name__] = [streamed_value(kind(prior, kept), pool, order) for order in orders]
-        best = sum(entry.marginal_gain for entry in greedy.entries if entry.kept)
+        values["exchanges"] = [streamed_value(SwapStreaming(prior, kept), pool, order) for order in orders]
+        best = sum(entry.marginal_gain for entry in greedy.entries if entry.selected)
         for name, each in values.items():
             shares = np.array(each) / best
             rows.append(Streamed(name, estimator.value, kept, float(shares.min()), float(shares.mean()), float(shares.max())))
     return rows
 
 
-def streamed_value(selector: SieveStreaming | SwapStreaming | GuardedSwap, pool: Pool, order: Indices) -> float:
+def streamed_value(selector: SwapStreaming, pool: Pool, order: Indices) -> float:
     """What the selector reaches when all tosses have come in this order."""
     for index in order:
         selector.offer(pool.infos[index])

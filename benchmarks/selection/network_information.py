@@ -38,9 +38,9 @@ from contact_curation.information.network.ghost_norms import ghost_norms
 from contact_curation.information.network.physical_scores import PhysicalScores
 from contact_curation.information.network.scoring import NetworkScorer
 from contact_curation.information.network.sketch import network_sketch
-from contact_curation.information.pool_subspace import LEADING_DIRECTIONS
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import ScoringConfig
+from contact_curation.information.subspace import LEADING_DIRECTIONS
 from contact_curation.learning.training.protocols import budgeted
 from contact_curation.learning.training.training import new_training
 from contact_curation.motion.toss import Toss

@@ -18,9 +18,9 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.information import scoring
-from contact_curation.information.comparison import top_overlap
 from contact_curation.information.factors import Compression
 from contact_curation.information.ranker import RankingConfig, rank
+from contact_curation.information.ranking import top_overlap
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import Scorer, ScoringConfig
 from contact_curation.motion.toss import Toss

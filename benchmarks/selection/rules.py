@@ -37,8 +37,7 @@ from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.polytope import INITIAL_NOISE, PolytopeModel
 from contact_curation.contact.parameter_form import Form
 from contact_curation.design.execution_noise import ExecutionNoise, balanced_draws
-from contact_curation.design.particle import Particle
-from contact_curation.design.predicted_information import DEFAULT_FORECAST, Motions, predicted_motions
+from contact_curation.design.predicted_information import DEFAULT_PREDICTION, Motions, Particle, predicted_motions
 from contact_curation.experiments.cell import Cell
 from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, run_cell, select
 from contact_curation.experiments.faults import Fault
@@ -204,13 +203,13 @@ def expected_slides(bench: Bench) -> Array:
     motions = foreseen_motions(Particle(bench.reference, bench.body, ONE_THREAD), bench.training)
     ends = motions.states[np.arange(len(motions.states)), motions.frames - 1, :2]
     across = bench.body.length_scale * np.linalg.norm(ends - motions.states[:, 0, :2], axis=1)
-    return np.asarray(across.reshape(-1, DEFAULT_FORECAST.executions).mean(axis=1))
+    return np.asarray(across.reshape(-1, DEFAULT_PREDICTION.executions).mean(axis=1))
 
 
 def foreseen_motions(particle: Particle, tosses: Sequence[Toss]) -> Motions:
     """What a theta predicts of the executions of each toss's release, toss by toss, whatever came of it."""
     releases = releases_of(tosses)
-    draws = balanced_draws(DEFAULT_FORECAST.executions, np.random.default_rng(0))
+    draws = balanced_draws(DEFAULT_PREDICTION.executions, np.random.default_rng(0))
     return predicted_motions(particle, ExecutionNoise.expected().executions(releases, draws).reshape(-1, releases.shape[1]))
 
 

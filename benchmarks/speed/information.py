@@ -18,13 +18,13 @@ from functools import partial
 
 import numpy as np
 
+from contact_curation.information.criteria.exchanges import SwapStreaming
+from contact_curation.information.criteria.trace import TraceHeap
 from contact_curation.information.pool import pool_of
 from contact_curation.information.prior import log_det_prior
-from contact_curation.information.ranker import CRITERIA, RankingConfig, rank
+from contact_curation.information.ranker import RankingConfig, criterion_names, rank
 from contact_curation.information.record import ParameterBlock, TossInformation
-from contact_curation.information.streaming.selector import Selector, TraceHeap
-from contact_curation.information.streaming.sieve import SieveStreaming
-from contact_curation.information.streaming.swap import GuardedSwap, SwapStreaming
+from contact_curation.information.streaming import Selector
 
 PARAMETERS, ROWS, KINDS = 57, 24, 200
 SEED = 0
@@ -99,16 +99,15 @@ def measured(count: int, top: int, repeats: int) -> list[Timing]:
     prior = log_det_prior(pool_of(infos), PRIOR)
     greedy = sum(entry.marginal_gain for entry in rank(infos, RankingConfig("log-det", top=top, prior=PRIOR)).entries[:top])
     rows.append(Timing("stream: heap (trace)", count, *best_times(partial(streamed, TraceHeap(top), infos), 1)))
-    for kind in (SieveStreaming, SwapStreaming, GuardedSwap):
-        selector = kind(prior, top)
-        times = best_times(partial(streamed, selector, infos), 1)
-        rows.append(Timing(f"stream: {kind.__name__} (log-det)", count, *times, selector.value / greedy))
+    selector = SwapStreaming(prior, top)
+    times = best_times(partial(streamed, selector, infos), 1)
+    rows.append(Timing("stream: exchanges (log-det)", count, *times, selector.value / greedy))
     return rows
 
 
 def rankings(top: int) -> dict[str, RankingConfig]:
     """What is timed, by name."""
-    plain = {criterion: RankingConfig(criterion, top=top, prior=PRIOR) for criterion in CRITERIA}
+    plain = {criterion: RankingConfig(criterion, top=top, prior=PRIOR) for criterion in criterion_names()}
     loose = RankingConfig("log-det", top=top, prior=PRIOR, certificate_steps=0)
     return plain | {"log-det, loose certificate": loose}
 

@@ -5,10 +5,10 @@ from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
-from contact_curation.cli.options.body import add_body_option, chosen_body
-from contact_curation.cli.options.held_out import spans_of
+from contact_curation.cli.options.reading import add_body_option, chosen_body
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.errors import InvalidValueError
+from contact_curation.pipeline.division import spans_of
 
 
 def add_options(verb: argparse.ArgumentParser) -> None:

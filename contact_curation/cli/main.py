@@ -13,8 +13,9 @@ from pathlib import Path
 
 from contact_curation import __version__
 from contact_curation.cli.options.one_line_parser import OneLineParser
+from contact_curation.cli.report import warn
 from contact_curation.cli.stop_signals import endings_as_interrupt
-from contact_curation.errors import ContactCurationError
+from contact_curation.errors import ContactCurationError, NothingFoundError
 
 NAME = "contact-curation"
 INTERRUPTED = 130
@@ -25,14 +26,14 @@ VERBS = {
     "score": ("cli.score", "loss terms, impulses and scores of every transition, as an .npz file"),
     "train": ("cli.train.command", "a model that learns from tosses, as a checkpoint"),
     "evaluate": (
-        "cli.evaluate.command",
+        "cli.evaluate",
         "prediction errors of a model on measured tosses, and its uncertainty",
     ),
-    "design": ("cli.design.command", "the throws that would teach most, given what is known"),
+    "design": ("cli.design", "the throws that would teach most, given what is known"),
     "simulate": ("cli.simulate", "throws made in the simulated world, as the bag that a rig would have recorded"),
     "reproduce": ("experiments.reproduce", "an experiment over many trainings: tables and figures"),
     "online": ("cli.online.command", "the whole graph, closed to a loop: design, throw, track, score, curate, train"),
-    "export": ("cli.export.command", "what a ranking kept, as MCAP, ContactNets' files or a LeRobot dataset"),
+    "export": ("cli.export", "what a ranking kept, as MCAP, ContactNets' files or a LeRobot dataset"),
     "play": ("cli.play", "a bag as live topics"),
 }
 """By their names: the module of contact_curation, which has `add_options` and `run`, and what it does."""
@@ -63,6 +64,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         with endings_as_interrupt():
             return _run(sys.argv[1:] if argv is None else list(argv))
     except ContactCurationError as error:
+        if isinstance(error, NothingFoundError):
+            warn(error.warnings)
         return _failed(str(error))
     except KeyboardInterrupt:
         print(f"{NAME}: interrupted", file=sys.stderr)

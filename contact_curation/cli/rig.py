@@ -6,17 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from contact_curation.cli.options.body import chosen_body
-from contact_curation.cli.options.reading import add_reading_options, inputs_of, stages_of
-from contact_curation.cli.options.rig_settings import settings_of
+from contact_curation.cli.options.reading import add_reading_options, chosen_body, inputs_of, stages_of
 from contact_curation.cli.progress import Progress
-from contact_curation.cli.report import add_json_option, counted_tosses, print_json, warn
+from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration, RigMeasurements, measurements_of
-from contact_curation.pipeline.known_tosses import tosses_in
-from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.reading import ReadingConfig, settings_of
+from contact_curation.pipeline.tosses import read_tosses
+from contact_curation.pipeline.wording import counted_tosses
 
 BOOTSTRAP = BootstrapConfig(resamples=500)
 """Over tosses."""
@@ -45,14 +44,14 @@ def run(arguments: argparse.Namespace) -> int:
     stages = stages_of(arguments, {})
     inputs = inputs_of(stages, gated=False)
     with Progress("reading", "tosses") as progress:
-        tosses, warnings = tosses_in(arguments.inputs, None, ReadingConfig(body, inputs), progress.advance)
-    warn(warnings)
-    evidence = measurements_of(tosses, body.polytope)
+        tosses = read_tosses(arguments.inputs, ReadingConfig(body, inputs), advance=progress.advance).check_some("no toss")
+    warn(tosses.warnings)
+    evidence = measurements_of(tosses.in_order_of_ids, body.polytope)
     rig = evidence.calibration(body.gravity)
     told = _told(evidence, body.gravity)
     settings = settings_of(rig) if stages["rig"] == NO_CORRECTION else ""
     if arguments.json:
-        print_json(_document(evidence, rig, told, settings, warnings))
+        print_json(_document(evidence, rig, told, settings, tosses.warnings))
     else:
         print("\n".join(_lines(evidence, rig, told, settings)))
     return 0

@@ -7,20 +7,20 @@ from dataclasses import dataclass, field, fields, replace
 from itertools import batched, pairwise
 from pathlib import Path
 
-from contact_curation.cli.options.body import chosen_body
-from contact_curation.cli.options.reading import add_reading_options, stages_of
-from contact_curation.cli.options.theta import polytope_of
+from contact_curation.cli.options.reading import add_reading_options, chosen_body, inputs_of, stages_of
+from contact_curation.cli.options.settings import add_fields, with_options
 from contact_curation.cli.options.types import PathEndingIn
 from contact_curation.cli.progress import Progress
-from contact_curation.cli.report import add_json_option, counted_tosses, nothing_found, print_json, warn
-from contact_curation.contact.evaluation import Cone, Evaluation, SolveStatus, evaluate
+from contact_curation.cli.report import add_json_option, print_json, warn
+from contact_curation.contact.evaluation import Evaluation, SolveStatus, evaluate
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
 from contact_curation.pipeline.reading import InputReader, ReadingConfig
-from contact_curation.storage.inputs.inputs import InputsConfig
-from contact_curation.storage.inputs.known_tosses import KnownTosses
+from contact_curation.pipeline.theta import polytope_of
+from contact_curation.pipeline.tosses import EachOnce
+from contact_curation.pipeline.wording import counted_tosses, nothing_found
 from contact_curation.storage.parameters_file import Parameters
 from contact_curation.storage.score_file import ScoreFileWriter
 
@@ -38,9 +38,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--params", type=Path, required=True, metavar="FILE", help="theta, a JSON file or a polytope's checkpoint"
     )
-    parser.add_argument(
-        "--cone", choices=[cone.value for cone in Cone], default=Cone.CIRCULAR.value, help="friction cone (default circular)"
-    )
+    add_fields(parser, LossConfig(), "cone")
     parser.add_argument("--out", type=PathEndingIn(".npz"), required=True, metavar="FILE.npz", help="the arrays")
     add_json_option(parser)
     parser.set_defaults(run=run)
@@ -78,9 +76,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Scores all inputs and says how it went."""
     body = chosen_body(arguments)
     theta = polytope_of(arguments.params, body)
-    stages = stages_of(arguments, {"loss": LossConfig(cone=Cone(arguments.cone))})
-    gates = replace(stages["gates"], enabled=False)
-    inputs = InputsConfig(stages["poses"], stages["segmenter"], gates, stages["rig"], as_stored=True)
+    stages = stages_of(arguments, {"loss": with_options(LossConfig(), arguments, "cone")})
+    inputs = replace(inputs_of(stages, gated=False), as_stored=True)
     tally = Tally()
     names = parameter_form(theta.geometry, Form.CONTACTNETS).names()
     with ScoreFileWriter(arguments.out, names) as writer, Progress("scoring", "tosses") as progress:
@@ -91,22 +88,19 @@ def run(arguments: argparse.Namespace) -> int:
         if not tally.statuses:
             raise nothing_found(arguments.inputs, tally.warnings, "no toss that could be scored", "at least one")
     warn(tally.warnings)
-    _report(arguments, tally)
+    _report(arguments, stages["loss"].cone.value, tally)
     return 0
 
 
 def _tosses(paths: Sequence[Path], config: ReadingConfig, tally: Tally) -> Iterator[Toss]:
     """The tosses of all inputs, each once; what was left out is noted."""
-    known = KnownTosses()
+    once = EachOnce()
     for path in paths:
         reader = InputReader(path, config)
-        for toss in reader.tosses():
-            if left_out := known.see(toss.toss_id, toss.digest(), str(path), whole=True).left_out:
-                tally.repeated += 1
-                tally.warnings.append(f"{left_out.where}: {left_out.why}")
-            else:
-                yield toss
+        yield from (toss for toss in reader.tosses() if once.takes(toss.toss_id, toss.digest(), str(path)))
         reading = reader.reading()
+        tally.warnings += once.left_out[tally.repeated :]
+        tally.repeated = len(once.left_out)
         tally.rejected += sum(bool(seen.reasons) for seen in reading.seen)
         tally.failed += not reading.complete
         tally.warnings += reading.warnings
@@ -123,12 +117,12 @@ def _score(tosses: Sequence[Toss], theta: Parameters, config: LossConfig, writer
     return evaluation
 
 
-def _report(arguments: argparse.Namespace, tally: Tally) -> None:
+def _report(arguments: argparse.Namespace, cone: str, tally: Tally) -> None:
     total, solved = tally.statuses.total(), tally.statuses[SolveStatus.SOLVED]
     content = {
         "out": str(arguments.out),
         "params": str(arguments.params),
-        "cone": arguments.cone,
+        "cone": cone,
         "tosses": tally.tosses,
         "transitions": total,
         "not_solved": total - solved,

@@ -8,16 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from contact_curation.cli.options.body import add_body_option, chosen_body
+from contact_curation.cli.options.reading import add_body_option, chosen_body
 from contact_curation.cli.options.settings import add_settings, with_settings
 from contact_curation.cli.options.types import natural_number
 from contact_curation.cli.progress import Progress
-from contact_curation.cli.report import add_json_option, counted, print_json, warn
+from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.contact.body import Body
 from contact_curation.design.execution_noise import DEFAULT_NOISE, ExecutionNoise
 from contact_curation.design.throw import Throw
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.motion.toss import NANOSECONDS, Toss
+from contact_curation.pipeline.wording import counted
 from contact_curation.simulation.thrown_toss import DEFAULT_THROWN, ThrownTossConfig, executed_throw, thrown_toss
 
 STAGES = ("simulation", "noise")

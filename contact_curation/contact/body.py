@@ -4,15 +4,20 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.files import read_yaml
 from contact_curation.geometry.polytopes import Polytope, box, checked_corners
 from contact_curation.geometry.quaternions import Array
 
 STANDARD_GRAVITY = 9.81
 """[m/s^2], the value ContactNets used (METHOD 1.0)."""
+
+LARGEST_FILE = 2**22
+"""Bytes of a description."""
 
 NAME = re.compile(r"[A-Za-z0-9]+(_[A-Za-z0-9]+)*")
 
@@ -84,6 +89,36 @@ class Body:
     def scaled_gravity(self) -> float:
         """Gravity in characteristic lengths per s^2."""
         return self.gravity / self.length_scale
+
+    @staticmethod
+    def from_file(path: str | Path) -> "Body":
+        """Reads the body that a YAML file describes, a file like contact_curation/config/cube.yaml.
+
+        Args:
+            path: of the file.
+
+        Returns:
+            The body, in SI units.
+
+        Raises:
+            UnreadableInputError: there is no such file, it is no YAML mapping, or it describes no body; the line names the key.
+
+        Example:
+            >>> body = cc.Body.from_file("brick.yaml")
+            >>> body.mass
+            0.37
+        """
+        path = Path(path)
+        content = read_yaml(path, LARGEST_FILE, "the description of a body")
+        if not isinstance(content, Mapping) or not all(isinstance(key, str) for key in content):
+            found = type(content).__name__
+            raise UnreadableInputError(path, f"found a {found}, expected the keys of a body and their values")
+        try:
+            return Body.from_mapping(content)
+        except InvalidValueError as error:
+            raise UnreadableInputError(path, str(error)) from error
+        except (TypeError, ValueError) as error:  # a list where one number belongs, three numbers where there are two
+            raise UnreadableInputError(path, f"found values of the wrong form ({error}), expected those of a body") from error
 
     @staticmethod
     def from_mapping(data: Mapping[str, object]) -> "Body":

@@ -1,26 +1,22 @@
 """Why a toss is selected or not, and how the selected set stands to its pool: the numbers behind the ranking's views.
 
-A toss outside of the selected set comes with its gain: where `representative` chose the set, by how much it would lower the
-expected error; else what it would add to the set's log-det (METHOD 2.3). The set is compared with all tosses by the theorem's
-spectrum (METHOD 1.9) and by the estimate that follows from it.
+A toss outside of the selected set has the gain that it would still add, by the explanation of the criterion that chose the set.
+The set is compared with all tosses by the theorem's spectrum (METHOD 1.9) and by how far its optimum is from theirs.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.accumulated import Accumulated
-from contact_curation.information.criteria.representative import standing_of
+from contact_curation.information.criteria.explanation import explanation
 from contact_curation.information.diagnostics import SINGULAR, spectral_distance
-from contact_curation.information.optimum_shift import Answer, answer_of
+from contact_curation.information.optimum_shift import OptimumShift, optimum_shift
 from contact_curation.information.pool import Pool
-from contact_curation.information.pool_subspace import pool_subspace
-from contact_curation.information.prior import log_det_prior
 from contact_curation.information.ranker import RankingConfig
-from contact_curation.information.subspace import IdentifiableSubspace
+from contact_curation.information.subspace import IdentifiableSubspace, pool_subspace
 
 DEFAULT = RankingConfig()
 
@@ -98,12 +94,12 @@ class Evidence:
     Attributes:
         rows: all tosses, the selected ones first.
         spectrum: of the selected set.
-        answer: of the selected set, beside that of all tosses.
+        shift: of the selected set's optimum from that of all tosses.
     """
 
     rows: tuple[EvidenceRow, ...]
     spectrum: SelectedSpectrum
-    answer: Answer
+    shift: OptimumShift
 
 
 def evidence_of(pool: Pool, selected: SelectedSet) -> Evidence:
@@ -119,9 +115,9 @@ def evidence_of(pool: Pool, selected: SelectedSet) -> Evidence:
     subspace = pool_subspace(pool, DEFAULT.cut)
     coordinates, indices = subspace.per_mean_toss(len(pool)), pool.indices_of(selected.toss_ids)
     return Evidence(
-        rows=_rows(pool, selected, _reasons(pool, selected, coordinates)),
+        rows=_rows(pool, selected),
         spectrum=selected_spectrum(pool, subspace, selected.toss_ids),
-        answer=answer_of(pool, coordinates, indices, DEFAULT.prior),
+        shift=optimum_shift(pool, coordinates, indices, DEFAULT.prior),
     )
 
 
@@ -138,69 +134,13 @@ def selected_spectrum(pool: Pool, subspace: IdentifiableSubspace, selected: Sequ
     )
 
 
-@dataclass(frozen=True)
-class _Reasons:
-    """By toss id: what each would add to the selected set, and why it is selected or not."""
-
-    gains: Mapping[str, float]
-    reasons: Mapping[str, str]
-
-
-def _rows(pool: Pool, selected: SelectedSet, found: _Reasons) -> tuple[EvidenceRow, ...]:
+def _rows(pool: Pool, selected: SelectedSet) -> tuple[EvidenceRow, ...]:
     traces = {info.toss_id: info.trace for info in pool.infos}
-    gains = {**found.gains, **dict(zip(selected.toss_ids, selected.gains, strict=True))}
-    inside = frozenset(selected.toss_ids)
-    others = sorted((toss_id for toss_id in pool.ids if toss_id not in inside), key=lambda one: -gains[one])
+    own = dict(zip(selected.toss_ids, selected.gains, strict=True))
+    explained = explanation(selected.criterion, pool, own, replace(DEFAULT, top=selected.capacity))
+    gains = {**explained.gains, **own}
+    others = sorted((toss_id for toss_id in pool.ids if toss_id not in own), key=lambda one: -gains[one])
     return tuple(
-        EvidenceRow(rank, one, traces[one], gains[one], one in inside, found.reasons[one])
+        EvidenceRow(rank, one, traces[one], gains[one], one in own, explained.reasons[one])
         for rank, one in enumerate((*selected.toss_ids, *others), start=1)
     )
-
-
-def _reasons(pool: Pool, selected: SelectedSet, coordinates: Array) -> _Reasons:
-    if selected.criterion == "representative":
-        return _reasons_by_error(pool, selected, coordinates)
-    gains, inside = _log_det_gains(pool, selected), frozenset(selected.toss_ids)
-    smallest = min(info.trace for info in pool.infos if info.toss_id in inside)
-    reasons = {one: _why_not(selected, gain, smallest) for one, gain in gains.items()}
-    reasons |= {one: _why_selected(selected, rank) for rank, one in enumerate(selected.toss_ids, start=1)}
-    return _Reasons(gains, reasons)
-
-
-def _reasons_by_error(pool: Pool, selected: SelectedSet, coordinates: Array) -> _Reasons:
-    """By representative: what becomes of the expected error without a selected toss, and with another one more."""
-    standing = standing_of([pool], [coordinates], pool.indices_of(selected.toss_ids).tolist(), DEFAULT.prior)
-    before = standing.error or 1.0  # 0 of a pool that says nothing, with or without a toss
-    joined = dict(zip(pool.ids, standing.joined.tolist(), strict=True))
-    without = zip(selected.toss_ids, standing.without.tolist(), strict=True)
-    reasons = {
-        one: f"not selected: one more, with it the expected error is {error / before:.4g} times as large"
-        for one, error in joined.items()
-    }
-    reasons |= {
-        one: f"selected: without it the expected error is {error / before:.4g} times as large" for one, error in without
-    }
-    return _Reasons({one: standing.error - error for one, error in joined.items()}, reasons)
-
-
-def _log_det_gains(pool: Pool, selected: SelectedSet) -> Mapping[str, float]:
-    """By toss, what it would add to the selected set's log-det."""
-    prior = log_det_prior(pool, DEFAULT.prior, DEFAULT.cut)
-    gathered = Accumulated.prior_only(prior.coordinates).joined(pool.stacked(pool.indices_of(selected.toss_ids)))
-    gains = [gathered.gains(pool.stacked(indices)).log_det for indices in pool.chunks()]
-    return dict(zip(pool.ids, np.concatenate(gains).tolist(), strict=True))
-
-
-def _why_selected(selected: SelectedSet, rank: int) -> str:
-    if selected.criterion != "log-det":
-        return f"selected: place {rank} by {selected.criterion}"
-    return "selected: most new by itself" if rank == 1 else f"selected: most new beside the {rank - 1} above"
-
-
-def _why_not(selected: SelectedSet, gain: float, smallest: float) -> str:
-    if selected.criterion == "log-det":
-        last = selected.gains[-1]
-        return f"not selected: less new than the last, {last:.3g}" if gain < last else "not selected: came after"
-    if selected.criterion == "trace":
-        return f"not selected: trace below {smallest:.3g}"
-    return f"not selected: {selected.criterion} has {selected.capacity} better"

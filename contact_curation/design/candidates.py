@@ -9,18 +9,17 @@ from numpy.typing import NDArray
 
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.design.execution_noise import DEFAULT_NOISE, ExecutionNoise, NoiseConfig, balanced_draws
-from contact_curation.design.particle import Particle
 from contact_curation.design.predicted_information import (
-    DEFAULT_FORECAST,
-    Forecast,
-    ForecastConfig,
-    expected,
+    DEFAULT_PREDICTION,
+    Particle,
+    PredictedInformation,
+    PredictionConfig,
+    expected_information,
     predicted_motions,
 )
-from contact_curation.design.releases import Placement, Releases
-from contact_curation.design.safety_set import DEFAULT_SAFETY, Feasible, SafetyConfig, SafetySet
+from contact_curation.design.releases import Placement, ReleasePrior, Releases
+from contact_curation.design.safety import DEFAULT_SAFETY, Feasible, SafetyConfig, SafetySet
 from contact_curation.design.throw import throw_of_state
-from contact_curation.design.throw_prior import ReleasePrior
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 
@@ -34,18 +33,18 @@ Refusals = tuple[str | None, ...]
 
 
 @dataclass(frozen=True)
-class OutlookConfig:
-    """How throws are judged.
+class CandidateConfig:
+    """How releases are evaluated.
 
     Attributes:
-        forecast: how their motions are predicted.
+        forecast: how their motions are predicted; an option's and a parameter's name, as those below.
         safety: limits.
         noise: of executions, before any was measured.
         placement: where they are made.
         seed: of the executions over which information is averaged.
     """
 
-    forecast: ForecastConfig = DEFAULT_FORECAST
+    forecast: PredictionConfig = DEFAULT_PREDICTION
     safety: SafetyConfig = DEFAULT_SAFETY
     noise: NoiseConfig = DEFAULT_NOISE
     placement: Placement = field(default_factory=Placement)
@@ -94,8 +93,8 @@ class Candidates:
         )
 
 
-class Outlook:
-    """Judges releases at one or several thetas, with the executions' noise as it is known.
+class CandidateEvaluator:
+    """Evaluates releases at one or several thetas, with the executions' noise as it is known.
 
     Args:
         particles: thetas of one body and form, at least one.
@@ -108,7 +107,7 @@ class Outlook:
     """
 
     def __init__(
-        self, particles: Sequence[Particle], noise: ExecutionNoise, config: OutlookConfig, feasible: Feasible | None = None
+        self, particles: Sequence[Particle], noise: ExecutionNoise, config: CandidateConfig, feasible: Feasible | None = None
     ) -> None:
         self.particles = tuple(_alike(particles))
         self.config = config
@@ -116,27 +115,27 @@ class Outlook:
         self.safety = SafetySet(self.particles[0].body, config.safety, noise, feasible)
         self._draws = balanced_draws(config.forecast.executions, np.random.default_rng(config.seed))
 
-    def with_noise(self, noise: ExecutionNoise) -> "Outlook":
+    def with_noise(self, noise: ExecutionNoise) -> "CandidateEvaluator":
         """The same with other noise of executions."""
-        return Outlook(self.particles, noise, self.config, self.safety.feasible)
+        return CandidateEvaluator(self.particles, noise, self.config, self.safety.feasible)
 
-    def safe(self, prior: ReleasePrior, count: int, rng: np.random.Generator) -> Releases:
+    def draw_safe(self, prior: ReleasePrior, count: int, rng: np.random.Generator) -> Releases:
         """Draws releases until so many may be thrown, by what they show themselves.
 
         Raises:
             InvalidValueError: hardly any may be; the limit that refused most is named.
         """
-        kept: list[Releases] = []
+        safe: list[Releases] = []
         found, refused = 0, Counter[str]()
         for _ in range(MOST_DRAWS):
             drawn = prior.draw(max(count - found, 32), rng)
             refusals = self.refusals(drawn)
             good = [index for index, refusal in enumerate(refusals) if refusal is None]
             refused.update(refusal.partition(":")[0] for refusal in refusals if refusal)
-            kept.append(drawn.taken(good))
+            safe.append(drawn.taken(good))
             found += len(good)
             if found >= count:
-                return Releases.joined(kept).taken(np.arange(count))
+                return Releases.joined(safe).taken(np.arange(count))
         limits = ", ".join(f"{name} {times} times" for name, times in refused.most_common(3))
         raise InvalidValueError("safe releases", f"{found} of {found + refused.total()} (refused by {limits})", f"{count}")
 
@@ -157,7 +156,7 @@ class Outlook:
             found[index] = answer
         return tuple(found)
 
-    def candidates(self, releases: Releases, executions: int | None = None) -> Candidates:
+    def evaluate(self, releases: Releases, executions: int | None = None) -> Candidates:
         """What releases teach; refused are those whose executions lead where they should not, or nowhere.
 
         Args:
@@ -176,19 +175,19 @@ class Outlook:
                 whole.append(part.fishers)
         return Candidates(releases, states, tuple(np.concatenate(parts) for parts in fishers), tuple(refusals))
 
-    def _judged(self, states: Array, draws: Array) -> tuple[list[Forecast], list[str | None]]:
+    def _judged(self, states: Array, draws: Array) -> tuple[list[PredictedInformation], list[str | None]]:
         """Per particle what a handful of releases (K, 13) teaches, and why each may not be thrown."""
         config, executions = self.config.forecast, len(draws)
         executed = self.noise.executions(states, draws).reshape(-1, 13)
-        forecasts: list[Forecast] = []
+        informations: list[PredictedInformation] = []
         refusals: list[str | None] = [None] * len(states)
         for particle in self.particles:
             motions = predicted_motions(particle, executed, config)
-            forecasts.append(expected(particle, motions, executions, config))
+            informations.append(expected_information(particle, motions, executions, config))
             found = self.safety.of_motions(particle, motions, executions, config)
-            unknown = (None if known else "motion: cannot be predicted" for known in forecasts[-1].known)
+            unknown = (None if known else "motion: cannot be predicted" for known in informations[-1].known)
             refusals = [first or second or third for first, second, third in zip(refusals, found, unknown)]
-        return forecasts, refusals
+        return informations, refusals
 
     def described_refusals(self, states: Array) -> Refusals:
         """Why releases (K, 13) may not be thrown, by where they lead if the body is as described; theta is not asked."""

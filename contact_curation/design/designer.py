@@ -1,7 +1,11 @@
-"""The next throw, for whoever keeps what was thrown and learned: whether theta is trusted with it, and what is thrown if not.
+"""The next throw, planned again after each one that was made (METHOD 1.10, 2.4, 5).
 
-Until the canary trusts theta (METHOD 2.4) throws are spread over first impacts, by flight and shape alone; from then on they
-are what is expected to teach most (`AdaptiveDesign`), planned at theta from all that is known.
+Until theta passes the readiness check, exploration throws are spread over first impacts, by flight and shape alone; from then
+on throws are those that are expected to teach most, planned at theta from all that is known.
+
+After each throw the noise of executions is learned anew from commands and executions; the toss's own information at theta is
+added to what is known; and the next throws are planned from there. The ratio of what a toss taught to what was planned is the
+loop's health: far below 1 the model, the thrower or the tracker is not what the plan took it for.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,14 +17,117 @@ import numpy as np
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
-from contact_curation.design.exploration_plan import warm_up_plan
-from contact_curation.design.particle import Particle
-from contact_curation.design.planner import DesignConfig, Planner
-from contact_curation.design.readiness import CanaryConfig, distrust
-from contact_curation.design.safety_set import Feasible
+from contact_curation.design.execution_noise import ExecutionNoise
+from contact_curation.design.exploration import exploration_plan
+from contact_curation.design.greedy_batch import gains
+from contact_curation.design.planner import DesignConfig, Plan, Planner
+from contact_curation.design.predicted_information import Particle
+from contact_curation.design.readiness import ReadinessConfig, unready_reason
+from contact_curation.design.releases import PUBLISHED_PRIOR, ReleasePrior, Releases
+from contact_curation.design.safety import Feasible
 from contact_curation.design.throw import Throw
-from contact_curation.design.throw_prior import PUBLISHED_PRIOR, ReleasePrior
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.record import TossInformation
+
+
+@dataclass(frozen=True)
+class Realised:
+    """What a throw was planned to teach, and what its toss taught; log-det gains over what was known before it.
+
+    Attributes:
+        throw_id: the throw.
+        toss_id: its toss.
+        planned: gain.
+        realised: gain.
+    """
+
+    throw_id: str
+    toss_id: str
+    planned: float
+    realised: float
+
+    @property
+    def ratio(self) -> float:
+        """Realised against planned; not a number where nothing was planned."""
+        return self.realised / self.planned if self.planned > 0.0 else float("nan")
+
+
+class AdaptiveDesign:
+    """Plans throws from all that is known so far.
+
+    Args:
+        planner: at the present theta.
+        known: per particle, what the selected tosses teach at it.
+        throws: pairs of commands and executions so far.
+    """
+
+    def __init__(
+        self,
+        planner: Planner,
+        known: Sequence[Sequence[TossInformation]] = (),
+        throws: Sequence[tuple[Throw, Throw]] = (),
+    ) -> None:
+        self._throws = list(throws)
+        self._infos = [list(infos) for infos in (known or [()] * len(planner.particles))]
+        self._known = planner.known(self._infos)
+        self._planner = planner
+        self._learn()
+
+    @property
+    def planner(self) -> Planner:
+        """With the noise as it is known now."""
+        return self._planner
+
+    @property
+    def noise(self) -> ExecutionNoise:
+        """As it is known now."""
+        return self._planner.evaluator.noise
+
+    def plan(self, names: Sequence[str], seed: int) -> Plan:
+        """The next throws, chosen together; errors as `Planner.plan`."""
+        return self._planner.plan(names, self._known, seed)
+
+    def made(self, commanded: Throw, executed: Throw) -> None:
+        """A throw was made, in this way."""
+        self._throws.append((commanded, executed))
+        self._learn()
+
+    def predicted(self, throw: Throw) -> Throw:
+        """A throw that was planned elsewhere, with the gain that is predicted for it here and now."""
+        candidate = self._planner.evaluator.evaluate(Releases.of_states(throw.release[None]))
+        gain = float(gains(self._known, candidate.fishers)[0])
+        return replace(throw, expected_information=gain, parameters_version=self._planner.version)
+
+    def add(self, throw: Throw, realised: Sequence[TossInformation]) -> Realised:
+        """A throw's toss was scored; what it taught is known from now on.
+
+        Args:
+            throw: as it was planned.
+            realised: per particle, what its toss teaches.
+
+        Raises:
+            InvalidValueError: scored at other thetas.
+        """
+        self._planner.known([[info] for info in realised])  # refuses what cannot be compared
+        fishers = [info.fisher()[None] for info in realised]
+        gain = float(gains(self._known, fishers)[0])
+        for infos, info in zip(self._infos, realised, strict=True):
+            infos.append(info)
+        self._known = self._planner.known(self._infos)
+        return Realised(throw.throw_id, realised[0].toss_id, throw.expected_information, gain)
+
+    def _learn(self) -> None:
+        if self._throws:
+            commanded, executed = (np.array([pair[side].release for pair in self._throws]) for side in (0, 1))
+            noise = ExecutionNoise.learned(commanded, executed, self._planner.config.candidates.noise)
+            self._planner = self._planner.with_noise(noise)
+
+
+def overall_ratio(realised: Sequence[Realised]) -> float:
+    """What all tosses taught in relation to what was planned; not a number where nothing was planned."""
+    planned = sum(one.planned for one in realised)
+    return sum(one.realised for one in realised) / planned if planned > 0.0 else float("nan")
+
 
 ONE_THREAD = replace(DEFAULT_LOSS, threads=1)
 """Who designs while others work shares the processors."""
@@ -32,12 +139,12 @@ class DesignerConfig:
 
     Attributes:
         planner: how throws are chosen.
-        canary: when theta is trusted.
+        readiness: when theta is trusted with it.
         loss: of the information.
     """
 
     planner: DesignConfig = field(default_factory=DesignConfig)
-    canary: CanaryConfig = field(default_factory=CanaryConfig)
+    readiness: ReadinessConfig = field(default_factory=ReadinessConfig)
     loss: LossConfig = ONE_THREAD
 
 
@@ -65,20 +172,20 @@ class Designer:
         """Of throws at a theta; errors as there."""
         return Planner([particle], self.prior, config=self.config.planner, feasible=self.feasible)
 
-    def distrust(self, losses: Sequence[float], scores: Callable[[], Sequence[Array]]) -> str | None:
-        """Why a theta is not trusted with choosing throws, in one line; None when it is.
+    def unready_reason(self, losses: Sequence[float], scores: Callable[[], Sequence[Array]]) -> str | None:
+        """Why a theta does not pass the readiness check, in one line; None when it does.
 
         Args:
             losses: mean loss of each toss that is known at it, when it was first scored, oldest first.
             scores: gives the reference throws' scores at it and at the theta before; costly, and asked for last.
         """
-        canary = self.config.canary
-        if not canary.enabled:
+        check = self.config.readiness
+        if not check.enabled:
             return None
-        without_scores = distrust(replace(canary, least_agreement=-1.0), losses, [np.arange(2.0)] * 2)
-        return without_scores or distrust(canary, losses, scores())
+        without_scores = unready_reason(replace(check, least_agreement=-1.0), losses, [np.arange(2.0)] * 2)
+        return without_scores or unready_reason(check, losses, scores())
 
-    def warm_up(self, name: str, seed: int, thrown: Sequence[Array]) -> Throw:
+    def explore(self, name: str, seed: int, thrown: Sequence[Array]) -> Throw:
         """A throw that first touches the board differently from those before; no theta is asked.
 
         Args:
@@ -90,7 +197,7 @@ class Designer:
             InvalidValueError: no release may be thrown.
         """
         planner = self._as_described
-        plan = warm_up_plan(planner, [name], planner.known(), seed, thrown)
+        plan = exploration_plan(planner, [name], planner.known(), seed, thrown)
         return replace(plan.throws[0], expected_information=0.0, parameters_version="")
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Throws before anything is known of theta: different first impacts, by flight and shape alone (METHOD 2.4).
+"""Exploration throws, before theta can be trusted: different first impacts, by flight and shape alone (METHOD 2.4).
 
 What a toss can teach begins with how the body meets the board. Up to the first touch its motion is a ballistic flight with a
 constant spin (as in the model, without a gyroscopic term), whatever theta is; how it then stands and moves, seen from the
@@ -13,8 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact_curation.contact.body import Body
+from contact_curation.design.planner import Plan, Planner
+from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.accumulated import Accumulated
 
 FLIGHT_STEP = 1.0 / 148.0
 """[s]"""
@@ -80,3 +83,38 @@ def coverage(features: Array, seen: Array, radius: float) -> float:
 def features_of(body: Body, releases: Sequence[Array]) -> Array:
     """(M, 6) features of single releases (13,)."""
     return impact_features(body, np.array(releases)) if releases else np.zeros((0, 6))
+
+
+def exploration_plan(
+    planner: Planner, names: Sequence[str], known: Sequence[Accumulated], seed: int, thrown: Sequence[Array] = ()
+) -> Plan:
+    """Throws that first touch the board differently from each other and from those before.
+
+    Neither choice nor limits ask theta; only the gains that the plan names do.
+
+    Args:
+        planner: draws and judges releases.
+        names: of the throws.
+        known: what is known, for the gains.
+        seed: of the pool.
+        thrown: releases (13,) in SI units of throws before.
+
+    Raises:
+        InvalidValueError: fewer releases may be thrown than throws are wanted.
+    """
+    body = planner.particles[0].body
+    releases = planner.evaluator.draw_safe(planner.prior, planner.config.pool, np.random.default_rng(seed))
+    states = releases.states(planner.config.candidates.placement)
+    refusals = planner.evaluator.described_refusals(states)
+    fine = np.array([index for index, refusal in enumerate(refusals) if refusal is None], dtype=np.int64)
+    features, seen = impact_features(body, states), features_of(body, thrown)
+    while True:
+        if len(fine) < len(names):
+            raise InvalidValueError("releases that may be thrown", f"{len(fine)} of {len(states)}", f"{len(names)}")
+        picked = fine[spread(features[fine], len(names), seen, seed)]
+        answers = planner.evaluator.thrower_refusals(states[picked])
+        refused = [index for index, answer in zip(picked, answers) if answer]
+        if not refused:
+            break
+        fine = fine[~np.isin(fine, refused)]
+    return planner.planned(names, planner.evaluator.evaluate(releases.taken(picked)), known, refusals)

@@ -1,19 +1,27 @@
-"""Throws for a batch: greedy from a pool of releases, by what each adds to what is known (METHOD 1.10, 5).
+"""Throws for a batch: greedy from a pool of releases, by what each adds to what is known, and then refined (METHOD 1.10, 5).
 
-    next throw = argmax over the pool of mean_theta [ logdet(A + E[F(x)]) - logdet A ],    A = A0 + kept tosses + throws so far
+    next throw = argmax over pool of mean_theta [ logdet(A + E[F(x)]) - logdet A ],  A = A0 + selected tosses + throws so far
 
 The gain is monotone and submodular, so that greedy reaches (1 - 1/e) of the best batch from the pool. What is known already is
 to the throws what A0 is to tosses: in coordinates where A is the identity a pool of throws is ranked like a pool of tosses,
 with the same lazy queue. Place and heading of throws are not designed: every motion and toss counts about its own centroid.
+
+Each throw of the batch is then moved from where the pool had it to where it adds more, by CMA-ES (Hansen 2016; package
+`cmaes`), with what is known and all the other throws given. The objective is not smooth, because contacts come and go, and has
+9 numbers: an evolution strategy needs neither gradient nor tuning. A throw stays where it was unless a better one was found, so
+that the batch's value never falls.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from cmaes import CMA  # type: ignore[import-untyped]  # its wheel has no py.typed
 from numpy.typing import NDArray
 
-from contact_curation.design.particle import Particle
+from contact_curation.design.candidates import CandidateEvaluator, Candidates
+from contact_curation.design.predicted_information import Particle
+from contact_curation.design.releases import Releases
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.accumulated import Accumulated
@@ -88,7 +96,7 @@ def greedy_batch(particles: Sequence[Particle], states: Sequence[Accumulated], f
     """
     pools = [_pool(particle, matrices) for particle, matrices in zip(particles, fishers, strict=True)]
     selection = select_by_log_det(pools, [state.half_inverse for state in states], count)
-    indices = selection.order[: selection.kept]
+    indices = selection.order[: selection.count]
     return Picked(indices, selection.gains[indices])
 
 
@@ -120,3 +128,124 @@ def _pool(particle: Particle, fishers: Array) -> Pool:
         for number, (fisher, root) in enumerate(zip(fishers, roots))
     )
     return Pool(infos, np.zeros(3))
+
+
+COORDINATES = 9
+LEAST_GAIN = 1e-9
+"""A throw moves only for more than this in log-det."""
+
+
+@dataclass(frozen=True)
+class RefinementConfig:
+    """How throws are moved.
+
+    Attributes:
+        generations: of each throw; 0 to leave throws where they are.
+        population: of a generation.
+        step: first standard deviation of a move, in units of `scales`.
+        scales: of height [m], speed along and up [m/s], spin (3) [rad/s] and turn (3) [rad].
+        tries: a move that may not be made is drawn again so often.
+        executions: of each move, over which its information is averaged, of those by which it is predicted; an even number.
+    """
+
+    generations: int = 40
+    population: int = 12
+    step: float = 0.5
+    scales: tuple[float, ...] = (0.016, 0.085, 0.16, 1.5, 1.5, 1.5, 0.4, 0.4, 0.4)
+    tries: int = 5
+    executions: int = 4
+
+    def __post_init__(self) -> None:
+        for name, least in (("generations", 0), ("population", 4), ("tries", 1)):
+            if getattr(self, name) < least:
+                raise InvalidValueError(f"refinement.{name}", getattr(self, name), f"at least {least}")
+        if self.executions < 2 or self.executions % 2:
+            raise InvalidValueError("refinement.executions", self.executions, "an even number of at least 2")
+        if not (np.isfinite(self.step) and self.step > 0.0):
+            raise InvalidValueError("refinement.step", self.step, "a positive number")
+        if len(self.scales) != COORDINATES or not all(np.isfinite(scale) and scale > 0.0 for scale in self.scales):
+            raise InvalidValueError("refinement.scales", self.scales, f"{COORDINATES} positive numbers")
+
+
+DEFAULT_REFINEMENT = RefinementConfig()
+
+
+def refined(
+    evaluator: CandidateEvaluator, states: Sequence[Accumulated], batch: Candidates, config: RefinementConfig, seed: int
+) -> Candidates:
+    """A batch at least as good as the given one, about it.
+
+    Args:
+        evaluator: judges moves.
+        states: per particle, what is known without the batch.
+        batch: throws that may be made.
+        config: how.
+        seed: of the moves.
+    """
+    for place in range(len(batch.states)) if config.generations else ():
+        others = np.delete(np.arange(len(batch.states)), place)
+        given = [with_fishers(state, fishers[others]) for state, fishers in zip(states, batch.fishers, strict=True)]
+        own_seed = int(np.random.default_rng([seed, place]).integers(2**31 - 1))
+        better = _moved(evaluator, given, batch.taken([place]), config, own_seed)
+        batch = _replaced(batch, place, better)
+    return batch
+
+
+def _moved(
+    evaluator: CandidateEvaluator, given: Sequence[Accumulated], throw: Candidates, config: RefinementConfig, seed: int
+) -> Candidates:
+    """One throw, moved to the best place that was found and may be thrown from."""
+    strategy = CMA(np.zeros(COORDINATES), config.step, seed=seed, population_size=config.population)
+    start = evaluator.evaluate(throw.releases, config.executions)
+    found, best_gain = [start], float(gains(given, start.fishers)[0])
+    for _ in range(config.generations):
+        moves = np.array([strategy.ask() for _ in range(config.population)])
+        candidates = _judged(evaluator, throw.releases, moves, config, strategy)
+        values = np.where(candidates.usable, gains(given, candidates.fishers), -np.inf)
+        while values.max() > best_gain + LEAST_GAIN:
+            winner = int(values.argmax())
+            if evaluator.thrower_refusals(candidates.states[[winner]])[0] is None:
+                found.append(candidates.taken([winner]))
+                best_gain = float(values[winner])
+            else:
+                values[winner] = -np.inf
+        worst = float(np.min(values, where=np.isfinite(values), initial=0.0)) - 1.0
+        strategy.tell([(move, -value) for move, value in zip(moves, np.maximum(values, worst).tolist())])
+        if strategy.should_stop():
+            break
+    while len(found) > 1 and evaluator.motion_refusals(found[-1].states)[0]:  # by many executions, from the best down
+        found.pop()
+    return _better(evaluator, given, throw, found[-1]) if len(found) > 1 else throw
+
+
+def _better(evaluator: CandidateEvaluator, given: Sequence[Accumulated], throw: Candidates, moved: Candidates) -> Candidates:
+    """The better one of two by all executions."""
+    judged = evaluator.evaluate(moved.releases)
+    better = judged.usable[0] and gains(given, judged.fishers)[0] > gains(given, throw.fishers)[0] + LEAST_GAIN
+    return judged if better else throw
+
+
+def _judged(evaluator: CandidateEvaluator, base: Releases, moves: Array, config: RefinementConfig, strategy: CMA) -> Candidates:
+    """The moved releases; `moves` (B, 9) that may not be thrown are drawn again, in place, and the last try stands."""
+    refusals = list(evaluator.refusals(_moved_releases(base, moves, config)))
+    for _ in range(config.tries):
+        refused = [index for index, refusal in enumerate(refusals) if refusal is not None]
+        if not refused:
+            break
+        for index in refused:
+            moves[index] = strategy.ask()
+        again = evaluator.refusals(_moved_releases(base, moves[refused], config))
+        for index, refusal in zip(refused, again):
+            refusals[index] = refusal
+    judged = evaluator.evaluate(_moved_releases(base, moves, config), config.executions)
+    merged = tuple(first or second for first, second in zip(refusals, judged.refusals))
+    return Candidates(judged.releases, judged.states, judged.fishers, merged)
+
+
+def _moved_releases(base: Releases, moves: Array, config: RefinementConfig) -> Releases:
+    return base.taken(np.zeros(len(moves), dtype=np.int64)).moved(moves * np.array(config.scales))
+
+
+def _replaced(batch: Candidates, place: int, throw: Candidates) -> Candidates:
+    order = [len(batch.states) if index == place else index for index in range(len(batch.states))]
+    return Candidates.joined([batch, throw]).taken(order)

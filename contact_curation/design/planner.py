@@ -1,6 +1,9 @@
 """The throws to make next: a safe pool, the greedy batch from it, refined.
 
 Everything follows from the thetas, what is known, the noise as it was learned and the seed; the same four give the same throws.
+
+Beside it stand the plans that designed throws are compared with: throws at random, and the paper's, the best of many by the
+trace of each alone.
 """
 
 from collections import Counter
@@ -11,19 +14,27 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from contact_curation.design.candidates import Candidates, Outlook, OutlookConfig
+from contact_curation.design.candidates import CandidateConfig, CandidateEvaluator, Candidates
 from contact_curation.design.execution_noise import ExecutionNoise
-from contact_curation.design.greedy_batch import accumulated, gains, greedy_batch, prior_coordinates, with_fishers
-from contact_curation.design.particle import Particle
-from contact_curation.design.refinement import DEFAULT_REFINEMENT, RefinementConfig, refined
-from contact_curation.design.releases import Releases
-from contact_curation.design.safety_set import Feasible
+from contact_curation.design.greedy_batch import (
+    DEFAULT_REFINEMENT,
+    RefinementConfig,
+    accumulated,
+    gains,
+    greedy_batch,
+    prior_coordinates,
+    refined,
+    with_fishers,
+)
+from contact_curation.design.predicted_information import Particle
+from contact_curation.design.releases import PUBLISHED_PRIOR, ReleasePrior, Releases
+from contact_curation.design.safety import Feasible
 from contact_curation.design.throw import Throw, throw_of_state
-from contact_curation.design.throw_prior import PUBLISHED_PRIOR, ReleasePrior
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.accumulated import Accumulated
 from contact_curation.information.record import TossInformation
+from contact_curation.information.ties import descending
 
 FINALISTS_EACH = 16
 """Of a pool for many throws there are at least so many finalists for each."""
@@ -37,10 +48,10 @@ class DesignConfig:
         pool: safe releases that throws are picked from.
         sieve: executions of each release of the pool by which the finalists are found; an even number.
         finalists: releases of the pool that are looked at with all executions.
-        reference: releases of the prior whose mean information, times `share`, is the prior information A0; the canary also
-            asks about them.
+        reference: releases of the prior whose mean information, times `share`, is the prior information A0; the readiness
+            check also asks about them.
         share: delta of METHOD 1.6.
-        outlook: how releases are judged.
+        candidates: how releases are evaluated.
         refinement: how picked throws are moved.
     """
 
@@ -49,7 +60,7 @@ class DesignConfig:
     finalists: int = 64
     reference: int = 64
     share: float = 1e-3
-    outlook: OutlookConfig = field(default_factory=OutlookConfig)
+    candidates: CandidateConfig = field(default_factory=CandidateConfig)
     refinement: RefinementConfig = DEFAULT_REFINEMENT
 
     def __post_init__(self) -> None:
@@ -108,21 +119,21 @@ class Planner:
     ) -> None:
         self.config = config or DesignConfig()
         self.prior = prior
-        outlook = self.config.outlook
-        self.outlook = Outlook(particles, noise or ExecutionNoise.expected(outlook.noise), outlook, feasible)
-        self._reference = self.outlook.with_noise(ExecutionNoise.expected(outlook.noise)).candidates(self._referred())
+        how = self.config.candidates
+        self.evaluator = CandidateEvaluator(particles, noise or ExecutionNoise.expected(how.noise), how, feasible)
+        self._reference = self.evaluator.with_noise(ExecutionNoise.expected(how.noise)).evaluate(self._referred())
         self._coordinates = [prior_coordinates(fishers, self.config.share) for fishers in self._reference.fishers]
 
     def with_noise(self, noise: ExecutionNoise) -> "Planner":
         """The same with other noise of executions; A0 stays what it was, so that gains can be compared."""
         planner = copy(self)
-        planner.outlook = self.outlook.with_noise(noise)
+        planner.evaluator = self.evaluator.with_noise(noise)
         return planner
 
     @property
     def particles(self) -> tuple[Particle, ...]:
         """The thetas."""
-        return self.outlook.particles
+        return self.evaluator.particles
 
     @property
     def version(self) -> str:
@@ -133,7 +144,7 @@ class Planner:
         """What is known: A0 and the tosses.
 
         Args:
-            informations: per particle, what the kept tosses teach at it; none where there are none.
+            informations: per particle, what the selected tosses teach at it; none where there are none.
 
         Raises:
             InvalidValueError: not once per particle, or scored at another theta or by another estimator.
@@ -159,7 +170,7 @@ class Planner:
             batch = self._checked_batch(candidates, known, len(names))
         if batch is None:
             raise self._too_few(candidates, len(names))
-        batch = refined(self.outlook, known, batch, self.config.refinement, seed)
+        batch = refined(self.evaluator, known, batch, self.config.refinement, seed)
         batch = batch.taken(greedy_batch(self.particles, known, batch.fishers, len(names)).indices)  # best first
         return self.planned(names, batch, known, candidates.refusals)
 
@@ -178,7 +189,7 @@ class Planner:
 
     def pool(self, seed: int) -> Candidates:
         """Releases to pick from, and what they teach."""
-        return self.outlook.candidates(self._drawn(seed))
+        return self.evaluator.evaluate(self._drawn(seed))
 
     def finalists(self, seed: int, known: Sequence[Accumulated], count: int) -> Candidates:
         """What the pool teaches, as far as it may come into question (successive halving, Jamieson and Talwalkar 2016).
@@ -191,14 +202,14 @@ class Planner:
             known: what is known.
             count: of throws that are wanted.
         """
-        first = self.outlook.candidates(self._drawn(seed), self.config.sieve)
+        first = self.evaluator.evaluate(self._drawn(seed), self.config.sieve)
         usable = np.flatnonzero(first.usable)
         wanted = max(self.config.finalists, FINALISTS_EACH * count)
         if len(usable) > wanted:
             usable = usable[self._promising([one[usable] for one in first.fishers], known, count, wanted)]
         if not len(usable):
             return first
-        last = self.outlook.candidates(first.releases.taken(usable))
+        last = self.evaluator.evaluate(first.releases.taken(usable))
         refused = first.taken(np.flatnonzero(~first.usable))
         return Candidates.joined([last, refused])
 
@@ -213,10 +224,10 @@ class Planner:
         return np.unique(np.concatenate([alone[: wanted // 2], batch, beside[: wanted // 2]]))
 
     def _drawn(self, seed: int) -> Releases:
-        return self.outlook.safe(self.prior, self.config.pool, np.random.default_rng(seed))
+        return self.evaluator.draw_safe(self.prior, self.config.pool, np.random.default_rng(seed))
 
     def reference_scores(self, particle: int = 0) -> Array:
-        """(R,) what each reference release tells at one theta, in units of what their mean tells: what the canary compares.
+        """(R,) information of each reference release at one theta relative to their mean: what the readiness check compares.
 
         The trace, whitened: of all measures tried it agrees best between thetas that are near each other.
         """
@@ -229,7 +240,7 @@ class Planner:
         usable = candidates.taken(np.flatnonzero(candidates.usable))
         while len(usable.states) >= count:
             picked = greedy_batch(self.particles, known, usable.fishers, count)
-            refusals = self.outlook.last_refusals(usable.states[picked.indices])
+            refusals = self.evaluator.last_refusals(usable.states[picked.indices])
             refused = [int(index) for index, refusal in zip(picked.indices, refusals) if refusal]
             if not refused:
                 return usable.taken(picked.indices)
@@ -238,7 +249,7 @@ class Planner:
 
     def _too_few(self, candidates: Candidates, count: int) -> InvalidValueError:
         usable = candidates.taken(np.flatnonzero(candidates.usable))
-        refusals = [*candidates.refusals, *self.outlook.last_refusals(usable.states)]
+        refusals = [*candidates.refusals, *self.evaluator.last_refusals(usable.states)]
         found = sum(refusal is None for refusal in refusals[len(candidates.states) :])
         reasons = Counter(refusal for refusal in refusals if refusal).most_common(1)
         said = f"{found} of {len(candidates.states)}" + "".join(f" ({reason})" for reason, _ in reasons)
@@ -246,7 +257,7 @@ class Planner:
 
     def _referred(self) -> Releases:
         """Releases of the prior, the same at every theta and noise; not all of them need be safe to throw."""
-        return self.prior.draw(self.config.reference, np.random.default_rng(self.config.outlook.seed))
+        return self.prior.draw(self.config.reference, np.random.default_rng(self.config.candidates.seed))
 
 
 def _check_comparable(particle: Particle, info: TossInformation) -> None:
@@ -255,3 +266,33 @@ def _check_comparable(particle: Particle, info: TossInformation) -> None:
     for name, value in own.items():
         if getattr(info, name) != value:
             raise InvalidValueError(f"{name} of toss {info.toss_id}", getattr(info, name), f"{value}")
+
+
+def random_plan(planner: Planner, names: Sequence[str], known: Sequence[Accumulated], seed: int) -> Plan:
+    """The first throws of the pool that may be made; errors as `Planner.plan`."""
+    candidates = planner.pool(seed)
+    return _first(planner, names, known, candidates, -np.arange(len(candidates.states), dtype=float))
+
+
+def top_trace_plan(planner: Planner, names: Sequence[str], known: Sequence[Accumulated], seed: int) -> Plan:
+    """The throws of the largest trace each, summed over the particles (Algorithm 2 of the paper); errors as `Planner.plan`.
+
+    By the Gauss-Newton matrix: by the empirical one that the paper takes, throws that the model itself predicted would be
+    ranked by rounding errors (METHOD 0.4).
+    """
+    candidates = planner.pool(seed)
+    traces = np.sum([np.trace(fishers, axis1=1, axis2=2) for fishers in candidates.fishers], axis=0)
+    return _first(planner, names, known, candidates, traces)
+
+
+def _first(planner: Planner, names: Sequence[str], known: Sequence[Accumulated], candidates: Candidates, scores: Array) -> Plan:
+    """The safe throws of the largest scores."""
+    picked: list[int] = []
+    for index in descending(scores):
+        if len(picked) == len(names):
+            break
+        if candidates.refusals[index] is None and planner.evaluator.last_refusals(candidates.states[[index]])[0] is None:
+            picked.append(int(index))
+    if len(picked) < len(names):
+        raise InvalidValueError("releases that may be thrown", f"{len(picked)} of {len(scores)}", f"{len(names)}")
+    return planner.planned(names, candidates.taken(picked), known, candidates.refusals)

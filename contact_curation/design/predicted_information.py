@@ -10,17 +10,53 @@ a throw does not count; its heading does a little, since the tilt's axes are the
 
 import os
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from contact_curation.contact.body import Body
 from contact_curation.contact.evaluation import Estimator, SolveStatus, fisher_sums
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
+from contact_curation.contact.parameter_form import Form, is_physical
 from contact_curation.contact.rollout import Rollout, rollout
 from contact_curation.contact.time_step import StepStatus, SweepLimits
-from contact_curation.design.particle import Particle
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.scoring import Scorer, ScoringConfig
+
+
+@dataclass(frozen=True, eq=False)
+class Particle:
+    """A theta; several of them stand for what is not known about it (METHOD 2.4).
+
+    Attributes:
+        geometry: theta.
+        body: mass, inertia, gravity.
+        loss: weights and solver of the information.
+    """
+
+    geometry: ContactGeometry
+    body: Body
+    loss: LossConfig = DEFAULT_LOSS
+
+    @cached_property
+    def scorer(self) -> Scorer:
+        """What says how much measured tosses teach at this theta, by the same parameters and estimator as designs use.
+
+        Always Gauss-Newton: of a motion that the model itself predicted the empirical matrix is almost zero, and what is left
+        of it has nothing to do with what a real toss teaches (METHOD 0.4).
+        """
+        form = Form.PHYSICAL if is_physical(self.geometry) else Form.CONTACTNETS
+        return Scorer(self.geometry, self.body, ScoringConfig(estimator=Estimator.GAUSS_NEWTON, form=form, loss=self.loss))
+
+    @property
+    def version(self) -> str:
+        """Digest of theta."""
+        return self.scorer.version
+
 
 PIECE = 512
 """Motions worked on at a time: 30 MB of Fisher matrices and of states."""
@@ -33,7 +69,7 @@ SWEEPS = SweepLimits(tolerance=1e-3)
 
 
 @dataclass(frozen=True)
-class ForecastConfig:
+class PredictionConfig:
     """How motions are predicted.
 
     Attributes:
@@ -76,7 +112,7 @@ class ForecastConfig:
         return round(self.longest / self.frame_period)
 
 
-DEFAULT_FORECAST = ForecastConfig()
+DEFAULT_PREDICTION = PredictionConfig()
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +136,7 @@ class Motions:
         return np.asarray(np.arange(self.states.shape[1]) < self.frames[:, None])
 
 
-class Forecast(NamedTuple):
+class PredictedInformation(NamedTuple):
     """What N motions teach.
 
     Attributes:
@@ -112,7 +148,7 @@ class Forecast(NamedTuple):
     known: NDArray[np.bool_]
 
 
-def predicted_motions(particle: Particle, states: Array, config: ForecastConfig = DEFAULT_FORECAST) -> Motions:
+def predicted_motions(particle: Particle, states: Array, config: PredictionConfig = DEFAULT_PREDICTION) -> Motions:
     """The model's motions from releases.
 
     Args:
@@ -134,13 +170,17 @@ def predicted_motions(particle: Particle, states: Array, config: ForecastConfig 
     return _until_rest(motion, rolled, scale, config)
 
 
-def forecast(particle: Particle, motions: Motions, config: ForecastConfig = DEFAULT_FORECAST) -> Forecast:
-    """What predicted motions teach at the same theta."""
+def predicted_information(
+    particle: Particle, motions: Motions, config: PredictionConfig = DEFAULT_PREDICTION
+) -> PredictedInformation:
+    """The information of predicted motions at the same theta."""
     sums = _kernel_sums(particle, motions, config)
-    return Forecast(_in_form(particle, sums.fishers), sums.known)
+    return PredictedInformation(_in_form(particle, sums.fishers), sums.known)
 
 
-def expected(particle: Particle, motions: Motions, executions: int, config: ForecastConfig = DEFAULT_FORECAST) -> Forecast:
+def expected_information(
+    particle: Particle, motions: Motions, executions: int, config: PredictionConfig = DEFAULT_PREDICTION
+) -> PredictedInformation:
     """Mean information of K throws over E executions of each.
 
     Args:
@@ -155,7 +195,7 @@ def expected(particle: Particle, motions: Motions, executions: int, config: Fore
     sums = _kernel_sums(particle, motions, config)
     good = sums.known.reshape(-1, executions).sum(axis=1)
     totals = sums.fishers.reshape(-1, executions, *sums.fishers.shape[1:]).sum(axis=1)
-    return Forecast(_in_form(particle, totals / np.maximum(good, 1)[:, None, None]), 2 * good >= executions)
+    return PredictedInformation(_in_form(particle, totals / np.maximum(good, 1)[:, None, None]), 2 * good >= executions)
 
 
 def scaled(states: Array, length: float) -> Array:
@@ -166,7 +206,7 @@ def scaled(states: Array, length: float) -> Array:
     return result
 
 
-def _until_rest(motion: Array, rolled: Rollout, scale: float, config: ForecastConfig) -> Motions:
+def _until_rest(motion: Array, rolled: Rollout, scale: float, config: PredictionConfig) -> Motions:
     with np.errstate(invalid="ignore", over="ignore"):  # of motions that the model could not follow
         slow = np.linalg.norm(motion[:, :, 7:10], axis=2) * scale < config.still_speed
         still = slow & (np.linalg.norm(motion[:, :, 10:], axis=2) < config.still_spin)
@@ -180,7 +220,7 @@ def _until_rest(motion: Array, rolled: Rollout, scale: float, config: ForecastCo
     return Motions(motion, frames.astype(np.int64), rested, finite & ~bad)
 
 
-def _kernel_sums(particle: Particle, motions: Motions, config: ForecastConfig) -> Forecast:
+def _kernel_sums(particle: Particle, motions: Motions, config: PredictionConfig) -> PredictedInformation:
     """What motions teach by the kernel's own numbers, (N, Q, Q); a piece of them in one call."""
     size = 6 * particle.geometry.vertex_count + 10
     sums, known = np.zeros((len(motions.frames), size, size)), motions.finite.copy()
@@ -189,11 +229,11 @@ def _kernel_sums(particle: Particle, motions: Motions, config: ForecastConfig) -
         if chosen.size:
             sums[chosen], known[chosen] = _piece_sums(particle, motions, chosen, config)
     sums[~known] = 0.0
-    return Forecast(sums, known)
+    return PredictedInformation(sums, known)
 
 
 def _piece_sums(
-    particle: Particle, motions: Motions, chosen: NDArray[np.int64], config: ForecastConfig
+    particle: Particle, motions: Motions, chosen: NDArray[np.int64], config: PredictionConfig
 ) -> tuple[Array, NDArray[np.bool_]]:
     states = _about_the_pivot(particle, motions.states[chosen], motions.frames[chosen])
     rows = _teaching(particle, states, motions.frames[chosen], config)
@@ -250,7 +290,7 @@ class _Rows(NamedTuple):
     weights: Array
 
 
-def _teaching(particle: Particle, states: Array, frames: NDArray[np.int64], config: ForecastConfig) -> _Rows:
+def _teaching(particle: Particle, states: Array, frames: NDArray[np.int64], config: PredictionConfig) -> _Rows:
     """The transitions of motions (M, T, 13) that teach, and that stand for others."""
     gaps = particle.geometry.gaps(states)  # (M, T, V)
     felt = gaps.min(axis=2) < config.airborne

@@ -1,4 +1,4 @@
-"""Whether theta can be trusted with choosing throws (METHOD 0.6, 2.4).
+"""The readiness check: whether theta can be trusted with choosing throws (METHOD 0.6, 2.4).
 
 At a theta that training has not brought near the truth a ranking of throws is noise: two random initialisations rank them
 with a correlation of -0.01. Three things are asked, none of which needs the truth: enough tosses are known; theta predicted the
@@ -18,11 +18,11 @@ from contact_curation.geometry.quaternions import Array
 
 
 @dataclass(frozen=True)
-class CanaryConfig:
-    """When theta is trusted.
+class ReadinessConfig:
+    """When theta passes the readiness check; its options are still called `canary`.
 
     Attributes:
-        enabled: whether it is asked at all; without, any theta is trusted.
+        enabled: whether it is checked at all; without, any theta passes.
         least_tosses: known at it.
         recent: of so many newest tosses the losses are looked at.
         largest_loss: median of what those had when they were first scored (METHOD 1.2), characteristic units; at the true
@@ -48,11 +48,11 @@ class CanaryConfig:
             raise InvalidValueError("canary.least_agreement", self.least_agreement, "a correlation")
 
 
-def distrust(config: CanaryConfig, losses: Sequence[float], scores: Sequence[Array]) -> str | None:
-    """Why theta is not to be trusted, in one line; None when it is.
+def unready_reason(config: ReadinessConfig, losses: Sequence[float], scores: Sequence[Array]) -> str | None:
+    """Why theta does not pass the readiness check, in one line; None when it does.
 
     Args:
-        config: when it is.
+        config: when it does.
         losses: mean loss of each known toss when it was first scored, oldest first.
         scores: of the same reference throws at each theta, (R,) each; with less than two thetas nothing can agree.
     """

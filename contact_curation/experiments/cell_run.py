@@ -177,7 +177,7 @@ def select(rule: Rule, model: Model, tosses: Sequence[Toss], size: int, seed: in
     """Ids of what a rule keeps, scored at a model's theta."""
     scores = toss_scorer(replace(rule.scoring(), loss=ONE_THREAD), rule.criterion)(model, tosses)
     pool = pool_of(one for one in scores if isinstance(one, TossInformation))
-    return rank_particles([pool], rule.ranking(size, seed)).kept_ids
+    return rank_particles([pool], rule.ranking(size, seed)).selected_ids
 
 
 def _learn_exactly(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> Learned:

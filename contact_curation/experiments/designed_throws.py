@@ -5,6 +5,7 @@ same rules and gates as anywhere. After each throw a learner that began at rando
 of them it is judged by the held-out tosses, which nobody threw here.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,22 +15,64 @@ from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.design.designer import Designer, DesignerConfig
 from contact_curation.design.planner import Planner
+from contact_curation.design.releases import ReleasePrior, fitted_prior, raw_prior
 from contact_curation.design.throw import Throw
-from contact_curation.design.throw_prior import ReleasePrior, fitted_prior, raw_prior
 from contact_curation.errors import InvalidValueError
 from contact_curation.experiments.cell import Protocol
 from contact_curation.experiments.cell_run import ONE_THREAD, Bench, Row, motion_row
-from contact_curation.experiments.throw_choice import Choice, Chooser, DesignedThrows, RandomThrows, WarmUpThrows
+from contact_curation.experiments.throw_choice import Choice, Chooser, DesignedThrows, ExplorationThrows, RandomThrows
 from contact_curation.experiments.throws import RANDOM, RAW, ThrowsCell
-from contact_curation.experiments.toss_by_toss import RoundsLearner
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, predicted_motions, shape_errors
-from contact_curation.learning.training.protocols import ROUND_TRIMMED, budgeted, exact
+from contact_curation.learning.training.protocols import ROUND_TRIMMED, TrainingConfig, budgeted, exact
+from contact_curation.learning.training.training import Training
 from contact_curation.motion.toss import Toss
-from contact_curation.motion.transitions import states_of
+from contact_curation.motion.transitions import states_of, transitions_of
 from contact_curation.simulation.arm.rig import ArmRig
 
 DEFAULT_DESIGN = DesignerConfig(loss=ONE_THREAD)
+
+FIRST_ROUND = 2
+"""Tosses of the first round, as the trainer's."""
+
+
+class RoundsLearner:
+    """A polytope that learns from tosses as they come, from a random initialisation: a round of training after each of them.
+
+    In the exact protocol a round is the optimum of all tosses so far, so that only these count and not their order; in the
+    budgeted one it goes on from where the last one ended.
+
+    Args:
+        start: random initialisation; it is changed.
+        config: of a round.
+        steps: of a round; an exact one takes as many as it needs.
+        seed: of the shuffles.
+    """
+
+    def __init__(self, start: PolytopeModel, config: TrainingConfig, steps: int, seed: int) -> None:
+        self._model, self._steps, self._seed = start, steps, seed
+        self._config = replace(config, steps=steps, evaluation_steps=steps)
+        self._training: Training | None = None
+
+    @property
+    def model(self) -> PolytopeModel:
+        """What it has learned; before that, what it began with."""
+        return self._model
+
+    def learn(self, tosses: Sequence[Toss]) -> bool:
+        """Makes a round on all tosses so far; False when these are too few."""
+        if len(tosses) < FIRST_ROUND:
+            return False
+        data = transitions_of(tosses, self._model.body.length_scale)
+        if self._training is None:
+            self._training = Training(self._model, data, None, self._config, self._seed)
+        else:
+            self._training.replace_data(data, fresh_budget=True)
+        self._training.advance(self._steps)
+        trained = self._training.trained()
+        assert isinstance(trained, PolytopeModel)
+        self._model = trained
+        return True
 
 
 def throws_rows(cell: ThrowsCell, bench: Bench, config: DesignerConfig = DEFAULT_DESIGN) -> tuple[Row, ...]:
@@ -97,7 +140,7 @@ def _chooser(cell: ThrowsCell, bench: Bench, rig: ArmRig, config: DesignerConfig
     if cell.rule in (RANDOM, RAW):
         return RandomThrows(_random_throws(cell, rig, config, releases))
     designer = Designer(bench.body, config, fitted_prior(releases), rig.feasibility)
-    return DesignedThrows(designer, geometry, cell.seed) if cell.rule == "designed" else WarmUpThrows(designer, cell.seed)
+    return DesignedThrows(designer, geometry, cell.seed) if cell.rule == "designed" else ExplorationThrows(designer, cell.seed)
 
 
 def _random_throws(cell: ThrowsCell, rig: ArmRig, config: DesignerConfig, releases: Array) -> list[Throw]:

@@ -3,8 +3,7 @@
 import os
 from pathlib import Path
 
-from contact_curation.cli.options.held_out import add_held_out_option
-from contact_curation.cli.options.reading import SHARED_STAGES, add_reading_options
+from contact_curation.cli.options.reading import SHARED_STAGES, add_held_out_option, add_reading_options
 from contact_curation.cli.options.types import Arguments, Parser, natural_number, number_from_zero, positive_integer
 from contact_curation.cli.report import add_json_option
 from contact_curation.errors import InvalidValueError

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from contact_curation.contact.evaluation import Estimator
-from contact_curation.information.ranker import RankingConfig
+from contact_curation.information.ranker import DEFAULT_CRITERION, RankingConfig, criterion_names
 from contact_curation.information.scoring import ScoringConfig
 
 
@@ -37,22 +37,20 @@ class Rule:
         return ScoringConfig(self.estimator)
 
 
-RULES: dict[str, Rule] = {
+_OWN = {
     "random": Rule("random", reranked=False),
     "random-redrawn": Rule("random", redrawn=True),
     "longest": Rule("longest", reranked=False),
     "trace-static": Rule("trace", Estimator.EMPIRICAL, reranked=False),
     "trace": Rule("trace", Estimator.EMPIRICAL),
-    "min-eig": Rule("min-eig"),
-    "log-det": Rule("log-det"),
     "orthogonal": Rule("orthogonal", Estimator.EMPIRICAL),
     "orthogonal-literal": Rule("orthogonal", Estimator.EMPIRICAL, variant="literal"),
-    "representative": Rule("representative"),
     "trace-by-polytope": Rule("trace", Estimator.EMPIRICAL, by_polytope=True),
     "representative-by-polytope": Rule("representative", by_polytope=True),
     "all": Rule("random", reranked=False),
 }
-"""`all` keeps the whole pool."""
+RULES: dict[str, Rule] = {**_OWN, **{name: Rule(name) for name in criterion_names() if name not in _OWN}}
+"""Every criterion, re-ranked by Gauss-Newton information where nothing else is said; `all` keeps the whole pool."""
 
-OURS = "representative"
+OURS = DEFAULT_CRITERION
 BASELINES = ("random", "longest")

@@ -12,12 +12,10 @@ import numpy as np
 import torch
 
 from contact_curation import __version__
-from contact_curation.cli.options.body import chosen_body
-from contact_curation.cli.options.held_out import held_out_rule
-from contact_curation.cli.options.reading import inputs_of, stages_of
+from contact_curation.cli.options.reading import chosen_body, inputs_of, stages_of
 from contact_curation.cli.options.types import Arguments
 from contact_curation.cli.progress import Progress
-from contact_curation.cli.report import counted, print_json, warn
+from contact_curation.cli.report import print_json, warn
 from contact_curation.contact.models.kind import ModelKind
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.experiments.catalogue import (
@@ -36,8 +34,10 @@ from contact_curation.experiments.reproduce import BUDGET, PUBLIC_HELD_OUT
 from contact_curation.experiments.tables import write_tables
 from contact_curation.experiments.throws import ThrowsCell
 from contact_curation.motion.calibration import calibration_of
+from contact_curation.pipeline.division import DivisionConfig, held_out_rule, learning_tosses
 from contact_curation.pipeline.reading import ReadingConfig
-from contact_curation.pipeline.training_tosses import TossesConfig, learning_tosses
+from contact_curation.pipeline.tosses import read_tosses
+from contact_curation.pipeline.wording import counted
 from contact_curation.pipeline.workers import Advance, each
 
 
@@ -115,7 +115,8 @@ def _bench(arguments: Arguments) -> Bench:
     reading = ReadingConfig(body, inputs_of(stages))
     rule = held_out_rule(arguments.held_out or PUBLIC_HELD_OUT)
     with Progress("reading", "tosses") as bar:
-        tosses = learning_tosses(arguments.inputs, TossesConfig(reading, rule, said=True), bar.advance)
+        read = read_tosses(arguments.inputs, reading, advance=bar.advance)
+    tosses = learning_tosses(read, DivisionConfig(rule, said=True))
     warn(tosses.warnings)
     bench = Bench(body, tosses.training, tosses.held_out, stages["gates"])
     return bench if arguments.as_recorded else _put_right(bench)

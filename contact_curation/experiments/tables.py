@@ -14,8 +14,8 @@ from contact_curation.experiments.cell_run import Row
 from contact_curation.experiments.rules import BASELINES, OURS
 from contact_curation.experiments.summary import Summary, summarised
 from contact_curation.experiments.throws import RANDOM, RAW
+from contact_curation.files import write_atomically
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
-from contact_curation.storage.files import write_atomically
 
 LEARNING = ("model", "protocol", "steps", "rule", "size", "fault", "share", "gated")
 ERRORS = {

@@ -19,11 +19,10 @@ from contact_curation.experiments.rules import RULES
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.diagnostics import SpectralDistance, spectral_distance
 from contact_curation.information.pool import Pool, pool_of
-from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.information.ranker import RankingConfig, rank_particles
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import ScoringConfig
-from contact_curation.information.subspace import IdentifiableSubspace
+from contact_curation.information.subspace import IdentifiableSubspace, pool_subspace
 from contact_curation.learning.training.model_scoring import toss_scorer
 
 
@@ -69,7 +68,7 @@ def _scored(cell: TheoremCell, bench: Bench) -> Pool:
 
 
 def _rows(cell: TheoremCell, pool: Pool, subspace: IdentifiableSubspace, size: int) -> Iterator[Row]:
-    kept = rank_particles([pool], RULES[cell.rule].ranking(size, cell.seed)).kept_ids
+    kept = rank_particles([pool], RULES[cell.rule].ranking(size, cell.seed)).selected_ids
     yield _row(size, "plain", spectral_distance(pool, subspace, kept))
     yield _row(size, "rescaled", spectral_distance(pool, subspace, kept, len(pool) / len(kept)))
     if cell.rule == "random":

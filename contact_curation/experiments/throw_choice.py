@@ -4,10 +4,9 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Protocol
 
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.design.adaptive import AdaptiveDesign, Realised
-from contact_curation.design.designer import Designer
-from contact_curation.design.particle import Particle
+from contact_curation.design.designer import AdaptiveDesign, Designer, Realised
 from contact_curation.design.planner import Planner
+from contact_curation.design.predicted_information import Particle
 from contact_curation.design.throw import Throw
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
@@ -66,7 +65,7 @@ class RandomThrows:
         """Changes nothing."""
 
 
-class WarmUpThrows:
+class ExplorationThrows:
     """Throws that first touch the board as none before.
 
     Args:
@@ -83,7 +82,7 @@ class WarmUpThrows:
 
     def choose(self, number: int) -> Choice:
         """Asks no theta, ever."""
-        return self.warm_up(number, "all are")
+        return self.explored(number, "all are")
 
     def thrown(self, commanded: Throw, executed: Throw) -> None:
         """Keeps clear of it from here on."""
@@ -96,10 +95,10 @@ class WarmUpThrows:
     def learned(self, geometry: ContactGeometry, tosses: Sequence[Toss]) -> None:
         """Changes nothing."""
 
-    def warm_up(self, number: int, reason: str) -> Choice:
+    def explored(self, number: int, reason: str) -> Choice:
         """A throw that asks no theta, and why it is made."""
         thrown = [executed.release for _, executed in self.pairs]
-        return Choice(self._designer.warm_up(name_of(number), self.pool(number), thrown), reason)
+        return Choice(self._designer.explore(name_of(number), self.pool(number), thrown), reason)
 
     def pool(self, number: int) -> int:
         """Seed of a throw's pool."""
@@ -116,7 +115,7 @@ class DesignedThrows:
     """
 
     def __init__(self, designer: Designer, geometry: ContactGeometry, seed: int) -> None:
-        self._warm_up = WarmUpThrows(designer, seed)
+        self._exploration = ExplorationThrows(designer, seed)
         self._designer = designer
         self._particle = designer.particle(geometry)
         self._begun = False
@@ -128,22 +127,22 @@ class DesignedThrows:
         self._planned: Throw | None = None
 
     def choose(self, number: int) -> Choice:
-        """What is expected to teach most, or a warm-up and why."""
-        reason = self._distrust()
+        """What is expected to teach most, or an exploration throw and why."""
+        reason = self._unready_reason()
         self._planned, self._design = None, None
         if reason is None:
             try:
                 return Choice(self._plan(number), "")
             except InvalidValueError as error:  # with a friction that is far too small nothing comes to rest
                 reason = str(error)
-        return self._warm_up.warm_up(number, reason)
+        return self._exploration.explored(number, reason)
 
     def thrown(self, commanded: Throw, executed: Throw) -> None:
         """Learns the thrower's noise from it."""
-        self._warm_up.thrown(commanded, executed)
+        self._exploration.thrown(commanded, executed)
 
     def came(self, toss: Toss) -> Realised | None:
-        """Takes its loss, which the canary asks for, and what it taught at the theta that it was designed at."""
+        """Takes its loss, which the readiness check asks for, and what it taught at the theta that it was designed at."""
         for info in _scored(self._particle, [toss]):
             self._losses[info.toss_id] = info.mean_loss
             if self._design is not None and self._planned is not None:
@@ -156,15 +155,15 @@ class DesignedThrows:
         self._infos = _scored(self._particle, tosses)
 
     def _plan(self, number: int) -> Throw:
-        self._design = AdaptiveDesign(self._planner_here(), [self._infos], self._warm_up.pairs)
-        self._planned = self._design.plan([name_of(number)], self._warm_up.pool(number)).throws[0]
+        self._design = AdaptiveDesign(self._planner_here(), [self._infos], self._exploration.pairs)
+        self._planned = self._design.plan([name_of(number)], self._exploration.pool(number)).throws[0]
         return self._planned
 
-    def _distrust(self) -> str | None:
+    def _unready_reason(self) -> str | None:
         if not self._begun:
             return "parameters: found none, expected some"
         losses = [self._losses[info.toss_id] for info in self._infos if info.toss_id in self._losses]
-        return self._designer.distrust(losses, self._reference_scores)
+        return self._designer.unready_reason(losses, self._reference_scores)
 
     def _reference_scores(self) -> Sequence[Array]:
         """At this theta and at the last other one that was asked about."""

@@ -1,6 +1,6 @@
 """One cell of `designed-throws`: one way of choosing throws, and one learner (METHOD 1.12).
 
-The throws themselves are made in `sim/thrown_experiment.py`.
+The throws themselves are made in `designed_throws.py`.
 """
 
 import json

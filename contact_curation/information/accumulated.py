@@ -1,6 +1,6 @@
 """The information gathered so far, and what one more toss would add to it (METHOD 2.3).
 
-In coordinates C where the prior A0 is the identity a toss's factor W becomes Z = W C, and a kept set S has
+In coordinates C where the prior A0 is the identity a toss's factor W becomes Z = W C, and a selected set S has
 
     A = I + sum_S Z^T Z,      f(S) = logdet A = logdet(A0 + sum_S F) - logdet A0        (A0 on the subspace that C spans)
     gain of a toss: logdet(A + Z^T Z) - logdet A = logdet(I_R + Z A^-1 Z^T)              (matrix determinant lemma)
@@ -19,7 +19,7 @@ from contact_curation.geometry.quaternions import Array
 
 
 class Gains(NamedTuple):
-    """What each of b tosses would add to a kept set: log-det gain (b,), and tr(A^-1 F) (b,), which is never below it."""
+    """What each of b tosses would add to a selected set: log-det gain (b,), and tr(A^-1 F) (b,), which is never below it."""
 
     log_det: Array
     leverage: Array
@@ -27,7 +27,7 @@ class Gains(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Accumulated:
-    """The information matrix of a kept set.
+    """The information matrix of a selected set.
 
     Attributes:
         coordinates: (P, p) C with C^T A0 C = I.
@@ -39,7 +39,7 @@ class Accumulated:
 
     @staticmethod
     def prior_only(coordinates: Array) -> "Accumulated":
-        """Nothing kept yet: A = I."""
+        """Nothing selected yet: A = I."""
         return Accumulated(coordinates, np.eye(coordinates.shape[1]))
 
     @property
@@ -74,7 +74,7 @@ class Accumulated:
         return gains_of_rows((factors.reshape(-1, parameters) @ self.half_inverse).reshape(count, rows, self.dimension))
 
     def joined(self, factors: Array) -> "Accumulated":
-        """The kept set with the tosses of factors (b, R, P) added."""
+        """The selected set with the tosses of factors (b, R, P) added."""
         rows = factors.reshape(-1, factors.shape[-1]) @ self.coordinates  # (b R, p)
         return Accumulated(self.coordinates, self.matrix + rows.T @ rows)
 

@@ -1,7 +1,7 @@
 """From scored tosses to a curated set and its evidence: what `rank` prints and what the curator publishes.
 
-Beside the ranking stand the spectrum of the kept set's information against the pool's (METHOD 1.9), the efficiencies of
-METHOD 2.3, each parameter block's share of the trace (METHOD 2.2), and how far what the kept set answers is from the pool's.
+Beside the ranking stand the spectrum of the selected set's information against the pool's (METHOD 1.9), the efficiencies of
+METHOD 2.3, each parameter block's share of the trace (METHOD 2.2), and how far the selected set's optimum is from the pool's.
 """
 
 from collections.abc import Iterable, Sequence
@@ -13,19 +13,20 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.diagnostics import (
     BlockShare,
     Efficiency,
+    SelectedGram,
     block_shares,
     dominance_warnings,
     efficiency,
+    selected_gram,
     smallest_sufficient_k,
     spectral_distance,
 )
-from contact_curation.information.optimum_shift import Answer, answer_of
+from contact_curation.information.optimum_shift import OptimumShift, optimum_shift
 from contact_curation.information.pool import Pool, pool_of
-from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.information.ranker import RankingConfig, rank_particles
 from contact_curation.information.ranking import Ranking
 from contact_curation.information.record import TossInformation
-from contact_curation.information.selected_gram import KeptGram, kept_gram
+from contact_curation.information.subspace import pool_subspace
 
 SUFFICIENT_EPSILON = 0.5
 """The epsilon for which the smallest sufficient k is reported."""
@@ -36,19 +37,19 @@ class Curation:
     """A ranking and what to think of it; with several parameter particles the evidence is that of the first.
 
     Attributes:
-        ranking: all tosses, the kept ones first.
+        ranking: all tosses, the selected ones first.
         dimension: p, how many directions of theta the pool identifies, of P.
-        spectrum: (p,) of the kept set's information times K / k against the pool's, ascending; all 1 if they agree.
+        spectrum: (p,) of the selected set's information times K / k against the pool's, ascending; all 1 if they agree.
         epsilon: how far that spectrum reaches from 1.
         raw_epsilon: the same for the plain sum: the share of the pool's information that is missing in the worst direction.
         sufficient_k: how many tosses of this ranking bring the plain sum within SUFFICIENT_EPSILON of the pool; None if no
             number does (METHOD 0.8: it is most of the pool).
-        efficiency: of the kept set per toss, 1 being an average toss.
-        frame_efficiency: of the kept set per scored transition.
+        efficiency: of the selected set per toss, 1 being an average toss.
+        frame_efficiency: of the selected set per scored transition.
         block_shares: of the pool's trace.
-        answer: of the kept set, beside the pool's.
+        optimum_shift: of the selected set's optimum from the pool's.
         warnings: sentences about what to be careful with.
-        kept_gram: of the kept tosses' exact scores by a network's weights, where the pool has them; else None.
+        selected_gram: of the selected tosses' exact scores by a network's weights, where the pool has them; else None.
     """
 
     ranking: Ranking
@@ -60,9 +61,9 @@ class Curation:
     efficiency: Efficiency
     frame_efficiency: Efficiency
     block_shares: tuple[BlockShare, ...]
-    answer: Answer
+    optimum_shift: OptimumShift
     warnings: tuple[str, ...]
-    kept_gram: KeptGram | None = None
+    selected_gram: SelectedGram | None = None
 
 
 def curate(infos: Iterable[TossInformation], config: RankingConfig) -> Curation:
@@ -73,10 +74,10 @@ def curate(infos: Iterable[TossInformation], config: RankingConfig) -> Curation:
 def curate_particles(pools: Sequence[Pool], config: RankingConfig) -> Curation:
     """Ranks tosses that were scored at several thetas; errors as in `ranker.rank_particles`."""
     ranking = rank_particles(pools, config)
-    pool, kept = pools[0], ranking.kept_ids
+    pool, selected = pools[0], ranking.selected_ids
     subspace = pool_subspace(pool, config.cut)
-    plain = spectral_distance(pool, subspace, kept)
-    scale = len(pool) / len(kept)
+    plain = spectral_distance(pool, subspace, selected)
+    scale = len(pool) / len(selected)
     shares = block_shares(pool.infos)
     return Curation(
         ranking=ranking,
@@ -85,10 +86,10 @@ def curate_particles(pools: Sequence[Pool], config: RankingConfig) -> Curation:
         epsilon=float(np.abs(plain.eigenvalues * scale - 1.0).max()),
         raw_epsilon=plain.epsilon,
         sufficient_k=smallest_sufficient_k(pool, subspace, ranking.ids, SUFFICIENT_EPSILON),
-        efficiency=efficiency(pool, subspace, kept),
-        frame_efficiency=efficiency(pool, subspace, kept, per_transition=True),
+        efficiency=efficiency(pool, subspace, selected),
+        frame_efficiency=efficiency(pool, subspace, selected, per_transition=True),
         block_shares=shares,
-        answer=answer_of(pool, subspace.per_mean_toss(len(pool)), pool.indices_of(kept), config.prior),
+        optimum_shift=optimum_shift(pool, subspace.per_mean_toss(len(pool)), pool.indices_of(selected), config.prior),
         warnings=(*ranking.diagnostics, *dominance_warnings(shares)),
-        kept_gram=None if pool.network_scores is None else kept_gram(pool.toss_scores[pool.indices_of(kept)]),
+        selected_gram=None if pool.network_scores is None else selected_gram(pool.toss_scores[pool.indices_of(selected)]),
     )

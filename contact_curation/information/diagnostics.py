@@ -1,11 +1,11 @@
-"""How well a kept set stands for its pool (METHOD 1.9, 2.2, 2.3).
+"""How well a selected set stands for its pool (METHOD 1.9, 2.2, 2.3).
 
 The paper's theorem as a diagnostic: with the pooled information F whitened to the identity on the identifiable subspace, the
-spectrum of F^(-1/2) (sum_S a F_tau) F^(-1/2) says in which directions the kept set S knows less or more than the pool. With a
-= 1 it lies in [0, 1], and epsilon is the share missing in the worst direction; a = K / k or Horvitz-Thompson weights compare
-the two per toss.
+spectrum of F^(-1/2) (sum_S a F_tau) F^(-1/2) says in which directions the selected set S knows less or more than the pool.
+With a = 1 it lies in [0, 1], and epsilon is the share missing in the worst direction; a = K / k or Horvitz-Thompson weights
+compare the two per toss.
 
-D- and E-efficiency are the geometric mean and the smallest of the same spectrum per kept toss, in units of the pool's mean
+D- and E-efficiency are the geometric mean and the smallest of the same spectrum per selected toss, in units of the pool's mean
 toss: 1 means that every direction gets what an average toss gives.
 """
 
@@ -25,15 +25,18 @@ DOMINANT = 0.5
 """A block with a larger share of the trace than this decides a trace ranking alone (METHOD 2.2)."""
 
 SINGULAR = 1e-12
-"""An eigenvalue below this share of the largest is rounding: the kept set tells nothing in that direction."""
+"""An eigenvalue below this share of the largest is rounding: the selected set tells nothing in that direction."""
+
+ROUNDING = float(np.finfo(np.float32).eps)
+"""Scores of networks are kept in single precision."""
 
 
 @dataclass(frozen=True, eq=False)
 class SpectralDistance:
-    """A weighted kept set's information relative to the pool's.
+    """A weighted selected set's information relative to the pool's.
 
     Attributes:
-        eigenvalues: (p,) ascending, all 1 when the kept set stands for the pool exactly.
+        eigenvalues: (p,) ascending, all 1 when the selected set stands for the pool exactly.
     """
 
     eigenvalues: Array
@@ -46,7 +49,7 @@ class SpectralDistance:
 
 @dataclass(frozen=True)
 class Efficiency:
-    """What a kept set knows per toss, in units of the pool's mean toss (or per transition, of its mean transition).
+    """What a selected set knows per toss, in units of the pool's mean toss (or per transition, of its mean transition).
 
     Attributes:
         determinant: D-efficiency: geometric mean over the directions.
@@ -57,6 +60,23 @@ class Efficiency:
     smallest: float
 
 
+@dataclass(frozen=True)
+class SelectedGram:
+    """The non-zero eigenvalues of a selected set's Gram matrix.
+
+    Attributes:
+        smallest: of those above rounding; 0 where there is none.
+        largest: of all.
+        rank: how many are above rounding.
+        effective_rank: see above; 0 where all scores are zero.
+    """
+
+    smallest: float
+    largest: float
+    rank: int
+    effective_rank: float
+
+
 class BlockShare(NamedTuple):
     """The share of a pool's trace in one parameter block."""
 
@@ -65,21 +85,21 @@ class BlockShare(NamedTuple):
 
 
 def spectral_distance(
-    pool: Pool, subspace: IdentifiableSubspace, kept: Sequence[str], weights: Array | float = 1.0
+    pool: Pool, subspace: IdentifiableSubspace, selected: Sequence[str], weights: Array | float = 1.0
 ) -> SpectralDistance:
-    """How far a kept set is from its pool.
+    """How far a selected set is from its pool.
 
     Args:
         pool: the pool.
         subspace: the identifiable subspace of the pool's Fisher matrix.
-        kept: k ids.
-        weights: (k,) of the kept tosses, or one for all: 1 for the plain sum, K / k to rescale it, 1 / inclusion probability
-            for a random set (Horvitz and Thompson).
+        selected: k ids.
+        weights: (k,) of the selected tosses, or one for all: 1 for the plain sum, K / k to rescale it, 1 / inclusion
+            probability for a random set (Horvitz and Thompson).
 
     Raises:
-        InvalidValueError: a kept toss is not in the pool, or there is not one weight for each.
+        InvalidValueError: a selected toss is not in the pool, or there is not one weight for each.
     """
-    return SpectralDistance(np.linalg.eigvalsh(_relative_information(pool, subspace, kept, weights)))
+    return SpectralDistance(np.linalg.eigvalsh(_relative_information(pool, subspace, selected, weights)))
 
 
 def smallest_sufficient_k(
@@ -113,23 +133,25 @@ def smallest_sufficient_k(
     return None
 
 
-def efficiency(pool: Pool, subspace: IdentifiableSubspace, kept: Sequence[str], *, per_transition: bool = False) -> Efficiency:
-    """D- and E-efficiency of a kept set against its pool.
+def efficiency(
+    pool: Pool, subspace: IdentifiableSubspace, selected: Sequence[str], *, per_transition: bool = False
+) -> Efficiency:
+    """D- and E-efficiency of a selected set against its pool.
 
     Args:
         pool: the pool.
         subspace: the identifiable subspace of the pool's Fisher matrix.
-        kept: at least one id.
+        selected: at least one id.
         per_transition: whether to divide by the set's scored transitions instead of its tosses, since long tosses know more.
 
     Raises:
-        InvalidValueError: nothing is kept, or a kept toss is not in the pool.
+        InvalidValueError: nothing is selected, or a selected toss is not in the pool.
     """
-    if not kept:
-        raise InvalidValueError("kept tosses", "none", "at least one")
+    if not selected:
+        raise InvalidValueError("selected tosses", "none", "at least one")
     counts = pool.scored_transitions if per_transition else np.ones(len(pool))
-    fair_share = float(counts[pool.indices_of(kept)].sum() / counts.sum())
-    values = np.linalg.eigvalsh(_relative_information(pool, subspace, kept, 1.0)) / fair_share
+    fair_share = float(counts[pool.indices_of(selected)].sum() / counts.sum())
+    values = np.linalg.eigvalsh(_relative_information(pool, subspace, selected, 1.0)) / fair_share
     if values[0] <= SINGULAR * values[-1]:
         return Efficiency(0.0, 0.0)
     return Efficiency(float(np.exp(np.log(values).mean())), float(values[0]))
@@ -157,11 +179,21 @@ def dominance_warnings(shares: Sequence[BlockShare]) -> tuple[str, ...]:
     )
 
 
-def _relative_information(pool: Pool, subspace: IdentifiableSubspace, kept: Sequence[str], weights: Array | float) -> Array:
-    """(p, p) weighted information of the kept set in coordinates where the pool's is the identity."""
-    indices = pool.indices_of(kept)
+def selected_gram(scores: Array) -> SelectedGram:
+    """The eigenvalues for scores (k, P) of k >= 1 selected tosses, or any vectors with the same inner products."""
+    values = np.linalg.eigvalsh(scores @ scores.T)
+    told = values[values > len(values) * ROUNDING * values[-1]]
+    if not told.size:
+        return SelectedGram(0.0, 0.0, 0, 0.0)
+    shares = told / told.sum()
+    return SelectedGram(float(told[0]), float(told[-1]), told.size, float(np.exp(-(shares * np.log(shares)).sum())))
+
+
+def _relative_information(pool: Pool, subspace: IdentifiableSubspace, selected: Sequence[str], weights: Array | float) -> Array:
+    """(p, p) weighted information of the selected set in coordinates where the pool's is the identity."""
+    indices = pool.indices_of(selected)
     if np.ndim(weights) and np.shape(weights) != indices.shape:
-        raise InvalidValueError("weights of the kept tosses", f"shape {np.shape(weights)}", f"({indices.size},)")
+        raise InvalidValueError("weights of the selected tosses", f"shape {np.shape(weights)}", f"({indices.size},)")
     roots = np.broadcast_to(np.sqrt(weights), indices.shape)
     total = np.zeros((subspace.dimension, subspace.dimension))
     for first in range(0, indices.size, CHUNK):

@@ -1,4 +1,4 @@
-"""What a kept set answers, beside what its pool answers.
+"""How far the optimum of a selected set is from that of its pool.
 
 Near theta the loss of tosses S is lowest at theta + d_S, one Newton step away:
 
@@ -11,6 +11,7 @@ the scores of single tosses scatter by, sigma, is the natural unit: k tosses dra
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -22,16 +23,20 @@ NEGLIGIBLE = 1e-9
 
 
 @dataclass(frozen=True)
-class Answer:
-    """How far what a kept set answers is from what its pool answers.
+class OptimumShift:
+    """How far the optimum of a selected set is from its pool's.
 
     Attributes:
-        off: root mean square over the directions of d_S - d, in units of sigma; 0 where no toss asks for anything else.
-        by_chance: what it would be for as many tosses at random, if each knew as much as the average.
+        distance: root mean square over the directions of d_S - d, in units of sigma; 0 where no toss moves the optimum.
+        at_random: expected for random subsets of the same size, if each toss knew as much as the average.
     """
 
-    off: float
-    by_chance: float
+    distance: float
+    at_random: float
+
+    def to_mapping(self) -> dict[str, Any]:
+        """As manifests hold it."""
+        return {"off": self.distance, "by_chance": self.at_random}
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,18 +69,18 @@ class PoolScores:
         return PoolScores(scores / np.sqrt(power or 1.0), 0.0, prior)
 
     @cached_property
-    def answer(self) -> Array:
-        """(p,) d."""
+    def shift(self) -> Array:
+        """(p,) d, from theta to the pool's optimum."""
         return np.asarray(self.scores.sum(axis=0) / (self.prior + len(self.scores)))
 
 
-def answer_of(pool: Pool, coordinates: Array, kept: Sequence[int] | Indices, prior: float) -> Answer:
-    """The answer of k >= 1 tosses of a pool; the other arguments as in `PoolScores.of`."""
+def optimum_shift(pool: Pool, coordinates: Array, selected: Sequence[int] | Indices, prior: float) -> OptimumShift:
+    """Of k >= 1 tosses of a pool; the other arguments as in `PoolScores.of`."""
     known = PoolScores.of(pool, coordinates, prior)
-    rows = (pool.stacked(kept) @ coordinates).reshape(-1, coordinates.shape[1])
+    rows = (pool.stacked(selected) @ coordinates).reshape(-1, coordinates.shape[1])
     matrix = prior * np.eye(rows.shape[1]) + rows.T @ rows
-    off = np.linalg.solve(matrix, known.scores[kept].sum(axis=0)) - known.answer
-    return Answer(
-        off=float(np.sqrt(np.square(off).mean())),
-        by_chance=float(np.sqrt(known.scatter * (1.0 / len(kept) - 1.0 / len(pool)))),
+    off = np.linalg.solve(matrix, known.scores[selected].sum(axis=0)) - known.shift
+    return OptimumShift(
+        distance=float(np.sqrt(np.square(off).mean())),
+        at_random=float(np.sqrt(known.scatter * (1.0 / len(selected) - 1.0 / len(pool)))),
     )

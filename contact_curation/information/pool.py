@@ -2,6 +2,10 @@
 
 Sorting by id first makes every later sum, tie and result independent of the order in which the tosses came. A toss comes with
 the ground's tilt taken about its own centroid; factors and scores that are added to others' are taken about the pool's.
+
+With the plane n(tilt) . (x - pivot) = height, moving the pivot by d changes only which combination of tilt and height is called
+tilt: d/dtilt_a becomes d/dtilt_a + (b_a . d) d/dheight, b_a the direction in which tilt a moves the normal (METHOD 1.1, 2.2).
+So nothing depends on where the board's origin lies.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -14,8 +18,7 @@ from numpy.typing import NDArray
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.recentring import pool_centroid, sheared
-from contact_curation.information.record import TossInformation
+from contact_curation.information.record import ParameterBlock, TossInformation
 
 Indices = NDArray[np.int64]
 
@@ -80,6 +83,15 @@ class Pool:
         """Factors (b, R, P) of b tosses about the pivot; rows of zeros fill up the shorter ones and carry no information."""
         factors = _stacked_factors([self.infos[i] for i in indices])
         return factors if self._shifts is None else sheared(factors, self.infos[0].blocks, self._shifts[indices, None])
+
+    def traces_in(self, coordinates: Array) -> Array:
+        """(K,) tr(C^T F C) of each toss, C being the coordinates (P, p)."""
+        norms = np.empty(len(self))
+        for chunk in self.chunks():
+            factors = self.stacked(chunk)
+            rows = factors.reshape(-1, self.parameters) @ coordinates
+            norms[chunk] = (rows * rows).sum(axis=1).reshape(chunk.size, -1).sum(axis=1)
+        return norms
 
     @cached_property
     def toss_scores(self) -> Array:
@@ -152,6 +164,28 @@ def check_comparable(one: TossInformation, other: TossInformation) -> None:
         if getattr(one, name) != getattr(other, name):
             found = f"{getattr(one, name)!r} of {one.toss_id} and {getattr(other, name)!r} of {other.toss_id}"
             raise InvalidValueError(f"{name} of the tosses to rank", found, "the same for all")
+
+
+def pool_centroid(infos: Sequence[TossInformation]) -> Array:
+    """Mean position (3,) over all transitions of a pool [characteristic lengths]."""
+    weights = np.array([info.transitions for info in infos], dtype=float)
+    return np.asarray(weights @ np.array([info.centroid for info in infos]) / weights.sum())
+
+
+def about_centroids(fishers: Array, score_sums: Array, blocks: Sequence[ParameterBlock], shifts: Array) -> tuple[Array, Array]:
+    """Fisher matrices (K, P, P) and score sums (K, P) with their pivots moved by `shifts` (K, 2) along the tilt's axes."""
+    half = sheared(fishers, blocks, shifts[:, None])
+    whole = sheared(half.transpose(0, 2, 1), blocks, shifts[:, None])
+    return whole, sheared(score_sums, blocks, shifts)
+
+
+def sheared(rows: Array, blocks: Sequence[ParameterBlock], shift: Array) -> Array:
+    """Rows (..., P) with shift (..., 2) times their height column added to their tilt columns."""
+    spans = {block.name: block for block in blocks}
+    tilt, height = spans["tilt"], spans["height"]
+    moved = rows.copy()
+    moved[..., tilt.start : tilt.stop] += rows[..., height.start : height.stop] * shift
+    return moved
 
 
 def _stacked_factors(infos: Sequence[TossInformation]) -> Array:

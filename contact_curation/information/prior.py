@@ -12,11 +12,9 @@ import numpy as np
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.pool import Pool
-from contact_curation.information.pool_subspace import pool_subspace
-from contact_curation.information.recentring import sheared
+from contact_curation.information.pool import Pool, sheared
 from contact_curation.information.record import TossInformation
-from contact_curation.information.subspace import EIGENVALUE_CUT
+from contact_curation.information.subspace import EIGENVALUE_CUT, pool_subspace
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""A ranking: every toss of a pool, the kept ones first, each with the evidence for its place."""
+"""A ranking: every toss of a pool, the selected ones first, each with the evidence for its place; and how alike two are."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,10 +7,23 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.criteria.certificate import Certificate
-from contact_curation.information.criteria.ties import descending
 from contact_curation.information.pool import Indices
+from contact_curation.information.ties import descending
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Proven lower bounds on the D-efficiency of a selected set, from 0 to 1; the prior counts on both sides.
+
+    Attributes:
+        kiefer_wolfowitz: against every weighting and repetition of the pool's tosses with total weight k.
+        subset: against every set of k different tosses; never below the other.
+    """
+
+    kiefer_wolfowitz: float
+    subset: float
 
 
 class RankedToss(NamedTuple):
@@ -20,25 +33,25 @@ class RankedToss(NamedTuple):
         toss_id: the toss.
         rank: its place, from 1.
         score: what the criterion says of the toss alone.
-        marginal_gain: what it added when it was picked; for a toss that is not kept, what it would add to the kept ones.
-        kept: whether it is one of the top k.
+        marginal_gain: what it added when it was picked; for one that is not selected, what it would add to those that are.
+        selected: whether it is one of the top k.
     """
 
     toss_id: str
     rank: int
     score: float
     marginal_gain: float
-    kept: bool
+    selected: bool
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """All tosses, best first: the kept ones in the order of their selection, then the others by what they would still add.
+    """All tosses, best first: the selected ones in the order of their selection, then the others by what they would still add.
 
     Attributes:
         criterion: its name.
         entries: one per toss.
-        certificate: proven bounds on the kept set's D-efficiency; log-det only.
+        certificate: proven bounds on the selected set's D-efficiency; log-det only.
         diagnostics: sentences about what to be careful with.
     """
 
@@ -53,9 +66,9 @@ class Ranking:
         return tuple(entry.toss_id for entry in self.entries)
 
     @cached_property
-    def kept_ids(self) -> tuple[str, ...]:
+    def selected_ids(self) -> tuple[str, ...]:
         """The ids of the top k, best first."""
-        return tuple(entry.toss_id for entry in self.entries if entry.kept)
+        return tuple(entry.toss_id for entry in self.entries if entry.selected)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,10 +76,10 @@ class Selection:
     """What a criterion says of a pool of K tosses; indices are places in the pool.
 
     Attributes:
-        order: (K,) all tosses, best first; the first k are kept.
+        order: (K,) all tosses, best first; the first k are selected.
         scores: (K,) what the criterion says of each toss alone, in the order of the pool.
         gains: (K,) marginal gains as in `RankedToss`, in the order of the pool.
-        kept: k.
+        count: k, how many are selected.
         certificate: see `Ranking`.
         diagnostics: see `Ranking`.
     """
@@ -74,7 +87,7 @@ class Selection:
     order: Indices
     scores: Array
     gains: Array
-    kept: int
+    count: int
     certificate: Certificate | None = None
     diagnostics: tuple[str, ...] = ()
 
@@ -84,11 +97,21 @@ def modular_selection(scores: Array, top: int, *, exact: bool = False) -> Select
 
     Args:
         scores: (K,) in the order of the pool.
-        top: how many tosses to keep.
+        top: how many tosses to select.
         exact: only equal scores tie, as for scores that do not depend on how tosses are batched.
     """
     order = descending(scores, 0.0, 0.0) if exact else descending(scores)
     return Selection(order, scores, scores, min(top, scores.size))
+
+
+def mean_over_particles(scores: Sequence[Array]) -> Array:
+    """Scores (K,): as they are for one particle, otherwise the mean of those divided by their mean over the tosses.
+
+    Their units differ from one theta to another (METHOD 2.4).
+    """
+    if len(scores) == 1:
+        return scores[0]
+    return np.asarray(np.mean([each / (float(each.mean()) or 1.0) for each in scores], axis=0))
 
 
 def greedy_selection(
@@ -105,7 +128,7 @@ def greedy_selection(
         picks: (k,) in the order of selection.
         pick_gains: (k,) what each added when it was picked.
         scores: (K,) in the order of the pool.
-        final_gains: (K,) what each toss would add to the kept ones; not read for the picks.
+        final_gains: (K,) what each toss would add to the selected ones; not read for the picks.
         certificate: see `Ranking`.
         diagnostics: see `Ranking`.
     """
@@ -120,5 +143,32 @@ def ranking_of(criterion: str, ids: Sequence[str], selection: Selection) -> Rank
     """The ranking that a selection from the tosses `ids` amounts to."""
     scores, gains = selection.scores.tolist(), selection.gains.tolist()
     places = enumerate(selection.order.tolist(), start=1)
-    entries = tuple(RankedToss(ids[i], rank, scores[i], gains[i], rank <= selection.kept) for rank, i in places)
+    entries = tuple(RankedToss(ids[i], rank, scores[i], gains[i], rank <= selection.count) for rank, i in places)
     return Ranking(criterion, entries, selection.certificate, selection.diagnostics)
+
+
+def spearman(one: Ranking, other: Ranking) -> float:
+    """Spearman's rank correlation of two rankings (METHOD 2.4), from -1 to 1, over the tosses in both.
+
+    Raises:
+        InvalidValueError: they share fewer than two tosses.
+    """
+    from scipy.stats import spearmanr  # takes a second to import
+
+    places = {entry.toss_id: entry.rank for entry in other.entries}
+    pairs = [(entry.rank, places[entry.toss_id]) for entry in one.entries if entry.toss_id in places]
+    if len(pairs) < 2:
+        raise InvalidValueError("tosses in both rankings", len(pairs), "at least 2")
+    return float(spearmanr(*np.transpose(pairs)).statistic)
+
+
+def top_overlap(one: Ranking, other: Ranking, top: int) -> float:
+    """Share of the first `top` tosses that the two have in common, from 0 to 1.
+
+    Raises:
+        InvalidValueError: `top` is below 1, or a ranking is shorter than that.
+    """
+    shortest = min(len(one.ids), len(other.ids))
+    if not 1 <= top <= shortest:
+        raise InvalidValueError("top", top, f"1 to {shortest}, the length of the shorter ranking")
+    return len(set(one.ids[:top]) & set(other.ids[:top])) / top

@@ -1,7 +1,7 @@
 """A toss becomes information: its transitions are scored at one theta and summed into a Fisher matrix, kept as a factor.
 
 This is the only place where motion meets contact. The ground's tilt is taken about each toss's own centroid, so that no number
-depends on where the board's origin lies; `recentring` brings a pool to a common pivot.
+depends on where the board's origin lies; `pool` brings them to a common pivot.
 """
 
 import hashlib
@@ -20,7 +20,7 @@ from contact_curation.contact.parameter_form import Form, ParameterForm, paramet
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.factors import Compression, factors_of_fishers
-from contact_curation.information.recentring import about_centroids
+from contact_curation.information.pool import about_centroids
 from contact_curation.information.record import ParameterBlock, Rows, TossInformation
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
@@ -47,6 +47,10 @@ class ScoringConfig:
     form: Form = Form.PHYSICAL
     compression: Compression = field(default_factory=Compression)
     loss: LossConfig = DEFAULT_LOSS
+
+    def __post_init__(self) -> None:
+        if not self.influence_bound > 0.0:
+            raise InvalidValueError("scoring.influence_bound", self.influence_bound, "a positive number")
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,18 @@ The pooled F is singular: gauge freedoms are exact null directions, and some par
 tell is spanned by the eigenvectors of F above a relative cut. The eigenvalues are taken after scaling every parameter to unit
 pooled information, D F D with D = diag(F)^(-1/2): then neither the cut nor anything built on it depends on the units of theta,
 and the condition number is within a factor P of the best that any scaling reaches (van der Sluis 1969).
+
+A network has more weights than any pool has transitions, so that the smallest eigenvalue of its information is zero by counting
+and each transition is the only one to know some direction. There log-det, leverage, the smallest eigenvalue and the diagnostics
+are about the directions that the pool as a whole knows best (METHOD 2.7).
+
+Once a model was fitted to a set of tosses there are two covariances of the estimate on the subspace (METHOD 2.8), with H the
+Gauss-Newton information summed over the tosses:
+
+    model:    sigma^2 H^-1                          right where the model and its noise are; the Cramer-Rao bound
+    sandwich: H^-1 (sum_tau s_tau s_tau^T) H^-1     right whenever tosses are independent (Huber 1967)
+
+s_tau is a toss's score sum, s = -(1/2) dL/dtheta for a loss L = |r|^2 and H = J^T P J of the same residuals r.
 """
 
 from dataclasses import dataclass
@@ -12,6 +24,7 @@ import numpy as np
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.pool import Pool
 
 UNMEASURED = 1e-24
 """A parameter with less than this share of the largest diagonal entry was never measured.
@@ -24,6 +37,9 @@ EIGENVALUE_CUT = 1e-8
 
 LARGEST_DENSE = 4096
 """Parameters above which a few eigenvectors are iterated for: reducing the whole matrix takes minutes then."""
+
+LEADING_DIRECTIONS = 64
+"""Of a network's pool, in which tosses are compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +67,16 @@ class IdentifiableSubspace:
     def per_mean_toss(self, tosses: int) -> Array:
         """(P, p) coordinates in which the mean of `tosses` tosses' information is the identity."""
         return np.asarray(self.whitening * np.sqrt(tosses))
+
+
+def pool_subspace(pool: Pool, cut: float = EIGENVALUE_CUT) -> IdentifiableSubspace:
+    """The subspace in which a pool's tosses are compared: all that they can tell, or of a network what they tell best.
+
+    `cut` and errors as in `identifiable_subspace`.
+    """
+    if pool.sketched:
+        return leading_subspace(pool.fisher, LEADING_DIRECTIONS, cut)
+    return identifiable_subspace(pool.fisher, cut)
 
 
 def identifiable_subspace(fisher: Array, cut: float = EIGENVALUE_CUT) -> IdentifiableSubspace:
@@ -93,6 +119,37 @@ def leading_subspace(fisher: Array, directions: int, cut: float = EIGENVALUE_CUT
     values, vectors = _leading_eigenvectors(fisher, directions)
     kept = values > cut * values[-1]
     return IdentifiableSubspace(vectors[:, kept] / np.sqrt(values[kept]), eigenvalues=values[kept])
+
+
+def model_covariance(subspace: IdentifiableSubspace, noise_variance: float) -> Array:
+    """Covariance (P, P) if the residuals are independent, of one variance.
+
+    Args:
+        subspace: of the summed Gauss-Newton information H.
+        noise_variance: sigma^2 of the residuals, from held-out tosses.
+
+    Raises:
+        InvalidValueError: the variance is not positive.
+    """
+    if not noise_variance > 0.0:
+        raise InvalidValueError("noise variance", noise_variance, "a positive number")
+    return np.asarray(noise_variance * subspace.whitening @ subspace.whitening.T)
+
+
+def sandwich_covariance(subspace: IdentifiableSubspace, toss_scores: Array) -> Array:
+    """Covariance (P, P) that only needs independent tosses.
+
+    Args:
+        subspace: of the summed Gauss-Newton information H.
+        toss_scores: (K, P) score sums of the same tosses about the same pivot.
+
+    Raises:
+        InvalidValueError: the scores have another number of parameters than the subspace.
+    """
+    if toss_scores.ndim != 2 or toss_scores.shape[1] != subspace.parameters:
+        raise InvalidValueError("toss scores", f"shape {toss_scores.shape}", f"(K, {subspace.parameters})")
+    steps = (toss_scores @ subspace.whitening) @ subspace.whitening.T  # (K, P) H^-1 s: how far each toss pulls the estimate
+    return np.asarray(steps.T @ steps)
 
 
 def _leading_eigenvectors(fisher: Array, directions: int) -> tuple[Array, Array]:

@@ -118,13 +118,13 @@ class Curator(StageNode):
             response.message = str(error)
             return response
         response.success, response.path = True, str(Path(request.path).absolute())
-        response.tosses = len(buffer.curation.ranking.kept_ids)
+        response.tosses = len(buffer.curation.ranking.selected_ids)
         response.message = f"{response.tosses} of {buffer.seen} tosses kept"
         return response
 
     def _health(self) -> Health:
         buffer = self._buffer
-        kept_now = 0 if buffer is None else len(buffer.curation.ranking.kept_ids)
+        kept_now = 0 if buffer is None else len(buffer.curation.ranking.selected_ids)
         seen = 0 if buffer is None else buffer.seen
         values = {"kept": kept_now, "seen": seen, "queue": self._worker.waiting, **self._warnings.counts}
         return Health(f"{kept_now} of {seen} tosses kept", values)

@@ -27,7 +27,7 @@ from contact_curation.dashboard.live.serving import ServingConfig, close_screen,
 from contact_curation.dashboard.live.session import LiveSession
 from contact_curation.errors import ContactCurationError
 from contact_curation.motion.toss import NANOSECONDS
-from contact_curation.nodes.messages.headers import nanoseconds_of
+from contact_curation.nodes.messages.headers import check_format, nanoseconds_of
 from contact_curation.nodes.messages.shown import first_theta, healths_of, kept_set_of, theta_of, throw_made_of, training_of
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.toss_information import information_of
@@ -145,6 +145,7 @@ class Dashboard(StageNode):
         self._ranking.want()
 
     def _take_rejected(self, message: Any) -> None:
+        check_format(message)
         stamp_ns = nanoseconds_of(message.header.stamp)
         self._session.add_rejected(message.toss_id, message.frames, message.reasons, stamp_ns)
 

@@ -17,6 +17,7 @@ from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.motion.toss import Toss
+from contact_curation.nodes.messages.headers import check_format
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.toss_information import information_message
 from contact_curation.nodes.ros.body_parameter import declared_body
@@ -96,6 +97,7 @@ class FisherScorer(StageNode):
     def _renew(self, message: Any) -> None:
         """On the worker's thread: everything is scored again, if theta is another one."""
         try:
+            check_format(message)
             if message.body != self._body.name:
                 raise InvalidValueError("body of the parameters", message.body, self._body.name)
             renewed = self._stage.renew(ScoredTheta(message.model, bytes(message.safetensors)))

@@ -13,10 +13,10 @@ from contact_curation_msgs.srv import GetInformation, ProposeThrow
 from rclpy.clock import Clock, ClockType
 
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.design.throw_report import ThrowKind
+from contact_curation.design.throw import ThrowKind
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.motion.toss import NANOSECONDS
-from contact_curation.nodes.messages.headers import Stamped, nanoseconds_of
+from contact_curation.nodes.messages.headers import Stamped, check_format, nanoseconds_of
 from contact_curation.nodes.messages.throw import throw_message, throw_of
 from contact_curation.nodes.messages.toss_information import information_of
 from contact_curation.nodes.ros.body_parameter import declared_body
@@ -131,7 +131,9 @@ class ThrowDesigner(StageNode):
             response.message = f"found no throw within {LONGEST_PROPOSAL:g} s"
             return response
         response.success = True
-        response.message = "designed" if proposal.exploration is None else f"{ThrowKind.WARM_UP.value} ({proposal.exploration})"
+        response.message = (
+            "designed" if proposal.exploration is None else f"{ThrowKind.EXPLORATION.value} ({proposal.exploration})"
+        )
         response.throw_command = throw_message(proposal.throw, Stamped(0, self._board_frame))
         return response
 
@@ -150,6 +152,7 @@ class ThrowDesigner(StageNode):
     def _renew(self, message: Any) -> None:
         """On the worker's thread."""
         try:
+            check_format(message)
             if message.body != self._body.name:
                 raise InvalidValueError("body of the parameters", message.body, self._body.name)
             self._stage.renew(polytope_of(ScoredTheta(message.model, bytes(message.safetensors))))
@@ -159,7 +162,15 @@ class ThrowDesigner(StageNode):
 
     def _buffer_came(self, message: Any) -> None:
         if message.body == self._body.name:
-            self._worker.do(partial(self._stage.select, tuple(message.toss_ids)))
+            self._worker.do(partial(self._select, message))
+
+    def _select(self, message: Any) -> None:
+        """On the worker's thread."""
+        try:
+            check_format(message)
+            self._stage.select(tuple(message.toss_ids))
+        except InvalidValueError as error:
+            self._warnings.note("bad buffer", str(error))
 
     def _rejected_came(self, message: Any) -> None:
         if message.body == self._body.name:
@@ -167,7 +178,11 @@ class ThrowDesigner(StageNode):
 
     def _reject(self, message: Any) -> None:
         """On the worker's thread: no toss will come of that throw."""
-        self._stage.reject(nanoseconds_of(message.header.stamp), tuple(message.reasons))
+        try:
+            check_format(message)
+            self._stage.reject(nanoseconds_of(message.header.stamp), tuple(message.reasons))
+        except InvalidValueError as error:
+            self._warnings.note("bad rejection", str(error))
         self._reports.tell(self._stage.reports)
 
     def _take(self, messages: Sequence[Any], cursor: Cursor) -> None:
@@ -202,7 +217,7 @@ class ThrowDesigner(StageNode):
         how = (
             f"planned to gain {last.throw.expected_information:.3g}"
             if last.exploration is None
-            else f"{ThrowKind.WARM_UP.value}: {last.exploration}"
+            else f"{ThrowKind.EXPLORATION.value}: {last.exploration}"
         )
         return Health(f"{len(made)} throws made, {last.throw.throw_id} {how}", values)
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from contact_curation_msgs.msg import ThrowReport as ThrowReportMessage
 from rclpy.node import Node
 
-from contact_curation.design.throw_report import ThrowReport
+from contact_curation.design.throw import ThrowReport
 from contact_curation.nodes.messages.throw_report import report_message
 from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
 

@@ -21,12 +21,15 @@ from contact_curation.stages.arm import Ending
 FRAMES_PER_FEEDBACK = 15
 
 PHASES = {
-    Phase.RESTING: "released",
-    Phase.RETURNING: "released",
-    Phase.STOPPING: "stopped",
-    Phase.STOPPED: "stopped",
+    Phase.MOVING: ExecuteThrow.Feedback.MOVING,
+    Phase.THROWING: ExecuteThrow.Feedback.THROWING,
+    Phase.RELEASED: ExecuteThrow.Feedback.RELEASED,
+    Phase.RESTING: ExecuteThrow.Feedback.RELEASED,
+    Phase.RETURNING: ExecuteThrow.Feedback.RELEASED,
+    Phase.STOPPING: ExecuteThrow.Feedback.STOPPED,
+    Phase.STOPPED: ExecuteThrow.Feedback.STOPPED,
 }
-"""What feedback calls phases that it has no word for."""
+"""The phases as feedback names them."""
 
 
 class ThrowServer:
@@ -70,7 +73,7 @@ class ThrowServer:
         self._frames += 1
         if self.goal is not None and (frame.phase is not self._told_phase or self._frames % FRAMES_PER_FEEDBACK == 0):
             self._told_phase = frame.phase
-            self._feedback(PHASES.get(frame.phase, frame.phase.value), frame.progress)
+            self._feedback(PHASES[frame.phase], frame.progress)
 
     def conclude(self, goal: Any, ending: Ending | None) -> None:
         """Ends a goal, if this is an ending; hands it to the executor, which answers the client."""
@@ -97,7 +100,7 @@ class ThrowServer:
             self.conclude(handle, Ending(False, refusal))
             return
         self.goal = handle
-        self._feedback("planning", 0.0)
+        self._feedback(ExecuteThrow.Feedback.PLANNING, 0.0)
         self._taken()
 
     def _cancelled(self, handle: Any) -> CancelResponse:

@@ -12,7 +12,7 @@ from contact_curation.contact.models.kind import ModelKind
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.model_version import model_version
 from contact_curation.learning.training.progress import TrainingState
-from contact_curation.nodes.messages.headers import Stamped, stamped_of
+from contact_curation.nodes.messages.headers import Stamped, check_format, stamped_of
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.trained_model import model_message
 from contact_curation.nodes.messages.training_status import status_message
@@ -77,8 +77,12 @@ class Trainer(StageNode):
 
     def _follow(self, message: Any) -> None:
         """On the worker's thread, as everything below but the last."""
-        if message.body != self._body.name:
-            self._warnings.note("bad buffer", f"found body {message.body}, expected {self._body.name}")
+        try:
+            check_format(message)
+            if message.body != self._body.name:
+                raise InvalidValueError("body of the buffer", message.body, self._body.name)
+        except InvalidValueError as error:
+            self._warnings.note("bad buffer", str(error))
             return
         self._stamped = stamped_of(message.header)
         self._stage.follow(SelectedSet(message.revision, message.tosses_seen, tuple(message.toss_ids)))

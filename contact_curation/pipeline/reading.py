@@ -1,13 +1,14 @@
-"""Reading one recording: tosses that may be scored come out one after the other, what else was seen is noted."""
+"""Reading one recording: its motions come out one after the other, what stays of them once they are forgotten is noted."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from contact_curation.contact.body import Body
+from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.storage.inputs.inputs import InputsConfig, Problem, open_inputs
-from contact_curation.storage.provenance import TossProvenance
+from contact_curation.storage.provenance import SeenToss, seen_toss
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,37 +18,12 @@ class ReadingConfig:
     Attributes:
         body: what was tossed.
         inputs: topics, rules of segmenting, gates.
-        held_out: tosses that are kept back though they pass the gates: why, by id.
+        held_out: tosses that are rejected though they pass the gates: why, by id.
     """
 
     body: Body
-    inputs: InputsConfig
+    inputs: InputsConfig = field(default_factory=InputsConfig)
     held_out: Mapping[str, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True)
-class SeenToss:
-    """What stays of a toss once it is forgotten.
-
-    Attributes:
-        toss_id: unique in its recording.
-        digest: of its content.
-        reasons: why it was kept back; empty when it may be scored.
-        frames: how many.
-        duration: [s].
-        first_stamp_ns: of its first frame.
-        last_stamp_ns: of its last frame.
-        origin: the file it came from.
-    """
-
-    toss_id: str
-    digest: str
-    reasons: tuple[str, ...]
-    frames: int
-    duration: float
-    first_stamp_ns: int
-    last_stamp_ns: int
-    origin: TossProvenance
 
 
 @dataclass(frozen=True)
@@ -55,7 +31,7 @@ class Reading:
     """A recording that was read as far as it goes.
 
     Attributes:
-        path: as given.
+        path: as given; empty for tosses that came from no recording.
         sha256: of its bytes; empty when it could not be read to its end.
         seen: its tosses, in order.
         problems: what was left out, one line each, which names the file.
@@ -66,9 +42,9 @@ class Reading:
     path: str
     sha256: str
     seen: tuple[SeenToss, ...]
-    problems: tuple[str, ...]
-    losses: tuple[str, ...]
-    complete: bool
+    problems: tuple[str, ...] = ()
+    losses: tuple[str, ...] = ()
+    complete: bool = True
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -78,7 +54,7 @@ class Reading:
 
 
 class InputReader:
-    """Reads one recording once: iterate over `tosses` to the end, then ask for `reading`."""
+    """Reads one recording once: iterate over `outcomes` or `tosses` to the end, then ask for `reading`."""
 
     def __init__(self, path: Path, config: ReadingConfig) -> None:
         self._path = path
@@ -87,21 +63,25 @@ class InputReader:
         self._seen: dict[str, SeenToss] = {}
         self._problems: list[str] = []
 
-    def tosses(self) -> Iterator[Toss]:
-        """Those that passed the gates and are not held out."""
+    def outcomes(self) -> Iterator[Toss | Rejected]:
+        """All motions; of two of one id the second takes the place of the first."""
         for item in self._inputs:
             if isinstance(item, Problem):
                 self._problems.append(str(item))
-            elif isinstance(item, Rejected):
-                self._note(item.toss, item.reasons)
-            elif item.toss_id in self._held_out:
-                self._note(item, (self._held_out[item.toss_id],))
-            else:
-                self._note(item, ())
-                yield item
+                continue
+            if isinstance(item, Toss) and item.toss_id in self._held_out:
+                item = Rejected(item, (self._held_out[item.toss_id],))
+            toss, reasons = (item.toss, item.reasons) if isinstance(item, Rejected) else (item, ())
+            self._seen.pop(toss.toss_id, None)
+            self._seen[toss.toss_id] = seen_toss(toss, reasons, self._inputs.origin)
+            yield item
+
+    def tosses(self) -> Iterator[Toss]:
+        """Those that passed the gates and are not held out."""
+        return (item for item in self.outcomes() if isinstance(item, Toss))
 
     def reading(self) -> Reading:
-        """What was found, once `tosses` came to its end."""
+        """What was found, once the tosses came to their end."""
         summary = self._inputs.summaries[0] if self._inputs.summaries else None
         return Reading(
             path=str(self._path),
@@ -112,10 +92,11 @@ class InputReader:
             complete=summary is not None,
         )
 
-    def _note(self, toss: Toss, reasons: tuple[str, ...]) -> None:
-        """A toss of the same id that was kept back before is forgotten."""
-        self._seen.pop(toss.toss_id, None)
-        first, last = int(toss.stamps_ns[0]), int(toss.stamps_ns[-1])
-        self._seen[toss.toss_id] = SeenToss(
-            toss.toss_id, toss.digest(), reasons, toss.frames, toss.duration, first, last, self._inputs.origin
-        )
+
+def settings_of(rig: RigCalibration) -> str:
+    """A rig's calibration in the words of `--set`, to 1e-5 and a tenth of a millimetre; nothing for a level rig."""
+    if rig == NO_CORRECTION:
+        return ""
+    normal = ",".join(f"{value:.5f}" for value in rig.normal)
+    centre = ",".join(f"{value:.4f}" for value in rig.centre)
+    return f"--set rig.normal={normal} --set rig.centre={centre} --set rig.scale={rig.scale:.5f}"

@@ -5,7 +5,7 @@ import multiprocessing.connection
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
@@ -16,11 +16,8 @@ Advance = Callable[[int], None]
 """Told how many tosses more are done."""
 
 
-def counted_on[Item](items: Iterable[Item], advance: Advance) -> Iterator[Item]:
-    """The items, each told of."""
-    for item in items:
-        advance(1)
-        yield item
+def unheard(count: int) -> None:
+    """For who wants to hear of no progress."""
 
 
 class WorkerDiedError(ContactCurationError):

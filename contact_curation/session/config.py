@@ -5,7 +5,6 @@ from pathlib import Path
 
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.errors import InvalidValueError
-from contact_curation.storage.body_file import read_body
 
 CAMERAS = ("poses", "rendered")
 
@@ -53,7 +52,7 @@ class SessionConfig:
         Raises:
             ContactCurationError: the file describes none.
         """
-        return read_body(self.body_file) if self.body_file else CONTACTNETS_CUBE
+        return Body.from_file(self.body_file) if self.body_file else CONTACTNETS_CUBE
 
 
 class SessionFolder:

@@ -11,13 +11,13 @@ from typing import Any
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
+from contact_curation.files import write_atomically
 from contact_curation.geometry.tag_rig import rig_of
 from contact_curation.session.config import SessionConfig, SessionFolder
 from contact_curation.session.parameter_files import EVERY_NODE, Parameters, read_node_parameters
 from contact_curation.stages.held_out_tosses import HeldOutConfig
 from contact_curation.stages.parameters import with_parameters
 from contact_curation.stages.throw_loop import LoopConfig
-from contact_curation.storage.files import write_atomically
 from contact_curation.storage.inputs.inputs import InputsConfig
 from contact_curation.storage.tag_map_file import tag_rig_yaml
 

@@ -7,7 +7,7 @@ from typing import Any
 import yaml
 
 from contact_curation.errors import UnreadableInputError
-from contact_curation.storage.files import read_yaml, write_atomically
+from contact_curation.files import read_yaml, write_atomically
 
 LARGEST_BYTES = 1 << 20
 EVERY_NODE = "/**"

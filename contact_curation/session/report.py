@@ -16,7 +16,8 @@ from contact_curation.configs import ConfigField, fields_of
 from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.dashboard.figures.report_data import ReportData, ReportedEvent, ReportedThrow, ReportedToss, save_figures
 from contact_curation.dashboard.figures.session_report import save_report
-from contact_curation.design.throw_report import ThrowState
+from contact_curation.design.throw import ThrowState
+from contact_curation.files import write_atomically
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.scoring import ScoringConfig
@@ -33,7 +34,6 @@ from contact_curation.stages.curation import CurationConfig
 from contact_curation.stages.parameters import as_parameter, with_parameters
 from contact_curation.stages.selection import ranking_for
 from contact_curation.storage.bags.reader import BagReader
-from contact_curation.storage.files import write_atomically
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 
 NAME = "contact-curation"

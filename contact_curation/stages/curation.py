@@ -36,8 +36,7 @@ class CurationConfig:
     """How the buffer is kept.
 
     Attributes:
-        selection: exact: ranks all tosses; streaming: bounded memory, criteria trace and log-det only; sieve: the same with
-            the sieve alone, log-det only.
+        selection: exact: ranks all tosses; streaming: bounded memory, criteria trace and log-det only.
         warm_up: tosses that a streaming log-det takes its prior from.
         coverage: a new theta takes over once this share of the known tosses is scored at it.
     """
@@ -209,7 +208,7 @@ class CurationStage:
     def _revision(self, curation: Curation, version: str, seen: int) -> int:
         """Goes up by one when the selected tosses, their order, theta or criterion change; lives on disk with them."""
         before = load_record(self._states.load, BufferRecord) or BufferRecord()
-        record = BufferRecord(before.revision, curation.ranking.kept_ids, version, curation.ranking.criterion, seen)
+        record = BufferRecord(before.revision, curation.ranking.selected_ids, version, curation.ranking.criterion, seen)
         if replace(record, seen=before.seen) != before:
             record = replace(record, revision=before.revision + 1)
         if record != before:
@@ -221,5 +220,5 @@ def _log_det(candidates: tuple[TossInformation, ...], curation: Curation, rankin
     """Of the selected tosses relative to the prior, whatever the criterion."""
     pool = pool_of(candidates)
     prior = log_det_prior(pool, ranking.prior, ranking.cut)
-    factors = pool.stacked(pool.indices_of(curation.ranking.kept_ids))
+    factors = pool.stacked(pool.indices_of(curation.ranking.selected_ids))
     return Accumulated.prior_only(prior.coordinates).joined(factors).log_det

@@ -13,14 +13,12 @@ import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.design.adaptive import AdaptiveDesign, overall_ratio
-from contact_curation.design.designer import Designer, DesignerConfig
-from contact_curation.design.particle import Particle
+from contact_curation.design.designer import AdaptiveDesign, Designer, DesignerConfig, overall_ratio
 from contact_curation.design.planner import Planner
-from contact_curation.design.safety_set import Feasible
-from contact_curation.design.throw import Throw
-from contact_curation.design.throw_prior import PUBLISHED_PRIOR, ReleasePrior
-from contact_curation.design.throw_report import ThrowReport
+from contact_curation.design.predicted_information import Particle
+from contact_curation.design.releases import PUBLISHED_PRIOR, ReleasePrior
+from contact_curation.design.safety import Feasible
+from contact_curation.design.throw import Throw, ThrowReport
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
@@ -167,7 +165,7 @@ class DesignStage:
             except InvalidValueError as error:  # a theta at which no throw comes to rest, say
                 reason = str(error)
         thrown = [made.executed.release for made in self.throws]
-        return Proposal(self._designer.warm_up(name, own, thrown), reason)
+        return Proposal(self._designer.explore(name, own, thrown), reason)
 
     def refuse(self, reason: str) -> None:
         """No throw could be proposed, for this reason; whoever supervises can read it."""
@@ -178,7 +176,7 @@ class DesignStage:
         if not self._particles:
             return "parameters: found none, expected model_parameters"
         version = self._best_known()
-        return self._designer.distrust(self._first_losses(version), lambda: self._reference_scores(version))
+        return self._designer.unready_reason(self._first_losses(version), lambda: self._reference_scores(version))
 
     def begin(self, proposal: Proposal) -> ThrowReport:
         """A throw is about to be commanded: its number is used up, whatever becomes of it."""
@@ -224,7 +222,7 @@ class DesignStage:
     def _measure(self) -> None:
         """Measures what the last throw taught, if it was designed and its toss is scored at a theta that is known here.
 
-        Where that is not the theta of the plan, what was to be expected is forecast anew: only gains at one theta compare.
+        Where that is not the theta of the plan, what was to be expected is predicted anew: only gains at one theta compare.
         """
         last = self.throws[-1] if self.throws else None
         if last is None or last.exploration is not None or not last.toss_id or last.realised is not None:
@@ -235,7 +233,7 @@ class DesignStage:
         version = last.commanded.parameters_version
         version = version if version in scored else scored[-1]
         design = self._design(version, without=last.toss_id)
-        planned = last.commanded if version == last.commanded.parameters_version else design.forecast(last.commanded)
+        planned = last.commanded if version == last.commanded.parameters_version else design.predicted(last.commanded)
         realised = design.add(planned, [self._infos[version][last.toss_id]])
         self._log.replace(len(self.throws) - 1, replace(last, realised=realised))
 

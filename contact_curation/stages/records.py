@@ -13,11 +13,10 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, ClassVar, NamedTuple, get_args, get_origin, get_type_hints
 
-from contact_curation.design.adaptive import Realised
-from contact_curation.design.throw import Throw
-from contact_curation.design.throw_report import ThrowKind, ThrowReport, ThrowState
+from contact_curation.design.designer import Realised
+from contact_curation.design.throw import Throw, ThrowKind, ThrowReport, ThrowState
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.storage.files import read_bounded, write_atomically
+from contact_curation.files import read_bounded, write_atomically
 
 FORMAT = 1
 """Version of the layout of all records."""
@@ -242,7 +241,7 @@ class ThrowRecord:
 
 def kind_of_throw(exploration: str | None) -> ThrowKind:
     """Of a throw that is one of exploration for this reason, or for none."""
-    return ThrowKind.DESIGNED if exploration is None else ThrowKind.WARM_UP
+    return ThrowKind.DESIGNED if exploration is None else ThrowKind.EXPLORATION
 
 
 @dataclass(frozen=True, eq=False)

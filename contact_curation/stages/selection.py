@@ -1,32 +1,27 @@
 """What a curator keeps in memory of a stream of scored tosses: all of them, or a bounded number.
 
 `exact` keeps everything and ranks it all: the selected set is that of `contact-curation rank` on the same tosses. `streaming`
-keeps what one pass can: the k largest traces, exactly; or for log-det the better of exchanges, which come out near `exact`,
-and of a sieve, which is proven to reach nearly half of the best set's value. `sieve` is that sieve alone: on real tosses it is
-little better than keeping the first k. The prior of log-det comes from the first tosses.
+keeps what one pass can, by criteria that can select in one pass: the k largest traces, exactly; or for log-det exchanges,
+which come out near `exact`. The prior of log-det comes from the first tosses.
 
 The default criterion needs the whole pool. Where tosses are let go log-det stands in for it.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.information.pool import pool_of
-from contact_curation.information.prior import LogDetPrior, log_det_prior
-from contact_curation.information.ranker import DEFAULT_CRITERION, STREAMED_CRITERION, RankingConfig
+from contact_curation.information.criteria.criterion import Need
+from contact_curation.information.ranker import (
+    DEFAULT_CRITERION,
+    STREAMED_CRITERION,
+    RankingConfig,
+    criterion_named,
+    criterion_names,
+)
 from contact_curation.information.record import TossInformation
-from contact_curation.information.streaming.selector import Selector, TraceHeap
-from contact_curation.information.streaming.sieve import SieveStreaming
-from contact_curation.information.streaming.swap import GuardedSwap
 
-SELECTIONS = ("exact", "streaming", "sieve")
-
-LOG_DET_STREAMS: dict[str, Callable[[LogDetPrior, int], Selector]] = {"streaming": GuardedSwap, "sieve": SieveStreaming}
-"""By selection, what keeps a large log-det: started with a prior and k."""
-
-STREAMED_CRITERIA = {"streaming": ("trace", "log-det"), "sieve": ("log-det",)}
+SELECTIONS = ("exact", "streaming")
 
 
 class Selection(Protocol):
@@ -63,27 +58,24 @@ class ExactSelection:
 
 
 class StreamingSelection:
-    """What a streaming selector keeps; all of the first `warm_up` tosses until they have given log-det its prior.
+    """What a streaming selector keeps; all of the first `warm_up` tosses until they have given a criterion its prior.
 
     Args:
-        config: with criterion trace or log-det.
+        config: with a criterion that can select from a stream.
         warm_up: how many tosses the prior is taken from.
-        kind: streaming or sieve; the latter for log-det only.
 
     Raises:
         InvalidValueError: another criterion, which is not possible in one pass.
     """
 
-    def __init__(self, config: RankingConfig, warm_up: int, kind: str = "streaming") -> None:
-        if config.criterion not in STREAMED_CRITERIA[kind]:
-            raise InvalidValueError(f"criterion of a {kind} selection", config.criterion, " or ".join(STREAMED_CRITERIA[kind]))
-        self._start = LOG_DET_STREAMS[kind]
-        self._config = config
-        self._warm_up = warm_up
+    def __init__(self, config: RankingConfig, warm_up: int) -> None:
+        criterion = criterion_named(config.criterion)
+        if criterion.stream is None:
+            streamed = (name for name in criterion_names() if criterion_named(name).stream)
+            raise InvalidValueError("criterion of a streaming selection", criterion.name, " or ".join(streamed))
+        self._start, self._config, self._warm_up = criterion.stream, config, warm_up
         self._first: dict[str, TossInformation] = {}
-        self._selector: Selector | None = None
-        if config.criterion == "trace":
-            self._selector = TraceHeap(config.top, config.normalisation)
+        self._selector = None if Need.PRIOR in criterion.needs else self._start((), config)
 
     def add(self, information: TossInformation) -> None:
         if self._selector is not None:
@@ -91,10 +83,7 @@ class StreamingSelection:
             return
         self._first.setdefault(information.toss_id, information)
         if len(self._first) == self._warm_up:
-            prior = log_det_prior(pool_of(self._first.values()), self._config.prior, self._config.cut)
-            self._selector = self._start(prior, self._config.top)
-            for first in self._first.values():
-                self._selector.offer(first)
+            self._selector = self._start(tuple(self._first.values()), self._config)
             self._first = {}
 
     @property
@@ -118,4 +107,4 @@ def selection_of(kind: str, config: RankingConfig, warm_up: int) -> Selection:
     Raises:
         InvalidValueError: the criterion is not possible in one pass.
     """
-    return ExactSelection() if kind == "exact" else StreamingSelection(config, warm_up, kind)
+    return ExactSelection() if kind == "exact" else StreamingSelection(config, warm_up)

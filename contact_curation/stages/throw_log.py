@@ -6,8 +6,7 @@ one, is kept and known like any other.
 
 from dataclasses import replace
 
-from contact_curation.design.throw import Throw
-from contact_curation.design.throw_report import ThrowReport, ThrowState
+from contact_curation.design.throw import Throw, ThrowReport, ThrowState
 from contact_curation.errors import InvalidValueError
 from contact_curation.stages.records import Proposal, ThrowLogRecord, ThrowRecord, kept_records, kind_of_throw, load_record
 from contact_curation.storage.stores.state import StateStore

@@ -3,8 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from contact_curation.design.throw import Throw
-from contact_curation.design.throw_report import ThrowReport
+from contact_curation.design.throw import Throw, ThrowReport
 from contact_curation.errors import ContactCurationError
 from contact_curation.stages.design import DesignStage
 from contact_curation.stages.records import Proposal

@@ -4,12 +4,12 @@ from pathlib import Path
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.models.model import Model
+from contact_curation.files import read_bounded, write_atomically
 from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes, training_of_bytes
 from contact_curation.learning.checkpoints.safetensors_bytes import LARGEST_BYTES
 from contact_curation.learning.checkpoints.stored_model import model_bytes, model_of_bytes, notes_of_bytes
 from contact_curation.learning.training.training import Training
 from contact_curation.motion.transitions import Transitions
-from contact_curation.storage.files import read_bounded, write_atomically
 
 
 def save_checkpoint(path: Path, training: Training, notes: dict[str, str] | None = None) -> None:

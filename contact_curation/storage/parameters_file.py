@@ -19,8 +19,8 @@ import numpy as np
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.files import check_version, read_json
 from contact_curation.geometry.quaternions import Array
-from contact_curation.storage.files import check_version, read_json
 
 if TYPE_CHECKING:
     from contact_curation.contact.models.model import Model

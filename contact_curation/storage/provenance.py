@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from contact_curation.motion.toss import Toss
+
 
 @dataclass(frozen=True)
 class TossProvenance:
@@ -18,6 +20,38 @@ class TossProvenance:
     input_sha256: str = ""
     topic: str = ""
     number: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SeenToss:
+    """What stays of a toss once it is forgotten.
+
+    Attributes:
+        toss_id: unique in its recording.
+        digest: of its content.
+        reasons: why it was rejected; empty when it may be scored.
+        frames: how many.
+        duration: [s].
+        first_stamp_ns: of its first frame.
+        last_stamp_ns: of its last frame.
+        origin: the file it came from.
+    """
+
+    toss_id: str
+    digest: str
+    reasons: tuple[str, ...]
+    frames: int
+    duration: float
+    first_stamp_ns: int
+    last_stamp_ns: int
+    origin: TossProvenance
+
+
+def seen_toss(toss: Toss, reasons: tuple[str, ...] = (), origin: TossProvenance | None = None) -> SeenToss:
+    """What stays of a toss."""
+    first, last = int(toss.stamps_ns[0]), int(toss.stamps_ns[-1])
+    where = origin or TossProvenance()
+    return SeenToss(toss.toss_id, toss.digest(), reasons, toss.frames, toss.duration, first, last, where)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from contact_curation.contact.evaluation import LOSS_TERMS, Evaluation
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.storage.files import check_version
+from contact_curation.files import check_version
 
 VERSION_NAME, VERSION = "format_version", 1
 UNREADABLE = (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile)

@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
+from contact_curation.files import read_yaml
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.quaternions import IDENTITY, Array
 from contact_curation.geometry.tag_rig import TagRig
 from contact_curation.geometry.tags import FAMILY, Tag, TagAxes, TagMap, in_our_axes
-from contact_curation.storage.files import read_yaml
 
 LARGEST_FILE = 2**22
 """Bytes."""

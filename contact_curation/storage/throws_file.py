@@ -13,7 +13,7 @@ from typing import Any
 
 from contact_curation.design.throw import Throw
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.storage.files import check_version, read_json, write_atomically
+from contact_curation.files import check_version, read_json, write_atomically
 
 VERSION = 1
 LARGEST_BYTES = 64 << 20

@@ -166,7 +166,7 @@ def test_good_data_beside_all_of_it_is_still_ranked(cli: Cli, golden: Path, tmp_
         paths.append(make(own, golden))
     done = cli("rank", *paths, golden, "--jobs", "1", "--json")
     assert done.status == 0
-    assert done.json["outcomes"]["kept"] == 21
+    assert done.json["outcomes"]["selected"] == 21
     for path, (_, says) in zip(paths, BAD, strict=True):
         assert [line for line in done.json["warnings"] if line.startswith(str(path)) and says in line]
     clean = cli("rank", golden, "--json").json
@@ -175,7 +175,7 @@ def test_good_data_beside_all_of_it_is_still_ranked(cli: Cli, golden: Path, tmp_
 
 def test_a_bad_input_in_a_worker_process_stops_nobody(cli: Cli, golden: Path, tmp_path: Path) -> None:
     done = cli("rank", no_bag(tmp_path, golden), golden, missing(tmp_path, golden), "--jobs", "3", "--json")
-    assert (done.status, len(done.json["warnings"]), done.json["outcomes"]["kept"]) == (0, 2, 21)
+    assert (done.status, len(done.json["warnings"]), done.json["outcomes"]["selected"]) == (0, 2, 21)
 
 
 @pytest.mark.parametrize("verb", ["rank", "score"])

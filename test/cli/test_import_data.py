@@ -26,7 +26,7 @@ def test_the_bag_holds_the_tosses_and_says_what_was_skipped(cli: Cli, folder: Pa
     assert len(done.json["skipped"]) == 1
     assert [line for line in done.err_lines if "3.pt" in line and "warning" in line]
     ranked = cli("rank", tmp_path / "few.mcap", "--json").json
-    assert ranked["outcomes"]["kept"] == 3
+    assert ranked["outcomes"]["selected"] == 3
     lengths = sorted(row["frames"] for row in ranked["tosses"])
     direct = sorted(row["frames"] for row in cli("rank", folder, "--json").json["tosses"])
     assert np.abs(np.subtract(lengths, direct)).max() <= 25  # the rest at the end is cut off earlier, METHOD 3

@@ -45,7 +45,7 @@ def test_held_out_tosses_and_their_twins_are_not_in_the_pool(cli: Cli, folder: P
         "2": ["held out"], "3": ["held out"], "7": ["twin of a held-out toss: 2"],
     }  # fmt: skip
     assert not any(row["kept"] or row["trace"] for row in others.values())
-    assert report["outcomes"] == {"kept": 2, "ranked, not kept": 0, "held out": 2, "twin of a held-out toss": 1}
+    assert report["outcomes"] == {"selected": 2, "not selected": 0, "held out": 2, "twin of a held-out toss": 1}
 
 
 def test_a_toss_is_held_out_by_its_place_in_a_recording_and_kept_back_ones_count(cli: Cli, golden: Path) -> None:
@@ -57,7 +57,7 @@ def test_a_toss_is_held_out_by_its_place_in_a_recording_and_kept_back_ones_count
         assert row["toss_id"] in gated or row["reasons"] == ["held out"]
     assert all(row["rank"] or row["toss_id"] in gated for row in rows[10:])
     said = cli("rank", golden, "--no-figure", "--held-out", "0-9").out
-    assert f"kept back: {some['outcomes']['held out']} (held out)" in said
+    assert f"rejected: {some['outcomes']['held out']} (held out)" in said
 
 
 def test_what_holds_out_nothing_or_everything_is_one_line(cli: Cli, golden: Path, tmp_path: Path) -> None:

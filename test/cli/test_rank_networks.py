@@ -14,7 +14,7 @@ from contact_curation.contact.models.registry import initial_model
 from contact_curation.contact.parameter_form import Form
 from contact_curation.information.model_version import model_version
 from contact_curation.information.network.scoring import NetworkScorer
-from contact_curation.information.ranker import CRITERIA
+from contact_curation.information.ranker import criterion_names
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.motion.toss import Toss
@@ -53,7 +53,7 @@ def ranked(cli: Cli, folder: Path, kind: ModelKind, *words: object) -> Any:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("criterion", criterion_names())
 def test_every_criterion_ranks_for_a_deep_model(cli: Cli, folder: Path, criterion: str) -> None:
     report = ranked(cli, folder, ModelKind.DEEP, "--criterion", criterion, "--estimator", "empirical", "--top", 1)
     assert [row["rank"] for row in report["tosses"]] == [1, 2]

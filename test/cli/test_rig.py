@@ -85,7 +85,7 @@ def test_a_model_of_tosses_put_right_is_judged_by_such(cli: Cli, golden: Path, t
     assert trained.out.endswith(f"{settings}\n")  # the next command reads alike
     assert "put right" not in cli("evaluate", checkpoint, golden, *settings.split()).err
     warned = cli("evaluate", checkpoint, golden).err
-    assert "it learned from tosses put right by --set rig.normal=0.00000,0.00000,1.00000" in warned
+    assert "it learned from tosses calibrated by --set rig.normal=0.00000,0.00000,1.00000" in warned
     assert "and is judged by tosses as recorded" in warned
 
 

@@ -49,6 +49,7 @@ def test_every_transition_of_every_toss_is_there_without_a_gate(
         "impulse": (count, 8, 3),
         "score": (count, 57),
         "parameter_names": (57,),
+        "format_version": (),
     }
     np.testing.assert_array_equal(read["toss_id"], np.array(rows.toss_ids)[rows.toss_index])
     np.testing.assert_array_equal(read["index"], rows.index_in_toss)

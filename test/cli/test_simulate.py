@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from contact_curation.design.releases import published_releases
 from contact_curation.design.throw import throw_of_state
-from contact_curation.design.throw_prior import published_releases
 from contact_curation.storage.throws_file import write_throws
 from test.cli.commands import Cli
 

@@ -17,38 +17,38 @@ def manifest(cli: Cli, folder: Path, tmp_path: Path) -> Path:
     return out
 
 
-def kept_ids(manifest: Path) -> list[str]:
+def selected_ids(manifest: Path) -> list[str]:
     return [row["toss_id"] for row in json.loads(manifest.read_text())["tosses"] if row["kept"]]
 
 
 def test_the_kept_tosses_of_a_manifest_are_trained_on(cli: Cli, folder: Path, tmp_path: Path, manifest: Path) -> None:
     done = cli("train", folder, "--manifest", manifest, "--out", tmp_path / "a.safetensors", "--steps", 2, "--json")
-    kept = kept_ids(manifest)
+    kept = selected_ids(manifest)
     assert done.json["training_tosses"] == sorted(kept)
     assert not set(done.json["held_out_tosses"]) & set(kept)
     assert done.err == ""
 
 
 def test_what_is_held_out_wins_over_a_manifest_and_is_said(cli: Cli, folder: Path, tmp_path: Path, manifest: Path) -> None:
-    kept = kept_ids(manifest)
+    kept = selected_ids(manifest)
     options = ("--manifest", manifest, "--out", tmp_path / "a.safetensors", "--steps", 2, "--held-out", kept[0], "--json")
     done = cli("train", folder, *options)
     assert done.json["training_tosses"] == sorted(kept[1:])
-    assert done.err_lines == [f"contact-curation: warning: {manifest}: 1 of 4 kept tosses are held out: {kept[0]}"]
+    assert done.err_lines == [f"contact-curation: warning: {manifest}: 1 of 4 selected tosses are held out: {kept[0]}"]
 
 
 def test_kept_tosses_that_are_not_in_the_inputs_are_one_line(cli: Cli, folder: Path, tmp_path: Path, manifest: Path) -> None:
-    kept = kept_ids(manifest)
+    kept = selected_ids(manifest)
     options = ("--manifest", manifest, "--held-out", "none", "--steps", 2, "--json")
     some = [folder / f"{toss_id}.pt" for toss_id in kept[1:]]
     done = cli("train", *some, *options, "--out", tmp_path / "a.safetensors")
     assert done.json["training_tosses"] == sorted(kept[1:])
-    line = f"contact-curation: warning: {manifest}: 1 of 4 kept tosses are not in the inputs: {kept[0]}"
+    line = f"contact-curation: warning: {manifest}: 1 of 4 selected tosses are not in the inputs: {kept[0]}"
     assert done.err_lines == [line]
     others = [path for path in folder.iterdir() if path.stem not in kept]
     refused = cli("train", *others, *options, "--out", tmp_path / "b.safetensors")
     assert (refused.status, len(refused.err_lines)) == (1, 1)
-    assert f"kept tosses of {manifest}: found none in the inputs: no {', '.join(kept[:3])}, ..." in refused.err
+    assert f"selected tosses of {manifest}: found none in the inputs: no {', '.join(kept[:3])}, ..." in refused.err
 
 
 def test_the_longest_are_the_baseline_of_any_model(cli: Cli, folder: Path, tmp_path: Path) -> None:

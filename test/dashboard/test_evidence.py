@@ -9,9 +9,9 @@ from contact_curation.dashboard.evidence import SelectedSet, evidence_of
 from contact_curation.dashboard.live.ranking_view import ranking_page, short_id
 from contact_curation.dashboard.live.screen import number, table
 from contact_curation.errors import InvalidValueError
-from contact_curation.information.criteria.representative import standing_of
-from contact_curation.information.pool_subspace import pool_subspace
+from contact_curation.information.criteria.representative import swap_costs
 from contact_curation.information.ranker import RankingConfig
+from contact_curation.information.subspace import pool_subspace
 from test.dashboard.sessions import Scored, scored, selected_set
 
 COUNT, TOP = 12, 5
@@ -46,17 +46,17 @@ def test_by_representative_the_reasons_say_what_becomes_of_the_expected_error(ma
     curation = made.curation(TOP)
     evidence = evidence_of(made.pool, selected_set(curation, TOP, COUNT, "v"))
     coordinates = pool_subspace(made.pool).per_mean_toss(COUNT)
-    kept = [made.pool.ids.index(one) for one in curation.ranking.kept_ids]
-    standing = standing_of([made.pool], [coordinates], kept, RankingConfig().prior)
+    kept = [made.pool.ids.index(one) for one in curation.ranking.selected_ids]
+    costs = swap_costs([made.pool], [coordinates], kept, RankingConfig().prior)
     told = {row.toss_id: row.reason for row in evidence.rows}
-    for place, one in enumerate(curation.ranking.kept_ids):
-        times = f"{standing.without[place] / standing.error:.4g} times as large"
+    for place, one in enumerate(curation.ranking.selected_ids):
+        times = f"{costs.without[place] / costs.error:.4g} times as large"
         assert told[one] == f"selected: without it the expected error is {times}"
     for one in curation.ranking.ids[TOP:]:
-        times = f"{standing.joined[made.pool.ids.index(one)] / standing.error:.4g} times as large"
+        times = f"{costs.joined[made.pool.ids.index(one)] / costs.error:.4g} times as large"
         assert told[one] == f"not selected: one more, with it the expected error is {times}"
-    assert evidence.answer == curation.answer
-    assert f"Their estimate is {number(curation.answer.off)} from" in ranking_page(
+    assert evidence.shift == curation.optimum_shift
+    assert f"Their estimate is {number(curation.optimum_shift.distance)} from" in ranking_page(
         selected_set(curation, TOP, COUNT, "v"), evidence
     )
 

@@ -7,15 +7,13 @@ import numpy as np
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
-from contact_curation.design.candidates import OutlookConfig
+from contact_curation.design.candidates import CandidateConfig
 from contact_curation.design.execution_noise import ExecutionNoise, NoiseConfig
-from contact_curation.design.particle import Particle
+from contact_curation.design.greedy_batch import RefinementConfig
 from contact_curation.design.planner import DesignConfig
-from contact_curation.design.predicted_information import ForecastConfig
-from contact_curation.design.refinement import RefinementConfig
-from contact_curation.design.releases import Placement
-from contact_curation.design.safety_set import SafetyConfig
-from contact_curation.design.throw_prior import PUBLISHED_PRIOR
+from contact_curation.design.predicted_information import Particle, PredictionConfig
+from contact_curation.design.releases import PUBLISHED_PRIOR, Placement
+from contact_curation.design.safety import SafetyConfig
 from contact_curation.geometry.quaternions import Array
 
 CUBE = CONTACTNETS_CUBE
@@ -27,8 +25,8 @@ QUIET = ExecutionNoise.expected(HARDLY_ANY_NOISE)
 SMALL = DesignConfig(
     pool=16,
     reference=8,
-    outlook=OutlookConfig(
-        forecast=ForecastConfig(executions=2), safety=SafetyConfig(motions=10, executions=50, share=0.15), seed=3
+    candidates=CandidateConfig(
+        forecast=PredictionConfig(executions=2), safety=SafetyConfig(motions=10, executions=50, share=0.15), seed=3
     ),
     refinement=RefinementConfig(generations=3, population=4),
 )

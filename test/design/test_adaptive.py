@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from contact_curation.design.adaptive import AdaptiveDesign, Realised, overall_ratio
+from contact_curation.design.designer import AdaptiveDesign, Realised, overall_ratio
 from contact_curation.design.execution_noise import ExecutionNoise
 from contact_curation.design.greedy_batch import gains
 from contact_curation.design.planner import Planner

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from contact_curation.design.exploration import VELOCITY_WEIGHT, coverage, impact_features, spread
-from contact_curation.design.exploration_plan import warm_up_plan
+from contact_curation.design.exploration import VELOCITY_WEIGHT, coverage, exploration_plan, impact_features, spread
 from contact_curation.design.planner import Planner
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
@@ -61,11 +60,11 @@ def test_spread_throws_cover_more_than_random_ones() -> None:
 
 
 def test_a_warm_up_is_the_same_at_any_theta_and_goes_on_from_what_was_thrown() -> None:
-    plans = [warm_up_plan(planner, ["a", "b"], planner.known(), 0) for planner in _planners()]
+    plans = [exploration_plan(planner, ["a", "b"], planner.known(), 0) for planner in _planners()]
     one, other = ([throw.release.tolist() for throw in plan.throws] for plan in plans)
     assert one == other
     planner = _planners()[0]
-    third = warm_up_plan(planner, ["c"], planner.known(), 0, [throw.release for throw in plans[0].throws])
+    third = exploration_plan(planner, ["c"], planner.known(), 0, [throw.release for throw in plans[0].throws])
     assert third.throws[0].release.tolist() not in one
 
 

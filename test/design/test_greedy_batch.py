@@ -9,16 +9,21 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.evaluation import Estimator
-from contact_curation.design.baselines import random_plan, top_trace_plan
 from contact_curation.design.candidates import Candidates
 from contact_curation.design.execution_noise import ERRORS, ExecutionNoise
-from contact_curation.design.exploration_plan import warm_up_plan
-from contact_curation.design.greedy_batch import accumulated, gains, greedy_batch, prior_coordinates, with_fishers
-from contact_curation.design.particle import Particle
-from contact_curation.design.planner import Planner
-from contact_curation.design.predicted_information import ForecastConfig, forecast, predicted_motions
+from contact_curation.design.exploration import exploration_plan
+from contact_curation.design.greedy_batch import (
+    RefinementConfig,
+    accumulated,
+    gains,
+    greedy_batch,
+    prior_coordinates,
+    refined,
+    with_fishers,
+)
+from contact_curation.design.planner import Planner, random_plan, top_trace_plan
+from contact_curation.design.predicted_information import Particle, PredictionConfig, predicted_information, predicted_motions
 from contact_curation.design.readiness import spearman
-from contact_curation.design.refinement import RefinementConfig, refined
 from contact_curation.design.throw import Throw
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
@@ -40,7 +45,7 @@ def planner() -> Planner:
 def pools() -> list[Array]:
     """Per theta the information of ten throws."""
     states = releases(10)
-    return [forecast(theta, predicted_motions(theta, states)).fishers for theta in THETAS]
+    return [predicted_information(theta, predicted_motions(theta, states)).fishers for theta in THETAS]
 
 
 def known_infos(count: int = 3) -> list[TossInformation]:
@@ -103,7 +108,7 @@ def test_refinement_never_loses_and_with_a_few_generations_wins(planner: Planner
     values = {}
     for generations in (0, 1, 6):
         config = RefinementConfig(generations=generations, population=6)
-        values[generations] = log_det(known, refined(planner.outlook, known, batch, config, 0).fishers, [0, 1])
+        values[generations] = log_det(known, refined(planner.evaluator, known, batch, config, 0).fishers, [0, 1])
     assert values[0] == value
     assert value <= values[1] <= values[6]
     assert values[6] > value + 0.1
@@ -111,20 +116,20 @@ def test_refinement_never_loses_and_with_a_few_generations_wins(planner: Planner
 
 def test_moves_that_lead_astray_are_not_taken(planner: Planner) -> None:
     batch, known = batch_of(planner, 1)
-    batch = refined(planner.outlook, known, batch, RefinementConfig(generations=12, population=8), 0)  # hard to better
+    batch = refined(planner.evaluator, known, batch, RefinementConfig(generations=12, population=8), 0)  # hard to better
     value = log_det(known, batch.fishers, [0])
     for seed in range(4):
         config = RefinementConfig(generations=2, population=4, step=3.0)
-        assert log_det(known, refined(planner.outlook, known, batch, config, seed).fishers, [0]) >= value
+        assert log_det(known, refined(planner.evaluator, known, batch, config, seed).fishers, [0]) >= value
 
 
 def test_refined_throws_keep_the_limits_however_far_moves_go(planner: Planner) -> None:
     batch, known = batch_of(planner, 1)
     for seed in range(4):
         config = RefinementConfig(generations=3, population=6, step=4.0, tries=1)
-        better = refined(planner.outlook, known, batch, config, seed)
-        assert planner.outlook.refusals(better.releases) == (None,)
-        assert planner.outlook.motion_refusals(better.states) == (None,)
+        better = refined(planner.evaluator, known, batch, config, seed)
+        assert planner.evaluator.refusals(better.releases) == (None,)
+        assert planner.evaluator.motion_refusals(better.states) == (None,)
 
 
 def test_a_plan_repeats_by_its_seed_and_names_gains_that_fall_as_more_is_known(planner: Planner) -> None:
@@ -141,8 +146,10 @@ def test_a_plan_repeats_by_its_seed_and_names_gains_that_fall_as_more_is_known(p
 
 @pytest.mark.parametrize("count", [1, 3])
 def test_the_sieve_leaves_what_all_executions_would_have_picked_and_keeps_the_refused(planner: Planner, count: int) -> None:
-    outlook = replace(SMALL.outlook, forecast=ForecastConfig(executions=8), safety=replace(SMALL.outlook.safety, share=0.01))
-    config = replace(SMALL, pool=96, finalists=8, outlook=outlook)
+    candidates = replace(
+        SMALL.candidates, forecast=PredictionConfig(executions=8), safety=replace(SMALL.candidates.safety, share=0.01)
+    )
+    config = replace(SMALL, pool=96, finalists=8, candidates=candidates)
     wide = Planner([PARTICLE], config=config)
     known = wide.known([known_infos()])
     whole, some = wide.pool(5), wide.finalists(5, known, count)
@@ -176,7 +183,7 @@ def test_known_tosses_change_what_is_planned(planner: Planner) -> None:
 
 
 def test_noise_changes_the_plan_and_not_what_gains_are_measured_from(planner: Planner) -> None:
-    noisy = planner.with_noise(ExecutionNoise(planner.outlook.noise.config, np.full(ERRORS, 1.0), np.eye(ERRORS)))
+    noisy = planner.with_noise(ExecutionNoise(planner.evaluator.noise.config, np.full(ERRORS, 1.0), np.eye(ERRORS)))
     fishers = [known_infos(1)[0].fisher()[None]]
     assert gains(noisy.known(), fishers)[0] == gains(planner.known(), fishers)[0]
     assert noisy.pool(0).fishers[0].tobytes() != planner.pool(0).fishers[0].tobytes()
@@ -201,7 +208,7 @@ def test_a_thrower_that_can_do_nothing_ends_in_one_line_that_says_why() -> None:
     with pytest.raises(InvalidValueError, match=r"releases that may be thrown: found 0 of 16 \(joint 4: too fast\)"):
         planner.plan(["a"], planner.known(), 0)
     with pytest.raises(InvalidValueError, match="releases that may be thrown: found 0 of 16"):
-        warm_up_plan(planner, ["a"], planner.known(), 0)
+        exploration_plan(planner, ["a"], planner.known(), 0)
 
 
 def test_only_what_the_thrower_can_do_is_planned() -> None:
@@ -216,13 +223,13 @@ def test_only_what_the_thrower_can_do_is_planned() -> None:
     known = planner.known()
     for plan in (planner.plan(["a", "b"], known, 0), random_plan(planner, ["a", "b"], known, 0)):
         assert all(throw.position[2] < 0.14 for throw in plan.throws)
-    assert all(throw.position[2] < 0.14 for throw in warm_up_plan(planner, ["a", "b"], known, 0).throws)
+    assert all(throw.position[2] < 0.14 for throw in exploration_plan(planner, ["a", "b"], known, 0).throws)
     assert asked[False] > 0
 
 
 def test_a_board_on_which_nothing_rests_leaves_no_plan() -> None:
-    safety = replace(SMALL.outlook.safety, board_half_width=1e-6)
-    planner = Planner([PARTICLE], config=replace(SMALL, outlook=replace(SMALL.outlook, safety=safety)))
+    safety = replace(SMALL.candidates.safety, board_half_width=1e-6)
+    planner = Planner([PARTICLE], config=replace(SMALL, candidates=replace(SMALL.candidates, safety=safety)))
     with pytest.raises(InvalidValueError, match=r"releases that may be thrown: found 0 of 16 \(rest: found "):
         planner.plan(["a"], planner.known(), 0)
 

@@ -8,8 +8,13 @@ import pytest
 
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.design.execution_noise import ExecutionNoise, balanced_draws
-from contact_curation.design.particle import Particle
-from contact_curation.design.predicted_information import DEFAULT_FORECAST, expected, forecast, predicted_motions
+from contact_curation.design.predicted_information import (
+    DEFAULT_PREDICTION,
+    Particle,
+    expected_information,
+    predicted_information,
+    predicted_motions,
+)
 from contact_curation.design.readiness import spearman
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
@@ -22,7 +27,7 @@ from test.design.cases import CUBE, LOSS, PARTICLE, TRUE, other_theta, releases
 from test.design.test_releases import turned
 from test.simulated import RIG_NOISE, length_scales, simulated_tosses, toss_of
 
-EXACT = replace(DEFAULT_FORECAST, thinning=1, airborne=1e9)
+EXACT = replace(DEFAULT_PREDICTION, thinning=1, airborne=1e9)
 
 
 def rolled_out(states: Array) -> list[Toss]:
@@ -39,7 +44,7 @@ def traces(infos: object) -> Array:
 
 def test_a_forecast_is_what_the_scorer_says_of_the_same_motion() -> None:
     states = releases(3)
-    predicted = forecast(PARTICLE, predicted_motions(PARTICLE, states, EXACT), EXACT)
+    predicted = predicted_information(PARTICLE, predicted_motions(PARTICLE, states, EXACT), EXACT)
     scored = PARTICLE.scorer.score(rolled_out(states))
     assert predicted.known.all()
     for fisher, info in zip(predicted.fishers, scored, strict=True):
@@ -51,8 +56,8 @@ def test_a_forecast_is_what_the_scorer_says_of_the_same_motion() -> None:
 
 def test_leaving_out_the_air_and_thinning_hardly_change_what_throws_would_add() -> None:
     motions = predicted_motions(PARTICLE, releases(24))
-    whole = forecast(PARTICLE, motions, EXACT).fishers
-    short = forecast(PARTICLE, motions).fishers
+    whole = predicted_information(PARTICLE, motions, EXACT).fishers
+    short = predicted_information(PARTICLE, motions).fishers
     known = whole[:6].sum(axis=0) + 1e-3 * whole.mean(axis=0) + 1e-6 * np.trace(whole.mean(axis=0)) * np.eye(whole.shape[1])
 
     def gains(fishers: Array) -> Array:
@@ -65,7 +70,7 @@ def test_leaving_out_the_air_and_thinning_hardly_change_what_throws_would_add() 
 def test_neither_place_nor_heading_of_a_throw_changes_its_information() -> None:
     states = releases(4)
     here, there = (
-        forecast(PARTICLE, predicted_motions(PARTICLE, one, EXACT), EXACT).fishers
+        predicted_information(PARTICLE, predicted_motions(PARTICLE, one, EXACT), EXACT).fishers
         for one in (states, turned(states, 1.2, (0.5, -0.4)))
     )
     form = PARTICLE.scorer.form
@@ -84,16 +89,16 @@ def test_neither_place_nor_heading_of_a_throw_changes_its_information() -> None:
 def test_a_mean_over_executions_is_the_mean_of_their_forecasts() -> None:
     executed = ExecutionNoise.expected().executions(releases(3), balanced_draws(4, np.random.default_rng(0)))
     motions = predicted_motions(PARTICLE, executed.reshape(-1, 13))
-    together = expected(PARTICLE, motions, 4)
-    apart = forecast(PARTICLE, motions).fishers.reshape(3, 4, *together.fishers.shape[1:]).mean(axis=1)
+    together = expected_information(PARTICLE, motions, 4)
+    apart = predicted_information(PARTICLE, motions).fishers.reshape(3, 4, *together.fishers.shape[1:]).mean(axis=1)
     np.testing.assert_allclose(together.fishers, apart, rtol=1e-9, atol=1e-9 * np.abs(apart).max())
 
 
 def test_a_release_that_the_model_cannot_follow_is_not_known_and_leaves_the_others_alone() -> None:
     states = releases(3)
-    alone = forecast(PARTICLE, predicted_motions(PARTICLE, states[[0, 2]]))
+    alone = predicted_information(PARTICLE, predicted_motions(PARTICLE, states[[0, 2]]))
     states[1, 7] = 1e200
-    among = forecast(PARTICLE, predicted_motions(PARTICLE, states))
+    among = predicted_information(PARTICLE, predicted_motions(PARTICLE, states))
     assert among.known.tolist() == [True, False, True]
     assert not among.fishers[1].any()
     np.testing.assert_allclose(among.fishers[[0, 2]], alone.fishers, rtol=1e-12)
@@ -101,7 +106,7 @@ def test_a_release_that_the_model_cannot_follow_is_not_known_and_leaves_the_othe
 
 def test_a_theta_of_the_published_form_has_a_forecast_too() -> None:
     particle = Particle(replace(TRUE, normal=np.array([0.0, 0.0, 1.1])), CUBE, LOSS)
-    predicted = forecast(particle, predicted_motions(particle, releases(2)))
+    predicted = predicted_information(particle, predicted_motions(particle, releases(2)))
     assert predicted.known.all()
     assert predicted.fishers.shape == (2, 57, 57)
 
@@ -135,4 +140,4 @@ def test_check_8_on_real_tosses(contactnets_folder: Path) -> None:
 @pytest.mark.parametrize(("name", "value"), [("executions", 3), ("thinning", 0), ("longest", 0.001), ("touching", 0.0)])
 def test_settings_that_make_no_sense_are_refused(name: str, value: float) -> None:
     with pytest.raises(InvalidValueError, match=f"forecast.{name}"):
-        replace(DEFAULT_FORECAST, **{name: value})  # type: ignore[arg-type]
+        replace(DEFAULT_PREDICTION, **{name: value})  # type: ignore[arg-type]

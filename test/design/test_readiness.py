@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from contact_curation.design.readiness import CanaryConfig, distrust, spearman
+from contact_curation.design.readiness import ReadinessConfig, spearman, unready_reason
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 
-CONFIG = CanaryConfig(least_tosses=3, recent=3, largest_loss=0.1, least_agreement=0.5)
+CONFIG = ReadinessConfig(least_tosses=3, recent=3, largest_loss=0.1, least_agreement=0.5)
 SCORES = np.array([1.0, 2.0, 3.0, 4.0])
 ALIKE = [SCORES, SCORES**2]
 FINE = [0.02, 0.03, 5.0]
@@ -17,7 +17,7 @@ FINE = [0.02, 0.03, 5.0]
 
 
 def test_theta_is_trusted_when_everything_is_there() -> None:
-    assert distrust(CONFIG, FINE, ALIKE) is None
+    assert unready_reason(CONFIG, FINE, ALIKE) is None
 
 
 @pytest.mark.parametrize(
@@ -32,29 +32,29 @@ def test_theta_is_trusted_when_everything_is_there() -> None:
     ],
 )
 def test_each_doubt_is_named(losses: list[float], scores: list[Array], reason: str) -> None:
-    found = distrust(CONFIG, losses, scores)
+    found = unready_reason(CONFIG, losses, scores)
     assert found is not None
     assert found.startswith(reason)
 
 
 def test_only_the_newest_losses_count() -> None:
-    assert distrust(CONFIG, [9.0, 9.0, 9.0, 9.0, *FINE], ALIKE) is None
-    assert distrust(replace(CONFIG, recent=7), [9.0, 9.0, 9.0, 9.0, *FINE], ALIKE) is not None
+    assert unready_reason(CONFIG, [9.0, 9.0, 9.0, 9.0, *FINE], ALIKE) is None
+    assert unready_reason(replace(CONFIG, recent=7), [9.0, 9.0, 9.0, 9.0, *FINE], ALIKE) is not None
 
 
 def test_agreement_counts_from_its_limit_on() -> None:
     almost = [SCORES, SCORES[[0, 2, 3, 1]]]
-    assert distrust(replace(CONFIG, least_agreement=0.4 - 1e-9), FINE, almost) is None
-    assert distrust(replace(CONFIG, least_agreement=0.4 + 1e-9), FINE, almost) is not None
+    assert unready_reason(replace(CONFIG, least_agreement=0.4 - 1e-9), FINE, almost) is None
+    assert unready_reason(replace(CONFIG, least_agreement=0.4 + 1e-9), FINE, almost) is not None
 
 
 def test_agreement_is_not_asked_for_from_so_many_tosses_on_and_the_loss_still_is() -> None:
     strangers = [SCORES, SCORES[::-1]]
     config = replace(CONFIG, most_tosses=5)
-    assert distrust(config, [0.02] * 4, strangers) is not None
-    assert distrust(config, [0.02] * 5, strangers) is None
-    assert distrust(replace(config, most_tosses=0), [0.02] * 5, strangers) is not None
-    assert distrust(config, [0.02, 0.02, 0.2, 0.2, 0.2], ALIKE) is not None
+    assert unready_reason(config, [0.02] * 4, strangers) is not None
+    assert unready_reason(config, [0.02] * 5, strangers) is None
+    assert unready_reason(replace(config, most_tosses=0), [0.02] * 5, strangers) is not None
+    assert unready_reason(config, [0.02, 0.02, 0.2, 0.2, 0.2], ALIKE) is not None
 
 
 def test_rank_correlation_asks_for_order_only() -> None:

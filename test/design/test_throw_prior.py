@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from contact_curation.design.releases import Placement, Releases
-from contact_curation.design.throw_prior import (
+from contact_curation.design.releases import (
     PUBLISHED_PRIOR,
+    Placement,
+    Releases,
     ThrowPrior,
     fitted_prior,
     published_releases,

@@ -8,7 +8,7 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
 from contact_curation.design.designer import Designer, DesignerConfig
-from contact_curation.design.readiness import CanaryConfig
+from contact_curation.design.readiness import ReadinessConfig
 from contact_curation.errors import InvalidValueError
 from contact_curation.experiments.cell_run import Bench, Row
 from contact_curation.experiments.designed_throws import judged, throws_rows
@@ -19,7 +19,7 @@ from contact_curation.motion.gates import GateConfig
 from test.design.cases import LOSS, SMALL, TRUE, other_theta
 from test.simulated import simulated_tosses
 
-CONFIG = DesignerConfig(SMALL, CanaryConfig(enabled=False), LOSS)
+CONFIG = DesignerConfig(SMALL, ReadinessConfig(enabled=False), LOSS)
 
 
 @pytest.fixture(scope="module")
@@ -59,9 +59,9 @@ def test_the_body_as_described_is_right_about_itself(bench: Bench) -> None:
 
 
 def test_the_canary_hears_the_loss_that_a_toss_had_before_anybody_learned_from_it() -> None:
-    canary = CanaryConfig(least_tosses=1, largest_loss=1e-9)
+    readiness = ReadinessConfig(least_tosses=1, largest_loss=1e-9)
     begun, better, toss = other_theta(1.5, 0.4).geometry, TRUE, simulated_tosses(1, seed=2)[0]
-    designer = Designer(CONTACTNETS_CUBE, DesignerConfig(SMALL, canary, LOSS))
+    designer = Designer(CONTACTNETS_CUBE, DesignerConfig(SMALL, readiness, LOSS))
     chooser = DesignedThrows(designer, begun, seed=0)
     assert chooser.came(toss) is None
     chooser.learned(better, [toss])
@@ -71,8 +71,8 @@ def test_the_canary_hears_the_loss_that_a_toss_had_before_anybody_learned_from_i
 
 
 def test_a_theta_is_compared_with_another_one_however_often_it_is_asked_about() -> None:
-    canary = CanaryConfig(least_tosses=1, largest_loss=1e9, least_agreement=1.0)
-    designer = Designer(CONTACTNETS_CUBE, DesignerConfig(SMALL, canary, LOSS))
+    readiness = ReadinessConfig(least_tosses=1, largest_loss=1e9, least_agreement=1.0)
+    designer = Designer(CONTACTNETS_CUBE, DesignerConfig(SMALL, readiness, LOSS))
     tosses = simulated_tosses(5, seed=2)
     chooser = DesignedThrows(designer, TRUE, seed=0)
     for toss in tosses:

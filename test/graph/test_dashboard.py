@@ -83,7 +83,7 @@ def test_a_dashboard_that_starts_late_fills_every_view(graph: Graph, golden_bag:
     written = Recorded(path)
     assert written.rows("/scene/moving") == sum(toss.frames for toss in tosses_of(golden_bag))
     assert sorted(set(written.times("/scene/measured/trail", "toss"))) == list(range(1, expected + 1))
-    assert f"{TOP} of {expected} tosses kept" in written.texts("/ranking")[-1]
+    assert f"{TOP} of {expected} tosses selected" in written.texts("/ranking")[-1]
     for entity in ("body/uncertainty", "body/learned/edges", "spectrum", "scene/impulses", "scene/next/velocity"):
         assert written.rows(f"/{entity}"), entity
     for curve in ("epsilon/epsilon", "known/worst", "errors/position", "losses/held_out", "gains/planned", "gains/realised"):

@@ -1,20 +1,35 @@
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
-from contact_curation_msgs.msg import ModelParameters
+from contact_curation_msgs.msg import (
+    CuratedBuffer,
+    ModelParameters,
+    Throw,
+    ThrowReport,
+    Toss,
+    TossInformation,
+    TossRejected,
+    TrainingStatus,
+)
 from rclpy.serialization import deserialize_message, serialize_message
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.deepvertex import DeepvertexModel
+from contact_curation.design.throw import throw_of_state
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.checkpoints.stored_model import model_bytes
 from contact_curation.learning.checkpoints.theta_bytes import bytes_of_geometry, geometry_of_bytes
-from contact_curation.nodes.messages.headers import Stamped, stamped_of
-from contact_curation.nodes.messages.shown import theta_of
-from contact_curation.nodes.messages.toss import toss_message, toss_of
+from contact_curation.motion.toss import Rejected
+from contact_curation.nodes.messages.headers import Stamped, check_format, stamped_of
+from contact_curation.nodes.messages.shown import kept_set_of, theta_of, training_of
+from contact_curation.nodes.messages.throw import throw_message, throw_of
+from contact_curation.nodes.messages.throw_report import report_of
+from contact_curation.nodes.messages.toss import rejected_message, toss_message, toss_of
 from contact_curation.nodes.messages.toss_information import information_message, information_of
 from contact_curation.stages.scored_theta import ScoredTheta, scorer_of
 from test.graph.parts.offline import scored
@@ -33,6 +48,44 @@ def test_a_toss_comes_back_from_the_wire_bit_for_bit() -> None:
     w, x, y, z = toss.orientations_wxyz[5]
     turn = heard.poses[5].orientation
     assert (turn.w, turn.x, turn.y, turn.z) == (w, x, y, z)
+
+
+NEWER = 2
+
+
+@pytest.mark.parametrize(
+    ("message", "take"),
+    [
+        (Toss(), toss_of),
+        (TossInformation(), information_of),
+        (Throw(), throw_of),
+        (ThrowReport(), report_of),
+        (ModelParameters(), lambda message: theta_of(message, CONTACTNETS_CUBE)),
+        (CuratedBuffer(), kept_set_of),
+        (TrainingStatus(), training_of),
+        (TossRejected(), check_format),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_a_message_of_a_newer_format_is_refused_in_one_line(message: Any, take: Callable[[Any], object]) -> None:
+    message.format_version = NEWER
+    name = type(message).__name__
+    with pytest.raises(InvalidValueError) as refused:
+        take(message)
+    assert str(refused.value) == f"format of {name}: found version 2, expected at most 1: update contact_curation"
+
+
+def test_what_is_sent_says_its_format() -> None:
+    (toss,) = simulated_tosses(1, seed=3)
+    (information,) = scored([toss])
+    stamped = Stamped(1, "board")
+    sent = [
+        toss_message(toss, 1, "board"),
+        rejected_message(Rejected(toss, ("gap",)), "board"),
+        information_message(information, 1, stamped),
+        throw_message(throw_of_state("t", "cube", np.eye(13)[3]), stamped),
+    ]
+    assert [message.format_version for message in sent] == [type(message).FORMAT_VERSION for message in sent]
 
 
 def test_a_theta_of_another_number_of_vertices_is_not_drawn() -> None:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
+from contact_curation_msgs.action import ExecuteThrow
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Empty
 
@@ -54,15 +55,16 @@ def test_a_throw_is_made_and_told_as_it_was_and_the_next_one_too(graph: Graph, t
         assert answer.result.success
         executed = answer.result.executed
         assert (executed.throw_id, executed.body, executed.header.frame_id) == ("plain", "cube", "body_surface")
-        assert abs(executed.release_twist.linear.x - 1.0) < 0.03
-        assert abs(executed.release_twist.angular.y - 2.0) < 0.1
-    assert goal.phases == ["planning", "moving", "throwing", "released"]
+        assert abs(executed.release_linear_velocity.x - 1.0) < 0.03
+        assert abs(executed.release_body_angular_velocity.y - 2.0) < 0.1
+    phases = ExecuteThrow.Feedback
+    assert goal.phases == [phases.PLANNING, phases.MOVING, phases.THROWING, phases.RELEASED]
     stamps = [seconds_of(message.header.stamp) for message in thrower.truth]
     assert np.allclose(np.diff(stamps), 1.0 / 148.0, atol=1e-6)
     assert 1000.0 <= stamps[0] < 1001.0
     released = seconds_of(executed.header.stamp)
     flying = thrower.truth[int(np.abs(np.array(stamps) - released).argmin())]
-    assert abs(flying.twist.twist.linear.x - executed.release_twist.linear.x) < 0.1
+    assert abs(flying.twist.twist.linear.x - executed.release_linear_velocity.x) < 0.1
     assert {message.child_frame_id for message in thrower.truth} == {"body_cube"}
     told = [seconds_of(message.clock) for message in times]
     assert told == sorted(told)
@@ -75,7 +77,8 @@ def test_what_cannot_be_thrown_is_refused_with_the_limit_and_what_could_be(graph
     def refused(change: dict[str, float] | None = None, **twist: float) -> str:
         message = throw_message(PLAIN, Stamped(0, "body_surface"))
         for name, value in twist.items():
-            setattr(message.release_twist.linear if len(name) == 1 else message.release_twist.angular, name[-1], value)
+            part = message.release_linear_velocity if len(name) == 1 else message.release_body_angular_velocity
+            setattr(part, name[-1], value)
         for name, value in (change or {}).items():
             setattr(message.release_pose.position, name, value)
         answer = thrower.ended(thrower.send(message))

@@ -14,7 +14,7 @@ from std_msgs.msg import Header
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.design.particle import Particle
+from contact_curation.design.predicted_information import Particle
 from contact_curation.nodes import throw_goals
 from contact_curation.nodes.messages.headers import time_message
 from contact_curation.nodes.messages.throw import throw_of
@@ -87,7 +87,7 @@ def test_without_a_theta_that_it_can_use_throws_warm_up(graph: Graph) -> None:
     request = ProposeThrow.Request(body="cube", seed=1)
     first = graph.listener.call(ProposeThrow, "propose_throw", request, LONG)
     assert first.success
-    assert first.message == "warm-up (parameters: found none, expected model_parameters)"
+    assert first.message == "exploration (parameters: found none, expected model_parameters)"
     assert first.throw_command.expected_information == 0.0
 
 

@@ -7,8 +7,7 @@ import pytest
 from contact_curation_msgs.msg import ThrowReport as ThrowReportMessage
 from rclpy.serialization import deserialize_message, serialize_message
 
-from contact_curation.design.throw import throw_of_state
-from contact_curation.design.throw_report import ThrowKind, ThrowReport, ThrowState
+from contact_curation.design.throw import ThrowKind, ThrowReport, ThrowState, throw_of_state
 from contact_curation.errors import InvalidValueError
 from contact_curation.nodes.messages.throw_report import report_message, report_of
 from test.design.cases import releases
@@ -18,7 +17,7 @@ BEGUN = ThrowReport(ThrowKind.DESIGNED, ThrowState.COMMANDED, COMMANDED, planned
 MADE = replace(BEGUN, state=ThrowState.EXECUTED, executed=EXECUTED, released_ns=5_000_000_001)
 REPORTS = (
     BEGUN,
-    replace(BEGUN, kind=ThrowKind.WARM_UP, planned=0.0, detail="tosses: found 0, expected at least 4"),
+    replace(BEGUN, kind=ThrowKind.EXPLORATION, planned=0.0, detail="tosses: found 0, expected at least 4"),
     replace(BEGUN, state=ThrowState.NOT_MADE, detail="joint 4 is too fast"),
     MADE,
     replace(MADE, state=ThrowState.SCORED, toss_id="cube-1"),
@@ -60,7 +59,7 @@ def test_a_report_that_contradicts_itself_is_refused(changed: dict[str, object],
     ("changed", "why"),
     [
         ({"state": "lost"}, "state of a throw's report: found 'lost', expected commanded, not made, executed, scored"),
-        ({"kind": ""}, "kind of a throw's report: found '', expected designed, warm-up"),
+        ({"kind": ""}, "kind of a throw's report: found '', expected designed, exploration"),
     ],
 )
 def test_words_of_a_message_that_are_not_known_are_refused(changed: dict[str, str], why: str) -> None:

@@ -39,26 +39,6 @@ def best_log_det(infos: Sequence[TossInformation], prior: Array, top: int) -> fl
     return max(log_det_value(chosen, prior) for chosen in combinations(infos, top))
 
 
-def sieve_streaming(infos: Sequence[TossInformation], prior: Array, top: int, epsilon: float) -> float:
-    """Value that Sieve-Streaming reaches when every sieve there could ever be is run from the start."""
-    singles = [log_det_value([info], prior) for info in infos]
-    powers = range(-200, 400)
-    kept: dict[int, list[TossInformation]] = {power: [] for power in powers}
-    best, largest = 0.0, 0.0
-    for info, single in zip(infos, singles):
-        largest = max(largest, single)
-        for power in powers:
-            guess = (1.0 + epsilon) ** power
-            if not largest <= guess <= 2.0 * top * largest or len(kept[power]) == top:
-                continue
-            value = log_det_value(kept[power], prior)
-            gain = log_det_value([*kept[power], info], prior) - value
-            if gain >= (0.5 * guess - value) / (top - len(kept[power])):
-                kept[power].append(info)
-                best = max(best, value + gain)
-    return best
-
-
 def mean_toss(infos: Sequence[TossInformation]) -> Array:
     """Mean Fisher matrix of the tosses."""
     return np.asarray(sum(info.fisher() for info in infos) / len(infos))

@@ -3,8 +3,7 @@
 import pytest
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.information.comparison import spearman, top_overlap
-from contact_curation.information.ranking import RankedToss, Ranking
+from contact_curation.information.ranking import RankedToss, Ranking, spearman, top_overlap
 
 
 def ranking(ids: str) -> Ranking:

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.information.covariance import model_covariance, sandwich_covariance
-from contact_curation.information.subspace import identifiable_subspace
+from contact_curation.information.subspace import identifiable_subspace, model_covariance, sandwich_covariance
 
 RNG = np.random.default_rng(0)
 DESIGN = RNG.standard_normal((60, 25, 4))

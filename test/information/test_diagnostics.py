@@ -112,9 +112,9 @@ def test_a_set_that_misses_a_direction_has_no_efficiency() -> None:
 
 
 def test_impossible_questions_are_refused() -> None:
-    with pytest.raises(InvalidValueError, match="kept tosses: found none"):
+    with pytest.raises(InvalidValueError, match="selected tosses: found none"):
         efficiency(POOL, SUBSPACE, [])
-    with pytest.raises(InvalidValueError, match="weights of the kept tosses"):
+    with pytest.raises(InvalidValueError, match="weights of the selected tosses"):
         spectral_distance(POOL, SUBSPACE, KEPT, np.ones(3))
     with pytest.raises(InvalidValueError, match="nobody"):
         spectral_distance(POOL, SUBSPACE, ["nobody"])

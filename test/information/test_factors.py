@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.factors import Compression, factor_of_fisher, factors_of_fishers
-from contact_curation.information.toss_fisher import fisher_sum
+from test.information.toss_fishers import fisher_sum
 
 
 def fisher(rank: int, size: int, seed: int) -> Array:

@@ -14,7 +14,7 @@ from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.pool import Pool, pool_of
-from contact_curation.information.ranker import CRITERIA, RankingConfig, rank, rank_particles
+from contact_curation.information.ranker import RankingConfig, criterion_names, rank, rank_particles
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import Scorer, ScoringConfig
 from contact_curation.information.subspace import identifiable_subspace
@@ -25,7 +25,7 @@ SCALE = 10.0 ** np.random.default_rng(0).uniform(-3.0, 3.0, 12)
 
 
 @settings(deadline=None, max_examples=15)
-@given(st.permutations(range(24)), st.sampled_from(CRITERIA))
+@given(st.permutations(range(24)), st.sampled_from(criterion_names()))
 def test_the_order_in_which_tosses_come_changes_no_digit(order: list[int], criterion: str) -> None:
     infos = tosses(20, 6, 4, seed=1)
     infos += [toss(f"copy-{k}", infos[3].factor, duration=infos[3].duration) for k in range(4)]
@@ -33,23 +33,23 @@ def test_the_order_in_which_tosses_come_changes_no_digit(order: list[int], crite
     assert rank([infos[i] for i in order], config) == rank(infos, config)
 
 
-@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("criterion", criterion_names())
 def test_every_toss_is_ranked_once_and_the_first_are_kept(criterion: str) -> None:
     infos = tosses(70, 6, 4, seed=2)
     ranking = rank(infos, RankingConfig(criterion, top=11))
     assert sorted(ranking.ids) == [info.toss_id for info in infos]
     assert [entry.rank for entry in ranking.entries] == list(range(1, 71))
-    assert [entry.kept for entry in ranking.entries] == [True] * 11 + [False] * 59
-    assert ranking.kept_ids == ranking.ids[:11]
+    assert [entry.selected for entry in ranking.entries] == [True] * 11 + [False] * 59
+    assert ranking.selected_ids == ranking.ids[:11]
     assert ranking.criterion == criterion
     assert (ranking.certificate is not None) == (criterion == "log-det")
 
 
-@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("criterion", criterion_names())
 def test_a_short_pool_is_kept_whole(criterion: str) -> None:
     ranking = rank(tosses(3, 4, 4, seed=3), RankingConfig(criterion, top=10))
-    assert len(ranking.kept_ids) == 3
-    assert len(rank(tosses(1, 4, 4, seed=3), RankingConfig(criterion, top=10)).kept_ids) == 1
+    assert len(ranking.selected_ids) == 3
+    assert len(rank(tosses(1, 4, 4, seed=3), RankingConfig(criterion, top=10)).selected_ids) == 1
 
 
 @pytest.mark.parametrize("criterion", ["log-det", "representative", "min-eig", "leverage"])
@@ -65,7 +65,7 @@ def test_units_of_the_parameters_change_neither_order_nor_scores(criterion: str,
 def test_units_of_the_parameters_do_change_the_trace_ranking() -> None:
     infos = tosses(60, 12, 5, seed=4)
     config = RankingConfig("trace", top=20)
-    assert rank(infos, config).kept_ids != rank([rescaled(info, SCALE) for info in infos], config).kept_ids
+    assert rank(infos, config).selected_ids != rank([rescaled(info, SCALE) for info in infos], config).selected_ids
 
 
 def pool_in_57_parameters(theta: ContactGeometry, estimator: Estimator) -> Pool:
@@ -85,13 +85,13 @@ def test_the_57_parameter_form_is_ranked_without_its_gauge(estimator: Estimator)
     assert identifiable_subspace(pools[0].fisher).dimension <= 56
     for criterion in ("log-det", "leverage", "min-eig"):
         here, there = (rank_particles([pool], RankingConfig(criterion, top=len(pool))) for pool in pools)
-        assert here.kept_ids == there.kept_ids, criterion
+        assert here.selected_ids == there.selected_ids, criterion
         gains, turned_gains = ([entry.marginal_gain for entry in ranking.entries] for ranking in (here, there))
         np.testing.assert_allclose(gains, turned_gains, rtol=1e-4, atol=1e-6)
         assert sum(gains) > 0.0
 
 
-@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("criterion", criterion_names())
 def test_a_particle_many_times_is_that_particle(criterion: str) -> None:
     pool = pool_of(tosses(30, 5, 4, seed=6))
     config = RankingConfig(criterion, top=8)
@@ -105,13 +105,13 @@ def test_no_particle_outweighs_another_by_its_units(criterion: str) -> None:
     config = RankingConfig(criterion, top=8)
     plain = rank_particles([pool_of(one), pool_of(other)], config)
     assert rank_particles([pool_of(loud), pool_of(other)], config).ids == plain.ids
-    assert plain.kept_ids != rank(loud, config).kept_ids
+    assert plain.selected_ids != rank(loud, config).selected_ids
 
 
 def test_the_default_is_the_rule_that_training_sets_are_kept_by() -> None:
     infos = tosses(30, 5, 4, seed=9)
     assert rank(infos, RankingConfig(top=6)) == rank(infos, RankingConfig("representative", top=6))
-    assert rank(infos, RankingConfig(top=6)).kept_ids != rank(infos, RankingConfig("log-det", top=6)).kept_ids
+    assert rank(infos, RankingConfig(top=6)).selected_ids != rank(infos, RankingConfig("log-det", top=6)).selected_ids
 
 
 def test_particles_must_hold_the_same_tosses() -> None:

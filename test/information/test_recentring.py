@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.pool import pool_of
+from contact_curation.information.pool import about_centroids, pool_centroid, pool_of, sheared
 from contact_curation.information.ranker import RankingConfig, rank
-from contact_curation.information.recentring import about_centroids, pool_centroid, sheared
 from contact_curation.information.record import TossInformation
 from test.information.pools import blocks_of, toss
 

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.data.import_parity import KEPT, Parity, compared_velocities, parities, sources
 from contact_curation.contact.evaluation import Estimator
-from contact_curation.information.ranker import CRITERIA
+from contact_curation.information.ranker import criterion_names
 
 NO_DIRECTION = {"trace", "longest", "random"}
 """Criteria that do not know which way a board is tilted; the files' random yaw is nothing to them."""
@@ -23,7 +23,7 @@ def rankings(contactnets_folder: Path) -> list[Parity]:
 @pytest.mark.slow
 def test_the_bag_ranks_as_the_files_turned_back_do_by_every_criterion_and_estimator(rankings: list[Parity]) -> None:
     rows = [row for row in rankings if row.compared == "files, turned back"]
-    assert {(row.criterion, row.estimator) for row in rows} == set(product(CRITERIA, map(str, Estimator)))
+    assert {(row.criterion, row.estimator) for row in rows} == set(product(criterion_names(), map(str, Estimator)))
     for row in rows:
         assert row.common == KEPT, row
         assert row.same_order or (row.criterion == "trace" and row.ties_only), row

@@ -10,22 +10,20 @@ from contact_curation.contact.evaluation import Estimator, evaluate
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.comparison import spearman, top_overlap
-from contact_curation.information.criteria.modular import NORMALISATIONS, toss_trace
+from contact_curation.information.criteria.trace import NORMALISATIONS, TraceHeap, toss_trace
 from contact_curation.information.curation import curate
 from contact_curation.information.diagnostics import smallest_sufficient_k, spectral_distance
 from contact_curation.information.factors import Compression
 from contact_curation.information.pool import Pool, pool_of
-from contact_curation.information.ranker import CRITERIA, RankingConfig, rank, rank_particles
-from contact_curation.information.ranking import Ranking
+from contact_curation.information.ranker import RankingConfig, criterion_names, rank, rank_particles
+from contact_curation.information.ranking import Ranking, spearman, top_overlap
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import Scorer, ScoringConfig
-from contact_curation.information.streaming.selector import TraceHeap
 from contact_curation.information.subspace import identifiable_subspace
-from contact_curation.information.toss_fisher import fisher_coherent, fisher_mean, fisher_sum
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions
 from test.contact.cases import noisy_geometry
+from test.information.toss_fishers import fisher_coherent, fisher_mean, fisher_sum
 from test.real.scored_pools import TRUE, scored_pool
 
 Tosses = tuple[Toss, ...]
@@ -72,7 +70,7 @@ def test_a_stream_keeps_exactly_the_top_k(real_tosses: Tosses, estimator: Estima
     """METHOD 6.6, for tosses in any order."""
     pool = scored_pool(real_tosses, estimator)
     for top in (1, 32, 200):
-        batch = rank_particles([pool], RankingConfig("trace", top=top, normalisation=normalisation)).kept_ids
+        batch = rank_particles([pool], RankingConfig("trace", top=top, normalisation=normalisation)).selected_ids
         for seed in range(2):
             heap = TraceHeap(top, normalisation)
             for index in np.random.default_rng(seed).permutation(len(pool)):
@@ -83,7 +81,7 @@ def test_a_stream_keeps_exactly_the_top_k(real_tosses: Tosses, estimator: Estima
 # What a ranking does not depend on
 
 
-@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("criterion", criterion_names())
 def test_curating_does_not_depend_on_the_order_of_the_tosses(real_tosses: Tosses, criterion: str) -> None:
     infos = scored_pool(real_tosses, Estimator.GAUSS_NEWTON).infos
     expected = curate(infos, RankingConfig(criterion))
@@ -215,6 +213,6 @@ def test_literal_orthogonality_likes_tosses_that_say_nothing(real_tosses: Tosses
     pool = scored_pool(real_tosses, Estimator.EMPIRICAL, Form.CONTACTNETS, noisy_geometry(seed))
     lengths = np.linalg.norm(pool.toss_scores, axis=1)
     smallest = {pool.ids[index] for index in np.argsort(lengths)[:14]}
-    literal = rank_particles([pool], RankingConfig("orthogonal", top=16, variant="literal")).kept_ids
+    literal = rank_particles([pool], RankingConfig("orthogonal", top=16, variant="literal")).selected_ids
     assert len(smallest & set(literal)) == expected
-    assert not smallest & set(by("orthogonal", pool, top=16).kept_ids)
+    assert not smallest & set(by("orthogonal", pool, top=16).selected_ids)

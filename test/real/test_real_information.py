@@ -226,7 +226,7 @@ def test_copies_of_the_best_toss_fill_the_trace_and_are_worth_less_to_the_others
     names = {best.toss_id, *(copy.toss_id for copy in copies)}
     pool = [*profile_infos, *copies]
     taken = {
-        criterion: len(names & set(rank(pool, RankingConfig(criterion=criterion, top=24)).kept_ids))
+        criterion: len(names & set(rank(pool, RankingConfig(criterion=criterion, top=24)).selected_ids))
         for criterion in ("trace", "log-det", "orthogonal")
     }
     assert taken["trace"] == 5
@@ -239,7 +239,7 @@ def test_copies_of_the_best_toss_fill_the_trace_and_are_worth_less_to_the_others
 def test_greedy_gains_on_real_tosses_only_fall(profile_infos: list[TossInformation]) -> None:
     """METHOD 6.10."""
     ranking = rank(profile_infos, RankingConfig(criterion="log-det", top=32))
-    gains = [toss.marginal_gain for toss in ranking.entries if toss.kept]
+    gains = [toss.marginal_gain for toss in ranking.entries if toss.selected]
     assert len(gains) == 32
     assert (np.diff(gains) <= 1e-9).all()
 
@@ -252,7 +252,7 @@ def test_new_units_change_the_order_of_the_trace_but_not_of_log_det_and_leverage
     scaled = [in_units(info, info.factor, scale) for info in flat]
     for criterion, same in (("log-det", True), ("leverage", True), ("trace", False)):
         config = RankingConfig(criterion=criterion, top=32)
-        assert (rank(flat, config).kept_ids == rank(scaled, config).kept_ids) == same, criterion
+        assert (rank(flat, config).selected_ids == rank(scaled, config).selected_ids) == same, criterion
 
 
 def in_units(info: TossInformation, factor: Rows, scale: float | Array) -> TossInformation:

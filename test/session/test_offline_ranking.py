@@ -15,7 +15,7 @@ from contact_curation.session.report import rank_command
         ({}, None),
         ({"selection": "exact", "criterion": "representative"}, "representative"),
         ({"selection": "streaming"}, "log-det"),
-        ({"selection": "sieve", "criterion": "representative"}, "log-det"),
+        ({"selection": "streaming", "criterion": "representative"}, "log-det"),
         ({"selection": "streaming", "criterion": "trace"}, "trace"),
     ],
 )

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from contact_curation.design.releases import Placement
+from contact_curation.design.releases import PUBLISHED_PRIOR, Placement
 from contact_curation.design.throw import Throw, throw_of_state
-from contact_curation.design.throw_prior import PUBLISHED_PRIOR
 
 PLAIN = Throw(
     throw_id="plain",

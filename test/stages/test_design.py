@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from contact_curation.design.designer import DesignerConfig
-from contact_curation.design.particle import Particle
-from contact_curation.design.readiness import CanaryConfig
-from contact_curation.design.throw import Throw
-from contact_curation.design.throw_report import ThrowKind, ThrowState
+from contact_curation.design.predicted_information import Particle
+from contact_curation.design.readiness import ReadinessConfig
+from contact_curation.design.throw import Throw, ThrowKind, ThrowState
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.record import TossInformation
 from contact_curation.simulation.thrown_toss import thrown_toss
@@ -21,8 +20,8 @@ from contact_curation.storage.stores.state import StateStore
 from test.design.cases import CUBE, LOSS, PARTICLE, SMALL, TRUE, other_theta
 from test.simulated import simulated_tosses
 
-CONFIG = DesignerConfig(SMALL, CanaryConfig(least_tosses=2, least_agreement=-1.0), LOSS)
-TRUSTING = replace(CONFIG, canary=CanaryConfig(enabled=False))
+CONFIG = DesignerConfig(SMALL, ReadinessConfig(least_tosses=2, least_agreement=-1.0), LOSS)
+TRUSTING = replace(CONFIG, readiness=ReadinessConfig(enabled=False))
 NEARLY = other_theta(1.001, 0.181)
 SECOND = 1_000_000_000
 
@@ -217,7 +216,7 @@ def test_a_throw_that_was_not_made_is_told_with_the_reason_and_one_of_exploratio
     stage = DesignStage(CUBE, CONFIG, states)
     proposal = stage.propose()
     begun = stage.begin(proposal)
-    assert (begun.kind, begun.planned, begun.detail) == (ThrowKind.WARM_UP, 0.0, proposal.exploration)
+    assert (begun.kind, begun.planned, begun.detail) == (ThrowKind.EXPLORATION, 0.0, proposal.exploration)
     report = stage.abandon("joint 4 is too fast")
     assert (report.state, report.detail) == (ThrowState.NOT_MADE, "joint 4 is too fast")
     assert report.commanded.throw_id == "cube-throw-0"

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from contact_curation.design.adaptive import Realised
+from contact_curation.design.designer import Realised
 from contact_curation.design.throw import throw_of_state
 from contact_curation.errors import UnreadableInputError
 from contact_curation.stages.records import (

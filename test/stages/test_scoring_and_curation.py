@@ -123,7 +123,7 @@ def test_the_log_det_of_a_buffer_is_what_its_tosses_added_by_log_det(tmp_path: P
         added(stage, scored(TOSSES))
         buffer = stage.buffer()
     assert buffer is not None
-    gains = [entry.marginal_gain for entry in buffer.curation.ranking.entries if entry.kept]
+    gains = [entry.marginal_gain for entry in buffer.curation.ranking.entries if entry.selected]
     assert buffer.log_det == pytest.approx(sum(gains), rel=1e-9)
 
 
@@ -153,7 +153,7 @@ def test_the_revision_counts_changes_of_the_kept_set_alone(tmp_path: Path) -> No
             buffer = stage.buffer()
             assert buffer is not None
             revisions.append(buffer.revision)
-            kept.append(buffer.curation.ranking.kept_ids)
+            kept.append(buffer.curation.ranking.selected_ids)
     changes = [1] + [int(one != other) for one, other in zip(kept[1:], kept)]
     assert revisions == np.cumsum(changes).tolist()
     assert 0 in changes
@@ -232,7 +232,7 @@ def test_another_criterion_ranks_what_is_there_already(tmp_path: Path) -> None:
         buffer = stage.buffer()
     assert buffer is not None
     traces = {one.toss_id: one.trace for one in buffer.candidates}
-    assert len(buffer.curation.ranking.kept_ids) == 2
+    assert len(buffer.curation.ranking.selected_ids) == 2
     assert buffer.curation.ranking == curate(informations, RankingConfig(criterion="trace", top=2)).ranking
     assert len(traces) == 8
 
@@ -284,14 +284,11 @@ def test_nothing_is_proven_of_a_stream_that_has_let_tosses_go(tmp_path: Path) ->
     assert bounds[3:] == [0.0] * 5
 
 
-@pytest.mark.parametrize("selection", ["streaming", "sieve"])
-def test_log_det_stands_in_for_the_default_where_tosses_are_let_go_but_not_for_what_was_named(
-    tmp_path: Path, selection: str
-) -> None:
-    with curating(tmp_path, config=CurationConfig(selection=selection, warm_up=4)) as stage:
+def test_log_det_stands_in_for_the_default_where_tosses_are_let_go_but_not_for_what_was_named(tmp_path: Path) -> None:
+    with curating(tmp_path, config=CurationConfig(selection="streaming", warm_up=4)) as stage:
         added(stage, scored(TOSSES))
         buffer = stage.buffer()
-        with pytest.raises(InvalidValueError, match=f"criterion of a {selection} selection: found representative"):
+        with pytest.raises(InvalidValueError, match="criterion of a streaming selection: found representative"):
             stage.check(RankingConfig("representative", top=3))
     assert buffer is not None
     assert stage.ranking == RankingConfig("log-det", top=3)
@@ -306,11 +303,6 @@ def test_a_stream_cannot_keep_to_every_criterion(tmp_path: Path) -> None:
         CurationStage(RankingConfig(criterion="orthogonal"), config, informations, states)
 
 
-def test_a_sieve_is_for_log_det_alone(tmp_path: Path) -> None:
-    with curating(tmp_path, config=CurationConfig(selection="sieve", warm_up=4)) as stage:
-        added(stage, scored(TOSSES))
-        buffer = stage.buffer()
-        with pytest.raises(InvalidValueError, match="criterion of a sieve selection: found trace, expected log-det"):
-            stage.rank_by(RankingConfig("trace"))
-    assert buffer is not None
-    assert 1 <= len(buffer.curation.ranking.kept_ids) <= 3
+def test_a_selection_that_there_is_no_more_is_refused_with_those_that_there_are() -> None:
+    with pytest.raises(InvalidValueError, match="selection: found sieve, expected one of exact, streaming"):
+        CurationConfig(selection="sieve")

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact_curation.cli.evaluate.models import judged_model
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.models.kind import ModelKind
 from contact_curation.contact.models.model import Model, Rows
@@ -23,6 +22,7 @@ from contact_curation.learning.training.protocols import ROUND_TRIMMED, Training
 from contact_curation.learning.training.training import Training
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
+from contact_curation.pipeline.learned_model import load_model
 from contact_curation.stages.records import TrainingRecord, load_record, record_bytes
 from contact_curation.stages.training import Moment, RoundsConfig, SelectedSet, TrainingStage
 from contact_curation.storage.checkpoint_file import save_checkpoint
@@ -109,7 +109,7 @@ def test_a_checkpoint_says_what_its_theta_follows_from(tmp_path: Path, store: To
     for revision, numbers in enumerate(((0, 1, 2), (2, 3, 4)), start=1):
         training.follow(chosen(revision, 3 + revision, *numbers))
         until_idle(training)
-    told = judged_model(tmp_path / "model.safetensors", CONTACTNETS_CUBE)
+    told = load_model(tmp_path / "model.safetensors", CONTACTNETS_CUBE)
     last = frozenset(tosses()[number].toss_id for number in (2, 3, 4))
     earlier = frozenset() if config.exact else frozenset(tosses()[number].toss_id for number in (0, 1))
     assert (told.fitted_to, told.learned_from) == (last, last | earlier)

@@ -3,10 +3,10 @@
 import argparse
 from pathlib import Path
 
-from contact_curation.cli.options.body import add_body_option
+from contact_curation.cli.options.reading import add_body_option
 from contact_curation.cli.options.types import natural_number, number_from_zero, positive_integer
 from contact_curation.cli.report import add_json_option
-from contact_curation.information.ranker import CRITERIA, DEFAULT_CRITERION
+from contact_curation.information.ranker import DEFAULT_CRITERION, criterion_names
 from contact_curation.session.config import CAMERAS, SessionConfig
 
 
@@ -21,7 +21,7 @@ def add_online_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--record", type=Path, metavar="DIR", help="keep the session in this folder: bag, model, report, logs")
     add_body_option(parser, "--body-file")  # the nodes' name for it
     parser.add_argument("--top", type=positive_integer, metavar="K", help="how many tosses are selected (default 32)")
-    parser.add_argument("--criterion", choices=CRITERIA, help=f"by what --top selects (default {DEFAULT_CRITERION})")
+    parser.add_argument("--criterion", choices=criterion_names(), help=f"by what --top selects (default {DEFAULT_CRITERION})")
     parser.add_argument("--seed", type=natural_number, metavar="N", help="of all that is random (default 0)")
     parser.add_argument(
         "--rate", type=number_from_zero, metavar="R", help="simulated seconds a second; 0: as fast as possible (default 1)"

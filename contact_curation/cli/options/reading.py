@@ -1,4 +1,4 @@
-"""Options of all verbs that read recordings: inputs, the object, topics and frames, and any field of the stages."""
+"""Options of all verbs that read recordings: inputs, the object, topics and frames, what is held out, fields of the stages."""
 
 import argparse
 from collections.abc import Mapping
@@ -6,16 +6,56 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from contact_curation.cli.options.body import add_body_option
-from contact_curation.cli.options.settings import add_settings, with_settings
+from contact_curation.cli.options.settings import add_fields, add_settings, with_options, with_settings
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 
 if TYPE_CHECKING:
     from contact_curation.storage.inputs.inputs import InputsConfig
-    from contact_curation.storage.inputs.pose_source import PoseTopicConfig
-
 
 SHARED_STAGES = ("poses", "segmenter", "rig", "gates")
 """Of every verb that learns from recordings, or has them judge."""
+
+POSES = ("topic", "body_frame", "tag_map", "board_frame")
+"""Fields of the stage `poses` that have options of their own."""
+
+BODY_HELP = "the object, a YAML file like contact_curation/config/cube.yaml (default: ContactNets' cube)"
+
+
+def add_body_option(parser: argparse.ArgumentParser, *others: str) -> None:
+    """Adds `--body`; `others` are names that it has, too."""
+    parser.add_argument("--body", *others, dest="body", type=Path, metavar="FILE", help=BODY_HELP)
+
+
+def chosen_body(arguments: argparse.Namespace) -> Body:
+    """The body of the option's file, or ContactNets' cube.
+
+    Raises:
+        UnreadableInputError: the file describes no body.
+    """
+    return CONTACTNETS_CUBE if arguments.body is None else Body.from_file(arguments.body)
+
+
+def add_held_out_option(parser: argparse._ArgumentGroup, default: str) -> None:
+    """Adds `--held-out`; `default` says what holds without it."""
+    parser.add_argument(
+        "--held-out",
+        metavar="SPEC",
+        help="numbers of tosses (400-569, or 3,7-9: of a file by its name, in a recording from 0), a share (0.2) by a digest "
+        f"of their ids, a file with an id a line, a manifest (its selected tosses), or none ({default})",
+    )
+
+
+def add_params_option(parser: argparse._ArgumentGroup) -> None:
+    """Adds `--params`, of which there may be several."""
+    parser.add_argument(
+        "--params",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="theta: a .safetensors checkpoint, or of a polytope a JSON file; given several times, the ranking averages over "
+        "them (default: the object as described; a network has none)",
+    )
 
 
 def add_reading_options(parser: argparse.ArgumentParser, stages: tuple[str, ...], *, needed: bool = True) -> None:
@@ -35,22 +75,16 @@ def add_reading_options(parser: argparse.ArgumentParser, stages: tuple[str, ...]
 def add_pose_options(parser: argparse.ArgumentParser) -> None:
     """Adds the options that say where the poses are."""
     group = parser.add_argument_group("where the poses are (found by themselves in TagSLAM bags)")
-    group.add_argument("--topic", default="", help="topic with the object's poses")
-    group.add_argument("--body-frame", default="", metavar="FRAME", help="the object's frame (default body_NAME)")
-    group.add_argument("--tag-map", default="", metavar="FILE", help="tags of object and board, to read detections with (YAML)")
-    group.add_argument("--board-frame", metavar="FRAME", help="the board's frame, z up (default body_surface)")
+    from contact_curation.storage.inputs.pose_source import PoseTopicConfig
+
+    add_fields(group, PoseTopicConfig(), *POSES)
 
 
 def reading_words(arguments: argparse.Namespace) -> list[str]:
     """The options that were given, for another verb that reads the same recordings."""
-    options = {
-        "body": arguments.body,
-        "topic": arguments.topic,
-        "body-frame": arguments.body_frame,
-        "tag-map": arguments.tag_map,
-    }
-    words = [word for name, value in options.items() if value for word in (f"--{name}", str(value))]
-    words += [] if arguments.board_frame is None else ["--board-frame", arguments.board_frame]
+    given = {name: getattr(arguments, name) for name in ("body", *POSES)}
+    options = {f"--{name.replace('_', '-')}": str(value) for name, value in given.items() if value is not None}
+    words = [word for option in options.items() for word in option]
     shared = [setting for setting in arguments.settings if setting.partition(".")[0] in SHARED_STAGES]
     return [*words, *(word for setting in shared for word in ("--set", setting))]
 
@@ -64,14 +98,10 @@ def stages_of(arguments: argparse.Namespace, others: Mapping[str, Any]) -> dict[
     from contact_curation.motion.calibration import NO_CORRECTION
     from contact_curation.motion.gates import GateConfig
     from contact_curation.motion.segmenter_config import SegmenterConfig
+    from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 
-    stages = {
-        "poses": _poses_of(arguments),
-        "segmenter": SegmenterConfig(),
-        "rig": NO_CORRECTION,
-        "gates": GateConfig(),
-        **others,
-    }
+    poses = with_options(PoseTopicConfig(), arguments, *POSES)
+    stages = {"poses": poses, "segmenter": SegmenterConfig(), "rig": NO_CORRECTION, "gates": GateConfig(), **others}
     chosen = with_settings(stages, arguments.settings)
     if tag_map := chosen["poses"].tag_map:
         from contact_curation.storage.tag_map_file import read_tag_maps
@@ -86,10 +116,3 @@ def inputs_of(stages: Mapping[str, Any], *, gated: bool = True) -> "InputsConfig
 
     gates = replace(stages["gates"], enabled=stages["gates"].enabled and gated)
     return InputsConfig(stages["poses"], stages["segmenter"], gates, stages["rig"])
-
-
-def _poses_of(arguments: argparse.Namespace) -> "PoseTopicConfig":
-    from contact_curation.storage.inputs.pose_source import PoseTopicConfig
-
-    poses = PoseTopicConfig(topic=arguments.topic, body_frame=arguments.body_frame, tag_map=arguments.tag_map)
-    return poses if arguments.board_frame is None else replace(poses, board_frame=arguments.board_frame)

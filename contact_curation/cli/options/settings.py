@@ -1,20 +1,27 @@
-"""`--set gates.depth=0.01`: every field of every stage's configuration, by the names the nodes' ROS parameters have too."""
+"""Options that are fields of configs.
+
+`--set gates.depth=0.01` changes any field of any stage, by the names that the nodes' ROS parameters have too; fields that are
+asked for most have options of their own. Help and defaults come from the configs.
+"""
 
 import argparse
 import dataclasses
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import Any, get_type_hints
 
+from contact_curation.configs import ConfigField, field_of, kind_in_words, parsed, with_field
 from contact_curation.errors import ContactCurationError, InvalidValueError
 
 EXAMPLES = ("gates.depth=0.01", "segmenter.settle_time=0.5", "simulation.longest=6")
 """The help names the first one of a stage that the verb has."""
 
+OF_CODE = re.compile(r"(: )?one of `[A-Z]+`(; )?|`")
+"""What descriptions say to readers of code; the help lists the choices itself."""
+
 OF_THE_BODY = "gravity"
 """A field that the stages take from the body, whatever else is said of it."""
-
-BOOLEANS = {"true": True, "false": False}
 
 
 def add_settings(parser: argparse.ArgumentParser, stages: Sequence[str]) -> None:
@@ -26,7 +33,7 @@ def add_settings(parser: argparse.ArgumentParser, stages: Sequence[str]) -> None
         metavar="STAGE.FIELD=VALUE",
         action="append",
         default=[],
-        help=f"change a field of a stage ({', '.join(stages)}), e.g. {example}; repeatable; docs/ros/reference.md lists most",
+        help=f"change a field of a stage ({', '.join(stages)}), e.g. {example}; repeatable; docs/ros/reference.md",
     )
 
 
@@ -61,30 +68,83 @@ def _changed(config: Any, path: str, text: str, setting: str) -> Any:
         return dataclasses.replace(config, **{name: _changed(inner, rest, text, setting)})
     kind = get_type_hints(type(config))[name]
     try:
-        value = _value(kind, text)
+        value = parsed(kind, text)
     except (ValueError, KeyError, TypeError) as error:
-        raise InvalidValueError("--set", setting, f"a value of type {_said(kind)}") from error
+        raise InvalidValueError("--set", setting, f"a value of type {kind_in_words(kind)}") from error
     try:
-        return dataclasses.replace(config, **{name: value})
+        return with_field(config, name, value)
     except InvalidValueError as error:
         raise ContactCurationError(f"--set {setting}: {error}") from error
 
 
-def _said(kind: Any) -> str:
-    """A type as a user would say it: `float`, `tuple[float, float]`, `one of circular, polyhedral`."""
-    if isinstance(kind, type) and issubclass(kind, Enum):
-        return f"one of {', '.join(str(each.value) for each in kind)}"
-    return kind.__name__ if type(kind) is type else str(kind).replace("NoneType", "none").replace("None", "none")
+def add_fields(
+    group: argparse._ActionsContainer,
+    config: Any,
+    *paths: str,
+    choices: Mapping[str, Sequence[str]] | None = None,
+    told: Mapping[str, str] | None = None,
+) -> None:
+    """Adds an option for each of some fields of a config: the class gives its help and its default, and judges its values.
+
+    What is not given is None, and `with_options` leaves it as the config has it.
+
+    Args:
+        group: of options.
+        config: the defaults.
+        paths: of fields; the last name of one is the option's.
+        choices: by path, words that are accepted where the type does not say.
+        told: by path, help in place of the class's.
+    """
+    for path in paths:
+        field = field_of(config, path)
+        name = path.rpartition(".")[2]
+        accepted = (choices or {}).get(path) or _choices(field.kind)
+        text = (told or {}).get(path) or OF_CODE.sub("", field.description).rstrip(".").replace("%", "%%")
+        unsaid = field.default in (None, "") or "(default" in text
+        group.add_argument(
+            f"--{name.replace('_', '-')}",
+            dest=name,
+            type=str if accepted else _judged_by(config, field),
+            choices=accepted or None,
+            metavar=None if accepted else "N" if field.kind is int else name.rpartition("_")[2].upper(),
+            help=text if unsaid else f"{text} (default {_plain(field.default)})",
+        )
 
 
-def _value(kind: Any, text: str) -> Any:
-    """`text` as a value of the type."""
-    if get_origin(kind) is tuple:
-        return tuple(_value(part, word) for part, word in zip(get_args(kind), text.split(","), strict=True))
-    if get_origin(kind) is Union or type(None) in get_args(kind):
-        return None if text == "none" else _value(next(part for part in get_args(kind) if part is not type(None)), text)
-    if kind is bool:
-        return BOOLEANS[text.lower()]
-    if isinstance(kind, type) and issubclass(kind, Enum | int | float | str):
-        return kind(text)
-    raise TypeError(kind)
+def with_options(config: Any, arguments: argparse.Namespace, *paths: str) -> Any:
+    """The config with those fields of `add_fields` that were given.
+
+    Raises:
+        InvalidValueError: the class does not accept them together.
+    """
+    for path in paths:
+        given = getattr(arguments, path.rpartition(".")[2])
+        if given is not None:
+            kind = field_of(config, path).kind
+            config = with_field(config, path, parsed(kind, given) if isinstance(given, str) else given)
+    return config
+
+
+def _judged_by(config: Any, field: ConfigField) -> Callable[[str], Any]:
+    """Reads an option's value, and asks the config's class."""
+
+    def value(text: str) -> Any:
+        try:
+            found = parsed(field.kind, text)
+            with_field(config, field.path, found)
+        except (InvalidValueError, ValueError, KeyError, TypeError) as error:
+            why = str(error).partition(", expected ")[2] if isinstance(error, InvalidValueError) else ""
+            raise argparse.ArgumentTypeError(f"found {text}, expected {why or kind_in_words(field.kind)}") from error
+        return found
+
+    return value
+
+
+def _choices(kind: Any) -> list[str]:
+    return [str(each.value) for each in kind] if isinstance(kind, type) and issubclass(kind, Enum) else []
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, Enum):
+        return str(value.value)
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,30 +1,46 @@
-"""`rank INPUT...`: how much each toss teaches, which to keep, and why."""
+"""`rank INPUT...`: how much each toss teaches, which to select, and why."""
 
 import argparse
-import os
-from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
-from contact_curation import __version__
 from contact_curation.cli.options.output_paths import check_outputs
+from contact_curation.cli.options.reading import (
+    SHARED_STAGES,
+    add_held_out_option,
+    add_params_option,
+    add_reading_options,
+    chosen_body,
+    inputs_of,
+    stages_of,
+)
+from contact_curation.cli.options.settings import add_fields, with_options
+from contact_curation.cli.options.types import PathEndingIn, positive_integer
 from contact_curation.cli.progress import Progress
-from contact_curation.cli.rank.dashboard import RankDashboard, add_dashboard_options, dashboard_of
-from contact_curation.cli.rank.options import RankConfig, add_rank_options, rank_config
-from contact_curation.cli.rank.report import RankReport, diagnostics_of, json_report, picture_of, print_report
-from contact_curation.cli.report import nothing_found, print_json, warn
-from contact_curation.dashboard.figures.ranking import save_ranking_figure
-from contact_curation.information.curation import Curation, curate_particles
-from contact_curation.information.diagnostics import BlockShare, block_shares
-from contact_curation.information.network.score_folder import ScoreFolder, coordinates_of
-from contact_curation.information.pool import Pool, pool_of
-from contact_curation.pipeline.held_out_tosses import held_out_tosses
-from contact_curation.pipeline.pool_scoring import ScoredPool, score_pool
-from contact_curation.pipeline.rank_rows import PoolToss, TossPool, manifest_rows, pool_of_inputs
-from contact_curation.storage.manifest.file import write_manifest
-from contact_curation.storage.manifest.manifest import Manifest
-from contact_curation.storage.provenance import InputProvenance, RunProvenance
-from contact_curation.storage.stores.factor_spool import FactorSpool
+from contact_curation.cli.rank.dashboard import add_dashboard_options, dashboard_of
+from contact_curation.cli.report import add_json_option, print_json, warn
+from contact_curation.contact.loss_config import DEFAULT_LOSS
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.parameter_form import Form
+from contact_curation.errors import InvalidValueError
+from contact_curation.information.criteria.orthogonal import VARIANTS
+from contact_curation.information.network.config import network_config_for
+from contact_curation.information.ranker import RankingConfig, criterion_names
+from contact_curation.information.scoring import ScoringConfig
+from contact_curation.learning.evaluation.held_out import HeldOutRule
+from contact_curation.pipeline.division import held_out_rule
+from contact_curation.pipeline.ranking import RankConfig, rank_tosses
+from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.scoring import PoolConfig
+from contact_curation.pipeline.theta import form_of, thetas_of
+from contact_curation.storage.manifest.file import FORMATS
+
+STAGES = (*SHARED_STAGES, "loss", "network", "ranking")
+BLOCKS = ("all", "physical")
+CHOICES = {"criterion": criterion_names(), "variant": VARIANTS}
+TOLD = {"criterion": "by what the best tosses are selected"}
+RANKING = ("criterion", "variant", "top", "seed")
+SCORING = ("estimator", "influence_bound")
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -34,22 +50,80 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "input that cannot be read is a line on standard error, and the others are ranked; the exit status is 1 only if none "
         "could be."
     )
-    add_rank_options(parser)
+    add_reading_options(parser, STAGES)
+    add_held_out_option(parser.add_argument_group("what is neither scored nor ranked"), "default none")
+    _add_model_options(parser)
+    add_fields(parser.add_argument_group("how they are ranked"), RankingConfig(), *RANKING, choices=CHOICES, told=TOLD)
+    _add_output_options(parser)
     add_dashboard_options(parser)
     parser.set_defaults(run=run)
+
+
+def _add_model_options(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("what the tosses teach about")
+    models = [kind.value for kind in ModelKind]
+    group.add_argument("--model", choices=models, default="polytope", help="the model (default polytope)")
+    add_params_option(group)
+    group.add_argument(
+        "--block",
+        choices=BLOCKS,
+        default="all",
+        help="of theta: all of it, or of a deep model only the parameters of its polytope (default all)",
+    )
+    group.add_argument(
+        "--form",
+        choices=[form.value for form in Form],
+        help="how theta is parameterised (default: physical where theta allows it, else contactnets)",
+    )
+    add_fields(group, ScoringConfig(), "estimator")
+    bounds = group.add_mutually_exclusive_group()
+    bounds.add_argument(
+        "--bound-influence",
+        action="store_true",
+        help="scale scores down where the loss is above the pool's 98.5 %% quantile; reads in two passes",
+    )
+    add_fields(bounds, ScoringConfig(), "influence_bound")
+    group.add_argument("--no-gate", action="store_true", help="score what the gates would reject, too")
+
+
+def _add_output_options(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("output")
+    group.add_argument("--out", type=PathEndingIn(*FORMATS), metavar="MANIFEST", help="a .parquet, .csv or .json file")
+    figures = group.add_mutually_exclusive_group()
+    figures.add_argument("--figure", type=PathEndingIn(".png"), metavar="FILE.png", help="(default: beside the manifest)")
+    figures.add_argument("--no-figure", action="store_true", help="draw none")
+    group.add_argument(
+        "--jobs", type=positive_integer, metavar="N", help="read so many inputs at once (default: one per processor)"
+    )
+    add_json_option(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Reads, scores, ranks, writes, and says what came out.
 
     Raises:
-        InvalidValueError: nothing could be ranked, or an output cannot be written.
+        ContactCurationError: nothing could be ranked, or an output cannot be written.
     """
-    check_outputs(out=arguments.out, figure=_figure(arguments), recording=arguments.recording)
+    figure = _figure(arguments)
+    check_outputs(out=arguments.out, figure=figure, recording=arguments.recording)
     config = rank_config(arguments)
     dashboard = dashboard_of(arguments, config)
     try:
-        _rank(arguments, config, dashboard)
+        ranked = rank_tosses(arguments.inputs, config, Progress, dashboard.show if dashboard else None)
+        if arguments.out and ranked.manifest.rows:
+            ranked.save(arguments.out)
+        ranked.evidence()  # refuses where nothing was ranked
+        warn(ranked.warnings)
+        if figure:
+            ranked.save_figure(figure)
+        written = {"out": arguments.out, "figure": figure}
+        if arguments.json:
+            print_json({**ranked.document(), **{name: str(path) if path else None for name, path in written.items()}})
+        else:
+            print(ranked)
+            for name, path in (("manifest", arguments.out), ("figure", figure)):
+                if path:
+                    print(f"{name}: {path}")
         if dashboard:
             dashboard.end()
     finally:
@@ -58,90 +132,31 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _rank(arguments: argparse.Namespace, config: RankConfig, dashboard: RankDashboard | None) -> None:
-    jobs = min(arguments.jobs or os.cpu_count() or 1, len(arguments.inputs))
-    with Progress("reading", "tosses") as progress:
-        held_out = held_out_tosses(arguments.inputs, config.pool.reading, config.held_out, jobs, progress.advance)
-    config = config.without(held_out)
-    with FactorSpool() as spool, TemporaryDirectory(prefix="contact-curation-") as folder:
-        config = config.with_exact_scores_in(Path(folder))
-        with Progress("scoring", "tosses") as progress:
-            scored = score_pool(arguments.inputs, config.pool, jobs, progress.advance, spool)
-        pool = pool_of_inputs(scored.inputs)
-        curation = curated(pool, config) if pool.rankable else None
-        if dashboard and curation:
-            dashboard.show(pool, curation)
-    _report(arguments, config, scored, pool, curation, held_out.warnings)
+def rank_config(arguments: argparse.Namespace) -> RankConfig:
+    """The options' configuration.
 
-
-def _report(
-    arguments: argparse.Namespace,
-    config: RankConfig,
-    scored: ScoredPool,
-    pool: TossPool,
-    curation: Curation | None,
-    missing: Sequence[str],
-) -> None:
-    """Writes what is wanted, and says what came out; InvalidValueError where nothing did."""
-    warnings = (*(line for one in scored.inputs for line in one.reading.warnings), *pool.left_out, *missing)
-    report = RankReport(manifest_of(arguments, config, scored, pool, curation), warnings, arguments.out, _figure(arguments))
-    if report.out and report.manifest.rows:
-        write_manifest(report.manifest, report.out)
-    if curation is None:
-        reasons = "; ".join(f"{count} {name}" for name, count in report.outcomes.items() if count)
-        counted = f" ({reasons})" if reasons else ""
-        raise nothing_found(arguments.inputs, warnings, f"no toss that could be ranked{counted}", "at least one")
-    warn(warnings)
-    if report.figure:
-        save_ranking_figure(picture_of(report, curation, kept_shares(pool, curation)), report.figure)
-    if arguments.json:
-        print_json(json_report(report))
-    else:
-        print_report(report, curation)
-
-
-def curated(pool: TossPool, config: RankConfig) -> Curation:
-    """The ranking of the tosses that were scored at every theta."""
-    tosses = sorted(pool.rankable, key=lambda toss: toss.seen.toss_id)
-    particles = range(len(tosses[0].informations)) if tosses else ()
-    return curate_particles([_particle(tosses, k, config.pool.score_folder) for k in particles], config.ranking)
-
-
-def _particle(tosses: Sequence[PoolToss], theta: int, folder: ScoreFolder | None) -> Pool:
-    """The pool at one theta; with a folder, the networks' exact scores stand in it for the sketched ones."""
-    infos = [toss.informations[theta] for toss in tosses]
-    if folder is None:
-        return pool_of(infos)
-    gram = folder.gram([toss.seen.digest for toss in tosses], infos[0].parameters_version)
-    return pool_of(infos, network_scores=coordinates_of(gram))
-
-
-def kept_shares(pool: TossPool, curation: Curation) -> tuple[BlockShare, ...]:
-    """The parameter blocks' shares of the trace of the kept tosses, at the first theta."""
-    kept = set(curation.ranking.kept_ids)
-    return block_shares([toss.informations[0] for toss in pool.rankable if toss.seen.toss_id in kept])
-
-
-def manifest_of(
-    arguments: argparse.Namespace, config: RankConfig, scored: ScoredPool, pool: TossPool, curation: Curation | None
-) -> Manifest:
-    """Every toss, and how the ranking was made."""
-    scorers = config.pool.scorers(scored.bounds, jobs=1)
-    readings = [one.reading for one in scored.inputs]
-    run = RunProvenance(
-        criterion=config.ranking.criterion,
-        estimator=config.pool.scoring.estimator.value,
-        influence_bound=scored.bounds[0],
-        model=arguments.model,
-        parameters=config.parameters,
-        parameters_version="+".join(scorer.version for scorer in scorers),
-        seed=config.ranking.seed,
-        package_version=__version__,
-        command=arguments.command,
-        inputs=tuple(InputProvenance(reading.path, reading.sha256, reading.warnings) for reading in readings),
+    Raises:
+        ContactCurationError: a file that an option names cannot be used, or a setting is not accepted.
+    """
+    body = chosen_body(arguments)
+    held_out = HeldOutRule() if arguments.held_out is None else held_out_rule(arguments.held_out)
+    ranking = with_options(RankingConfig(), arguments, *RANKING)
+    network = network_config_for(ModelKind(arguments.model))
+    stages = stages_of(arguments, {"loss": DEFAULT_LOSS, "network": network, "ranking": ranking})
+    thetas = thetas_of(arguments.model, arguments.params, body)
+    if arguments.form is not None and arguments.model != ModelKind.POLYTOPE:
+        raise InvalidValueError("--form", arguments.form, f"none with model {arguments.model}: its checkpoint says which")
+    scoring = ScoringConfig(form=form_of(arguments.form, thetas), loss=stages["loss"])
+    pool = PoolConfig(
+        reading=ReadingConfig(body, inputs_of(stages, gated=not arguments.no_gate)),
+        thetas=thetas,
+        scoring=with_options(scoring, arguments, *SCORING),
+        bound_influence=arguments.bound_influence,
+        network=replace(stages["network"], physical_only=arguments.block == "physical"),
     )
-    rows = manifest_rows(pool, curation.ranking if curation else None)
-    return Manifest(run, rows, diagnostics_of(curation, config.pool) if curation else {})
+    pool.scorers(pool.fixed_bounds, jobs=1)  # so that a theta that does not fit its form is refused before anything is read
+    parameters = ", ".join(map(str, arguments.params)) or f"body {body.name}"
+    return RankConfig(pool, stages["ranking"], arguments.model, parameters, held_out, arguments.jobs, arguments.command)
 
 
 def _figure(arguments: argparse.Namespace) -> Path | None:

@@ -12,13 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from contact_curation.cli.options.types import PathEndingIn
-from contact_curation.cli.rank.options import RankConfig
 from contact_curation.cli.stop_signals import StopSignals
 from contact_curation.information.curation import Curation
 from contact_curation.information.pool import pool_of
-from contact_curation.motion.toss import Toss
-from contact_curation.pipeline.rank_rows import TossPool
-from contact_curation.pipeline.reading import InputReader
+from contact_curation.pipeline.pool import TossPool
+from contact_curation.pipeline.ranking import RankConfig
+from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.storage.parameters_file import Parameters
 
 if TYPE_CHECKING:
@@ -75,7 +74,8 @@ class RankDashboard:
             loss=self._config.pool.scoring.loss,
             pool=pool_of([toss.informations[0] for toss in pool.rankable]),
             selected=kept,
-            tosses=self._tosses(set(kept.toss_ids)),
+            # Read once more: of tosses that stream nothing but their information stays.
+            tosses=read_tosses(self._inputs, self._config.pool.reading, only=kept.toss_ids).by_id,
             rejected=_kept_back(pool),
         )
 
@@ -98,17 +98,6 @@ class RankDashboard:
         if self._partial:
             self._partial.unlink(missing_ok=True)
 
-    def _tosses(self, wanted: set[str]) -> dict[str, Toss]:
-        """The wanted tosses, read once more: of the others nothing but their information was kept."""
-        found: dict[str, Toss] = {}
-        for path in self._inputs:
-            for toss in InputReader(path, self._config.pool.reading).tosses():
-                if toss.toss_id in wanted:
-                    found.setdefault(toss.toss_id, toss)
-                if len(found) == len(wanted):
-                    return found
-        return found
-
 
 def dashboard_of(arguments: argparse.Namespace, config: RankConfig) -> RankDashboard | None:
     """The dashboard that the options ask for; errors as in `RankDashboard`."""
@@ -127,7 +116,7 @@ def _theta(config: RankConfig, version: str) -> "ShownTheta":
 def _kept_set(pool: TossPool, curation: Curation, top: int) -> "SelectedSet":
     from contact_curation.dashboard.evidence import SelectedSet
 
-    entries = [entry for entry in curation.ranking.entries if entry.kept]
+    entries = [entry for entry in curation.ranking.entries if entry.selected]
     certificate = curation.ranking.certificate
     return SelectedSet(
         criterion=curation.ranking.criterion,

@@ -1,19 +1,137 @@
-"""`train INPUT... --out CHECKPOINT`: a model learns from all tosses, from the kept ones of a manifest, or from the best K."""
+"""`train INPUT... --out CHECKPOINT`: a model learns from all tosses, from those that a ranking selected, or from the best K."""
 
 import argparse
+import shlex
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from contact_curation.cli.train.options import add_train_options
+from contact_curation import __version__
+from contact_curation.cli.options.output_paths import check_outputs
+from contact_curation.cli.options.reading import (
+    SHARED_STAGES,
+    add_held_out_option,
+    add_reading_options,
+    chosen_body,
+    inputs_of,
+    reading_words,
+    stages_of,
+)
+from contact_curation.cli.options.settings import add_fields, with_options
+from contact_curation.cli.options.types import PathEndingIn, natural_number, number_from_zero, positive_integer
+from contact_curation.cli.progress import Progress
+from contact_curation.cli.report import add_json_option, print_json, warn
+from contact_curation.cli.stop_signals import StopSignals
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.files import write_atomically
+from contact_curation.information.criteria.orthogonal import VARIANTS
+from contact_curation.information.ranker import RankingConfig, criterion_names
+from contact_curation.information.scoring import ScoringConfig
+from contact_curation.learning.evaluation.held_out import HeldOutRule
+from contact_curation.pipeline.division import DivisionConfig, LearningTosses, held_out_rule, learning_tosses, selected_ids
+from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.tosses import read_tosses
+from contact_curation.solver.compiled import load_kernel
+
+if TYPE_CHECKING:
+    from contact_curation.cli.train.metrics import TrainingMetrics
+    from contact_curation.learning.training.protocols import TrainingConfig
+    from contact_curation.learning.training.reranking import CanaryConfig, RerankingConfig
+    from contact_curation.pipeline.training import TrainConfig, TrainingRun
+
+STAGES = (*SHARED_STAGES, "training", "ranking", "canary")
+PROTOCOLS = ("budgeted", "published", "exact")
+CHOICES = {"criterion": criterion_names(), "variant": VARIANTS}
+TOLD = {"criterion": "by what the best tosses are selected"}
+DEFAULT_SHARE = 0.2
+"""Of the tosses that is held out where nothing else is said."""
+
+CHECKPOINT_SECONDS = 30.0
+ONLY_WITH_TOP = ("criterion", "variant", "estimator", "rerank_every", "canary")
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Trains a model on every toss that passes the gates, on those that `rank` kept, or on the best K, which can be "
+        "Trains a model on every toss that passes the gates, on those that `rank` selected, or on the best K, which can be "
         "selected again while it learns. Some tosses are held out and never learned from; their loss is watched. Ctrl-C "
         "stops after the gradient step in progress and stores a checkpoint; the same command with --resume goes on."
     )
-    add_train_options(parser)
+    add_reading_options(parser, STAGES)
+    _add_model_options(parser)
+    _add_toss_options(parser)
+    _add_output_options(parser)
     parser.set_defaults(run=run)
+
+
+def _add_model_options(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("what is trained, and how")
+    group.add_argument(
+        "--model",
+        choices=[kind.value for kind in ModelKind],
+        default=ModelKind.POLYTOPE.value,
+        help="the model (default polytope)",
+    )
+    group.add_argument(
+        "--params",
+        type=Path,
+        metavar="FILE",
+        help="where to start: a checkpoint, or a polytope as JSON (default: the published random initialisation)",
+    )
+    group.add_argument(
+        "--protocol",
+        choices=PROTOCOLS,
+        default=PROTOCOLS[0],
+        help="budgeted: so many steps in batches; published: ContactNets', until the held-out loss stops falling; "
+        "exact: a polytope's optimum at once (default budgeted)",
+    )
+    group.add_argument(
+        "--steps",
+        type=positive_integer,
+        metavar="N",
+        help="gradient steps at most, which exact takes none of (default: of the protocol)",
+    )
+    group.add_argument("--seed", type=natural_number, default=0, metavar="N", help="of everything random (default 0)")
+
+
+def _add_toss_options(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("which tosses it learns from (default: all)")
+    chosen = group.add_mutually_exclusive_group()
+    chosen.add_argument("--manifest", type=Path, metavar="FILE", help="those that `rank` selected")
+    chosen.add_argument("--top", type=positive_integer, metavar="K", help="the best K, as the model sees them")
+    add_fields(group, RankingConfig(), *CHOICES, choices=CHOICES, told=TOLD)
+    add_fields(group, ScoringConfig(), "estimator")
+    again = group.add_mutually_exclusive_group()
+    again.add_argument("--rerank-every", type=positive_integer, metavar="N", help="select the best K again every N epochs")
+    again.add_argument("--canary", action="store_true", help="select them again when the ranks of a few tosses have moved")
+    add_held_out_option(group, f"default {DEFAULT_SHARE}; with --manifest of the tosses that were not selected")
+    group.add_argument("--keep-twins", action="store_true", help="learn from motions, too, that are held out under another id")
+    group.add_argument("--no-gate", action="store_true", help="learn from what the gates would reject, too")
+
+
+def _add_output_options(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("output")
+    group.add_argument(
+        "--out", type=PathEndingIn(".safetensors"), required=True, metavar="CHECKPOINT", help="a .safetensors file"
+    )
+    exists = group.add_mutually_exclusive_group()
+    exists.add_argument("--resume", action="store_true", help="go on where the checkpoint is, if there is one")
+    exists.add_argument("--overwrite", action="store_true", help="begin anew although there is one")
+    group.add_argument(
+        "--checkpoint-every",
+        type=number_from_zero,
+        default=CHECKPOINT_SECONDS,
+        metavar="SECONDS",
+        help=f"(default {CHECKPOINT_SECONDS:g}); the result does not depend on it",
+    )
+    group.add_argument(
+        "--metrics", type=PathEndingIn(".jsonl"), metavar="FILE.jsonl", help="a line of JSON for each evaluation and selection "
+        "(default: beside the checkpoint)"
+    )  # fmt: skip
+    add_json_option(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -23,6 +141,182 @@ def run(arguments: argparse.Namespace) -> int:
         ContactCurationError: there is nothing to train on, the checkpoint belongs to another one, or a loss was not finite.
         KeyboardInterrupt: it was stopped; the checkpoint is stored.
     """
-    from contact_curation.cli.train.run import run_training  # torch takes over a second, which --help need not wait for
+    import torch  # takes over a second, which --help need not wait for
 
-    return run_training(arguments)
+    from contact_curation.cli.train.metrics import TrainingMetrics
+    from contact_curation.cli.train.report import TrainReport, json_report, print_report
+
+    torch.set_num_threads(1)  # threads that share busy cores wait for each other, and the sums' order would depend on them
+    began = time.monotonic()
+    _check_out(arguments)
+    if arguments.model == ModelKind.POLYTOPE:
+        load_kernel()  # networks are trained without it, too; a polytope is not, and better said before tosses are read
+    config, reading = _configs(arguments)
+    with Progress("reading", "tosses") as bar:
+        read = read_tosses(arguments.inputs, reading, advance=bar.advance)
+    tosses = learning_tosses(read, config.division)
+    warn(tosses.warnings)
+    running = _begun_or_resumed(arguments, config, tosses)
+    metrics_path = arguments.metrics or arguments.out.with_suffix(".jsonl")
+    write_atomically(
+        arguments.out, running.checkpoint()
+    )  # so that a place that cannot be written is known before hours of work
+    with TrainingMetrics(metrics_path, running.curated, _start_line(arguments, config, tosses, running)) as metrics:
+        _train(running, arguments, metrics)
+    if running.running:
+        _say_how_to_resume(arguments, running)
+        raise KeyboardInterrupt
+    running.check(arguments.out)
+    report = TrainReport(
+        run=running,
+        tosses=tosses,
+        seconds=time.monotonic() - began,
+        checkpoint=arguments.out,
+        metrics=metrics_path,
+        next_command=_next_command(arguments),
+    )
+    if arguments.json:
+        print_json(json_report(report))
+    else:
+        print_report(report)
+    return 0
+
+
+def _configs(arguments: argparse.Namespace) -> "tuple[TrainConfig, ReadingConfig]":
+    """What decides the training, and how its tosses are read.
+
+    Raises:
+        ContactCurationError: a file that an option names cannot be used, or a value is not accepted.
+    """
+    from contact_curation.learning.training.reranking import CanaryConfig
+    from contact_curation.pipeline.training import PROTOCOLS as PROTOCOL_OF
+    from contact_curation.pipeline.training import TrainConfig, start_of
+
+    kind, body = ModelKind(arguments.model), chosen_body(arguments)
+    _check_exact(arguments)
+    ranking = RankingConfig(top=arguments.top or 1, seed=arguments.seed, certificate_steps=0)
+    ranking = with_options(ranking, arguments, *CHOICES)
+    defaults = {"training": PROTOCOL_OF[arguments.protocol](kind), "ranking": ranking, "canary": CanaryConfig()}
+    stages = stages_of(arguments, defaults)
+    protocol: TrainingConfig = stages["training"]
+    protocol = protocol if arguments.steps is None else replace(protocol, steps=arguments.steps)
+    reading = ReadingConfig(body, inputs_of(stages, gated=not arguments.no_gate))
+    division = DivisionConfig(
+        rule=HeldOutRule(share=DEFAULT_SHARE) if arguments.held_out is None else held_out_rule(arguments.held_out),
+        said=arguments.held_out is not None,
+        manifest=arguments.manifest,
+        selected=selected_ids(arguments.manifest) if arguments.manifest else None,
+        with_twins=arguments.keep_twins,
+    )
+    config = TrainConfig(
+        kind=kind,
+        body=body,
+        protocol=protocol,
+        division=division,
+        selection=_selection(arguments, stages["ranking"], stages["canary"]),
+        scoring=with_options(ScoringConfig(loss=protocol.loss), arguments, "estimator"),
+        start=start_of(arguments.params, kind, body),
+        seed=arguments.seed,
+        rig=reading.inputs.rig,
+    )
+    return config, reading
+
+
+def _check_exact(arguments: argparse.Namespace) -> None:
+    """Raises InvalidValueError where an option is of no use to an exact training."""
+    if arguments.protocol != "exact":
+        return
+    useless = {
+        "--steps": (arguments.steps is not None, "which takes none"),
+        "--rerank-every": (arguments.rerank_every is not None, "which selects again at each optimum"),
+        "--canary": (arguments.canary, "which selects again at each optimum"),
+    }
+    for name, (given, why) in useless.items():
+        if given:
+            raise InvalidValueError(name, f"--protocol exact, {why}", "--protocol budgeted or published")
+
+
+def _selection(arguments: argparse.Namespace, ranking: RankingConfig, canary: "CanaryConfig") -> "RerankingConfig | None":
+    from contact_curation.learning.training.reranking import RerankingConfig
+
+    if arguments.top is None:
+        given = next((name for name in ONLY_WITH_TOP if getattr(arguments, name)), None)
+        if given:
+            raise InvalidValueError(f"--{given.replace('_', '-')}", "no --top", "--top K, which it belongs to")
+        return None
+    return RerankingConfig(ranking, arguments.rerank_every, canary if arguments.canary else None)
+
+
+def _check_out(arguments: argparse.Namespace) -> None:
+    if arguments.out.exists() and not (arguments.resume or arguments.overwrite):
+        raise InvalidValueError(
+            "--out", f"a file at {arguments.out}", "--resume to go on with it, or --overwrite to begin anew"
+        )
+    check_outputs(out=arguments.out, metrics=arguments.metrics)
+
+
+def _begun_or_resumed(arguments: argparse.Namespace, config: "TrainConfig", tosses: LearningTosses) -> "TrainingRun":
+    from contact_curation.pipeline.training import TrainingRun
+
+    if arguments.resume and arguments.out.exists():
+        resumed = TrainingRun.resumed(config, tosses, _content(arguments.out), arguments.out)
+        _say(f"going on after {resumed.progress.gradient_steps} gradient steps of {arguments.out}")
+        return resumed
+    if arguments.resume:
+        _say(f"found no {arguments.out} to go on with: beginning anew")
+    return TrainingRun.begun(config, tosses)
+
+
+def _train(running: "TrainingRun", arguments: argparse.Namespace, metrics: "TrainingMetrics") -> None:
+    """Trains to the end, or until it is stopped."""
+    next_write = time.monotonic() + arguments.checkpoint_every
+    steps, done = running.plan.protocol.steps, running.progress.gradient_steps
+    with StopSignals() as stop, Progress("training", "steps", steps, done) as bar:
+        while running.running and not stop.wanted:
+            note = running.advance()
+            metrics.follow()
+            bar.advance(1, note)
+            if time.monotonic() >= next_write:
+                write_atomically(arguments.out, running.checkpoint())
+                next_write = time.monotonic() + arguments.checkpoint_every
+        write_atomically(arguments.out, running.checkpoint())
+        if not running.running:
+            metrics.end(running.progress)
+
+
+def _start_line(
+    arguments: argparse.Namespace, config: "TrainConfig", tosses: LearningTosses, running: "TrainingRun"
+) -> dict[str, Any]:
+    return {
+        "gradient_steps": 0,
+        "model": config.kind.value,
+        "protocol": arguments.protocol,
+        "seed": config.seed,
+        "tosses": len(tosses.training),
+        "held_out": len(tosses.held_out),
+        "twins_left_out": len(tosses.twins),
+        "held_out_loss": running.loss_before,
+        "package_version": __version__,
+    }
+
+
+def _say_how_to_resume(arguments: argparse.Namespace, running: "TrainingRun") -> None:
+    words = [word for word in arguments.command if word not in ("--overwrite", "--resume")]
+    _say(f"stopped after {running.progress.gradient_steps} gradient steps; {arguments.out} holds them; to go on:")
+    _say(f"  {shlex.join([*words, '--resume'])}")
+
+
+def _next_command(arguments: argparse.Namespace) -> str:
+    words = ["contact-curation", "evaluate", str(arguments.out), *map(str, arguments.inputs), *reading_words(arguments)]
+    return shlex.join([*words, *(["--no-gate"] if arguments.no_gate else [])])
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise UnreadableInputError(path, f"cannot be read: {error.strerror}") from error

@@ -9,12 +9,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TextIO
 
-from contact_curation.cli.report import json_line
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.checkpoints.selection_document import document_of
 from contact_curation.learning.training.curated import CuratedTraining
 from contact_curation.learning.training.progress import Evaluated, Progress
 from contact_curation.learning.training.reranking import Selected
+from contact_curation.pipeline.wording import json_line
 
 
 class TrainingMetrics:

@@ -4,13 +4,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from contact_curation.cli.report import counted_tosses
 from contact_curation.learning.checkpoints.selection_document import document_of
-from contact_curation.learning.training.curated import CuratedTraining
-from contact_curation.learning.training.plan import TrainingPlan
-from contact_curation.learning.training.progress import Progress
 from contact_curation.learning.training.reranking import Selected, Trigger
-from contact_curation.pipeline.training_tosses import LearningTosses
+from contact_curation.pipeline.division import LearningTosses
+from contact_curation.pipeline.training import TrainingRun
+from contact_curation.pipeline.wording import counted_tosses
 
 LISTED = 5
 """Selections that are told one by one."""
@@ -21,51 +19,37 @@ class TrainReport:
     """A training that came to its end.
 
     Attributes:
-        plan: what it was.
-        curated: how it ended.
+        run: what it was, and how it ended.
         tosses: what it learned from.
-        loss_before: held-out loss before the first step; NaN if nothing is held out.
         seconds: of this run [s].
         checkpoint: its file.
         metrics: their file.
         next_command: what one does next.
     """
 
-    plan: TrainingPlan
-    curated: CuratedTraining
+    run: TrainingRun
     tosses: LearningTosses
-    loss_before: float
     seconds: float
     checkpoint: Path
     metrics: Path
     next_command: str
 
-    @property
-    def progress(self) -> Progress:
-        return self.curated.training.progress
-
-    @property
-    def loss_after(self) -> float:
-        """Held-out loss of the result: the best one where the protocol stops early, else the last."""
-        progress = self.progress
-        return progress.held_out_loss if self.plan.protocol.patience is None else progress.best_held_out_loss
-
 
 def json_report(report: TrainReport) -> dict[str, Any]:
     """Everything, as one object."""
-    data = report.curated.training.data
+    data = report.run.curated.training.data
     return {
-        "model": report.plan.kind.value,
-        "seed": report.plan.seed,
-        **asdict(report.progress),
-        "held_out_loss_before": report.loss_before,
-        "held_out_loss_after": report.loss_after,
+        "model": report.run.plan.kind.value,
+        "seed": report.run.plan.seed,
+        **asdict(report.run.progress),
+        "held_out_loss_before": report.run.loss_before,
+        "held_out_loss_after": report.run.loss_after,
         "training_tosses": list(data.toss_ids),
         "training_transitions": len(data.dt),
-        "held_out_tosses": [toss.toss_id for toss in report.plan.held_out],
+        "held_out_tosses": [toss.toss_id for toss in report.run.plan.held_out],
         "twins": [list(twin) for twin in report.tosses.twins],
-        "kept_back": dict(report.tosses.kept_back),
-        "selections": [document_of(one) for one in report.curated.selections],
+        "rejected": dict(report.tosses.rejected),
+        "selections": [document_of(one) for one in report.run.curated.selections],
         "seconds": report.seconds,
         "checkpoint": str(report.checkpoint),
         "metrics": str(report.metrics),
@@ -76,29 +60,29 @@ def json_report(report: TrainReport) -> dict[str, Any]:
 
 def print_report(report: TrainReport) -> None:
     """For people."""
-    data, progress = report.curated.training.data, report.progress
-    out_of = f" of {len(report.plan.tosses)}" if report.plan.selection else ""
+    data, progress = report.run.curated.training.data, report.run.progress
+    out_of = f" of {len(report.run.plan.tosses)}" if report.run.plan.selection else ""
     tosses = f"{len(data.toss_ids)}{out_of} tosses" if out_of else counted_tosses(len(data.toss_ids))
-    print(f"{report.plan.kind.value} trained on {tosses}, {len(data.dt)} transitions")
+    print(f"{report.run.plan.kind.value} trained on {tosses}, {len(data.dt)} transitions")
     _print_left_out(report)
     print(f"{report.seconds:.1f} s: {progress.reason}")
-    if report.plan.held_out:
-        held_out = counted_tosses(len(report.plan.held_out))
-        print(f"held-out loss {report.loss_before:.4g} before, {report.loss_after:.4g} after, on {held_out}")
+    if report.run.plan.held_out:
+        held_out = counted_tosses(len(report.run.plan.held_out))
+        print(f"held-out loss {report.run.loss_before:.4g} before, {report.run.loss_after:.4g} after, on {held_out}")
     else:
         print("nothing is held out, so nothing is known of tosses that it has not seen")
     print(f"training loss {progress.training_loss:.4g}")
     if progress.not_solved:
         print(f"not solved, and left out of the steps: {progress.not_solved} transitions, each time counted")
-    _print_selections(report.curated.selections)
+    _print_selections(report.run.curated.selections)
     print(f"checkpoint: {report.checkpoint}")
     print(f"metrics: {report.metrics}")
     print(f"next: {report.next_command}")
 
 
 def _print_left_out(report: TrainReport) -> None:
-    for name, count in report.tosses.kept_back.most_common():
-        print(f"kept back: {count} ({name})")
+    for name, count in report.tosses.rejected.most_common():
+        print(f"rejected: {count} ({name})")
     twins = report.tosses.twins
     if twins:
         example = f"{twins[0].left_out} as {twins[0].held_out}"
@@ -109,7 +93,7 @@ def _print_selections(selections: tuple[Selected, ...]) -> None:
     for one in selections[:LISTED]:
         print(_selection_line(one))
     if len(selections) > LISTED:
-        print(f"and {len(selections) - LISTED} more; the metrics tell them all")
+        print(f"and {len(selections) - LISTED} more; the metrics list them all")
 
 
 def _selection_line(one: Selected) -> str:
@@ -118,4 +102,4 @@ def _selection_line(one: Selected) -> str:
         return f"{kept} before the first step"
     why = {Trigger.EPOCHS: "after so many epochs", Trigger.OPTIMUM: "at the optimum"}.get(one.trigger, "since canaries moved")
     moved = f"Spearman {one.spearman:.2f}, overlap {100.0 * one.overlap:.0f} %"
-    return f"{kept} again after step {one.gradient_steps}, {why} ({moved}); {100.0 * one.retained:.0f} % were kept before"
+    return f"{kept} again after step {one.gradient_steps}, {why} ({moved}); {100.0 * one.retained:.0f} % were selected before"

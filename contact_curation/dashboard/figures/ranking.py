@@ -13,9 +13,11 @@ import numpy as np
 
 from contact_curation.dashboard.style import BLUE, INK, PALE, VERMILION, save_figure
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.ranker import criterion_named
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SELECTED, OTHER, WARNING, LINE = BLUE.web, PALE.web, VERMILION.web, INK.web
 WIDTH, HEIGHT, DOTS = 16.0, 10.0, 100
@@ -28,17 +30,6 @@ LABEL_WIDTH = 20
 
 LARGEST_LINEAR_RATIO = 50.0
 """Scores that differ by more are drawn on a logarithmic axis."""
-
-UNITS = {
-    "log-det": "log-det gain of the toss alone [nats]",
-    "representative": "fall of the expected error by the toss alone [variance of the scores]",
-    "trace": "trace of the toss's Fisher matrix [characteristic units]",
-    "leverage": "leverage of the toss [parameters]",
-    "min-eig": "score of the toss alone",
-    "orthogonal": "length of the toss's score [characteristic units]",
-    "longest": "duration of the toss [s]",
-    "random": "random number",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +65,11 @@ def save_ranking_figure(picture: RankingPicture, path: Path) -> None:
     Raises:
         InvalidValueError: `path` cannot be written.
     """
+    save_figure(ranking_figure(picture), path)
+
+
+def ranking_figure(picture: RankingPicture) -> "Figure":
+    """The picture as a matplotlib figure, for notebooks."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -94,7 +90,7 @@ def save_ranking_figure(picture: RankingPicture, path: Path) -> None:
         _draw_spectrum(spectrum, picture)
         _draw_shares(shares, picture)
         _draw_outcomes(outcomes, picture)
-        save_figure(figure, path)
+    return figure
 
 
 def _row(figure: Any, widths: list[float]) -> "list[Axes]":
@@ -119,7 +115,7 @@ def _draw_scores(axes: "Axes", picture: RankingPicture) -> None:
     edges[0], edges[-1] = low, high
     parts = [scores[: picture.selected], scores[picture.selected :]]
     axes.hist(parts, bins=edges.tolist(), stacked=True, color=[SELECTED, OTHER], label=["selected", "not selected"])
-    axes.set(title="Scores", xlabel=UNITS[picture.criterion], ylabel="tosses")
+    axes.set(title="Scores", xlabel=criterion_named(picture.criterion).axis_label(), ylabel="tosses")
     axes.legend(frameon=False)
 
 
@@ -139,7 +135,7 @@ def _draw_gains(axes: "Axes", picture: RankingPicture) -> None:
     axes.set(
         title="Marginal gains",
         xlabel="place in the selected set",
-        ylabel=_gain_unit(picture.criterion),
+        ylabel=criterion_named(picture.criterion).axis_label("gain"),
         xlim=(0.3, selected.size + 0.7),
     )
     if selected.min() > 0.0 and selected.max() > LARGEST_LINEAR_RATIO * selected.min():
@@ -148,10 +144,6 @@ def _draw_gains(axes: "Axes", picture: RankingPicture) -> None:
         axes.set_ylim(top=1.18 * max(float(picture.gains.max()), 1e-12))
     axes.locator_params(axis="x", integer=True)
     axes.legend(frameon=False, loc="upper right")
-
-
-def _gain_unit(criterion: str) -> str:
-    return "gain [nats]" if criterion in ("log-det", "min-eig") else "gain [unit of the score]"
 
 
 def _draw_outcomes(axes: "Axes", picture: RankingPicture) -> None:

@@ -13,7 +13,7 @@ from contact_curation.dashboard.live.screen import Moment, Screen
 from contact_curation.dashboard.toss_motion import ShownTheta, motion_of
 from contact_curation.dashboard.vertex_uncertainty import uncertainty_if_known
 from contact_curation.information.pool import Pool
-from contact_curation.information.pool_subspace import pool_subspace
+from contact_curation.information.subspace import pool_subspace
 from contact_curation.motion.toss import Toss
 
 

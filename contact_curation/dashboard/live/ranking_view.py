@@ -55,7 +55,7 @@ class RankingView:
 def ranking_page(selected: SelectedSet, evidence: Evidence) -> str:
     """The ranking as a page."""
     proven = f", at least {100.0 * selected.bound:.0f} % of the best set's D-efficiency" if selected.bound > 0.0 else ""
-    off, by_chance = number(evidence.answer.off), number(evidence.answer.by_chance)
+    off, by_chance = number(evidence.shift.distance), number(evidence.shift.at_random)
     chosen = f"**{len(selected.toss_ids)} of {selected.seen} tosses selected** by {selected.criterion}{proven}"
     title = f"{chosen}; theta `{selected.version[:12]}`"
     answer = (

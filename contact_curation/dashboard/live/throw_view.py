@@ -23,12 +23,12 @@ class ThrowMade:
     """A throw and what became of it.
 
     Attributes:
-        kind: designed or warm-up.
+        kind: designed or exploration.
         state: commanded, not made, executed or scored.
         commanded: the throw.
-        planned: gain in log-det; 0 in warm-up.
+        planned: gain in log-det; 0 for exploration.
         realised: the same, by its toss; NaN until that was scored.
-        detail: why it is for warm-up, or was not made.
+        detail: why it explores, or was not made.
     """
 
     kind: str

@@ -1,1 +1,11 @@
-"""Selection criteria, a file each, with their bounds."""
+"""The criteria by which tosses are selected: a file each, and a line each here, in the order of `--help`."""
+# ruff: noqa: I001
+
+from contact_curation.information.criteria.trace import TRACE as TRACE
+from contact_curation.information.criteria.log_det import LOG_DET as LOG_DET
+from contact_curation.information.criteria.representative import REPRESENTATIVE as REPRESENTATIVE
+from contact_curation.information.criteria.min_eig import MIN_EIG as MIN_EIG
+from contact_curation.information.criteria.orthogonal import ORTHOGONAL as ORTHOGONAL
+from contact_curation.information.criteria.leverage import LEVERAGE as LEVERAGE
+from contact_curation.information.criteria.longest import LONGEST as LONGEST
+from contact_curation.information.criteria.random import RANDOM as RANDOM

@@ -4,7 +4,7 @@ Of a set S, in coordinates where the pool's mean toss is the identity and in uni
 
     |d_S - d|^2 + c tr A_S^-1,      d_S = A_S^-1 sum_S s,  A_S = A0 + sum_S F,  d likewise over the pool
 
-F Fisher matrices, s scores (see `answer`). The first term is what the pool's loss per toss is above its lowest at what S
+F Fisher matrices, s scores (see `optimum_shift`). The first term is what the pool's loss per toss is above its lowest at what S
 teaches; the second is what it would be in the mean if the scores of S were noise.
 
 One toss more, of factor Z and score s, changes A^-1 by Sherman, Morrison and Woodbury: `joined`. Most tosses need not be looked
@@ -74,10 +74,10 @@ class ExpectedError:
         silent = not known.scores.any()  # then sets differ by what they know alone
         return ExpectedError(pool, coordinates, known, CAUTION if silent else CAUTION * known.scatter)
 
-    def sums(self, kept: Sequence[int]) -> Sums:
+    def sums(self, selected: Sequence[int]) -> Sums:
         """Of a set."""
-        rows = self._rows(kept).reshape(-1, self._size)
-        return _sums_of(self.known.prior * np.eye(self._size) + rows.T @ rows, self.known.scores[list(kept)].sum(axis=0))
+        rows = self._rows(selected).reshape(-1, self._size)
+        return _sums_of(self.known.prior * np.eye(self._size) + rows.T @ rows, self.known.scores[list(selected)].sum(axis=0))
 
     def with_toss(self, sums: Sums, index: int) -> Sums:
         """Of the set and one toss more."""
@@ -86,7 +86,7 @@ class ExpectedError:
 
     def value(self, sums: Sums) -> float:
         """Of the set itself."""
-        off = sums.inverse @ sums.score - self.known.answer
+        off = sums.inverse @ sums.score - self.known.shift
         return float(off @ off + self.doubt * np.trace(sums.inverse))
 
     def joined(self, sums: Sums, indices: Indices) -> Array:
@@ -98,7 +98,7 @@ class ExpectedError:
         np.einsum("brr->br", inner)[...] += 1.0
         along = np.concatenate([gained @ gained.swapaxes(1, 2), rows @ steps[..., None]], axis=2)  # (b, R, R + 1)
         solved = np.linalg.solve(inner, along)
-        off = steps - (solved[:, None, :, -1] @ gained)[:, 0] - self.known.answer
+        off = steps - (solved[:, None, :, -1] @ gained)[:, 0] - self.known.shift
         traces = np.trace(sums.inverse) - np.trace(solved[..., :-1], axis1=1, axis2=2)
         return np.asarray((off * off).sum(axis=1) + self.doubt * traces)
 
@@ -108,7 +108,7 @@ class ExpectedError:
         half, weights = vectors / values, values**-2  # B^-1 = half @ vectors^T; weights descending
         count = min(DIRECTIONS, self._size - 1)
         weak = vectors[:, :count] * np.sqrt(weights[:count] - weights[count])
-        residuals = (sums.score - sums.matrix @ self.known.answer + self._pulls) @ half  # (K, p)
+        residuals = (sums.score - sums.matrix @ self.known.shift + self._pulls) @ half  # (K, p)
         lengths = np.square(residuals).sum(axis=1)  # z.r
         trials = residuals @ half.T  # (K, p) z
         turned, told = trials @ sums.matrix, weights[count] * self._traces
@@ -150,10 +150,10 @@ class ExpectedError:
 
     @cached_property
     def _pulls(self) -> Array:
-        """(K, p) s - F d: by how much each toss asks for something else than the pool's answer."""
-        pulls, answer = self.known.scores.copy(), self.known.answer
+        """(K, p) s - F d: by how much each toss pulls away from the pool's optimum."""
+        pulls, shift = self.known.scores.copy(), self.known.shift
         for span, rows in self._spans():
-            pulls[span] -= ((rows @ answer)[:, None] @ rows)[:, 0]
+            pulls[span] -= ((rows @ shift)[:, None] @ rows)[:, 0]
         return pulls
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Greedy selection by the smallest eigenvalue (E-optimality), on the accumulated set (METHOD 1.6).
+"""min-eig: greedy selection by the smallest eigenvalue (E-optimality), on the accumulated set (METHOD 1.6).
 
 Everything is whitened by the pool's mean toss on the identifiable subspace, A = delta I + sum_S Z^T Z, so the smallest
 eigenvalue says how many average tosses' worth is known about the least known direction. It is not submodular, so an old gain
@@ -9,8 +9,8 @@ bounds nothing. But
 with V the eigenvectors of A's smallest eigenvalues (Rayleigh, Ritz): from the lowest one alone for the whole pool, from
 sixteen for those that are left, and the exact value only for what may still win. The result is that of the full search.
 
-While too few tosses are kept for A to have full rank, its smallest eigenvalue is the prior's whatever is added. Ties in it are
-broken by the log-det gain, then by the id.
+While too few tosses are selected for A to have full rank, its smallest eigenvalue is the prior's whatever is added. Ties in it
+are broken by the log-det gain, then by the id.
 """
 
 from collections.abc import Sequence
@@ -20,9 +20,11 @@ import numpy as np
 
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.accumulated import gains_of_rows
-from contact_curation.information.criteria.ties import ABSOLUTE, RELATIVE, first_of_the_best, tie_floor
+from contact_curation.information.criteria.criterion import Criterion, Need, RankingConfig, register
 from contact_curation.information.pool import CHUNK, Indices, Pool
 from contact_curation.information.ranking import Selection, greedy_selection
+from contact_curation.information.subspace import pool_subspace
+from contact_curation.information.ties import ABSOLUTE, RELATIVE, first_of_the_best, tie_floor
 
 RITZ_DIRECTIONS = 16
 BLOCK = 32
@@ -35,7 +37,7 @@ def select_by_min_eig(pools: Sequence[Pool], coordinates: Sequence[Array], top: 
     Args:
         pools: the same tosses, once per parameter particle; smallest eigenvalues are averaged over them.
         coordinates: per particle (P, p) C in which the pool's mean toss is the identity.
-        top: how many tosses to keep.
+        top: how many tosses to select.
         prior: delta > 0.
     """
     state = _Particles(tuple(_Whitened.of(pool, c, prior * np.eye(c.shape[1])) for pool, c in zip(pools, coordinates)))
@@ -89,13 +91,13 @@ def _rank_warning(state: "_Particles", prior: float) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class _Particles:
-    """The kept set under every particle; each value is the mean over them."""
+    """The selected set under every particle; each value is the mean over them."""
 
     states: tuple["_Whitened", ...]
 
     @property
     def lowest(self) -> float:
-        """Smallest eigenvalue of the kept set."""
+        """Smallest eigenvalue of the selected set."""
         return float(np.mean([state.values[0] for state in self.states]))
 
     @property
@@ -104,7 +106,7 @@ class _Particles:
         return max(ABSOLUTE, *(state.values.size * np.finfo(float).eps * float(state.values[-1]) for state in self.states))
 
     def rank(self, prior: float) -> tuple[int, int]:
-        """Rank of the kept tosses' information, and the number of directions, of the particle that knows least."""
+        """Rank of the selected tosses' information, and the number of directions, of the particle that knows least."""
         counts = [(int(np.count_nonzero(s.values > prior + RELATIVE * prior + self.slack)), s.values.size) for s in self.states]
         return min(counts, key=lambda count: count[0] - count[1])
 
@@ -140,7 +142,7 @@ class _Particles:
 
 @dataclass(frozen=True, eq=False)
 class _Whitened:
-    """The kept set of one particle.
+    """The selected set of one particle.
 
     Attributes:
         pool: its tosses.
@@ -196,3 +198,19 @@ def _smallest(matrices: Array) -> Array:
 
 def _mean(values: Sequence[Array]) -> Array:
     return np.asarray(np.mean(values, axis=0))
+
+
+def _select(pools: Sequence[Pool], config: RankingConfig) -> Selection:
+    coordinates = [pool_subspace(pool, config.cut).per_mean_toss(len(pool)) for pool in pools]
+    return select_by_min_eig(pools, coordinates, config.top, config.prior)
+
+
+MIN_EIG = register(
+    Criterion(
+        "min-eig",
+        "smallest eigenvalue with the toss alone",
+        "mean tosses",
+        _select,
+        needs=frozenset({Need.THETA, Need.SUBSPACE, Need.PRIOR}),
+    )
+)

@@ -1,4 +1,4 @@
-"""Selection of tosses whose scores point in different directions (METHOD 1.8), on toss scores s = sum_t g_t.
+"""orthogonal: tosses whose scores point in different directions (METHOD 1.8), on toss scores s = sum_t g_t.
 
 pivoted: R = S; repeat: pick the longest row of R, take its direction out of all rows. This is QR with column pivoting on S^T,
 greedy volume maximisation. Once every direction is used up it starts again with the original lengths.
@@ -7,13 +7,17 @@ literal: the same with raw |inner products|, as the paper prints it. It prefers 
 here for the record only.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.criteria.ties import first_of_the_best
+from contact_curation.information.criteria.criterion import Criterion, Need, RankingConfig, register
 from contact_curation.information.pool import Indices, Pool
 from contact_curation.information.ranking import Selection, greedy_selection
+from contact_curation.information.subspace import pool_subspace
+from contact_curation.information.ties import first_of_the_best
 
 VARIANTS = ("pivoted", "max-cosine", "literal")
 
@@ -40,7 +44,7 @@ def select_orthogonal(scores: Array, top: int, variant: str = "pivoted") -> Sele
 
     Args:
         scores: (K, P) toss scores, in the order of the ids.
-        top: how many tosses to keep.
+        top: how many tosses to select.
         variant: one of `VARIANTS`.
 
     Raises:
@@ -99,3 +103,32 @@ def _least_aligned(vectors: Array, lengths: Array, worst: Array, count: int) -> 
         left[pick] = False
         worst = np.maximum(worst, np.abs(vectors @ vectors[pick]))
     return np.array(picks), np.array(gains), -worst
+
+
+def _select(pools: Sequence[Pool], config: RankingConfig) -> Selection:
+    return select_orthogonal(_together([_configured_scores(pool, config) for pool in pools]), config.top, config.variant)
+
+
+def _configured_scores(pool: Pool, config: RankingConfig) -> Array:
+    scores = toss_scores(pool, centre=config.centre)
+    return np.asarray(scores @ pool_subspace(pool, config.cut).whitening) if config.whiten else scores
+
+
+def _together(scores: Sequence[Array]) -> Array:
+    """Toss scores (K, sum of P) side by side, each particle's divided by its root mean square length."""
+    if len(scores) == 1:
+        return scores[0]
+    lengths = [float(np.sqrt((each * each).sum(axis=1).mean())) or 1.0 for each in scores]
+    return np.concatenate([each / length for each, length in zip(scores, lengths)], axis=1)
+
+
+ORTHOGONAL = register(
+    Criterion(
+        "orthogonal",
+        "length of the toss's score",
+        "characteristic units",
+        _select,
+        needs=frozenset({Need.THETA, Need.EXACT_SCORES}),
+        choices={"variant": VARIANTS},
+    )
+)

@@ -1,6 +1,6 @@
-"""The kept set whose own answer is the pool's.
+"""representative: the set from which a model learns what it would learn from the whole pool.
 
-Kept is the set of which `expected_error` is small: what the pool's loss is expected to be above its lowest at what the set
+Selected is the set of which `expected_error` is small: what the pool's loss is expected to be above its lowest at what the set
 teaches. Where theta is far off the scores are as good as noise and the set is chosen for what it knows (A-optimality); near the
 optimum they are known, and the set is chosen so that they cancel as the pool's do.
 
@@ -15,20 +15,22 @@ In each step the tosses are looked at from the lowest bound up, until no bound r
 is that of looking at all of them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 
 import numpy as np
 
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.criteria.criterion import Criterion, Explanation, Need, RankingConfig, register
 from contact_curation.information.criteria.expected_error import ExpectedError, Sums
-from contact_curation.information.criteria.ties import ABSOLUTE, first_of_the_best
 from contact_curation.information.pool import CHUNK, Indices, Pool
 from contact_curation.information.ranking import Selection, greedy_selection
+from contact_curation.information.subspace import pool_subspace
+from contact_curation.information.ties import ABSOLUTE, first_of_the_best
 
 EXCHANGES = 2
-"""Rounds over the kept tosses, each of which may give way to a better one."""
+"""Rounds over the selected tosses, each of which may give way to a better one."""
 
 FIRST_BLOCK = 32
 """Tosses looked at closely at first in a step; twice as many at each further try."""
@@ -38,13 +40,13 @@ SLACK = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
-    """How a kept set stands; errors as in `expected_error`, averaged over the particles.
+class SwapCosts:
+    """What a selected set costs with a toss more or less; errors as in `expected_error`, averaged over the particles.
 
     Attributes:
         error: of the set.
         without: (k,) of the set without each of its tosses.
-        joined: (K,) of the set with each toss of the pool added; of the kept ones the set's.
+        joined: (K,) of the set with each toss of the pool added; of the selected ones the set's.
     """
 
     error: float
@@ -58,7 +60,7 @@ def select_representative(pools: Sequence[Pool], coordinates: Sequence[Array], t
     Args:
         pools: the same tosses, once per parameter particle; errors are averaged over them.
         coordinates: per particle (P, p) in which the pool's mean toss is the identity.
-        top: how many tosses to keep.
+        top: how many tosses to select.
         prior: delta > 0: A0 is this share of the mean toss.
     """
     errors = _Errors.of(pools, coordinates, prior)
@@ -70,14 +72,14 @@ def select_representative(pools: Sequence[Pool], coordinates: Sequence[Array], t
     return greedy_selection(np.array(picks), -np.diff(values), singles, final)
 
 
-def standing_of(pools: Sequence[Pool], coordinates: Sequence[Array], kept: Sequence[int], prior: float) -> Standing:
-    """How k >= 1 tosses of a pool stand; the other arguments as in `select_representative`."""
+def swap_costs(pools: Sequence[Pool], coordinates: Sequence[Array], selected: Sequence[int], prior: float) -> SwapCosts:
+    """Of k >= 1 tosses of a pool; the other arguments as in `select_representative`."""
     errors = _Errors.of(pools, coordinates, prior)
-    sums = errors.sums(kept)
+    sums = errors.sums(selected)
     error, joined = errors.value(sums), errors.all_joined(sums)
-    joined[list(kept)] = error
-    without = [errors.value(errors.sums([*kept[:place], *kept[place + 1 :]])) for place in range(len(kept))]
-    return Standing(error, np.array(without), joined)
+    joined[list(selected)] = error
+    without = [errors.value(errors.sums([*selected[:place], *selected[place + 1 :]])) for place in range(len(selected))]
+    return SwapCosts(error, np.array(without), joined)
 
 
 def _greedy(errors: "_Errors", count: int) -> list[int]:
@@ -92,22 +94,22 @@ def _greedy(errors: "_Errors", count: int) -> list[int]:
 
 def _exchanged(errors: "_Errors", picks: list[int]) -> list[int]:
     """The set after exchanges of one toss for another; a round in which none helped is the last."""
-    kept, unmoved = list(picks), 0
-    if len(kept) == errors.tosses:
-        return kept
-    for place in (*range(len(kept)),) * EXCHANGES:
-        others = kept[:place] + kept[place + 1 :]
+    selected, unmoved = list(picks), 0
+    if len(selected) == errors.tosses:
+        return selected
+    for place in (*range(len(selected)),) * EXCHANGES:
+        others = selected[:place] + selected[place + 1 :]
         best = errors.best(errors.sums(others), others)
-        unmoved = unmoved + 1 if best == kept[place] else 0
-        kept[place] = best
-        if unmoved == len(kept):
+        unmoved = unmoved + 1 if best == selected[place] else 0
+        selected[place] = best
+        if unmoved == len(selected):
             break
-    return kept
+    return selected
 
 
-def _in_order(errors: "_Errors", kept: Sequence[int]) -> list[int]:
+def _in_order(errors: "_Errors", selected: Sequence[int]) -> list[int]:
     """The same tosses, each the best of those left beside those before; ties go to the smaller id."""
-    left, picks, sums = sorted(kept), list[int](), errors.sums([])
+    left, picks, sums = sorted(selected), list[int](), errors.sums([])
     while left:
         picks.append(left.pop(first_of_the_best(-errors.joined(sums, np.array(left)))))
         sums = errors.with_toss(sums, picks[-1])
@@ -129,8 +131,8 @@ class _Errors:
         """K."""
         return len(self.particles[0].pool)
 
-    def sums(self, kept: Sequence[int]) -> tuple[Sums, ...]:
-        return tuple(particle.sums(kept) for particle in self.particles)
+    def sums(self, selected: Sequence[int]) -> tuple[Sums, ...]:
+        return tuple(particle.sums(selected) for particle in self.particles)
 
     def with_toss(self, sums: Sequence[Sums], index: int) -> tuple[Sums, ...]:
         return tuple(particle.with_toss(one, index) for particle, one in zip(self.particles, sums, strict=True))
@@ -145,12 +147,12 @@ class _Errors:
         """(K,) with each toss added."""
         return np.concatenate([self.joined(sums, chunk) for chunk in self.particles[0].pool.chunks()])
 
-    def best(self, sums: Sequence[Sums], kept: Sequence[int]) -> int:
-        """The toss that is best added to the kept ones; ties go to the smaller id."""
+    def best(self, sums: Sequence[Sums], selected: Sequence[int]) -> int:
+        """The toss that is best added to the selected ones; ties go to the smaller id."""
         bounds = _mean([particle.bounds(one) for particle, one in zip(self.particles, sums, strict=True)])
-        bounds[list(kept)] = np.inf
+        bounds[list(selected)] = np.inf
         values = np.full(self.tosses, np.inf)
-        left, block = np.argsort(bounds, kind="stable")[: self.tosses - len(kept)], FIRST_BLOCK
+        left, block = np.argsort(bounds, kind="stable")[: self.tosses - len(selected)], FIRST_BLOCK
         while left.size and bounds[left[0]] <= float(values.min()) * (1.0 + SLACK) + ABSOLUTE:
             values[left[:block]] = self.joined(sums, left[:block])
             left, block = left[block:], min(2 * block, CHUNK)
@@ -159,3 +161,35 @@ class _Errors:
 
 def _mean(values: Sequence[Array]) -> Array:
     return np.asarray(np.mean(values, axis=0))
+
+
+def _select(pools: Sequence[Pool], config: RankingConfig) -> Selection:
+    coordinates = [pool_subspace(pool, config.cut).per_mean_toss(len(pool)) for pool in pools]
+    return select_representative(pools, coordinates, config.top, config.prior)
+
+
+def _explain(pool: Pool, selected: Mapping[str, float], config: RankingConfig) -> Explanation:
+    """What becomes of the expected error without a selected toss, and with another one more."""
+    coordinates = pool_subspace(pool, config.cut).per_mean_toss(len(pool))
+    costs = swap_costs([pool], [coordinates], pool.indices_of(selected).tolist(), config.prior)
+    before = costs.error or 1.0  # 0 of a pool whose information is zero, with or without a toss
+    joined = dict(zip(pool.ids, costs.joined.tolist(), strict=True))
+    reasons = {
+        one: f"not selected: one more, with it the expected error is {error / before:.4g} times as large"
+        for one, error in joined.items()
+    }
+    for one, error in zip(selected, costs.without.tolist(), strict=True):
+        reasons[one] = f"selected: without it the expected error is {error / before:.4g} times as large"
+    return Explanation({one: costs.error - error for one, error in joined.items()}, reasons)
+
+
+REPRESENTATIVE = register(
+    Criterion(
+        "representative",
+        "fall of the expected error by the toss alone",
+        "variance of the scores",
+        _select,
+        needs=frozenset({Need.THETA, Need.SUBSPACE, Need.PRIOR}),
+        explain=_explain,
+    )
+)

@@ -17,7 +17,7 @@ from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import ParameterForm, parameter_form
 from contact_curation.contact.torch_contacts import Frames, Theta, contacts_of
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.recentring import sheared
+from contact_curation.information.pool import sheared
 from contact_curation.information.record import ParameterBlock
 
 

@@ -17,19 +17,15 @@ import numpy as np
 
 from contact_curation.contact.models.model import Model
 from contact_curation.errors import InvalidValueError
-from contact_curation.information.comparison import spearman, top_overlap
 from contact_curation.information.pool import pool_of
-from contact_curation.information.ranker import RankingConfig, rank_particles
-from contact_curation.information.ranking import RankedToss, Ranking
+from contact_curation.information.ranker import RankingConfig, moved_by_theta, rank_particles
+from contact_curation.information.ranking import RankedToss, Ranking, spearman, top_overlap
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import NotScored
 from contact_curation.motion.toss import Toss
 
 type TossScorer = Callable[[Model, Sequence[Toss]], Sequence[TossInformation | NotScored]]
 """What each toss teaches about a model as it is now, in the order given."""
-
-THETA_FREE = ("longest", "random")
-"""Criteria that no theta moves."""
 
 EXACT_SELECTIONS = 3
 """Of a training to the optimum: at the initial parameters, then at those that the last set taught."""
@@ -150,7 +146,7 @@ class Reranking:
         canaries = self._canary_ranking([info for info in infos if info.toss_id in canary_ids])
         moved = self._moved(canaries)
         before = self.selected.kept if self.selected else ()
-        kept = ranking.kept_ids
+        kept = ranking.selected_ids
         retained = len(set(kept) & set(before)) / len(kept) if before else np.nan
         self.selected = Selected(
             gradient_steps, epochs, trigger, kept, canaries, moved[0], moved[1], retained, tuple(not_scored)
@@ -180,7 +176,7 @@ class Reranking:
             InvalidValueError: as in `select`.
         """
         known = self.selected is not None and gradient_steps == self.selected.gradient_steps
-        if known or self._config.ranking.criterion in THETA_FREE:
+        if known or not moved_by_theta(self._config.ranking.criterion):
             return None
         return self.select(model, gradient_steps, epochs, Trigger.OPTIMUM)
 
@@ -188,7 +184,7 @@ class Reranking:
         last, canary = self.selected, self._config.canary
         if last is None:
             raise InvalidValueError("selection", "none", "a first one before another is considered")
-        if self._config.ranking.criterion in THETA_FREE or gradient_steps == last.gradient_steps:
+        if not moved_by_theta(self._config.ranking.criterion) or gradient_steps == last.gradient_steps:
             return None
         if self._config.epochs is not None and epochs - last.epochs >= self._config.epochs:
             return Trigger.EPOCHS

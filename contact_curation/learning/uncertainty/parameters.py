@@ -34,8 +34,7 @@ from contact_curation.contact.models.polytope import INITIAL_NOISE, PolytopeMode
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.covariance import model_covariance, sandwich_covariance
-from contact_curation.information.subspace import identifiable_subspace
+from contact_curation.information.subspace import identifiable_subspace, model_covariance, sandwich_covariance
 from contact_curation.learning.fits.polytope_sums import PolytopeSums, polytope_sums
 from contact_curation.motion.transitions import Transitions
 

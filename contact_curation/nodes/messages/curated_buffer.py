@@ -7,10 +7,11 @@ from contact_curation.stages.curation import Buffer
 
 
 def buffer_message(buffer: Buffer) -> CuratedBuffer:
-    """The kept set as it is published, best first."""
+    """The selected set as it is published, best first."""
     curation, sample = buffer.curation, buffer.candidates[0]
-    kept = [entry for entry in curation.ranking.entries if entry.kept]
+    kept = [entry for entry in curation.ranking.entries if entry.selected]
     return CuratedBuffer(
+        format_version=CuratedBuffer.FORMAT_VERSION,
         header=header_message(Stamped(buffer.newest_stamp_ns, buffer.frame_id)),
         body=sample.body,
         revision=buffer.revision,

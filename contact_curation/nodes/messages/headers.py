@@ -5,8 +5,23 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
+from contact_curation.errors import InvalidValueError
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.stages.records import Stamped as Stamped
+
+
+def check_format(message: Any) -> None:
+    """Refuses a message of a format that is newer than the installed interface package.
+
+    Raises:
+        InvalidValueError: its `format_version` is above `FORMAT_VERSION`.
+    """
+    newest = type(message).FORMAT_VERSION
+    if message.format_version > newest:
+        name = type(message).__name__
+        raise InvalidValueError(
+            f"format of {name}", f"version {message.format_version}", f"at most {newest}: update contact_curation"
+        )
 
 
 def time_message(stamp_ns: int) -> Time:

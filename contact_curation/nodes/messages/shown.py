@@ -15,6 +15,7 @@ from contact_curation.dashboard.live.throw_view import ThrowMade
 from contact_curation.dashboard.toss_motion import ShownTheta
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.checkpoints.theta_bytes import geometry_of_bytes
+from contact_curation.nodes.messages.headers import check_format
 from contact_curation.nodes.messages.throw import throw_of
 from contact_curation.stages.scored_theta import read_scored_theta
 
@@ -35,8 +36,9 @@ def theta_of(message: Any, body: Body) -> ShownTheta:
     """The theta that a ModelParameters carries.
 
     Raises:
-        InvalidValueError, UnreadableInputError: it is for another body, or bytes that are no theta.
+        InvalidValueError, UnreadableInputError: a newer format, it is for another body, or bytes that are no theta.
     """
+    check_format(message)
     if message.body != body.name:
         raise InvalidValueError("body of the parameters", message.body, body.name)
     return _shown(message.version, message.model, bytes(message.safetensors), body)
@@ -55,7 +57,12 @@ def _shown(version: str, model: str, data: bytes, body: Body) -> ShownTheta:
 
 
 def kept_set_of(message: Any) -> SelectedSet:
-    """The kept set that a CuratedBuffer carries."""
+    """The selected set that a CuratedBuffer carries.
+
+    Raises:
+        InvalidValueError: a newer format.
+    """
+    check_format(message)
     return SelectedSet(
         criterion=message.criterion,
         capacity=message.capacity,
@@ -68,7 +75,12 @@ def kept_set_of(message: Any) -> SelectedSet:
 
 
 def training_of(message: Any) -> TrainingMoment:
-    """Where a TrainingStatus says that training stands."""
+    """Where a TrainingStatus says that training stands.
+
+    Raises:
+        InvalidValueError: a newer format.
+    """
+    check_format(message)
     return TrainingMoment(
         state=message.state,
         gradient_steps=message.gradient_steps,
@@ -83,8 +95,9 @@ def throw_made_of(message: Any) -> ThrowMade:
     """What a ThrowReport says.
 
     Raises:
-        InvalidValueError: its throw is none.
+        InvalidValueError: a newer format, or its throw is none.
     """
+    check_format(message)
     return ThrowMade(
         kind=message.kind,
         state=message.state,

@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 from contact_curation_msgs.msg import Throw as ThrowMessage
-from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
+from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 
 from contact_curation.design.throw import Throw
-from contact_curation.nodes.messages.headers import Stamped, header_message
+from contact_curation.nodes.messages.headers import Stamped, check_format, header_message
 
 
 def throw_message(throw: Throw, stamped: Stamped) -> ThrowMessage:
@@ -23,11 +23,13 @@ def throw_message(throw: Throw, stamped: Stamped) -> ThrowMessage:
         Vector3(x=vx, y=vy, z=vz) for vx, vy, vz in (throw.linear_velocity.tolist(), throw.angular_velocity.tolist())
     )
     return ThrowMessage(
+        format_version=ThrowMessage.FORMAT_VERSION,
         header=header_message(stamped),
         throw_id=throw.throw_id,
         body=throw.body,
         release_pose=Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(w=w, x=qx, y=qy, z=qz)),
-        release_twist=Twist(linear=linear, angular=angular),
+        release_linear_velocity=linear,
+        release_body_angular_velocity=angular,
         expected_information=throw.expected_information,
         parameters_version=throw.parameters_version,
     )
@@ -37,10 +39,11 @@ def throw_of(message: Any) -> Throw:
     """The record that a message carries, bit for bit.
 
     Raises:
-        InvalidValueError: it is no throw.
+        InvalidValueError: a newer format, or it is no throw.
     """
+    check_format(message)
     place, turn = message.release_pose.position, message.release_pose.orientation
-    linear, angular = message.release_twist.linear, message.release_twist.angular
+    linear, angular = message.release_linear_velocity, message.release_body_angular_velocity
     return Throw(
         throw_id=message.throw_id,
         body=message.body,

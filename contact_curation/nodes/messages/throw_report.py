@@ -6,9 +6,9 @@ from typing import Any
 from contact_curation_msgs.msg import Throw as ThrowMessage
 from contact_curation_msgs.msg import ThrowReport as ThrowReportMessage
 
-from contact_curation.design.throw_report import ThrowKind, ThrowReport, ThrowState
+from contact_curation.design.throw import ThrowKind, ThrowReport, ThrowState
 from contact_curation.errors import InvalidValueError
-from contact_curation.nodes.messages.headers import Stamped, header_message, nanoseconds_of
+from contact_curation.nodes.messages.headers import Stamped, check_format, header_message, nanoseconds_of
 from contact_curation.nodes.messages.throw import throw_message, throw_of
 
 
@@ -16,6 +16,7 @@ def report_message(report: ThrowReport, board_frame: str) -> ThrowReportMessage:
     """What is known of a throw; the header's stamp is that of the release, 0 before it."""
     released = Stamped(report.released_ns, board_frame)
     return ThrowReportMessage(
+        format_version=ThrowReportMessage.FORMAT_VERSION,
         header=header_message(released),
         kind=report.kind.value,
         state=report.state.value,
@@ -32,8 +33,9 @@ def report_of(message: Any) -> ThrowReport:
     """The record that a message carries, bit for bit.
 
     Raises:
-        InvalidValueError: it is none.
+        InvalidValueError: a newer format, or it is none.
     """
+    check_format(message)
     return ThrowReport(
         kind=_one_of(ThrowKind, "kind", message.kind),
         state=_one_of(ThrowState, "state", message.state),

@@ -5,10 +5,11 @@ from typing import Any
 import numpy as np
 from contact_curation_msgs.msg import Toss as TossMessage
 from contact_curation_msgs.msg import TossRejected
-from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
+from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 
+from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.toss import Rejected, Toss
-from contact_curation.nodes.messages.headers import Stamped, header_message, nanoseconds_of, time_message
+from contact_curation.nodes.messages.headers import Stamped, check_format, header_message, nanoseconds_of, time_message
 
 
 def toss_message(toss: Toss, sequence: int, board_frame: str) -> TossMessage:
@@ -20,8 +21,8 @@ def toss_message(toss: Toss, sequence: int, board_frame: str) -> TossMessage:
         board_frame: frame that its poses are given in.
     """
     poses = zip(toss.positions.tolist(), toss.orientations_wxyz.tolist())
-    twists = zip(toss.linear_velocities.tolist(), toss.angular_velocities.tolist())
     return TossMessage(
+        format_version=TossMessage.FORMAT_VERSION,
         header=header_message(Stamped(int(toss.stamps_ns[0]), board_frame)),
         toss_id=toss.toss_id,
         body=toss.body,
@@ -33,7 +34,8 @@ def toss_message(toss: Toss, sequence: int, board_frame: str) -> TossMessage:
             Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
             for (x, y, z), (qw, qx, qy, qz) in poses
         ],
-        twists=[Twist(linear=_vector(linear), angular=_vector(angular)) for linear, angular in twists],
+        linear_velocities=_vectors(toss.linear_velocities),
+        body_angular_velocities=_vectors(toss.angular_velocities),
     )
 
 
@@ -41,8 +43,9 @@ def toss_of(message: Any) -> Toss:
     """The record that a message carries, bit for bit.
 
     Raises:
-        InvalidValueError: arrays of different lengths, or numbers that no toss has.
+        InvalidValueError: a newer format, arrays of different lengths, or numbers that no toss has.
     """
+    check_format(message)
     orientations = [[p.orientation.w, p.orientation.x, p.orientation.y, p.orientation.z] for p in message.poses]
     return Toss(
         toss_id=message.toss_id,
@@ -52,15 +55,16 @@ def toss_of(message: Any) -> Toss:
         stamps_ns=np.array([nanoseconds_of(stamp) for stamp in message.stamps], dtype=np.int64),
         positions=_rows([[p.position.x, p.position.y, p.position.z] for p in message.poses], 3),
         orientations_wxyz=_rows(orientations, 4),
-        linear_velocities=_rows([[t.linear.x, t.linear.y, t.linear.z] for t in message.twists], 3),
-        angular_velocities=_rows([[t.angular.x, t.angular.y, t.angular.z] for t in message.twists], 3),
+        linear_velocities=_rows([[v.x, v.y, v.z] for v in message.linear_velocities], 3),
+        angular_velocities=_rows([[v.x, v.y, v.z] for v in message.body_angular_velocities], 3),
     )
 
 
 def rejected_message(rejected: Rejected, board_frame: str) -> TossRejected:
-    """A motion that was kept back, as it is announced."""
+    """A rejected motion, as it is announced."""
     toss = rejected.toss
     return TossRejected(
+        format_version=TossRejected.FORMAT_VERSION,
         header=header_message(Stamped(int(toss.stamps_ns[0]), board_frame)),
         toss_id=toss.toss_id,
         body=toss.body,
@@ -70,10 +74,9 @@ def rejected_message(rejected: Rejected, board_frame: str) -> TossRejected:
     )
 
 
-def _vector(values: list[float]) -> Vector3:
-    x, y, z = values
-    return Vector3(x=x, y=y, z=z)
+def _vectors(rows: Array) -> list[Vector3]:
+    return [Vector3(x=x, y=y, z=z) for x, y, z in rows.tolist()]
 
 
-def _rows(values: list[list[float]], width: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _rows(values: list[list[float]], width: int) -> Array:
     return np.array(values, dtype=float).reshape(-1, width)

@@ -9,7 +9,7 @@ from geometry_msgs.msg import Point
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.record import ParameterBlock, TossInformation
-from contact_curation.nodes.messages.headers import Stamped, header_message
+from contact_curation.nodes.messages.headers import Stamped, check_format, header_message
 
 
 def information_message(information: TossInformation, sequence: int, stamped: Stamped) -> TossInformationMessage:
@@ -22,6 +22,7 @@ def information_message(information: TossInformation, sequence: int, stamped: St
     """
     x, y, z = information.centroid.tolist()
     return TossInformationMessage(
+        format_version=TossInformationMessage.FORMAT_VERSION,
         header=header_message(stamped),
         toss_id=information.toss_id,
         body=information.body,
@@ -49,8 +50,9 @@ def information_of(message: Any) -> TossInformation:
     """The record that a message carries, bit for bit.
 
     Raises:
-        InvalidValueError: arrays that do not fit together.
+        InvalidValueError: a newer format, or arrays that do not fit together.
     """
+    check_format(message)
     sizes, names, rows = list(message.block_sizes), list(message.block_names), int(message.factor_rows)
     parameters = sum(sizes)
     if len(sizes) != len(names) or len(message.factor) != rows * parameters:

@@ -10,6 +10,7 @@ from contact_curation.stages.scored_theta import theta_of_model
 def model_message(model: Model, version: str, gradient_steps: int, stamped: Stamped) -> ModelParameters:
     """A model as the trainer publishes it."""
     return ModelParameters(
+        format_version=ModelParameters.FORMAT_VERSION,
         header=header_message(stamped),
         body=model.body.name,
         model=model.kind.value,

@@ -8,10 +8,10 @@ from contact_curation.stages.held_out_tosses import HeldOutErrors
 from contact_curation.stages.training import Moment
 
 STATES = {
-    TrainingState.RUNNING: "training",
-    TrainingState.SPENT: "converged",
-    TrainingState.CONVERGED: "converged",
-    TrainingState.FAILED: "failed",
+    TrainingState.RUNNING: TrainingStatus.TRAINING,
+    TrainingState.SPENT: TrainingStatus.CONVERGED,
+    TrainingState.CONVERGED: TrainingStatus.CONVERGED,
+    TrainingState.FAILED: TrainingStatus.FAILED,
 }
 
 
@@ -29,6 +29,7 @@ def status_message(moment: Moment, version: str, errors: HeldOutErrors, stamped:
     state = STATES[progress.state]
     lost = f"{errors.not_finite} held-out motions are not finite"
     return TrainingStatus(
+        format_version=TrainingStatus.FORMAT_VERSION,
         header=header_message(stamped),
         model=moment.model.kind.value,
         parameters_version=version,
@@ -39,6 +40,6 @@ def status_message(moment: Moment, version: str, errors: HeldOutErrors, stamped:
         held_out_loss=errors.loss,
         position_error=errors.position,
         rotation_error=errors.rotation,
-        state="waiting" if waiting and state == "converged" else state,
-        detail=progress.reason if state == "failed" else lost * bool(errors.not_finite),
+        state=TrainingStatus.WAITING if waiting and state == TrainingStatus.CONVERGED else state,
+        detail=progress.reason if state == TrainingStatus.FAILED else lost * bool(errors.not_finite),
     )

@@ -1,12 +1,9 @@
 """The parameter that says which body a node works on."""
 
-from pathlib import Path
-
 from rclpy.node import Node
 
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.nodes.ros.parameters import declare
-from contact_curation.storage.body_file import read_body
 
 
 def declared_body(node: Node) -> Body:
@@ -16,4 +13,4 @@ def declared_body(node: Node) -> Body:
         UnreadableInputError: the file describes no body.
     """
     path = declare(node, "body_file", "", "YAML file that describes the body; empty: ContactNets' cube")
-    return read_body(Path(path)) if path else CONTACTNETS_CUBE
+    return Body.from_file(path) if path else CONTACTNETS_CUBE

@@ -5,11 +5,11 @@ from dataclasses import replace
 from rclpy.node import Node
 
 from contact_curation.contact.body import Body
-from contact_curation.design.candidates import OutlookConfig
+from contact_curation.design.candidates import CandidateConfig
 from contact_curation.design.designer import ONE_THREAD, DesignerConfig
 from contact_curation.design.planner import DesignConfig
-from contact_curation.design.readiness import CanaryConfig
-from contact_curation.design.safety_set import Feasible
+from contact_curation.design.readiness import ReadinessConfig
+from contact_curation.design.safety import Feasible
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.stages.throw_loop import LoopConfig
 
@@ -47,16 +47,16 @@ def declared_design(node: Node) -> DesignerConfig:
         "pool": "safe releases that throws are picked from",
         "sieve": "executions of each release of the pool by which the finalists are found",
         "finalists": "releases of the pool that are looked at with all executions",
-        "reference": "releases that make the prior information, and that the canary asks about",
+        "reference": "releases that make the prior information, and that the readiness check asks about",
         "share": "of their mean information that is the prior information",
     }
     own = {name: declare(node, f"design.{name}", getattr(default, name), text) for name, text in described.items()}
-    outlook = OutlookConfig()
-    judged = {name: declare_config(node, getattr(outlook, name), f"{name}.") for name in JUDGED}
+    candidates = CandidateConfig()
+    judged = {name: declare_config(node, getattr(candidates, name), f"{name}.") for name in JUDGED}
     refinement = declare_config(node, default.refinement, "refinement.")
     return DesignerConfig(
-        planner=replace(default, **own, outlook=replace(outlook, **judged), refinement=refinement),
-        canary=declare_config(node, CanaryConfig(), "canary."),
+        planner=replace(default, **own, candidates=replace(candidates, **judged), refinement=refinement),
+        readiness=declare_config(node, ReadinessConfig(), "canary."),
         loss=declare_config(node, ONE_THREAD, "loss."),
     )
 

@@ -4,8 +4,6 @@ A field that is itself a config gives names with dots (`gates.depth`). A field t
 ROS parameter has one type.
 """
 
-import inspect
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from enum import Enum
@@ -14,9 +12,8 @@ from typing import Any
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 
+from contact_curation.configs import descriptions_of
 from contact_curation.errors import InvalidValueError
-
-_ATTRIBUTE = re.compile(r"^    (\w+(?:, \w+)*): (.+(?:\n {8,}.+)*)", re.MULTILINE)
 
 
 def declare(
@@ -70,7 +67,7 @@ def declare_config[Config](node: Node, default: Config, prefix: str = "", *, fix
         InvalidValueError: the config does not accept a value.
         rclpy.exceptions.ParameterException: a value has another type.
     """
-    described = attribute_descriptions(type(default))
+    described = descriptions_of(type(default))
     values: dict[str, Any] = {}
     for field in fields(default):  # type: ignore[arg-type]
         held, name = getattr(default, field.name), prefix + field.name
@@ -109,9 +106,3 @@ def as_field(value: Any, like: Any) -> Any:
     if isinstance(like, Enum):
         return type(like)(value)
     return tuple(value) if isinstance(like, tuple) else value
-
-
-def attribute_descriptions(config: type) -> dict[str, str]:
-    """What a config's docstring says of its attributes."""
-    section = inspect.getdoc(config).partition("Attributes:\n")[2]  # type: ignore[union-attr]
-    return {name: " ".join(text.split()) for names, text in _ATTRIBUTE.findall(section) for name in names.split(", ")}

@@ -68,7 +68,7 @@ class ArmRig:
         """Throws at random from a planner's prior that are safe by themselves and that the arm can make."""
         rng, throws = np.random.default_rng([seed, 7]), list[Throw]()
         while len(throws) < count:
-            for state in planner.outlook.safe(planner.prior, 32, rng).states(planner.config.outlook.placement):
+            for state in planner.evaluator.draw_safe(planner.prior, 32, rng).states(planner.config.candidates.placement):
                 throw = throw_of_state(f"{name}-{len(throws)}", self.body.name, state)
                 if len(throws) < count and self.feasibility.refusal(throw) is None:
                     throws.append(throw)

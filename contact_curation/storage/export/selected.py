@@ -1,19 +1,13 @@
-"""The tosses that a manifest selected, found again in the recordings that it was made of."""
+"""The tosses that a manifest selected, and whether the recordings at hand are those that it was made of."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
-from contact_curation.motion.toss import Rejected, Toss
-from contact_curation.storage.inputs.inputs import open_inputs
-from contact_curation.storage.inputs.records import InputsConfig, Problem
+from contact_curation.motion.toss import Toss
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 from contact_curation.storage.provenance import TossProvenance
-
-Advance = Callable[[int], None]
-"""Called with how many more tosses were read."""
 
 MOST_LISTED = 3
 """Ids in one message."""
@@ -56,40 +50,6 @@ def selected_rows(manifest: Manifest, path: Path) -> dict[str, ManifestRow]:
     if not manifest.selected:
         raise InvalidValueError(f"selected tosses of {path}", f"none of {len(manifest.rows)}", "at least one")
     return {row.toss_id: row for row in manifest.selected}
-
-
-def find_selected(
-    inputs: Sequence[Path], rows: Mapping[str, ManifestRow], manifest: Path, body: Body, config: InputsConfig, advance: Advance
-) -> SelectedTosses:
-    """Reads recordings for the selected tosses; those that the gates would reject now, too.
-
-    Args:
-        inputs: at least one.
-        rows: of the selected tosses.
-        manifest: where they come from, for messages.
-        body: what was tossed.
-        config: how recordings are read.
-        advance: called with progress.
-
-    Raises:
-        InvalidValueError: a selected toss is in no input.
-    """
-    found: dict[str, SelectedToss] = {}
-    problems: list[str] = []
-    reading = open_inputs(inputs, body, config)
-    for item in reading:
-        if isinstance(item, Problem):
-            problems.append(str(item))
-            continue
-        toss = item.toss if isinstance(item, Rejected) else item
-        advance(1)
-        if toss.toss_id in rows:
-            found[toss.toss_id] = SelectedToss(toss, rows[toss.toss_id], reading.origin)
-    check_all_found(rows, found, manifest, problems)
-    lost = [f"{one.path}: {line}" for one in reading.summaries for line in one.losses]
-    tosses = tuple(found[toss_id] for toss_id in rows)
-    changed = changed_inputs((one.row, one.origin) for one in tosses)
-    return SelectedTosses(tosses, (*problems, *lost, *changed))
 
 
 def check_all_found(rows: Mapping[str, ManifestRow], found: Collection[str], manifest: Path, problems: Sequence[str]) -> None:

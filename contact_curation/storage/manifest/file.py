@@ -20,7 +20,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
-from contact_curation.storage.files import check_version, write_atomically
+from contact_curation.files import check_version, write_atomically
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 from contact_curation.storage.provenance import InputProvenance, RunProvenance
 

@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from contact_curation.errors import UnreadableInputError
-from contact_curation.storage.files import check_version
+from contact_curation.files import check_version
 
 WAIT_FOR_WRITERS = 30.0
 """[s] until another process's transaction is over."""

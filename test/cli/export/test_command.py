@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from contact_curation.cli.export.command import KINDS
-from contact_curation.cli.export.formats import FORMATS, file_names
+from contact_curation.cli.export import KINDS
 from contact_curation.cli.main import main
+from contact_curation.pipeline.export import FORMATS, file_names
 from contact_curation.storage.manifest.file import read_manifest
 from test.cli.commands import Cli
 from test.storage.datasets.test_tagslam_bag import save_contactnets, synthetic_toss

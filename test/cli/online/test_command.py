@@ -12,7 +12,7 @@ from contact_curation.cli.main import main
 from contact_curation.cli.online import command as online
 from contact_curation.cli.online.options import add_online_options, session_config
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.design.adaptive import Realised
+from contact_curation.design.designer import Realised
 from contact_curation.design.throw import throw_of_state
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.motion.calibration import RigCalibration

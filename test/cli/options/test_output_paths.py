@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact_curation.cli.evaluate import run as evaluation_run
+from contact_curation.cli import evaluate
 from contact_curation.cli.rank import command as rank
-from contact_curation.cli.train import run as training_run
+from contact_curation.cli.train import command as train
 from contact_curation.errors import InvalidValueError
+from contact_curation.files import write_atomically
 from contact_curation.storage.bags.writer import BagWriter
-from contact_curation.storage.files import write_atomically
 from test.cli.commands import Cli
 
 
@@ -39,12 +39,12 @@ places = pytest.mark.parametrize("place", [below_a_file, in_no_folder, a_folder]
 def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
     """Reading a recording would be a failure."""
 
-    def read(*_: object) -> None:
+    def read(*_: object, **__: object) -> None:
         raise AssertionError("work began")
 
-    monkeypatch.setattr(rank, "score_pool", read)
-    monkeypatch.setattr(evaluation_run, "judging_tosses", read)
-    monkeypatch.setattr(training_run, "learning_tosses", read)
+    monkeypatch.setattr(rank, "rank_tosses", read)
+    monkeypatch.setattr(evaluate, "read_tosses", read)
+    monkeypatch.setattr(train, "read_tosses", read)
 
 
 @places

@@ -21,7 +21,7 @@ def test_a_recording_shows_what_is_known_down_the_ranking(cli: Cli, golden: Path
     assert outcome.status == 0
     written = Recorded(path)
     (page,) = written.texts("/ranking")
-    assert f"{TOP} of 21 tosses kept" in page
+    assert f"{TOP} of 21 tosses selected" in page
     assert len(written.texts("/gated")) == 3
     assert len(written.scalars("/epsilon/epsilon")) == TOP
     worst = written.scalars("/known/worst")

@@ -23,7 +23,7 @@ def test_a_bag_is_trained_on_and_its_held_out_loss_falls(cli: Cli, golden: Path,
     assert done.status == 0
     lines = done.out.splitlines()
     assert lines[0].startswith("polytope trained on 18 tosses, ")
-    assert {"kept back: 1 (gap)", f"checkpoint: {out}", f"metrics: {tmp_path / 'cube.jsonl'}"} <= set(lines)
+    assert {"rejected: 1 (gap)", f"checkpoint: {out}", f"metrics: {tmp_path / 'cube.jsonl'}"} <= set(lines)
     assert lines[-1] == f"next: contact-curation evaluate {out} {golden}"
     told = events(tmp_path / "cube.jsonl")
     assert [one["event"] for one in told] == ["start", "evaluation", "evaluation", "end"]

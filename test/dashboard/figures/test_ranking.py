@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact_curation.dashboard.figures.ranking import UNITS, RankingPicture, save_ranking_figure
+from contact_curation.dashboard.figures.ranking import RankingPicture, save_ranking_figure
 from contact_curation.errors import InvalidValueError
-from contact_curation.information.ranker import CRITERIA
+from contact_curation.information.ranker import criterion_named, criterion_names
 
 
 def picture(count: int = 40, selected: int = 8) -> RankingPicture:
@@ -40,7 +40,11 @@ def test_it_is_1600_by_1000(tmp_path: Path) -> None:
 
 
 def test_every_criterion_has_its_unit() -> None:
-    assert set(UNITS) == set(CRITERIA)
+    labels = {name: criterion_named(name).axis_label() for name in criterion_names()}
+    assert labels["log-det"] == "log-det gain of the toss alone [nats]"
+    assert labels["random"] == "random number"
+    assert len(set(labels.values())) == len(labels)
+    assert criterion_named("longest").axis_label("gain") == "gain [s]"
 
 
 UNUSUAL = {

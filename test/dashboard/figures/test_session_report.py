@@ -15,7 +15,7 @@ STORY = ReportData(
     title="Session of 2 throws",
     facts=[("throws", "2 made"), ("restarts", "curator 1")],
     throws=[
-        ReportedThrow(1, "warm-up", None, None, "rejected: gap"),
+        ReportedThrow(1, "exploration", None, None, "rejected: gap"),
         ReportedThrow(2, "designed", 3.25, 2.125, "kept, rank 1 of 1"),
     ],
     ranking=[ReportedToss(1, "cube-1", 12.5, 12.5, 80.0, True), ReportedToss(2, "cube-2", 7.0, 1.0, 60.0, False)],

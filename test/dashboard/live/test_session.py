@@ -101,8 +101,8 @@ def test_a_throw_that_is_under_way_is_an_arrow_until_it_was_made(made: Scored, t
     screen = recording_screen(tmp_path / "one.rrd")
     live = LiveSession(screen, BODY, made.theta, CONFIG.loss)
     throw = throw_of(made.tosses[0], "one")
-    live.add_throw(ThrowMade("warm-up", "commanded", throw, 0.0, float("nan"), "theta is not trusted"))
-    live.add_throw(ThrowMade("warm-up", "executed", throw, 0.0, float("nan"), "theta is not trusted"))
+    live.add_throw(ThrowMade("exploration", "commanded", throw, 0.0, float("nan"), "theta is not trusted"))
+    live.add_throw(ThrowMade("exploration", "executed", throw, 0.0, float("nan"), "theta is not trusted"))
     written = recorded(screen, tmp_path / "one.rrd")
     (arrow,) = written.column("/scene/next/velocity", "Arrows3D:vectors")[0]
     assert arrow == pytest.approx(0.12 * throw.linear_velocity, abs=1e-6)
@@ -143,7 +143,7 @@ def test_a_kept_set_waits_for_information_that_has_not_come(made: Scored, tmp_pa
     for information in made.informations[:-1]:
         live.add_information(information)
     missing = made.informations[-1]
-    drawable = missing.toss_id not in made.curation(TOP).ranking.kept_ids
+    drawable = missing.toss_id not in made.curation(TOP).ranking.selected_ids
     assert not live.show_ranking()
     live.add_information(missing)
     assert live.show_ranking()

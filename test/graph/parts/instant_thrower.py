@@ -15,7 +15,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.design.execution_noise import ExecutionNoise, NoiseConfig
-from contact_curation.design.particle import Particle
+from contact_curation.design.predicted_information import Particle
 from contact_curation.information.record import TossInformation
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.messages.headers import Stamped

@@ -33,7 +33,7 @@ def curated(bag: Path, top: int, geometry: ContactGeometry | None = None) -> Cur
 
 def assert_same_buffer(message: Any, curation: Curation) -> None:
     """The same tosses in the same order with the same numbers to 1e-9."""
-    kept = [entry for entry in curation.ranking.entries if entry.kept]
+    kept = [entry for entry in curation.ranking.entries if entry.selected]
     assert list(message.toss_ids) == [entry.toss_id for entry in kept]
     np.testing.assert_allclose(message.scores, [entry.score for entry in kept], rtol=1e-9)
     np.testing.assert_allclose(message.marginal_gains, [entry.marginal_gain for entry in kept], rtol=1e-9)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from contact_curation.information.criteria.expected_error import ExpectedError
-from contact_curation.information.optimum_shift import answer_of
+from contact_curation.information.optimum_shift import optimum_shift
 from contact_curation.information.pool import Pool, pool_of
-from contact_curation.information.pool_subspace import pool_subspace
+from contact_curation.information.subspace import pool_subspace
 from test.information.pools import tosses
 
 SETS: tuple[list[int], ...] = ([], [3], [3, 17, 20, 4], list(range(0, 60, 2)))
@@ -53,28 +53,28 @@ def test_bounds_are_close_once_much_is_known() -> None:
     assert np.count_nonzero(errors.bounds(sums)[others] <= values.min()) < others.size / 2
 
 
-def test_all_tosses_answer_what_all_tosses_answer() -> None:
+def test_all_tosses_have_the_optimum_of_all_tosses() -> None:
     pool = pool_of_tosses(4)
     coordinates = pool_subspace(pool).per_mean_toss(len(pool))
-    whole = answer_of(pool, coordinates, list(range(70)), 1e-3)
-    assert whole.off == pytest.approx(0.0, abs=1e-9)
-    assert whole.by_chance == pytest.approx(0.0, abs=1e-12)
-    alone = answer_of(pool, coordinates, [5], 1e-3)
-    assert alone.by_chance == pytest.approx(np.sqrt(69.0 / 70.0))
-    assert alone.off > 0.1
+    whole = optimum_shift(pool, coordinates, list(range(70)), 1e-3)
+    assert whole.distance == pytest.approx(0.0, abs=1e-9)
+    assert whole.at_random == pytest.approx(0.0, abs=1e-12)
+    alone = optimum_shift(pool, coordinates, [5], 1e-3)
+    assert alone.at_random == pytest.approx(np.sqrt(69.0 / 70.0))
+    assert alone.distance > 0.1
 
 
-def test_random_tosses_that_know_the_same_are_off_as_by_chance() -> None:
+def test_random_tosses_that_know_the_same_are_shifted_as_expected_at_random() -> None:
     rng = np.random.default_rng(0)
     infos = [replace(info, factor=np.eye(3), score_sum=rng.standard_normal(3)) for info in tosses(200, 3, 3, seed=0)]
     pool = pool_of(infos)
     coordinates = pool_subspace(pool).per_mean_toss(len(pool))
-    answers = [answer_of(pool, coordinates, rng.choice(200, 16, replace=False), 1e-3) for _ in range(200)]
-    assert np.sqrt(np.mean([one.off**2 for one in answers])) == pytest.approx(answers[0].by_chance, rel=0.1)
+    shifts = [optimum_shift(pool, coordinates, rng.choice(200, 16, replace=False), 1e-3) for _ in range(200)]
+    assert np.sqrt(np.mean([one.distance**2 for one in shifts])) == pytest.approx(shifts[0].at_random, rel=0.1)
 
 
-def test_where_nothing_is_said_no_answer_is_off() -> None:
+def test_where_all_scores_are_zero_no_optimum_is_shifted() -> None:
     infos = [replace(info, score_sum=np.zeros(4)) for info in tosses(6, 4, 4, seed=3)]
     pool = pool_of(infos)
-    answer = answer_of(pool, pool_subspace(pool).per_mean_toss(6), [0, 1], 1e-3)
-    assert (answer.off, answer.by_chance) == (0.0, 0.0)
+    shift = optimum_shift(pool, pool_subspace(pool).per_mean_toss(6), [0, 1], 1e-3)
+    assert (shift.distance, shift.at_random) == (0.0, 0.0)

@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.criteria.certificate import Certificate
 from contact_curation.information.pool import pool_of
 from contact_curation.information.ranker import RankingConfig, rank, rank_particles
-from contact_curation.information.ranking import Ranking
+from contact_curation.information.ranking import Certificate, Ranking
 from contact_curation.information.record import TossInformation
 from test.information.oracles import best_log_det, log_det_value, mean_toss, naive_greedy
 from test.information.pools import toss, tosses
@@ -23,7 +22,7 @@ def by_log_det(infos: Sequence[TossInformation], top: int, prior: Array | None =
 
 
 def kept_gains(ranking: Ranking) -> list[float]:
-    return [entry.marginal_gain for entry in ranking.entries if entry.kept]
+    return [entry.marginal_gain for entry in ranking.entries if entry.selected]
 
 
 @settings(deadline=None, max_examples=40)
@@ -33,7 +32,7 @@ def test_lazy_greedy_finds_what_naive_greedy_finds(seed: int, count: int, rows: 
     prior = 1e-3 * mean_toss(infos) + 1e-6 * np.eye(5)
     expected = naive_greedy(infos, prior, 12)
     found = by_log_det(infos, 12, prior)
-    assert list(found.kept_ids) == [toss_id for toss_id, _ in expected]
+    assert list(found.selected_ids) == [toss_id for toss_id, _ in expected]
     np.testing.assert_allclose(kept_gains(found), [gain for _, gain in expected], rtol=1e-6, atol=1e-9)
 
 
@@ -41,7 +40,7 @@ def test_the_default_prior_is_a_thousandth_of_the_mean_toss() -> None:
     infos = tosses(40, 6, 3, seed=1)
     expected = naive_greedy(infos, 1e-3 * mean_toss(infos), 10)
     found = by_log_det(infos, 10)
-    assert list(found.kept_ids) == [toss_id for toss_id, _ in expected]
+    assert list(found.selected_ids) == [toss_id for toss_id, _ in expected]
     np.testing.assert_allclose(kept_gains(found), [gain for _, gain in expected], rtol=1e-8)
 
 
@@ -56,7 +55,7 @@ def test_the_others_follow_by_what_they_would_still_add() -> None:
     ranking = by_log_det(infos, 5)
     by_id = {info.toss_id: info for info in infos}
     prior = 1e-3 * mean_toss(infos)
-    kept = [by_id[toss_id] for toss_id in ranking.kept_ids]
+    kept = [by_id[toss_id] for toss_id in ranking.selected_ids]
     value = log_det_value(kept, prior)
     others = ranking.entries[5:]
     for entry in others:
@@ -80,14 +79,14 @@ def one_direction_each(count: int, copies: int) -> list[TossInformation]:
 
 def test_no_copy_is_picked_while_there_is_something_new() -> None:
     infos = one_direction_each(8, copies=12)
-    picks = by_log_det(infos, 12).kept_ids
+    picks = by_log_det(infos, 12).selected_ids
     assert {toss_id for toss_id in picks[:8] if toss_id.startswith("toss")} == {f"toss-{k:02d}" for k in range(1, 8)}
     assert sum(toss_id.startswith("copy") or toss_id == "toss-00" for toss_id in picks[:8]) == 1
     assert all(toss_id.startswith("copy") or toss_id == "toss-00" for toss_id in picks[8:])
 
 
 def test_the_trace_does_pick_copies() -> None:
-    picks = rank(one_direction_each(8, copies=12), RankingConfig("trace", top=12)).kept_ids
+    picks = rank(one_direction_each(8, copies=12), RankingConfig("trace", top=12)).selected_ids
     assert all(toss_id.startswith("copy") for toss_id in picks)
 
 
@@ -112,7 +111,7 @@ def test_the_certificate_is_below_the_true_efficiency(seed: int, steps: int) -> 
     prior = 0.1 * mean_toss(infos)
     ranking = by_log_det(infos, 4, prior, steps)
     by_id = {info.toss_id: info for info in infos}
-    value = log_det_value([by_id[toss_id] for toss_id in ranking.kept_ids], prior)
+    value = log_det_value([by_id[toss_id] for toss_id in ranking.selected_ids], prior)
     truth = np.exp((value - best_log_det(infos, prior, 4)) / 3)
     assert ranking.certificate is not None
     assert 0.0 < ranking.certificate.kiefer_wolfowitz <= ranking.certificate.subset <= truth + 1e-9
@@ -124,11 +123,11 @@ def test_the_certificate_is_the_best_of_its_bounds(seed: int, share: float, rows
     infos = tosses(40, 8, rows, seed)
     prior = share * mean_toss(infos)
     ranking = by_log_det(infos, 6, prior)
-    kept = [info for info in infos if info.toss_id in ranking.kept_ids]
+    kept = [info for info in infos if info.toss_id in ranking.selected_ids]
     inverse = np.linalg.inv(prior + sum(info.fisher() for info in kept))
     slopes = sorted((float(np.trace(inverse @ info.fisher())) for info in infos), reverse=True)
     own = sum(float(np.trace(inverse @ info.fisher())) for info in kept)
-    gains = sorted((entry.marginal_gain for entry in ranking.entries if not entry.kept), reverse=True)
+    gains = sorted((entry.marginal_gain for entry in ranking.entries if not entry.selected), reverse=True)
     gaps = [6 * slopes[0] - own, sum(slopes[:6]) - own, sum(gains[:6])]
     assert int(np.argmin(gaps)) == tightest
     assert ranking.certificate is not None
@@ -165,7 +164,7 @@ def test_particles_average_their_log_dets() -> None:
     priors = [1e-3 * mean_toss(infos) for infos in particles]
     ranking = rank_particles([pool_of(infos) for infos in particles], RankingConfig("log-det", top=8))
     left, kept = list(range(25)), list[int]()
-    for pick in ranking.kept_ids:
+    for pick in ranking.selected_ids:
         values = {
             index: np.mean([log_det_value([infos[i] for i in [*kept, index]], a0) for infos, a0 in zip(particles, priors)])
             for index in left

@@ -43,20 +43,20 @@ def full_search(particles: Sequence[Sequence[TossInformation]], top: int) -> lis
 def test_the_pruned_search_finds_what_the_full_search_finds(seed: int, count: int, rows: int, spread: float) -> None:
     infos = tosses(count, 4, rows, seed, spread)
     ranking = rank(infos, RankingConfig("min-eig", top=7, prior=DELTA))
-    assert list(ranking.kept_ids) == full_search([whitened(infos)], 7)
+    assert list(ranking.selected_ids) == full_search([whitened(infos)], 7)
 
 
 def test_more_directions_than_the_tighter_bound_looks_at() -> None:
     infos = tosses(80, 24, 10, seed=0)
     ranking = rank(infos, RankingConfig("min-eig", top=12, prior=DELTA))
-    assert list(ranking.kept_ids) == full_search([whitened(infos)], 12)
+    assert list(ranking.selected_ids) == full_search([whitened(infos)], 12)
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_winner_whose_first_bound_is_not_among_the_largest_is_found(seed: int) -> None:
     infos = tosses(100, 3, 1, seed, spread=0.0)
     ranking = rank(infos, RankingConfig("min-eig", top=10, prior=DELTA))
-    assert list(ranking.kept_ids) == full_search([whitened(infos)], 10)
+    assert list(ranking.selected_ids) == full_search([whitened(infos)], 10)
 
 
 def test_scores_and_gains_are_smallest_eigenvalues_of_sets() -> None:
@@ -70,7 +70,7 @@ def test_scores_and_gains_are_smallest_eigenvalues_of_sets() -> None:
         assert entry.score == pytest.approx(smallest_eigenvalue([info], prior), abs=1e-9)
         gain = smallest_eigenvalue([*kept, info], prior) - smallest_eigenvalue(kept, prior)
         assert entry.marginal_gain == pytest.approx(gain, abs=1e-9)
-        if entry.kept:
+        if entry.selected:
             kept.append(info)
 
 
@@ -101,4 +101,4 @@ def test_equal_tosses_go_by_id() -> None:
 def test_particles_average_their_smallest_eigenvalues() -> None:
     particles = [tosses(20, 4, 3, seed) for seed in (4, 5)]
     ranking = rank_particles([pool_of(infos) for infos in particles], RankingConfig("min-eig", top=6, prior=DELTA))
-    assert list(ranking.kept_ids) == full_search([whitened(infos) for infos in particles], 6)
+    assert list(ranking.selected_ids) == full_search([whitened(infos) for infos in particles], 6)

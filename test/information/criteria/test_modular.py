@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from contact_curation.errors import InvalidValueError, NotScoredError
-from contact_curation.information.criteria.modular import toss_trace
+from contact_curation.information.criteria.trace import toss_trace
 from contact_curation.information.ranker import RankingConfig, rank
 from test.information.pools import toss, tosses
 

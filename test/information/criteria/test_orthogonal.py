@@ -86,8 +86,8 @@ def test_centring_takes_the_common_gradient_out() -> None:
     counts = {"a-long": 40, "b-short": 10, "c-different": 10}
     infos = [toss(name, drift + 0.01 * rng.standard_normal((count, 3))) for name, count in counts.items()]
     infos[2] = toss("c-different", infos[2].factor + np.array([0.0, 5.0, 0.0]))
-    assert rank(infos, RankingConfig("orthogonal", top=1)).kept_ids == ("a-long",)
-    assert rank(infos, RankingConfig("orthogonal", top=1, centre=True)).kept_ids == ("c-different",)
+    assert rank(infos, RankingConfig("orthogonal", top=1)).selected_ids == ("a-long",)
+    assert rank(infos, RankingConfig("orthogonal", top=1, centre=True)).selected_ids == ("c-different",)
 
 
 def test_whitening_makes_the_choice_independent_of_units() -> None:
@@ -97,4 +97,4 @@ def test_whitening_makes_the_choice_independent_of_units() -> None:
     whitened = RankingConfig("orthogonal", top=10, whiten=True)
     assert rank(infos, whitened).ids == rank(scaled, whitened).ids
     plain = RankingConfig("orthogonal", top=10)
-    assert rank(infos, plain).kept_ids != rank(scaled, plain).kept_ids
+    assert rank(infos, plain).selected_ids != rank(scaled, plain).selected_ids

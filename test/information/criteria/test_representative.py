@@ -8,11 +8,11 @@ import pytest
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.criteria import expected_error, representative
 from contact_curation.information.criteria.expected_error import CAUTION
-from contact_curation.information.criteria.representative import select_representative, standing_of
+from contact_curation.information.criteria.representative import select_representative, swap_costs
 from contact_curation.information.pool import Pool, pool_of
-from contact_curation.information.pool_subspace import pool_subspace
 from contact_curation.information.ranker import RankingConfig, rank
 from contact_curation.information.record import TossInformation
+from contact_curation.information.subspace import pool_subspace
 from test.information.pools import rescaled, tosses
 
 PRIOR = 1e-3
@@ -71,7 +71,7 @@ def test_it_picks_what_plain_loops_over_whole_matrices_pick(seed: int, monkeypat
 def test_how_a_kept_set_stands_is_what_it_would_cost_without_and_with_a_toss() -> None:
     pool = pool_of(with_scores(tosses(12, 5, 3, seed=4), 0.3, seed=4))
     kept = [7, 2, 9]
-    standing = standing_of([pool], [pool_subspace(pool).per_mean_toss(len(pool))], kept, PRIOR)
+    standing = swap_costs([pool], [pool_subspace(pool).per_mean_toss(len(pool))], kept, PRIOR)
     assert standing.error == pytest.approx(plain_cost(pool, kept), rel=1e-9)
     assert standing.without == pytest.approx([plain_cost(pool, [other for other in kept if other != one]) for one in kept])
     joined = [plain_cost(pool, kept if one in kept else [*kept, one]) for one in range(12)]
@@ -113,7 +113,7 @@ def test_it_agrees_with_the_pool_where_the_most_informative_tosses_do_not() -> N
     whole = answer(infos)[0]
     off = {}
     for criterion in ("log-det", "representative"):
-        kept = rank(infos, RankingConfig(criterion, top=8)).kept_ids
+        kept = rank(infos, RankingConfig(criterion, top=8)).selected_ids
         off[criterion] = abs(answer([by_id[name] for name in kept])[0] - whole)
     assert off["representative"] < 0.1
     assert off["log-det"] > 0.5
@@ -124,16 +124,16 @@ def test_units_of_the_parameters_change_nothing() -> None:
     scale = 10.0 ** np.random.default_rng(0).uniform(-3.0, 3.0, 6)
     config = RankingConfig("representative", top=10)
     there = [rescaled(info, scale) for info in infos]
-    assert rank(infos, config).kept_ids == rank(there, config).kept_ids
+    assert rank(infos, config).selected_ids == rank(there, config).selected_ids
 
 
 def test_where_no_toss_says_anything_it_chooses_for_what_tosses_know() -> None:
     """tr (sum F)^-1 is then all there is: the kept set knows more than any of some random sets of as many."""
     silent = [replace(info, score_sum=np.zeros(4)) for info in tosses(60, 4, 3, seed=8)]
     ranking = rank(silent, RankingConfig("representative", top=8))
-    random = [rank(silent, RankingConfig("random", top=8, seed=seed)).kept_ids for seed in range(5)]
+    random = [rank(silent, RankingConfig("random", top=8, seed=seed)).selected_ids for seed in range(5)]
     known = [
-        np.trace(np.linalg.inv(sum(i.fisher() for i in silent if i.toss_id in ids))) for ids in (ranking.kept_ids, *random)
+        np.trace(np.linalg.inv(sum(i.fisher() for i in silent if i.toss_id in ids))) for ids in (ranking.selected_ids, *random)
     ]
     assert known[0] < min(known[1:])
     assert np.isfinite([(entry.score, entry.marginal_gain) for entry in ranking.entries]).all()

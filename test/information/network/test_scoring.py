@@ -22,10 +22,10 @@ from contact_curation.information.network.config import NetworkConfig
 from contact_curation.information.network.forward_pass import NetworkModel, forward_pass, frozen_copy
 from contact_curation.information.network.scoring import NetworkScorer
 from contact_curation.information.pool import Pool, pool_of
-from contact_curation.information.pool_subspace import LEADING_DIRECTIONS
-from contact_curation.information.ranker import CRITERIA, RankingConfig
+from contact_curation.information.ranker import RankingConfig, criterion_names
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig
+from contact_curation.information.subspace import LEADING_DIRECTIONS
 from contact_curation.motion.toss import Toss
 from test.contact.cases import CUBE
 from test.information.network_cases import NETWORKS, long_scores, network, rows_of, tosses
@@ -134,7 +134,7 @@ def pool_of_network(kind: ModelKind) -> Pool:
     return pool_of(scored(network(kind), EMPIRICAL, tosses()))
 
 
-@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("criterion", criterion_names())
 @pytest.mark.parametrize(
     "kind", [one if one is ModelKind.DEEPVERTEX else pytest.param(one, marks=pytest.mark.slow) for one in NETWORKS]
 )

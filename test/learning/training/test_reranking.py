@@ -228,7 +228,7 @@ def test_a_polytope_is_ranked_as_the_library_ranks_its_geometry_in_its_own_form(
         expected = curate([one for one in infos if isinstance(one, TossInformation)], RankingConfig(top=3))
         scorer = toss_scorer(ScoringConfig(), "log-det")
         first = Reranking(pool, scorer, RerankingConfig(RankingConfig(top=3))).select(model)
-        assert first.kept == expected.ranking.kept_ids
+        assert first.kept == expected.ranking.selected_ids
 
 
 def test_theta_that_moves_far_moves_the_canaries_of_real_scores() -> None:
@@ -253,7 +253,7 @@ def test_what_needs_no_scores_ranks_as_the_library_does(model: Model, criterion:
     ranking = RankingConfig(criterion, top=3, seed=4)
     expected = curate([one for one in infos if isinstance(one, TossInformation)], ranking)
     scorer = toss_scorer(ScoringConfig(), criterion)
-    assert Reranking(pool, scorer, RerankingConfig(ranking)).select(model).kept == expected.ranking.kept_ids
+    assert Reranking(pool, scorer, RerankingConfig(ranking)).select(model).kept == expected.ranking.selected_ids
 
 
 @pytest.mark.parametrize("kind", [ModelKind.DEEP, ModelKind.DEEPVERTEX, ModelKind.END_TO_END])

@@ -11,14 +11,18 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.motion.toss import Toss
+from contact_curation.pipeline.export import ExportJob, found_tosses
+from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.storage.datasets.contactnets import read_contactnets, read_contactnets_toss
 from contact_curation.storage.datasets.tagslam_bag import import_contactnets
 from contact_curation.storage.export.contactnets import contactnets_rows, write_contactnets
-from contact_curation.storage.export.selected import SelectedToss, find_selected
+from contact_curation.storage.export.selected import SelectedToss
 from contact_curation.storage.inputs.inputs import open_inputs
 from contact_curation.storage.inputs.records import InputsConfig
+from contact_curation.storage.manifest.manifest import Manifest
 from contact_curation.storage.provenance import TossProvenance
 from test.storage.datasets.test_tagslam_bag import save_contactnets, synthetic_toss
+from test.storage.manifest.test_manifest import RUN
 from test.storage.selected_rows import row
 
 CUBE = CONTACTNETS_CUBE
@@ -76,7 +80,8 @@ def test_real_tosses_that_were_imported_to_a_bag_come_back_but_for_their_random_
     report = import_contactnets(contactnets_folder, bag, chosen=lambda number: number < 12)
     found = [one for one in open_inputs([bag], CUBE) if isinstance(one, Toss)]
     rows = {toss.toss_id: row(toss.toss_id) for toss in found}
-    tosses = find_selected([bag], rows, Path("m"), CUBE, InputsConfig(as_stored=True), lambda _: None).tosses
+    job = ExportJob((bag,), ReadingConfig(CUBE), Path("m"), Manifest(RUN, tuple(rows.values())), rows)
+    tosses = found_tosses(job, InputsConfig(as_stored=True)).tosses
     write_contactnets(tosses, CUBE, tmp_path)
     exported = [one for one in read_contactnets(tmp_path) if isinstance(one, Toss)]
     assert len(exported) == len(found) >= 0.8 * report.tosses

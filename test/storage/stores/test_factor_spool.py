@@ -6,7 +6,7 @@ import pytest
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.curation import curate
 from contact_curation.information.pool import pool_of
-from contact_curation.information.ranker import CRITERIA, RankingConfig, rank
+from contact_curation.information.ranker import RankingConfig, criterion_names, rank
 from contact_curation.storage.stores.factor_spool import FactorSpool
 from test.information.pools import toss, tosses
 
@@ -23,7 +23,7 @@ def test_a_factor_comes_back_bit_for_bit_whatever_came_behind_it(dtype: type) ->
             np.testing.assert_array_equal(info.fisher(), toss("other", factor).fisher())
 
 
-@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("criterion", criterion_names())
 def test_a_ranking_does_not_depend_on_where_the_factors_are(criterion: str) -> None:
     infos = tosses(150, 6, 4, seed=3)
     config = RankingConfig(criterion, top=20)

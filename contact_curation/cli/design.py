@@ -1,0 +1,164 @@
+"""`design --out THROWS.json`: the throws that would teach most, given theta and what is known already."""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from contact_curation.cli.options.output_paths import check_outputs
+from contact_curation.cli.options.reading import (
+    SHARED_STAGES,
+    add_body_option,
+    add_pose_options,
+    chosen_body,
+    inputs_of,
+    stages_of,
+)
+from contact_curation.cli.options.settings import add_settings
+from contact_curation.cli.options.types import PathEndingIn, natural_number, positive_integer
+from contact_curation.cli.report import add_json_option, print_json, warn
+from contact_curation.contact.loss_config import DEFAULT_LOSS
+from contact_curation.design.candidates import CandidateConfig
+from contact_curation.design.planner import DesignConfig
+from contact_curation.errors import InvalidValueError
+from contact_curation.motion.toss import Toss
+from contact_curation.pipeline.design import BASELINES, EXPLORATION, METHODS, DesignTask, design_throws
+from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.theta import described_polytope, polytope_of
+from contact_curation.pipeline.tosses import read_tosses
+from contact_curation.solver.compiled import load_kernel
+from contact_curation.storage.manifest.file import read_manifest
+
+CANDIDATES = ("forecast", "safety", "noise", "placement")
+STAGES = ("design", *CANDIDATES, "refinement", "loss", *SHARED_STAGES)
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the verb's options to its parser."""
+    parser.description = (
+        "Chooses throws together: from a pool of safe releases, greedily by the log-det that each is expected to add to what "
+        "is known, under the noise of executions, and then moved to where they add more. Theta is a polytope's."
+    )
+    _add_theta_options(parser.add_argument_group("what is to be learned"))
+    add_body_option(parser)
+    group = parser.add_argument_group("what is known")
+    group.add_argument(
+        "--known", type=Path, nargs="+", default=[], metavar="INPUT", help="recordings of tosses that are known (default none)"
+    )
+    group.add_argument("--manifest", type=Path, metavar="FILE", help="of those recordings only the tosses that it selected")
+    group.add_argument(
+        "--prior",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="INPUT",
+        help="recordings of throws like those to be made (default: the published statistics of ContactNets' releases)",
+    )
+    add_pose_options(parser)
+    group = parser.add_argument_group("throws")
+    group.add_argument("--throws", type=positive_integer, default=8, metavar="N", help="how many (default 8)")
+    group.add_argument("--seed", type=natural_number, default=0, metavar="N", help="the same gives the same throws (default 0)")
+    group.add_argument("--name", default="throw", help="that their ids begin with (default throw)")
+    ways = group.add_mutually_exclusive_group()
+    ways.add_argument(
+        "--baseline", choices=BASELINES, help="paper: a normal in raw coordinates, best by trace; prior: at random"
+    )
+    ways.add_argument(
+        "--warm-up", action="store_true", help="different first impacts instead of information, for an unknown theta"
+    )
+    group.add_argument("--arm", action="store_true", help="only throws that the simulated arm can make")
+    add_settings(parser, STAGES)
+    group = parser.add_argument_group("output")
+    group.add_argument("--out", type=PathEndingIn(".json"), required=True, metavar="THROWS.json", help="the throws")
+    add_json_option(parser)
+    parser.set_defaults(run=run)
+
+
+def _add_theta_options(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--checkpoint",
+        type=PathEndingIn(".safetensors"),
+        action="append",
+        default=[],
+        metavar="C",
+        help="theta as `train` wrote it; given several times, gains are averaged over them (default: the object as described)",
+    )
+    group.add_argument("--params", type=Path, action="append", default=[], metavar="FILE", help="the same, or a JSON file")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Designs, writes, and says what is expected.
+
+    Raises:
+        ContactCurationError: a file cannot be used, nothing safe can be thrown, or `--out` cannot be written.
+    """
+    load_kernel()  # information is predicted by rollouts
+    check_outputs(out=arguments.out)
+    task, reading = design_task(arguments)
+    known, seen = _known(arguments, reading)
+    examples, warnings = _read(arguments.prior, reading)
+    warnings = (*seen, *warnings)
+    warn(warnings)
+    throws = design_throws(replace(task, known=known, examples=examples), arguments.throws)
+    throws.save(arguments.out)
+    if arguments.json:
+        print_json({"out": str(arguments.out), **throws.document(), "warnings": warnings})
+    else:
+        print("\n".join(throws.table()))
+        print(f"{arguments.out}: {throws.summary()}")
+    return 0
+
+
+def design_task(arguments: argparse.Namespace) -> tuple[DesignTask, ReadingConfig]:
+    """What the options ask for, before tosses are read; and how they are read.
+
+    Raises:
+        ContactCurationError: a file cannot be used, or a setting is not accepted.
+    """
+    candidates, design = CandidateConfig(), DesignConfig()
+    judged = {name: getattr(candidates, name) for name in CANDIDATES}
+    stages = stages_of(arguments, {"design": design, **judged, "refinement": design.refinement, "loss": DEFAULT_LOSS})
+    candidates = replace(candidates, **{name: stages[name] for name in CANDIDATES})
+    body = chosen_body(arguments)
+    thetas = tuple(polytope_of(path, body) for path in (*arguments.checkpoint, *arguments.params))
+    task = DesignTask(
+        thetas=thetas or (described_polytope(body),),
+        config=replace(stages["design"], candidates=candidates, refinement=stages["refinement"]),
+        loss=stages["loss"],
+        method=EXPLORATION if arguments.warm_up else arguments.baseline or METHODS[0],
+        arm=arguments.arm,
+        seed=arguments.seed,
+        name=arguments.name,
+    )
+    return task, ReadingConfig(body, inputs_of(stages))
+
+
+def _known(arguments: argparse.Namespace, reading: ReadingConfig) -> tuple[tuple[Toss, ...], tuple[str, ...]]:
+    """The known tosses in the order of their ids, and warnings.
+
+    Raises:
+        ContactCurationError: a manifest without recordings, or whose selected tosses are not in them; no toss at all.
+    """
+    if not arguments.known and arguments.manifest is not None:
+        raise InvalidValueError(
+            "--manifest", f"{arguments.manifest} and no --known", "--known INPUT..., the recordings that it is of"
+        )
+    tosses, warnings = _read(arguments.known, reading)
+    if arguments.manifest is None:
+        return tosses, warnings
+    by_id, wanted = (
+        {toss.toss_id: toss for toss in tosses},
+        sorted(row.toss_id for row in read_manifest(arguments.manifest).selected),
+    )
+    absent = [toss_id for toss_id in wanted if toss_id not in by_id]
+    if absent:
+        raise InvalidValueError(f"selected tosses of {arguments.manifest}", f"no {absent[0]} in the recordings", "all of them")
+    return tuple(by_id[toss_id] for toss_id in wanted), warnings
+
+
+def _read(paths: Sequence[Path], reading: ReadingConfig) -> tuple[tuple[Toss, ...], tuple[str, ...]]:
+    """The tosses of recordings in the order of their ids, and warnings; nothing of no recordings."""
+    if not paths:
+        return (), ()
+    tosses = read_tosses(paths, reading).check_some("no toss")
+    return tosses.in_order_of_ids, tosses.warnings

@@ -1,0 +1,58 @@
+"""`export INPUT... --manifest M --format F --out DIR`: what a ranking selected, for other tools."""
+
+import argparse
+from pathlib import Path
+
+from contact_curation.cli.options.reading import SHARED_STAGES, add_reading_options, chosen_body, inputs_of, stages_of
+from contact_curation.cli.progress import Progress
+from contact_curation.cli.report import add_json_option, print_json, warn
+from contact_curation.errors import InvalidValueError
+from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.wording import counted
+
+KINDS = ("mcap", "contactnets", "lerobot")
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the verb's options to its parser."""
+    parser.description = (
+        "Writes the tosses that a ranking kept: as parts of their recordings, as ContactNets' files, or as a LeRobot dataset. "
+        "Inputs and options are those that were ranked; no input is changed."
+    )
+    add_reading_options(parser, SHARED_STAGES)
+    parser.add_argument("--manifest", type=Path, required=True, metavar="FILE", help="what `contact-curation rank` wrote")
+    parser.add_argument("--format", choices=KINDS, required=True, help="mcap: the recorded messages, byte for byte")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="a folder that is empty or not there yet")
+    parser.add_argument("--per-toss", action="store_true", help="of format mcap: a file per toss, not per recording")
+    add_json_option(parser)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exports, and says what went where.
+
+    Raises:
+        UnreadableInputError: the manifest is none.
+        InvalidValueError: a kept toss is in no input, the folder is not empty, or the format cannot hold the tosses.
+    """
+    from contact_curation.files import staged_folder
+    from contact_curation.pipeline.export import FORMATS, export_job
+
+    if arguments.per_toss and arguments.format != "mcap":
+        raise InvalidValueError("--per-toss", f"--format {arguments.format}", "--format mcap")
+    stages = stages_of(arguments, {})
+    reading = ReadingConfig(chosen_body(arguments), inputs_of(stages))
+    with staged_folder(arguments.out) as folder:
+        job = export_job(arguments.inputs, reading, arguments.manifest, per_toss=arguments.per_toss)
+        with Progress("reading", "tosses") as progress:
+            exported = FORMATS[arguments.format](job, folder, progress.advance)
+    warn(exported.warnings)
+    if arguments.json:
+        tosses = [
+            {"toss_id": toss_id, "rank": job.rows[toss_id].rank, "place": place} for toss_id, place in exported.places.items()
+        ]
+        print_json({"out": str(arguments.out), "format": arguments.format, "tosses": tosses, "warnings": exported.warnings})
+    else:
+        files = counted(sum(1 for path in arguments.out.rglob("*") if path.is_file()), "file")
+        print(f"{arguments.out}: {len(exported.places)} of {len(job.manifest.rows)} tosses, {files}")
+    return 0

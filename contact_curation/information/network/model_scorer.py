@@ -1,0 +1,59 @@
+"""What scores tosses at a model's parameters: one factory for all models, and the protocol that its products share.
+
+Importing torch takes over a second. Whoever scores a polytope by its geometry makes a `Scorer` and needs no torch; this factory
+is for models, which are torch's.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Protocol
+
+from contact_curation.geometry.quaternions import Array
+from contact_curation.information.network.config import NetworkConfig
+from contact_curation.information.network.score_folder import ScoreFolder
+from contact_curation.information.record import ParameterBlock, TossInformation
+from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig
+from contact_curation.motion.toss import Toss
+
+if TYPE_CHECKING:
+    from contact_curation.contact.models.model import Model
+
+
+class TossScorer(Protocol):
+    """Scores tosses at a theta, of a polytope or a network."""
+
+    @property
+    def version(self) -> str:
+        """Of theta."""
+
+    @property
+    def blocks(self) -> tuple[ParameterBlock, ...]:
+        """Of theta's parameters."""
+
+    def losses(self, tosses: Sequence[Toss]) -> tuple[Array, ...]:
+        """Losses (N,) of all scored transitions of each toss."""
+
+    def score(self, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:
+        """What each toss teaches, in the order given."""
+
+
+def scorer_of_model(
+    model: "Model", config: ScoringConfig, network: NetworkConfig | None = None, scores: ScoreFolder | None = None
+) -> TossScorer:
+    """What scores tosses at the parameters of a model.
+
+    Args:
+        model: any; a polytope's own form takes the place of the config's.
+        config: how tosses are scored.
+        network: what is peculiar to networks; None for what their kind is scored with by default.
+        scores: takes the exact scores of networks; None to do without them.
+
+    Raises:
+        InvalidValueError: parameters that are not finite, or a block that the model does not have.
+    """
+    from contact_curation.contact.models.polytope import PolytopeModel
+    from contact_curation.information.network.scoring import NetworkScorer
+
+    if isinstance(model, PolytopeModel):
+        return Scorer(model.geometry(), model.body, replace(config, form=model.form))
+    return NetworkScorer(model, config, network, scores)  # type: ignore[arg-type]  # a model that is no polytope is a network

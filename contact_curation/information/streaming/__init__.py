@@ -1,1 +1,0 @@
-"""Selection from a stream of scored tosses, one toss at a time."""

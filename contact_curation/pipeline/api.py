@@ -1,0 +1,356 @@
+"""The verbs of `import contact_curation as cc`: what the commands do, as functions, with the same defaults and the same digits."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
+from contact_curation.contact.evaluation import Estimator
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.errors import InvalidValueError
+from contact_curation.information.network.config import network_config_for
+from contact_curation.information.ranker import RankingConfig
+from contact_curation.information.scoring import ScoringConfig
+from contact_curation.learning.evaluation.held_out import HeldOutRule
+from contact_curation.motion.toss import Toss
+from contact_curation.pipeline.division import DivisionConfig, held_out_rule, learning_tosses
+from contact_curation.pipeline.progress import Progress, silent
+from contact_curation.pipeline.ranked import RankedTosses
+from contact_curation.pipeline.ranking import RankConfig, rank_tosses
+from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.scoring import PoolConfig
+from contact_curation.pipeline.theta import Theta, described_polytope, form_of, theta_of
+from contact_curation.pipeline.toss_scores import TossScores, toss_scores
+from contact_curation.pipeline.tosses import Inputs, Tosses, input_paths, read_tosses
+from contact_curation.solver.compiled import load_kernel
+from contact_curation.storage.inputs.inputs import InputsConfig
+from contact_curation.storage.parameters_file import Parameters
+
+if TYPE_CHECKING:  # torch takes over a second to import, which reading and ranking polytopes do without
+    from contact_curation.pipeline.design import DesignedThrows
+    from contact_curation.pipeline.evaluated import Evaluation
+    from contact_curation.pipeline.learned_model import LearnedModel
+
+RANKING, SCORING = RankingConfig(), ScoringConfig()
+"""The defaults."""
+
+
+def read(
+    inputs: Inputs,
+    body: Body = CONTACTNETS_CUBE,
+    *,
+    config: InputsConfig | None = None,
+    jobs: int = 1,
+    progress: Progress = silent,
+) -> Tosses:
+    """Reads the tosses of recordings, and what was rejected, with the reasons.
+
+    Args:
+        inputs: an MCAP file, a rosbag2 folder or its storage file, a ROS 1 bag, a folder of ContactNets' `.pt` files or one of
+            them; several of those; or a pattern such as ``"bags/*.mcap"``.
+        body: what was tossed.
+        config: topics, rules of segmenting, gates, calibration of the rig.
+        jobs: so many recordings are read at once, each in a process.
+        progress: hears how far it is.
+
+    Returns:
+        `accepted`, `rejected` and `warnings`. A recording that cannot be read is a warning.
+
+    Raises:
+        UnreadableInputError: nothing matches a pattern.
+
+    Example:
+        >>> tosses = cc.read("session.mcap", body=body)
+        >>> len(tosses.accepted), len(tosses.rejected)
+        (21, 3)
+        >>> tosses.accepted[0].positions.shape  # frames, [m]
+        (55, 3)
+        >>> tosses.rejected[0].reasons[0].split(":")[0]
+        'gap'
+    """
+    with progress("reading", "tosses") as bar:
+        return read_tosses(input_paths(inputs), ReadingConfig(body, config or InputsConfig()), jobs, bar.advance)
+
+
+def score(
+    tosses: Tosses | Inputs,
+    *,
+    body: Body = CONTACTNETS_CUBE,
+    model: "LearnedModel | str | PathLike[str] | None" = None,
+    estimator: str = SCORING.estimator.value,
+) -> TossScores:
+    """Scores tosses: what each of them teaches about theta.
+
+    Args:
+        tosses: as `read` gives them, or what `read` takes.
+        body: what was tossed, where `tosses` are recordings.
+        model: whose parameters theta are, or its file; None for the body as it is described.
+        estimator: of the Fisher matrix: ``gauss-newton`` or ``empirical``.
+
+    Returns:
+        Scores (K, P), Fisher factors (R, P) and losses (N,) with names and units, a row per accepted toss.
+
+    Raises:
+        ContactCurationError: no toss was accepted, or the file holds no model.
+
+    Example:
+        >>> info = cc.score(tosses)
+        >>> info.scores.shape, info.parameter_names[0], info.parameter_units[0]
+        ((21, 52), 'vertices_normal[0][0]', 'characteristic length')
+        >>> info.factors[0].shape[1], len(info.losses[0])
+        (52, 54)
+    """
+    found = _tosses(tosses, body).check_some("no toss to score")
+    config = _pool_config(found.config, _theta(model, found.body), estimator)
+    (scorer,) = config.scorers(config.fixed_bounds, jobs=1)
+    return toss_scores(scorer, found.accepted)
+
+
+def rank(
+    tosses: Tosses | Inputs,
+    top: int = RANKING.top,
+    *,
+    body: Body = CONTACTNETS_CUBE,
+    criterion: str = RANKING.criterion,
+    model: "LearnedModel | str | PathLike[str] | None" = None,
+    estimator: str = SCORING.estimator.value,
+    seed: int = RANKING.seed,
+    held_out: str | None = None,
+    jobs: int | None = None,
+    progress: Progress = silent,
+) -> RankedTosses:
+    """Ranks tosses, and selects the best.
+
+    Args:
+        tosses: as `read` gives them, or what `read` takes: then no more than 64 tosses of a recording are in memory at a time.
+        top: how many are selected.
+        body: what was tossed, where `tosses` are recordings.
+        criterion: by what: ``representative``, ``log-det``, ``trace``, ``min-eig``, ``orthogonal``, ``leverage``, ``longest`` or
+            ``random``.
+        model: whose parameters the tosses teach about, or its file; None for the body as it is described.
+        estimator: of the Fisher matrix: ``gauss-newton`` or ``empirical``.
+        seed: of criterion random.
+        held_out: what is neither scored nor ranked: numbers (``"400-569"``), a share (``"0.2"``), or a file of ids.
+        jobs: how many processes read recordings; None for one per processor.
+        progress: hears how far it is.
+
+    Returns:
+        The ranking: `selected`, `selected_ids`, `to_pandas()`, `to_arrow()`, `plot()`, `save(path)`; `print` shows the evidence.
+
+    Raises:
+        ContactCurationError: nothing could be ranked, a name is unknown, or the file holds no model.
+
+    Example:
+        >>> ranking = cc.rank(tosses, top=8)
+        >>> len(ranking.selected), ranking.selected_ids[0] in tosses.ids
+        (8, True)
+        >>> ranking.to_arrow().num_rows  # the rejected ones, too
+        24
+        >>> ranking.save("manifest.parquet")
+    """
+    source = tosses if isinstance(tosses, Tosses) else input_paths(tosses)
+    reading = tosses.config if isinstance(tosses, Tosses) else ReadingConfig(body)
+    theta = _theta(model, reading.body)
+    config = RankConfig(
+        pool=_pool_config(reading, theta, estimator),
+        ranking=RankingConfig(criterion=criterion, top=top, seed=seed),
+        model=theta.kind.value if not isinstance(theta, Parameters) else ModelKind.POLYTOPE.value,
+        parameters=f"body {reading.body.name}" if model is None else getattr(model, "name", str(model)),
+        held_out=HeldOutRule() if held_out is None else held_out_rule(held_out),
+        jobs=jobs,
+    )
+    ranked = rank_tosses(source, config, progress)
+    ranked.evidence()  # refuses where nothing was ranked
+    return ranked
+
+
+def train(
+    tosses: Tosses | Inputs,
+    model: str = ModelKind.POLYTOPE.value,
+    *,
+    body: Body = CONTACTNETS_CUBE,
+    protocol: str = "budgeted",
+    steps: int | None = None,
+    seed: int = 0,
+    held_out: str | None = None,
+    start: str | PathLike[str] | None = None,
+    progress: Progress = silent,
+) -> "LearnedModel":
+    """Trains a model on tosses.
+
+    Args:
+        tosses: to learn from, as `read` or `RankedTosses.selected` gives them, or what `read` takes.
+        model: ``polytope``, ``deep``, ``deepvertex`` or ``end_to_end``.
+        body: what was tossed, where `tosses` are recordings.
+        protocol: ``budgeted``: so many steps in batches; ``published``: ContactNets', until the held-out loss stops falling;
+            ``exact``: a polytope's optimum at once.
+        steps: gradient steps at most; None for the protocol's own.
+        seed: of everything random.
+        held_out: which of the tosses are never learned from: numbers, a share (``"0.2"``), or a file of ids; None for none.
+        start: a checkpoint to start with; None for the published random initialisation.
+        progress: hears how far it is.
+
+    Returns:
+        The model; `save("model.safetensors")` stores it.
+
+    Raises:
+        ContactCurationError: nothing to learn from, a name is unknown, or a loss was not finite.
+
+    Example:
+        >>> model = cc.train(ranking.selected, steps=50)
+        >>> model.kind, len(model.learned_from)
+        ('polytope', 8)
+        >>> model.save("model.safetensors")
+    """
+    import torch
+
+    from contact_curation.pipeline.training import PROTOCOLS, TrainConfig, TrainingRun, start_of
+
+    torch.set_num_threads(1)  # threads that share busy cores wait for each other, and the sums' order would depend on them
+    found = _tosses(tosses, body)
+    kind = _kind(model)
+    if kind is ModelKind.POLYTOPE:
+        load_kernel()
+    if protocol not in PROTOCOLS:
+        raise InvalidValueError("protocol", protocol, f"one of {', '.join(PROTOCOLS)}")
+    config = PROTOCOLS[protocol](kind)
+    division = DivisionConfig(HeldOutRule() if held_out is None else held_out_rule(held_out), said=held_out is not None)
+    running = TrainingRun.begun(
+        TrainConfig(
+            kind=kind,
+            body=found.body,
+            protocol=config if steps is None else replace(config, steps=steps),
+            start=start_of(None if start is None else Path(start), kind, found.body),
+            seed=seed,
+            rig=found.config.inputs.rig,
+        ),
+        learning_tosses(found, division),
+    )
+    with progress("training", "steps", running.plan.protocol.steps) as bar:
+        while running.running:
+            bar.advance(1, running.advance())
+    running.check()
+    return running.model()
+
+
+def evaluate(
+    model: "LearnedModel",
+    tosses: Tosses | Inputs,
+    *,
+    against: "LearnedModel | None" = None,
+    held_out: str | None = None,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> "Evaluation":
+    """Evaluates a model: rolls it out from the first measured state of each toss, and compares with what was measured.
+
+    Args:
+        model: as `train` or `load_model` gives it.
+        tosses: as `read` gives them, or what `read` takes.
+        against: another model, compared with on the same tosses.
+        held_out: which tosses it is judged by; None for those that its training held out, or all where it held out none.
+        seed: of the bootstrap.
+        progress: hears how far it is.
+
+    Returns:
+        Errors of position and penetration [% of the body's width] and rotation [degrees] with 95 % intervals; `print` shows them,
+        `document()` is one object for programs.
+
+    Raises:
+        ContactCurationError: there is no toss to judge by, or one of another body.
+
+    Example:
+        >>> report = cc.evaluate(model, cc.read("test.mcap", body=body))
+        >>> report.evaluations[0].errors.position.shape  # [% of the width], one per toss
+        (21,)
+        >>> print(report)
+        judged by 21 tosses: all there are
+        ...
+    """
+    from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
+    from contact_curation.pipeline.evaluation import evaluate_models, evaluation_config, judging_tosses
+
+    load_kernel()
+    models = [model] if against is None else [model, against]
+    judged = judging_tosses(_tosses(tosses, model.body), held_out, models)
+    return evaluate_models(models, judged, evaluation_config(bootstrap=BootstrapConfig(seed=seed)), progress=progress)
+
+
+def design(
+    model: "LearnedModel | Sequence[LearnedModel] | None" = None,
+    *,
+    known: Tosses | Sequence[Toss] = (),
+    throws: int = 8,
+    body: Body = CONTACTNETS_CUBE,
+    method: str = "information",
+    arm: bool = False,
+    seed: int = 0,
+    name: str = "throw",
+) -> "DesignedThrows":
+    """Designs throws: those that together are expected to add most to what is known.
+
+    Args:
+        model: a polytope, or several, over which gains are averaged; None for the body as it is described.
+        known: tosses that were selected until now.
+        throws: how many.
+        body: what is thrown, where there is no model.
+        method: ``information``; ``exploration``: different first impacts, for an unknown theta; ``paper`` and ``prior``: baselines.
+        arm: only throws that the simulated arm can make.
+        seed: the same gives the same throws.
+        name: that their ids begin with.
+
+    Returns:
+        The throws, best first: release poses [m], linear [m/s] and angular [rad/s] velocities, and the gain in log-det of each;
+        `save("throws.json")` stores them.
+
+    Raises:
+        ContactCurationError: a model that is no polytope, or nothing safe can be thrown.
+
+    Example:
+        >>> throws = cc.design(known=ranking.selected, throws=2, method="prior")
+        >>> [throw.throw_id for throw in throws]
+        ['throw-0-0', 'throw-0-1']
+        >>> throws.save("throws.json")
+    """
+    from contact_curation.pipeline.design import DesignTask, design_throws
+
+    load_kernel()
+    models = [] if model is None else list(model) if isinstance(model, Sequence) else [model]
+    thetas = tuple(_polytope(one) for one in models) or (described_polytope(body),)
+    by_id = sorted(known, key=lambda toss: toss.toss_id)
+    return design_throws(DesignTask(thetas, tuple(by_id), method=method, arm=arm, seed=seed, name=name), throws)
+
+
+def _tosses(tosses: Tosses | Inputs, body: Body) -> Tosses:
+    return tosses if isinstance(tosses, Tosses) else read(tosses, body)
+
+
+def _theta(model: "LearnedModel | str | PathLike[str] | None", body: Body) -> Theta:
+    if model is None:
+        return described_polytope(body)
+    from contact_curation.pipeline.learned_model import load_model
+
+    return theta_of((load_model(model, body) if isinstance(model, str | PathLike) else model).model)
+
+
+def _pool_config(reading: ReadingConfig, theta: Theta, estimator: str) -> PoolConfig:
+    if estimator not in tuple(Estimator):
+        raise InvalidValueError("estimator", estimator, f"one of {', '.join(Estimator)}")
+    network = network_config_for(ModelKind.POLYTOPE if isinstance(theta, Parameters) else theta.kind)
+    scoring = ScoringConfig(estimator=Estimator(estimator), form=form_of(None, (theta,)))
+    return PoolConfig(reading, (theta,), scoring, network=network)
+
+
+def _polytope(model: "LearnedModel") -> Parameters:
+    theta = theta_of(model.model)
+    if not isinstance(theta, Parameters):
+        raise InvalidValueError("model to design throws for", model.kind, "a polytope")
+    return theta
+
+
+def _kind(model: str) -> ModelKind:
+    if model not in tuple(ModelKind):
+        raise InvalidValueError("model", model, f"one of {', '.join(ModelKind)}")
+    return ModelKind(model)

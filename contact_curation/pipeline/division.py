@@ -1,0 +1,210 @@
+"""Which tosses are learned from and which are held out; whatever is left out is a line.
+
+The tosses are read before they are divided, since a training toss can be the twin of a held-out one that comes in a later
+recording.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.learning.evaluation.held_out import HeldOutRule, NumberedToss, Twin, split
+from contact_curation.motion.toss import Toss
+from contact_curation.pipeline.tosses import Tosses
+from contact_curation.pipeline.wording import counted_tosses, listed
+from contact_curation.storage.manifest.file import FORMATS, read_manifest
+
+NOTHING = "none"
+NUMBERS = re.compile(r"\d{1,9}(-\d{1,9})?(,\d{1,9}(-\d{1,9})?)*", re.ASCII)
+SHARE = re.compile(r"0?\.\d+", re.ASCII)
+LARGEST_FILE = 1 << 26
+"""Bytes; a million ids take half of it."""
+
+HELD_OUT = "held out"
+TWIN = "twin of a held-out toss"
+
+
+def held_out_rule(spec: str) -> HeldOutRule:
+    """What a specification holds out: numbers as 400-569 or 3,7-9, a share as 0.2, a file of ids, a manifest, or none.
+
+    Raises:
+        InvalidValueError: it is nothing of what is accepted.
+        UnreadableInputError: it names a file that holds no ids.
+    """
+    if spec == NOTHING:
+        return HeldOutRule()
+    spans = spans_of(spec)
+    if spans is not None:
+        return HeldOutRule(spans=spans)
+    if SHARE.fullmatch(spec):
+        return HeldOutRule(share=float(spec))
+    path = Path(spec)
+    if not (spec and path.exists()):
+        expected = "numbers such as 400-569, a share such as 0.2, none, or the name of a file with ids"
+        raise InvalidValueError("--held-out", spec, expected)
+    return HeldOutRule(ids=_ids_in(path))
+
+
+def spans_of(spec: str) -> tuple[tuple[int, int], ...] | None:
+    """First and last numbers, both included, of `400-569` or `3,7-9`; None where it is no numbers."""
+    return tuple(_span(part) for part in spec.split(",")) if NUMBERS.fullmatch(spec) else None
+
+
+def selected_ids(manifest: Path) -> tuple[str, ...]:
+    """Ids of the tosses that a ranking selected, best first.
+
+    Raises:
+        UnreadableInputError: the file is no manifest.
+        InvalidValueError: it selected nothing.
+    """
+    ids = tuple(row.toss_id for row in read_manifest(manifest).selected)
+    if not ids:
+        raise InvalidValueError(f"selected tosses of {manifest}", "none", "at least one")
+    return ids
+
+
+@dataclass(frozen=True)
+class HeldOutTosses:
+    """What is kept out of a pool.
+
+    Attributes:
+        reasons: by toss id, in one line.
+        warnings: about what a rule names and nobody has, one line each.
+    """
+
+    reasons: Mapping[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+
+def held_out_tosses(tosses: Tosses, rule: HeldOutRule) -> HeldOutTosses:
+    """Which tosses are held out, and which are the same motion under another id.
+
+    Raises:
+        InvalidValueError: the rule holds out none of the tosses.
+    """
+    pool = tosses.numbered
+    parts = split(pool, rule)
+    if pool:
+        _check_something_is_held_out(rule, len(parts.held_out), len(pool))
+    reasons = {toss.toss_id: HELD_OUT for toss in parts.held_out}
+    reasons |= {twin.left_out: f"{TWIN}: {twin.held_out}" for twin in parts.twins}
+    return HeldOutTosses(reasons, tuple(_unknown_ids(rule, pool)))
+
+
+@dataclass(frozen=True, eq=False)
+class DivisionConfig:
+    """What tosses are for.
+
+    Attributes:
+        rule: what is held out.
+        said: whether the user said so; else what a manifest selected is not held out.
+        manifest: where `selected` comes from.
+        selected: ids of what may be learned from; None for all.
+        with_twins: learn from motions that are held out under another id.
+    """
+
+    rule: HeldOutRule = field(default_factory=HeldOutRule)
+    said: bool = False
+    manifest: Path | None = None
+    selected: tuple[str, ...] | None = None
+    with_twins: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class LearningTosses:
+    """What a training gets; both sides in the order of their ids.
+
+    Attributes:
+        training: to learn from.
+        held_out: never to learn from.
+        twins: left out of the training since they are held out under another id.
+        rejected: how many tosses failed a gate, by reason.
+        warnings: what is wrong with the inputs, one line each.
+    """
+
+    training: tuple[Toss, ...]
+    held_out: tuple[Toss, ...]
+    twins: tuple[Twin, ...]
+    rejected: Counter[str]
+    warnings: tuple[str, ...]
+
+
+def learning_tosses(tosses: Tosses, config: DivisionConfig) -> LearningTosses:
+    """Divides tosses.
+
+    Raises:
+        NothingFoundError: there is no toss.
+        InvalidValueError: there is nothing to learn from, or nothing of what was to be held out.
+    """
+    pool = tosses.check_some("no toss to learn from").numbered
+    selected = None if config.selected is None else frozenset(config.selected)
+    exempt = frozenset() if config.said or selected is None else selected
+    held_out = [one for one in pool if one.toss.toss_id not in exempt and config.rule.holds_out(one)]
+    if config.said:
+        _check_something_is_held_out(config.rule, len(held_out), len(pool))
+    others = [one for one in pool if selected is None or one.toss.toss_id in selected]
+    if not others:
+        absent = f"none in the inputs: no {listed(config.selected or ())}"
+        raise InvalidValueError(f"selected tosses of {config.manifest}", absent, "some")
+    ids = frozenset(one.toss.toss_id for one in held_out)
+    parts = split([*held_out, *(one for one in others if one.toss.toss_id not in ids)], HeldOutRule(ids=ids), config.with_twins)
+    lines = (*tosses.warnings, *_missing(pool, ids, config))
+    if not parts.training:
+        why = f"none of {len(pool)}: {len(held_out)} are held out, {len(parts.twins)} are twins of those"
+        raise InvalidValueError("tosses to learn from", why, "at least one")
+    return LearningTosses(parts.training, parts.held_out, parts.twins, tosses.reasons, lines)
+
+
+def _missing(tosses: Sequence[NumberedToss], held_out: frozenset[str], config: DivisionConfig) -> list[str]:
+    """Lines about ids that were named and are not there, or not to be learned from."""
+    there = {one.toss.toss_id for one in tosses}
+    lines = _unknown_ids(config.rule, tosses)
+    selected = config.selected or ()
+    absent = [toss_id for toss_id in selected if toss_id not in there]
+    if absent:
+        few = f"{len(absent)} of {len(selected)} selected tosses are not in the inputs"
+        lines.append(f"{config.manifest}: {few}: {listed(absent)}")
+    withheld = [toss_id for toss_id in selected if toss_id in held_out]
+    if withheld:
+        lines.append(f"{config.manifest}: {len(withheld)} of {len(selected)} selected tosses are held out: {listed(withheld)}")
+    return lines
+
+
+def _check_something_is_held_out(rule: HeldOutRule, held_out: int, of: int) -> None:
+    """InvalidValueError when a rule that a user gave holds nothing out of so many tosses."""
+    if not held_out and rule != HeldOutRule():
+        raise InvalidValueError("--held-out", f"none of {counted_tosses(of)}", "at least one")
+
+
+def _unknown_ids(rule: HeldOutRule, tosses: Sequence[NumberedToss]) -> list[str]:
+    """A line about ids that a rule names and that are not there, or none."""
+    there = {one.toss.toss_id for one in tosses}
+    unknown = [toss_id for toss_id in sorted(rule.ids) if toss_id not in there]
+    if not unknown:
+        return []
+    return [f"--held-out: {len(unknown)} of {len(rule.ids)} ids are not among the tosses: {listed(unknown)}"]
+
+
+def _span(text: str) -> tuple[int, int]:
+    first, _, last = text.partition("-")
+    return int(first), int(last or first)
+
+
+def _ids_in(path: Path) -> frozenset[str]:
+    if path.suffix in FORMATS:
+        return frozenset(row.toss_id for row in read_manifest(path).selected)
+    try:
+        with path.open("rb") as file:
+            data = file.read(LARGEST_FILE + 1)
+        lines = data.decode().splitlines()
+    except OSError as error:
+        raise UnreadableInputError(path, f"cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise UnreadableInputError(path, "holds no text, expected an id a line") from error
+    ids = frozenset(line.strip() for line in lines) - {""}
+    if len(data) > LARGEST_FILE or not ids:
+        raise UnreadableInputError(path, f"holds {len(data)} bytes and {len(ids)} ids, expected an id a line")
+    return ids

@@ -1,0 +1,279 @@
+"""An evaluation as its user has it: tables, one object for programs, and a picture of predicted and measured motion."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from contact_curation.contact.models.polytope import PolytopeModel
+from contact_curation.dashboard.figures.motion import MotionPicture, PicturedToss, Track, save_motion_figure
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval, Spread
+from contact_curation.learning.evaluation.evaluation import MEASURES, ModelEvaluation, Summary, comparison, summary
+from contact_curation.learning.uncertainty.parameters import Known, KnownParameter
+from contact_curation.motion.toss import Toss
+from contact_curation.pipeline.learned_model import LearnedModel
+from contact_curation.pipeline.wording import counted, counted_tosses
+
+UNITS = {"position": "% of the width", "rotation": "degrees", "penetration": "% of the width"}
+LISTED = 5
+"""Ids that fit a line."""
+
+PICTURED = (("median", 0.5), ("90th percentile", 0.9), ("worst", 1.0))
+"""The tosses that are drawn, by their position errors."""
+
+
+@dataclass(frozen=True, eq=False)
+class JudgingTosses:
+    """What a model is judged by.
+
+    Attributes:
+        judged_by: at least one.
+        fitted: what it was fitted to, as far as it is known; none where all tosses judge.
+        chosen: in words, why just these.
+        twins: ids of those that judge and are in `fitted`, too, under another id.
+        warnings: what is wrong, one line each.
+    """
+
+    judged_by: tuple[Toss, ...]
+    fitted: tuple[Toss, ...]
+    chosen: str
+    twins: frozenset[str]
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Models judged by tosses. `print` shows tables.
+
+    Attributes:
+        models: one, or two that are compared.
+        evaluations: of them, over the same tosses.
+        rigid: of polytopes that rub elsewhere than where they touch, as if they did not, by what they are called.
+        tosses: by which, and why these.
+        known: what is known of the first model's parameters; None where that cannot be said.
+        why_not: why.
+        bootstrap: of the intervals.
+    """
+
+    models: tuple[LearnedModel, ...]
+    evaluations: tuple[ModelEvaluation, ...]
+    rigid: Mapping[str, ModelEvaluation]
+    tosses: JudgingTosses
+    known: Known | None
+    why_not: str
+    bootstrap: BootstrapConfig
+
+    def summaries(self) -> dict[str, Summary]:
+        """By file; as rigid bodies; without the twins, where there are any; and of the differences."""
+        found = {str(one.name): summary(each, self.bootstrap) for one, each in self._pairs()}
+        found |= {name: summary(each, self.bootstrap) for name, each in self.rigid.items()}
+        if self.tosses.twins:
+            name = f"without the {len(self.tosses.twins)} that have a twin among the others"
+            found |= {f"{one.name}, {name}": summary(each, self.bootstrap, self.tosses.twins) for one, each in self._pairs()}
+        if len(self.evaluations) > 1:
+            name = f"{self.models[0].name} - {self.models[1].name}, toss by toss"
+            found[name] = comparison(self.evaluations[0], self.evaluations[1], self.bootstrap)
+        return found
+
+    def document(self) -> dict[str, Any]:
+        """Everything, as one object for JSON."""
+        return {
+            "chosen": self.tosses.chosen,
+            "tosses": len(self.tosses.judged_by),
+            "twins": sorted(self.tosses.twins),
+            "models": [_json_model(one, each) for one, each in self._pairs()],
+            "summaries": {name: _json_summary(each) for name, each in self.summaries().items()},
+            "bootstrap": asdict(self.bootstrap),
+            "known": _json_known(self.known) if self.known else None,
+            "known_why_not": self.why_not,
+            "warnings": self.tosses.warnings,
+        }
+
+    def save_figure(self, path: str | Path) -> None:
+        """Draws predicted against measured motion into a PNG file, of the tosses in `PICTURED`.
+
+        Raises:
+            InvalidValueError: no motion is finite, or the file cannot be written.
+        """
+        save_motion_figure(_picture(self), Path(path))
+
+    def lines(self) -> Iterator[str]:
+        """Tables for people."""
+        return _lines(self)
+
+    def __str__(self) -> str:
+        return "\n".join((*self.lines(), *(f"careful: {line}" for line in self.tosses.warnings)))
+
+    def __repr__(self) -> str:
+        return f"<{' and '.join(one.name for one in self.models)} on {counted_tosses(len(self.tosses.judged_by))}>"
+
+    def _pairs(self) -> list[tuple[LearnedModel, ModelEvaluation]]:
+        return list(zip(self.models, self.evaluations, strict=True))
+
+
+def _lines(report: Evaluation) -> Iterator[str]:
+    """For people."""
+    yield f"judged by {counted_tosses(len(report.tosses.judged_by))}: {report.tosses.chosen}"
+    share = f"{100.0 * report.bootstrap.confidence:g} %"
+    for name, each in report.summaries().items():
+        yield from ("", name)
+        yield from _summary(each, share)
+    for one, evaluation in zip(report.models, report.evaluations, strict=True):
+        yield from ("", f"{one.name}: {one.kind}, mean loss {evaluation.mean_loss:.4g}")
+        yield from _shape(evaluation)
+        yield from _failures(evaluation)
+    yield ""
+    if report.known:
+        yield from _known(report.known)
+    else:
+        yield report.why_not
+
+
+def _summary(each: Summary, share: str) -> Iterator[str]:
+    yield f"  {'':28} {'median':>8}  {share + ' interval':18} {'mean':>8}  {share + ' interval':18}"
+    for name in MEASURES:
+        spread: Spread | None = getattr(each, name)
+        label = f"{name} [{UNITS[name]}]"
+        yield f"  {label:28} {_cells(spread.median)} {_cells(spread.mean)}" if spread else f"  {label:28} no motion is finite"
+
+
+def _cells(interval: Interval) -> str:
+    ends = f"{interval.low:.2f} to {interval.high:.2f}" if isfinite(interval.low) else "of one toss: none"
+    return f"{interval.value:8.2f}  {ends:18}"
+
+
+def _shape(evaluation: ModelEvaluation) -> Iterator[str]:
+    shape = evaluation.shape
+    if shape is None:
+        return
+    lengths = f"{shape.vertex_rms_mm:.2f} mm ({shape.vertex_rms:.4f} characteristic lengths)"
+    yield (
+        f"  against the body as described: vertices {lengths} RMS; friction {shape.friction:.4f}, {shape.friction_error:+.4f}"
+    )
+
+
+def _failures(evaluation: ModelEvaluation) -> Iterator[str]:
+    if evaluation.not_finite:
+        more = ", ..." if len(evaluation.not_finite) > LISTED else ""
+        names = ", ".join(evaluation.not_finite[:LISTED])
+        yield f"  not finite, and not in the table: {counted(len(evaluation.not_finite), 'motion')}: {names}{more}"
+    if evaluation.not_solved:
+        yield f"  not solved, and not in the mean loss: {evaluation.not_solved} of {evaluation.transitions} transitions"
+    if evaluation.sweeps_exhausted:
+        yield f"  out of sweeps: {evaluation.sweeps_exhausted} of {evaluation.steps} steps of the rollouts"
+
+
+def _known(known: Known) -> Iterator[str]:
+    yield f"what is known from the {known.tosses} others, as standard deviations (sigma^2 {known.noise_variance:.3g})"
+    yield f"  {'':20} {'unit':4} {'value':>9} {'sandwich':>9} {'Cramer-Rao':>10} {'naive':>9}   ellipsoid's half axes [mm]"
+    rows = {parameter.name: parameter for parameter in known.parameters}
+    for k, vertex in enumerate(known.vertices):
+        for axis in range(3):
+            axes = ", ".join(f"{length:.2f}" for length in vertex.axes_mm) if not axis else ""
+            yield (f"{_known_row(f'vertex {k} {"xyz"[axis]}', rows[f'vertices_normal[{k}][{axis}]'])}   {axes}".rstrip())
+    for name in ("friction", "tilt[0]", "tilt[1]", "height"):
+        yield _known_row(name, rows[name])
+    yield f"  directions of theta that they measure: {known.directions} of {len(known.parameters)}"
+    if known.not_solved:
+        yield f"  not solved, and left out: {known.not_solved} transitions"
+    if known.to_optimum > 1.0:
+        yield (
+            f"  the best fit to these tosses is up to {known.to_optimum:.1f} standard deviations away: "
+            "the model was not trained on them, or not to the end"
+        )
+    if known.tosses < len(known.parameters):
+        yield "  with fewer tosses than parameters the sandwich says too little; Cramer-Rao is safer"
+
+
+def _known_row(label: str, parameter: KnownParameter) -> str:
+    digits = 2 if parameter.unit == "mm" else 4
+    numbers = f"{parameter.value:9.{digits}f} {parameter.sandwich:9.{digits}f} {parameter.cramer_rao:10.{digits}f}"
+    return f"  {label:20} {parameter.unit:4} {numbers} {parameter.naive:9.{digits}f}"
+
+
+def _json_model(one: LearnedModel, each: ModelEvaluation) -> dict[str, Any]:
+    rows: list[dict[str, Any]] = [
+        {"toss_id": name, "loss": loss, **dict(zip(MEASURES, values, strict=True))}
+        for name, loss, *values in zip(
+            each.toss_ids, each.losses.tolist(), *(getattr(each.errors, measure).tolist() for measure in MEASURES), strict=True
+        )
+    ]
+    return {
+        "path": one.name,
+        "model": one.kind,
+        "mean_loss": each.mean_loss,
+        "transitions": each.transitions,
+        "not_solved": each.not_solved,
+        "not_finite": each.not_finite,
+        "sweeps_exhausted": each.sweeps_exhausted,
+        "steps": each.steps,
+        "shape": each.shape._asdict() if each.shape else None,
+        "per_toss": rows,
+    }
+
+
+def _json_summary(each: Summary) -> dict[str, Any]:
+    return {
+        name: {kind: getattr(spread, kind)._asdict() for kind in spread._fields} if spread else None
+        for name, spread in each._asdict().items()
+    }
+
+
+def _json_known(known: Known) -> dict[str, Any]:
+    return {
+        "tosses": known.tosses,
+        "noise_variance": known.noise_variance,
+        "directions": known.directions,
+        "to_optimum": known.to_optimum,
+        "not_solved": known.not_solved,
+        "parameters": [parameter._asdict() for parameter in known.parameters],
+        "vertices": [{name: value.tolist() for name, value in vertex._asdict().items()} for vertex in known.vertices],
+    }
+
+
+def _picture(report: Evaluation) -> MotionPicture:
+    """The picture of an evaluation, by the first model's position errors.
+
+    Raises:
+        InvalidValueError: no motion is finite.
+    """
+    errors = report.evaluations[0].errors.position
+    ranked = np.argsort(errors, kind="stable")[: int(np.isfinite(errors).sum())]
+    if not ranked.size:
+        raise InvalidValueError("motions to draw", "none that is finite", "at least one")
+    chosen = {int(ranked[round(share * (ranked.size - 1))]): name for name, share in reversed(PICTURED)}
+    rows = tuple(_row(report, toss, name) for toss, name in reversed(chosen.items()))
+    names = tuple(f"{one.kind} of {Path(one.name).name}" for one in report.models)
+    return MotionPicture(f"Predicted and measured motion of {report.models[0].model.body.name}", names, rows)
+
+
+def _row(report: Evaluation, toss: int, name: str) -> PicturedToss:
+    first, source = report.evaluations[0], report.tosses.judged_by[toss]
+    body = report.models[0].model.body
+    measured, _ = first.frames(toss)
+    predicted = [(each.frames(toss)[1], one) for each, one in zip(report.evaluations, report.models, strict=True)]
+    distances = " and ".join(f"{each.errors.position[toss]:.1f} %" for each in report.evaluations)
+    angles = " and ".join(f"{each.errors.rotation[toss]:.1f}°" for each in report.evaluations)
+    return PicturedToss(
+        title=f"{name}: toss {first.toss_ids[toss]}, off by {distances} of the width, {angles}",
+        times=source.frame_period * np.arange(len(measured), dtype=float),
+        measured=_track(measured, body.scaled_vertices, body.length_scale),
+        predicted=tuple(
+            _track(
+                states,
+                one.model.geometry().vertices_normal if isinstance(one.model, PolytopeModel) else body.scaled_vertices,
+                one.model.body.length_scale,
+            )
+            for states, one in predicted
+        ),
+    )
+
+
+def _track(states: Array, vertices: Array, length_scale: float) -> Track:
+    millimetres = 1e3 * length_scale
+    return Track(millimetres * states[:, :3], states[:, 3:7], millimetres * vertices)

@@ -1,0 +1,137 @@
+"""Models judged by tosses: rolled out from the first measured state, and of a polytope what is known of its parameters."""
+
+import os
+from collections.abc import Sequence
+
+import torch
+
+from contact_curation.contact.models.polytope import PolytopeModel
+from contact_curation.contact.parameter_form import is_physical
+from contact_curation.errors import InvalidValueError
+from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
+from contact_curation.learning.evaluation.held_out import HeldOutRule, NumberedToss, split
+from contact_curation.learning.uncertainty.parameters import Known, KnownConfig, known
+from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import transitions_of
+from contact_curation.pipeline.division import DivisionConfig, held_out_rule, learning_tosses
+from contact_curation.pipeline.evaluated import Evaluation, JudgingTosses
+from contact_curation.pipeline.learned_model import LearnedModel
+from contact_curation.pipeline.progress import Progress, silent
+from contact_curation.pipeline.reading import settings_of
+from contact_curation.pipeline.tosses import Tosses
+
+EVERYTHING = "all there are"
+
+
+def evaluation_config(**changes: object) -> EvaluationConfig:
+    """How models are evaluated, on all processors."""
+    return EvaluationConfig(threads=os.cpu_count() or 1, **changes)  # type: ignore[arg-type]
+
+
+def evaluate_models(
+    models: Sequence[LearnedModel],
+    tosses: JudgingTosses,
+    config: EvaluationConfig,
+    known_config: KnownConfig | None = None,
+    progress: Progress = silent,
+) -> Evaluation:
+    """Rolls models out along the tosses that judge them.
+
+    Args:
+        models: one, or two that are compared.
+        tosses: as `judging_tosses` divides them.
+        config: of the rollouts.
+        known_config: of what is known of a polytope's parameters.
+        progress: hears how far it is.
+
+    Raises:
+        InvalidValueError: tosses of another body.
+    """
+    torch.set_num_threads(1)  # threads that share busy cores wait for each other, and sums would depend on them
+    evaluations = []
+    with progress("rolling out", "models", len(models)) as bar:
+        for one in models:
+            evaluations.append(evaluate_model(one.model, tosses.judged_by, config))
+            bar.advance()
+    rigid = {
+        f"{one.name}, friction at the vertices of the gaps": evaluate_model(
+            one.model.rubbing_where_it_touches(), tosses.judged_by, config
+        )
+        for one in models
+        if isinstance(one.model, PolytopeModel) and one.model.rubs_elsewhere
+    }
+    what_is_known, why_not = _known(models[0], tosses, known_config or KnownConfig())
+    return Evaluation(tuple(models), tuple(evaluations), rigid, tosses, what_is_known, why_not, config.bootstrap)
+
+
+def judging_tosses(tosses: Tosses, spec: str | None, models: Sequence[LearnedModel]) -> JudgingTosses:
+    """Divides tosses by which models are judged, and which they were fitted to.
+
+    Args:
+        tosses: at least one.
+        spec: `--held-out`; None for what the first model's training held out, or all; all, too, where it is `none`.
+        models: at least one; what the first learned from is what it was fitted to.
+
+    Raises:
+        ContactCurationError: there is no toss to judge by.
+    """
+    rule = HeldOutRule() if spec is None else held_out_rule(spec)
+    read = learning_tosses(tosses, DivisionConfig(rule, said=spec is not None, with_twins=True))
+    judged_by, others, chosen = read.held_out, read.training, f"--held-out {spec}"
+    if spec is None:
+        judged_by, others, chosen = _as_trained(models[0], read.training)
+    elif not judged_by:  # `none`: nobody tells some apart
+        judged_by, others, chosen = read.training, (), EVERYTHING
+    learned, last = models[0].learned_from, models[0].fitted_to
+    seen = [toss for toss in others if not learned or toss.toss_id in learned]
+    fitted = tuple(toss for toss in seen if not last or toss.toss_id in last)
+    parts = split([NumberedToss(toss, 0) for toss in (*judged_by, *seen)], HeldOutRule(ids=_ids(judged_by)))
+    twins = frozenset(twin.held_out for twin in parts.twins)
+    rigs = _of_other_rigs(models, settings_of(tosses.config.inputs.rig))
+    return JudgingTosses(judged_by, fitted, chosen, twins, (*read.warnings, *_seen_before(judged_by, models), *rigs))
+
+
+def _as_trained(model: LearnedModel, tosses: tuple[Toss, ...]) -> tuple[tuple[Toss, ...], tuple[Toss, ...], str]:
+    """Those that a training held out, the others, and words for it; all where it held out none."""
+    if not model.held_out:
+        return tosses, (), EVERYTHING
+    judged_by = tuple(toss for toss in tosses if toss.toss_id in model.held_out)
+    if not judged_by:
+        found = f"none of the {len(model.held_out)} that {model.name} names"
+        raise InvalidValueError("held-out tosses in the inputs", found, "at least one, or --held-out to choose others")
+    return judged_by, tuple(toss for toss in tosses if toss.toss_id not in model.held_out), f"held out by {model.name}"
+
+
+def _seen_before(judged_by: Sequence[Toss], models: Sequence[LearnedModel]) -> list[str]:
+    counts = [(model.name, len(_ids(judged_by) & model.learned_from)) for model in models]
+    return [
+        f"{name}: it learned from {count} of the {len(judged_by)} tosses it is judged by" for name, count in counts if count
+    ]
+
+
+def _ids(tosses: Sequence[Toss]) -> frozenset[str]:
+    return frozenset(toss.toss_id for toss in tosses)
+
+
+def _of_other_rigs(models: Sequence[LearnedModel], settings: str) -> list[str]:
+    """Lines on models whose tosses were calibrated otherwise than those that judge."""
+    words = {"": "as recorded"}
+    return [
+        f"{one.name}: it learned from tosses {words.get(one.rig, f'calibrated by {one.rig}')}, "
+        f"and is judged by tosses {words.get(settings, f'calibrated by {settings}')}"
+        for one in models
+        if one.rig is not None and one.rig != settings
+    ]
+
+
+def _known(judged: LearnedModel, tosses: JudgingTosses, config: KnownConfig) -> tuple[Known | None, str]:
+    """What is known, or why that cannot be said."""
+    model = judged.model
+    if not isinstance(model, PolytopeModel):
+        return None, f"what is known is told of a polytope's parameters; a network of {model.kind.value} has none with units"
+    if not is_physical(model.geometry()):
+        return None, "what is known is told of the physical form; this polytope's normal and tangents have a scale of their own"
+    if not tosses.fitted:
+        return None, "what is known needs the tosses that it was fitted to among the inputs, beside those that judge it"
+    scale = model.body.length_scale
+    return known(model, transitions_of(tosses.fitted, scale), transitions_of(tosses.judged_by, scale), config), ""

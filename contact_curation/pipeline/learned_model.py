@@ -1,0 +1,120 @@
+"""A model with what it says of its own training: out of a training, a checkpoint, or a polytope's JSON file."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.models.model import Model
+from contact_curation.contact.models.polytope import PolytopeModel
+from contact_curation.contact.parameter_form import Form, is_physical
+from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.files import read_bounded, write_atomically
+from contact_curation.learning.checkpoints.safetensors_bytes import LARGEST_BYTES
+from contact_curation.learning.checkpoints.selection_document import selections_of
+from contact_curation.learning.checkpoints.stored_model import MALFORMED, model_bytes, model_of_bytes, notes_of_bytes
+from contact_curation.storage.parameters_file import Parameters, is_checkpoint, read_theta
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedModel:
+    """A model, and which tosses it learned from.
+
+    Attributes:
+        model: itself: `model.kind`, `model.body`, and its parameters as torch has them.
+        name: its file; of a model without one, what it is.
+        learned_from: ids of all tosses that it ever learned from, as far as its file says.
+        fitted_to: ids of those that it learned from last.
+        held_out: ids of those that its training held out, likewise.
+        rig: how these were calibrated, in words of `--set`; None where its file does not say.
+        data: the checkpoint; empty for a model that comes from none.
+    """
+
+    model: Model
+    name: str = "model"
+    learned_from: frozenset[str] = frozenset()
+    fitted_to: frozenset[str] = frozenset()
+    held_out: frozenset[str] = frozenset()
+    rig: str | None = None
+    data: bytes = b""
+
+    @property
+    def kind(self) -> str:
+        """Which model: polytope, deep, deepvertex or end_to_end."""
+        return self.model.kind.value
+
+    @property
+    def body(self) -> Body:
+        """Whose motion it explains."""
+        return self.model.body
+
+    def save(self, path: str | Path) -> None:
+        """Writes the checkpoint, whole or not at all, as a .safetensors file.
+
+        Raises:
+            InvalidValueError: another ending, or the file cannot be written.
+        """
+        if not is_checkpoint(Path(path)):
+            raise InvalidValueError("model", path, "a file ending in .safetensors")
+        write_atomically(Path(path), self.data or model_bytes(self.model))
+
+    def __repr__(self) -> str:
+        return f"<{self.kind} of {self.body.name}, learned from {len(self.learned_from)} tosses>"
+
+
+def load_model(path: str | Path, body: Body | None = None) -> LearnedModel:
+    """Reads a model.
+
+    Args:
+        path: a .safetensors checkpoint or model, or a polytope as JSON.
+        body: which it must be for, and which completes what JSON leaves out; None for the body in the checkpoint.
+
+    Returns:
+        The model, with the ids of the tosses that it learned from.
+
+    Raises:
+        UnreadableInputError: the file holds no model, or one for another body.
+        InvalidValueError: a JSON file without a body.
+
+    Example:
+        >>> model = cc.load_model("model.safetensors")
+        >>> model.kind
+        'polytope'
+    """
+    path = Path(path)
+    if is_checkpoint(path):
+        return model_of_checkpoint(read_bounded(path, LARGEST_BYTES, "a checkpoint or a model"), str(path), body)
+    if body is None:
+        raise InvalidValueError("body", "none", f"the body that the polytope in {path} is for")
+    theta = read_theta(path, body)
+    assert isinstance(theta, Parameters)
+    form = Form.PHYSICAL if is_physical(theta.geometry) else Form.CONTACTNETS
+    return LearnedModel(PolytopeModel(theta.geometry, theta.body, form), str(path))
+
+
+def model_of_checkpoint(data: bytes, name: str, body: Body | None = None) -> LearnedModel:
+    """The model in the bytes of a checkpoint; errors as of `load_model`.
+
+    Args:
+        data: untrusted.
+        name: of the file, or what it is.
+        body: which it must be for.
+    """
+    model, notes = model_of_bytes(data, name, body), notes_of_bytes(data, name)
+    learned, last, held_out = (_ids(notes.get(key, "")) for key in ("training ids", "fitted ids", "held-out ids"))
+    selections = _selected(notes, name)
+    if selections:
+        learned, last = frozenset[str]().union(*selections), selections[-1]
+    return LearnedModel(model, name, learned, last or learned, held_out, notes.get("rig"), data)
+
+
+def _ids(note: str) -> frozenset[str]:
+    return frozenset(note.split("\n")) - {""}
+
+
+def _selected(notes: dict[str, str], name: str) -> tuple[frozenset[str], ...]:
+    """What was selected, one after the other; nothing where the training took all that it could have."""
+    try:
+        selections = selections_of(notes["selections"]) if "selections" in notes else ()
+    except MALFORMED as error:
+        raise UnreadableInputError(name, f"says not what was selected ({type(error).__name__}: {error})") from error
+    return tuple(frozenset(one.kept) for one in selections)

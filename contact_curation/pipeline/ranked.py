@@ -1,0 +1,255 @@
+"""A ranking of tosses as its user has it: the manifest, tables, a figure, and what to think of the selected set."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from html import escape
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from contact_curation.dashboard.figures.ranking import RankingPicture, ranking_figure, save_ranking_figure
+from contact_curation.errors import MissingDependencyError
+from contact_curation.information.curation import SUFFICIENT_EPSILON, Curation
+from contact_curation.information.diagnostics import block_shares
+from contact_curation.pipeline.pool import TossPool
+from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.tosses import Tosses, read_tosses
+from contact_curation.pipeline.wording import counted, counted_tosses, in_brackets, nothing_found
+from contact_curation.storage.manifest.file import FORMATS, write_manifest
+from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SELECTED, NOT_SELECTED = "selected", "not selected"
+LISTED = 10
+"""Tosses that a table shows."""
+
+
+@dataclass(frozen=True, eq=False)
+class RankedTosses:
+    """A ranking of tosses: which to keep, and why. `print` shows a table and the evidence, a notebook a table.
+
+    Attributes:
+        manifest: every toss with its place; what was rejected, and why.
+        curation: the ranking and its evidence; None where no toss could be ranked.
+        pool: every toss once, as it was scored.
+        warnings: what is wrong with the inputs, one line each.
+        source: the recordings, or their tosses where they are in memory.
+        reading: how recordings become tosses.
+    """
+
+    manifest: Manifest
+    curation: Curation | None
+    pool: TossPool
+    warnings: tuple[str, ...]
+    source: tuple[Path, ...] | Tosses
+    reading: ReadingConfig
+
+    @property
+    def selected_ids(self) -> tuple[str, ...]:
+        """Ids of the selected tosses, best first."""
+        return tuple(row.toss_id for row in self.manifest.selected)
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids of all ranked tosses, best first."""
+        return tuple(row.toss_id for row in self.ranked_rows)
+
+    @cached_property
+    def selected(self) -> Tosses:
+        """The selected tosses, best first; those of recordings that were not in memory are read once more."""
+        if isinstance(self.source, Tosses):
+            return self.source.only(self.selected_ids)
+        return read_tosses(self.source, self.reading, only=self.selected_ids).only(self.selected_ids)
+
+    @property
+    def ranked_rows(self) -> tuple[ManifestRow, ...]:
+        """Of the ranked tosses, best first."""
+        return tuple(row for row in self.manifest.rows if row.rank is not None)
+
+    @cached_property
+    def outcomes(self) -> dict[str, int]:
+        """How many tosses went which way: selected, not selected, and by the first reason against the others."""
+        counts = Counter(_outcome(row) for row in self.manifest.rows)
+        first = (SELECTED, NOT_SELECTED)
+        others = sorted((name for name in counts if name not in first), key=lambda name: (-counts[name], name))
+        return {name: counts[name] for name in (*first, *others)}
+
+    def evidence(self) -> Curation:
+        """The curation.
+
+        Raises:
+            NothingFoundError: no toss could be ranked.
+        """
+        if self.curation is None:
+            paths = [one.path for one in self.manifest.run.inputs]
+            raise nothing_found(
+                paths, self.warnings, f"no toss that could be ranked{in_brackets(self.outcomes)}", "at least one"
+            )
+        return self.curation
+
+    def save(self, path: str | Path) -> None:
+        """Writes the manifest, whole or not at all: Parquet, CSV or JSON, by the ending of `path`.
+
+        Raises:
+            InvalidValueError: another ending, or the file cannot be written.
+        """
+        write_manifest(self.manifest, Path(path))
+
+    def to_arrow(self) -> Any:
+        """The manifest as a pyarrow table: a row per toss, the columns of `ManifestRow`."""
+        from pyarrow import parquet
+
+        return parquet.read_table(BytesIO(FORMATS[".parquet"].write(self.manifest)))
+
+    def to_pandas(self) -> Any:
+        """The manifest as a pandas data frame, with the same columns.
+
+        Raises:
+            MissingDependencyError: pandas is not installed.
+        """
+        try:
+            import pandas  # noqa: F401
+        except ImportError as error:
+            raise MissingDependencyError("pandas", "pip install pandas, or take to_arrow()") from error
+        return self.to_arrow().to_pandas()
+
+    def plot(self) -> "Figure":
+        """What the tosses are worth and how far the selected ones stand for all, as a matplotlib figure."""
+        return ranking_figure(self._picture())
+
+    def save_figure(self, path: str | Path) -> None:
+        """Draws the same into a PNG file.
+
+        Raises:
+            InvalidValueError: the file cannot be written.
+        """
+        save_ranking_figure(self._picture(), Path(path))
+
+    def document(self) -> dict[str, Any]:
+        """Everything, as one object for JSON."""
+        return {
+            **{name: value for name, value in asdict(self.manifest.run).items() if name != "command"},
+            "outcomes": self.outcomes,
+            "diagnostics": dict(self.manifest.diagnostics),
+            "warnings": self.warnings,
+            "tosses": [asdict(row) for row in self.manifest.rows],
+        }
+
+    def __str__(self) -> str:
+        return "\n".join(_lines(self))
+
+    def __repr__(self) -> str:
+        return f"<{len(self.selected_ids)} of {len(self.manifest.rows)} tosses selected by {self.manifest.run.criterion}>"
+
+    def _repr_html_(self) -> str:
+        return _html(self)
+
+    def _picture(self) -> RankingPicture:
+        curation, run = self.evidence(), self.manifest.run
+        selected = set(self.selected_ids)
+        own = block_shares([toss.informations[0] for toss in self.pool.rankable if toss.seen.toss_id in selected])
+        return RankingPicture(
+            title=f"{len(self.ids)} tosses ranked by {run.criterion} ({run.estimator}), {len(selected)} selected",
+            criterion=run.criterion,
+            scores=np.array([row.score for row in self.ranked_rows], dtype=float),
+            gains=np.array([row.marginal_gain for row in self.ranked_rows], dtype=float),
+            selected=len(selected),
+            spectrum=curation.spectrum,
+            epsilon=curation.epsilon,
+            shares={share.name: (share.share, part.share) for share, part in zip(curation.block_shares, own)},
+            outcomes=tuple(self.outcomes.items()),
+        )
+
+
+def _outcome(row: ManifestRow) -> str:
+    if row.rank is None:
+        return row.reasons[0].partition(":")[0]
+    return SELECTED if row.kept else NOT_SELECTED
+
+
+def _lines(ranked: RankedTosses) -> Iterator[str]:
+    """For people: the best tosses, where all tosses went, and what to think of the selected set."""
+    yield from _table(ranked)
+    yield ""
+    yield from _totals(ranked)
+    yield ""
+    yield from _evidence(ranked)
+
+
+def _html(ranked: RankedTosses) -> str:
+    """The best tosses, as a table."""
+    cells = [
+        (row.rank, row.toss_id, f"{row.score:.4g}", f"{row.marginal_gain:.4g}", f"{row.duration:.2f}", _selected(row.kept))
+        for row in ranked.ranked_rows[:LISTED]
+    ]
+    head = "".join(f"<th>{name}</th>" for name in ("rank", "toss", "score", "gain", "time [s]", "selected"))
+    body = "".join("<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in cells)
+    totals = "; ".join(f"{count} {escape(name)}" for name, count in ranked.outcomes.items())
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table><p>{totals}</p>"
+
+
+def _table(ranked: RankedTosses) -> Iterator[str]:
+    rows = ranked.ranked_rows[:LISTED]
+    width = max(len("toss"), *(len(row.toss_id) for row in rows))
+    yield f"{'rank':>4}  {'toss':<{width}}  {'score':>10}  {'gain':>10}  {'trace':>10}  {'time [s]':>8}  frames  selected"
+    for row in rows:
+        numbers = "  ".join(f"{value:>10.4g}" for value in (row.score, row.marginal_gain, row.trace))
+        yield f"{row.rank:>4}  {row.toss_id:<{width}}  {numbers}  {row.duration:>8.2f}  {row.frames:>6}  {_selected(row.kept)}"
+
+
+def _selected(selected: bool) -> str:
+    return "yes" if selected else "no"
+
+
+def _totals(ranked: RankedTosses) -> Iterator[str]:
+    rows, run = ranked.manifest.rows, ranked.manifest.run
+    scored = ranked.ranked_rows
+    transitions, not_scored = (sum(getattr(row, name) or 0 for row in scored) for name in ("transitions", "not_scored"))
+    where, selected = counted(len(run.inputs), "input"), ranked.outcomes[SELECTED]
+    yield f"{counted_tosses(len(rows))} of {where}: {len(scored)} ranked by {run.criterion}, {selected} selected"
+    if not ranked.outcomes[NOT_SELECTED]:
+        yield "every toss that could be ranked is selected: there are no more than were asked for"
+    yield f"scored with {run.estimator} at {run.parameters}: {transitions} transitions, {not_scored} not solved"
+    if run.influence_bound != np.inf:
+        yield f"losses above {run.influence_bound:.4g} count as that much"
+    yield from (f"rejected: {count} ({name})" for name, count in list(ranked.outcomes.items())[2:])
+    if ranked.warnings:
+        yield f"warnings: {len(ranked.warnings)}"
+
+
+def _evidence(ranked: RankedTosses) -> Iterator[str]:
+    curation = ranked.evidence()
+    enough = "no number is" if curation.sufficient_k is None else f"{curation.sufficient_k} are"
+    yield f"epsilon {curation.epsilon:.3g} per toss, {curation.raw_epsilon:.3g} in all, on {curation.dimension} directions"
+    yield f"tosses of this ranking that come within epsilon {SUFFICIENT_EPSILON:g} of the pool: {enough} enough"
+    per_toss, per_transition = curation.efficiency, curation.frame_efficiency
+    yield (
+        f"D-efficiency {per_toss.determinant:.3g} per toss, {per_transition.determinant:.3g} per transition; "
+        f"E-efficiency {per_toss.smallest:.3g} per toss (1 is the average toss)"
+    )
+    shift = curation.optimum_shift
+    yield (
+        f"the estimate from the selected tosses is {shift.distance:.3g} from the full-data estimate, "
+        f"expected for random subsets of the same size: {shift.at_random:.3g} (1 is the scatter of single tosses)"
+    )
+    certificate = curation.ranking.certificate
+    if certificate:
+        yield (
+            f"certificate: D-efficiency at least {certificate.subset:.3g} of the best set of that size, "
+            f"{certificate.kiefer_wolfowitz:.3g} of the best weighting"
+        )
+    gram = curation.selected_gram
+    if gram:
+        yield (
+            f"Gram matrix of the selected scores: eigenvalues {gram.smallest:.3g} to {gram.largest:.3g}, rank {gram.rank}, "
+            f"effectively {gram.effective_rank:.3g}"
+        )
+    shares = ", ".join(f"{share.name} {100.0 * share.share:.1f} %" for share in curation.block_shares)
+    yield f"share of the trace: {shares}"
+    yield from (f"careful: {line}" for line in curation.warnings)

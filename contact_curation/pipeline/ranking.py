@@ -1,0 +1,125 @@
+"""Recordings to a ranking: what is held out is set aside, the others are scored, ranked, and written down as a manifest."""
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from contact_curation import __version__
+from contact_curation.information.curation import Curation
+from contact_curation.information.network.score_folder import ScoreFolder
+from contact_curation.information.ranker import RankingConfig, criterion_named
+from contact_curation.learning.evaluation.held_out import HeldOutRule
+from contact_curation.pipeline.division import held_out_tosses
+from contact_curation.pipeline.pool import TossPool, pool_of_inputs
+from contact_curation.pipeline.progress import Progress, silent
+from contact_curation.pipeline.ranked import RankedTosses
+from contact_curation.pipeline.scoring import PoolConfig, ScoredPool, Source, score_pool
+from contact_curation.pipeline.tosses import Tosses, read_tosses
+from contact_curation.storage.manifest.manifest import Diagnostic, Manifest
+from contact_curation.storage.manifest.ranked import ranked_manifest
+from contact_curation.storage.provenance import InputProvenance, RunProvenance
+from contact_curation.storage.stores.factor_spool import FactorSpool
+
+
+@dataclass(frozen=True, eq=False)
+class RankConfig:
+    """How recordings are ranked.
+
+    Attributes:
+        pool: how they become scored tosses.
+        ranking: how these are ranked.
+        model: what theta parameterises.
+        parameters: where theta comes from, for the manifest.
+        held_out: what is neither scored nor ranked.
+        jobs: how many processes at most; None for one per processor.
+        command: the command line; empty when the library is called.
+    """
+
+    pool: PoolConfig
+    ranking: RankingConfig = field(default_factory=RankingConfig)
+    model: str = "polytope"
+    parameters: str = ""
+    held_out: HeldOutRule = field(default_factory=HeldOutRule)
+    jobs: int | None = None
+    command: tuple[str, ...] = ()
+
+    def with_exact_scores_in(self, folder: Path) -> "RankConfig":
+        """The same; where the criterion asks for networks' scores themselves they go to a folder, whole."""
+        wanted = criterion_named(self.ranking.criterion).reads_exact_scores(self.ranking)
+        if not (wanted and self.pool.of_weights):
+            return self
+        return replace(self, pool=replace(self.pool, score_folder=ScoreFolder(folder)))
+
+
+type Watcher = Callable[[TossPool, Curation], None]
+"""Sees a ranking while the factors of its pool can still be read."""
+
+
+def rank_tosses(
+    source: Sequence[Path] | Tosses, config: RankConfig, progress: Progress = silent, watcher: Watcher | None = None
+) -> RankedTosses:
+    """Ranks the tosses of recordings.
+
+    Args:
+        source: recordings, of which no more than 64 tosses are in memory at a time; or tosses that were read.
+        config: how.
+        progress: hears how far it is.
+        watcher: sees the ranking, where there is one.
+
+    Raises:
+        InvalidValueError: the rule holds out none of the tosses.
+    """
+    sources, missing, jobs = _sources(source, config, progress)
+    with FactorSpool() as spool, TemporaryDirectory(prefix="contact-curation-") as folder:
+        pool_config = config.with_exact_scores_in(Path(folder)).pool
+        with progress("scoring", "tosses") as bar:
+            scored = score_pool(sources, pool_config, jobs, bar.advance, spool)
+        pool = pool_of_inputs(scored.inputs)
+        curation = pool.curated(config.ranking, pool_config.score_folder) if pool.rankable else None
+        if watcher and curation:
+            watcher(pool, curation)
+    warnings = (*(line for one in scored.inputs for line in one.reading.warnings), *pool.left_out, *missing)
+    manifest = _manifest(config, scored, pool, curation)
+    kept = source if isinstance(source, Tosses) else tuple(source)
+    return RankedTosses(manifest, curation, pool, warnings, kept, config.pool.reading)
+
+
+def _sources(
+    source: Sequence[Path] | Tosses, config: RankConfig, progress: Progress
+) -> tuple[Sequence[Source], tuple[str, ...], int]:
+    """What is scored; warnings about what is held out; and how many processes there are."""
+    if isinstance(source, Tosses):
+        held_out = held_out_tosses(source, config.held_out) if config.held_out != HeldOutRule() else None
+        tosses = source.without(held_out.reasons) if held_out else source
+        return tosses.recordings(), held_out.warnings if held_out else (), 1
+    jobs = max(1, min(config.jobs or os.cpu_count() or 1, len(source)))
+    if config.held_out == HeldOutRule():
+        return source, (), jobs
+    # A training toss can be the twin of a held-out one that comes later: all are read before the first is scored.
+    with progress("reading", "tosses") as bar:
+        read = read_tosses(source, config.pool.reading, jobs, bar.advance)
+    recordings, missing, _ = _sources(read, config, progress)
+    return recordings, missing, jobs
+
+
+def _manifest(config: RankConfig, scored: ScoredPool, pool: TossPool, curation: Curation | None) -> Manifest:
+    """Every toss, and how the ranking was made."""
+    scorers = config.pool.scorers(scored.bounds, jobs=1)
+    readings = [one.reading for one in scored.inputs]
+    run = RunProvenance(
+        criterion=config.ranking.criterion,
+        estimator=config.pool.scoring.estimator.value,
+        influence_bound=scored.bounds[0],
+        model=config.model,
+        parameters=config.parameters,
+        parameters_version="+".join(scorer.version for scorer in scorers),
+        seed=config.ranking.seed,
+        package_version=__version__,
+        command=config.command,
+        inputs=tuple(InputProvenance(reading.path, reading.sha256, reading.warnings) for reading in readings),
+    )
+    network = asdict(config.pool.network) if config.pool.of_weights else None
+    others: dict[str, Diagnostic] = {"form": config.pool.form, "network": network}
+    return ranked_manifest(run, pool.tosses, curation, others)

@@ -1,0 +1,116 @@
+"""Which theta the tosses teach about: the object as described, JSON files of a polytope, or checkpoints of any model.
+
+Importing torch takes over a second, which a polytope's ranking does without: it is imported only to read a checkpoint and to
+score for a network.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.parameter_form import Form, is_physical
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.storage.parameters_file import CHECKPOINT, Parameters, is_checkpoint, read_theta
+
+if TYPE_CHECKING:
+    from contact_curation.contact.models.model import Model
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkTheta:
+    """A network in plain arrays, which go to other processes as they are.
+
+    Attributes:
+        kind: which model.
+        settings: as `Model.settings` gives them.
+        tensors: as `tensors_of` gives them.
+        body: it belongs to.
+    """
+
+    kind: ModelKind
+    settings: Mapping[str, str]
+    tensors: Mapping[str, Array]
+    body: Body
+
+    def model(self) -> "Model":
+        """The network."""
+        from contact_curation.contact.models.registry import model_of_tensors
+
+        return model_of_tensors(self.kind, self.settings, self.tensors, self.body)
+
+
+type Theta = Parameters | NetworkTheta
+
+
+def thetas_of(model: str, paths: Sequence[Path], body: Body) -> tuple[Theta, ...]:
+    """The thetas in some files, at least one: without a file, that of the object as it is described.
+
+    Raises:
+        ContactCurationError: a file cannot be used, or is for another model; or a network without a file.
+    """
+    kind = ModelKind(model)
+    if kind is ModelKind.POLYTOPE:
+        return tuple(polytope_of(path, body) for path in paths) or (described_polytope(body),)
+    if not paths:
+        how = f"--params CHECKPOINT{CHECKPOINT}, as `contact-curation train --model {kind.value}` writes it"
+        raise InvalidValueError(f"theta of model {kind.value}", "none", how)
+    return tuple(_network(path, kind, body) for path in paths)
+
+
+def described_polytope(body: Body) -> Parameters:
+    """The polytope of the object as it is described."""
+    return Parameters(ContactGeometry.of_body(body), body)
+
+
+def theta_of(model: "Model") -> Theta:
+    """The parameters of a model, in plain arrays."""
+    from contact_curation.contact.models.polytope import PolytopeModel
+    from contact_curation.contact.models.registry import tensors_of
+
+    if isinstance(model, PolytopeModel):
+        return Parameters(model.geometry(), model.body)
+    return NetworkTheta(model.kind, model.settings(), tensors_of(model), model.body)
+
+
+def form_of(wanted: str | None, thetas: Sequence[Theta]) -> Form:
+    """The form that was asked for, or the physical one where every polytope has it; a network's own where it has one."""
+    if wanted is not None:
+        return Form(wanted)
+    polytopes = [theta for theta in thetas if isinstance(theta, Parameters)]
+    return Form.PHYSICAL if all(is_physical(theta.geometry) for theta in polytopes) else Form.CONTACTNETS
+
+
+def polytope_of(path: Path, body: Body) -> Parameters:
+    """The polytope in a JSON file or a checkpoint.
+
+    Raises:
+        ContactCurationError: the file cannot be used, or holds another model.
+    """
+    model = read_theta(path, body)
+    if isinstance(model, Parameters):
+        return model
+    from contact_curation.contact.models.polytope import PolytopeModel
+
+    if not isinstance(model, PolytopeModel):
+        raise InvalidValueError(
+            f"model of {path}", model.kind.value, f"polytope; networks go with `rank --model {model.kind.value}`"
+        )
+    return Parameters(model.geometry(), model.body)
+
+
+def _network(path: Path, kind: ModelKind, body: Body) -> NetworkTheta:
+    if not is_checkpoint(path):
+        raise InvalidValueError(f"theta of model {kind.value}", str(path), f"a checkpoint, a {CHECKPOINT} file")
+    from contact_curation.storage.checkpoint_file import read_model
+
+    model = read_model(path, body)
+    if model.kind is not kind:
+        raise InvalidValueError(f"model of {path}", model.kind.value, f"{kind.value}, or --model {model.kind.value}")
+    found = theta_of(model)
+    assert isinstance(found, NetworkTheta)
+    return found

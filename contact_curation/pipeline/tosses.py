@@ -1,0 +1,294 @@
+"""The tosses of several recordings, each once: the one reader of all that need them in memory.
+
+A toss that is in several recordings belongs to the first that has it whole (`storage.inputs.known_tosses`). What
+streams instead (`pipeline.scoring`, `score`) keeps only what it saw, and merges that by the same rule.
+"""
+
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from glob import glob, has_magic
+from os import PathLike, fspath
+from pathlib import Path
+from typing import NamedTuple
+
+from contact_curation.contact.body import Body
+from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.learning.evaluation.held_out import NumberedToss, toss_number
+from contact_curation.motion.toss import Rejected, Toss
+from contact_curation.pipeline.reading import InputReader, Reading, ReadingConfig
+from contact_curation.pipeline.wording import counted_tosses, in_brackets, listed, nothing_found
+from contact_curation.pipeline.workers import Advance, each, unheard
+from contact_curation.storage.inputs.known_tosses import KnownTosses
+from contact_curation.storage.provenance import SeenToss, seen_toss
+
+type Inputs = str | PathLike[str] | Sequence[str | PathLike[str]]
+"""A recording, several, or a pattern such as ``"bags/*.mcap"``."""
+
+
+class Taken(NamedTuple):
+    """The one of its id that counts.
+
+    Attributes:
+        recording: its place among the recordings, from 0.
+        place: its place among the motions of its recording, from 0.
+        seen: what is known of it.
+    """
+
+    recording: int
+    place: int
+    seen: SeenToss
+
+
+class EachOnce:
+    """Takes note of recordings one after the other, and says which toss of an id counts.
+
+    Attributes:
+        taken: by id, in the order of the recordings.
+        left_out: what came once more, one line each.
+    """
+
+    def __init__(self) -> None:
+        self.taken: dict[str, Taken] = {}
+        self.left_out: list[str] = []
+        self._known = KnownTosses()
+        self._recordings = 0
+
+    def takes(self, toss_id: str, digest: str, where: str, *, whole: bool = True) -> bool:
+        """Whether a toss is the one of its id from now on; see `KnownTosses.see`."""
+        standing = self._known.see(toss_id, digest, where, whole=whole)
+        if standing.left_out:
+            self.left_out.append(f"{standing.left_out.where}: {standing.left_out.why}")
+        return standing.taken
+
+    def add(self, reading: Reading) -> tuple[str, ...]:
+        """Takes note of a recording; returns the lines that `left_out` grew by."""
+        before = len(self.left_out)
+        for place, seen in enumerate(reading.seen):
+            if self.takes(seen.toss_id, seen.digest, reading.path, whole=not seen.reasons):
+                self.taken.pop(seen.toss_id, None)
+                self.taken[seen.toss_id] = Taken(self._recordings, place, seen)
+        self._recordings += 1
+        return tuple(self.left_out[before:])
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A recording that was read into memory.
+
+    Args:
+        found: its tosses that count.
+        read: what is known of it.
+    """
+
+    found: tuple[Toss, ...]
+    read: Reading
+
+    def tosses(self) -> Iterator[Toss]:
+        """As of `InputReader`."""
+        return iter(self.found)
+
+    def reading(self) -> Reading:
+        """As of `InputReader`."""
+        return self.read
+
+
+@dataclass(frozen=True, eq=False)
+class Tosses:
+    """The tosses of some recordings, each once.
+
+    `len` counts the accepted tosses, and iterating gives them.
+
+    Attributes:
+        accepted: those that may be learned from, in the order of the recordings, or best first where they were selected.
+        rejected: motions that failed a gate, with the reasons, in the order of the recordings.
+        config: how they were read; `config.body` is what was tossed.
+        readings: what is known of each recording.
+        duplicates: what came once more, one line each.
+        warnings: all that is wrong with the recordings, duplicates included, one line each.
+        taken: by id, where the accepted and the rejected ones come from.
+    """
+
+    accepted: tuple[Toss, ...]
+    rejected: tuple[Rejected, ...]
+    config: ReadingConfig
+    readings: tuple[Reading, ...]
+    duplicates: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    taken: Mapping[str, Taken] = field(default_factory=dict)
+
+    @staticmethod
+    def of(tosses: Sequence[Toss], body: Body) -> "Tosses":
+        """Tosses that came from no recording, such as live ones.
+
+        Raises:
+            InvalidValueError: one of another body, or an id twice.
+        """
+        for toss in tosses:
+            if toss.body != body.name:
+                raise InvalidValueError(f"body of toss {toss.toss_id}", toss.body, body.name)
+        ids = [toss.toss_id for toss in tosses]
+        if len(set(ids)) < len(ids):
+            raise InvalidValueError("tosses", f"{next(i for i in ids if ids.count(i) > 1)} twice", "each once")
+        once = EachOnce()
+        reading = Reading("", "", tuple(seen_toss(toss) for toss in tosses))
+        once.add(reading)
+        return Tosses(tuple(tosses), (), ReadingConfig(body), (reading,), taken=once.taken)
+
+    @property
+    def body(self) -> Body:
+        """What was tossed."""
+        return self.config.body
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Of the accepted tosses."""
+        return tuple(self.by_id)
+
+    @cached_property
+    def by_id(self) -> dict[str, Toss]:
+        """The accepted tosses by their ids."""
+        return {toss.toss_id: toss for toss in self.accepted}
+
+    @property
+    def reasons(self) -> Counter[str]:
+        """How many were rejected, by the first reason of each."""
+        return Counter(one.reasons[0].partition(":")[0] for one in self.rejected)
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Of the recordings."""
+        return tuple(reading.path for reading in self.readings)
+
+    @property
+    def numbered(self) -> list[NumberedToss]:
+        """The accepted tosses with their numbers, in the order of their ids."""
+        return [NumberedToss(toss, _number(toss, self.taken[toss_id])) for toss_id, toss in sorted(self.by_id.items())]
+
+    @property
+    def in_order_of_ids(self) -> tuple[Toss, ...]:
+        """The accepted tosses."""
+        return tuple(self.by_id[toss_id] for toss_id in sorted(self.by_id))
+
+    def only(self, ids: Sequence[str]) -> "Tosses":
+        """Those of some ids, in the order of the ids.
+
+        Raises:
+            InvalidValueError: one is not among the accepted tosses.
+        """
+        absent = [toss_id for toss_id in ids if toss_id not in self.by_id]
+        if absent:
+            raise InvalidValueError("tosses", f"no {listed(absent)}", f"ids among the {counted_tosses(len(self))} accepted")
+        wanted = set(ids)
+        readings = tuple(
+            replace(reading, seen=tuple(seen for seen in reading.seen if seen.toss_id in wanted)) for reading in self.readings
+        )
+        return replace(self, accepted=tuple(self.by_id[toss_id] for toss_id in ids), rejected=(), readings=readings)
+
+    def without(self, reasons: Mapping[str, str]) -> "Tosses":
+        """The same, but tosses that have a reason are rejected for it.
+
+        Args:
+            reasons: by id.
+        """
+        if not reasons:
+            return self
+        rejected = tuple(Rejected(toss, (reasons[toss.toss_id],)) for toss in self.accepted if toss.toss_id in reasons)
+        readings = tuple(replace(one, seen=tuple(_without(seen, reasons) for seen in one.seen)) for one in self.readings)
+        accepted = tuple(toss for toss in self.accepted if toss.toss_id not in reasons)
+        return replace(self, accepted=accepted, rejected=(*self.rejected, *rejected), readings=readings)
+
+    def recordings(self) -> tuple[Recording, ...]:
+        """The accepted tosses by the recordings that they count in."""
+        found: list[list[Toss]] = [[] for _ in self.readings]
+        for toss in self.accepted:
+            found[self.taken[toss.toss_id].recording].append(toss)
+        return tuple(Recording(tuple(own), reading) for own, reading in zip(found, self.readings, strict=True))
+
+    def check_some(self, found: str, expected: str = "at least one") -> "Tosses":
+        """The same.
+
+        Raises:
+            NothingFoundError: no toss was accepted; `found` and the reasons are in the message.
+        """
+        if not self.accepted:
+            raise nothing_found(self.paths, self.warnings, f"{found}{in_brackets(self.reasons)}", expected)
+        return self
+
+    def __len__(self) -> int:
+        return len(self.accepted)
+
+    def __iter__(self) -> Iterator[Toss]:
+        return iter(self.accepted)
+
+    def __repr__(self) -> str:
+        rejected = f", {len(self.rejected)} rejected{in_brackets(self.reasons)}" if self.rejected else ""
+        return f"<{counted_tosses(len(self))} of {self.body.name}{rejected}, {len(self.warnings)} warnings>"
+
+
+def read_tosses(
+    paths: Sequence[Path], config: ReadingConfig, jobs: int = 1, advance: Advance = unheard, only: Collection[str] | None = None
+) -> Tosses:
+    """Reads recordings.
+
+    Args:
+        paths: perhaps none.
+        config: how recordings become tosses.
+        jobs: how many processes.
+        advance: told how many tosses more were read.
+        only: ids of the tosses whose frames are wanted; None for all.
+    """
+    once, readings, warnings = EachOnce(), list[Reading](), list[str]()
+    outcomes: list[dict[str, Toss | Rejected]] = []
+    wanted = None if only is None else frozenset(only)
+    for own, reading in each(partial(_read, config, wanted), paths, jobs, advance):
+        outcomes.append(own)
+        readings.append(reading)
+        warnings += (*reading.warnings, *once.add(reading))
+    found = [outcomes[one.recording].get(toss_id) for toss_id, one in once.taken.items()]
+    accepted = tuple(one for one in found if isinstance(one, Toss))
+    rejected = tuple(one for one in found if isinstance(one, Rejected))
+    return Tosses(accepted, rejected, config, tuple(readings), tuple(once.left_out), tuple(warnings), once.taken)
+
+
+def input_paths(inputs: Inputs) -> tuple[Path, ...]:
+    """The recordings that are meant; a pattern stands for what matches it, by name.
+
+    Raises:
+        UnreadableInputError: nothing matches a pattern.
+    """
+    several = [inputs] if isinstance(inputs, str | PathLike) else list(inputs)
+    return tuple(path for one in several for path in _matching(fspath(one)))
+
+
+def _matching(name: str) -> list[Path]:
+    if Path(name).exists() or not has_magic(name):
+        return [Path(name)]
+    found = sorted(glob(name, recursive=True))  # noqa: PTH207 - of absolute patterns, too
+    if not found:
+        raise UnreadableInputError(name, "nothing matches this pattern, expected recordings")
+    return [Path(each) for each in found]
+
+
+def _read(
+    config: ReadingConfig, wanted: frozenset[str] | None, path: Path, advance: Advance
+) -> tuple[dict[str, Toss | Rejected], Reading]:
+    reader = InputReader(path, config)
+    found: dict[str, Toss | Rejected] = {}
+    for outcome in reader.outcomes():
+        rejected = isinstance(outcome, Rejected)
+        toss_id = outcome.toss.toss_id if isinstance(outcome, Rejected) else outcome.toss_id
+        if wanted is None or toss_id in wanted:
+            found[toss_id] = outcome
+        advance(0 if rejected else 1)
+    return found, reader.reading()
+
+
+def _without(seen: SeenToss, reasons: Mapping[str, str]) -> SeenToss:
+    return seen if seen.reasons or seen.toss_id not in reasons else replace(seen, reasons=(reasons[seen.toss_id],))
+
+
+def _number(toss: Toss, taken: Taken) -> int:
+    said = taken.seen.origin.number
+    return toss_number(toss, taken.place) if said is None else said

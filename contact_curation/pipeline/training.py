@@ -1,0 +1,205 @@
+"""A training of tosses that were divided: what decides it, its run, and the model that comes out."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from math import isnan, nan
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from contact_curation import __version__
+from contact_curation.contact.body import Body
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.models.kind import ModelKind
+from contact_curation.contact.models.model import Model
+from contact_curation.contact.models.polytope import PolytopeModel
+from contact_curation.contact.parameter_form import Form
+from contact_curation.errors import ContactCurationError, InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.information.scoring import ScoringConfig
+from contact_curation.learning.checkpoints.stored_model import notes_of_bytes
+from contact_curation.learning.training.curated import CuratedTraining
+from contact_curation.learning.training.data import rows_of
+from contact_curation.learning.training.mean_loss import mean_loss
+from contact_curation.learning.training.plan import TrainingPlan, begin, resume, stored
+from contact_curation.learning.training.progress import Progress, TrainingState
+from contact_curation.learning.training.protocols import TrainingConfig, budgeted, exact, published
+from contact_curation.learning.training.reranking import RerankingConfig
+from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
+from contact_curation.pipeline.division import DivisionConfig, LearningTosses
+from contact_curation.pipeline.learned_model import LearnedModel, model_of_checkpoint
+from contact_curation.pipeline.reading import settings_of
+from contact_curation.storage.parameters_file import Parameters, is_checkpoint, read_theta
+
+PROTOCOLS: dict[str, Callable[[ModelKind], TrainingConfig]] = {
+    "budgeted": budgeted,
+    "published": published,
+    "exact": lambda kind: exact(),
+}
+"""budgeted: so many steps in batches; published: ContactNets', until the held-out loss stops falling; exact: a polytope's
+optimum at once."""
+
+BEFORE = "held-out loss before"
+"""The note that says it."""
+
+
+class TrainingFailedError(ContactCurationError):
+    """A loss or a gradient was not finite."""
+
+    def __init__(self, progress: Progress, checkpoint: Path | None = None) -> None:
+        kept = f"; {checkpoint} holds the parameters before it" if checkpoint else ""
+        where = f"after {progress.gradient_steps} gradient steps: {progress.reason}"
+        super().__init__(f"the training failed {where}{kept}; try smaller learning rates")
+
+
+@dataclass(frozen=True, eq=False)
+class TrainConfig:
+    """What decides a training beside its tosses.
+
+    Attributes:
+        kind: of the model.
+        body: the object.
+        protocol: of the training.
+        division: which tosses it learns from.
+        selection: the best of them; None for all.
+        scoring: how tosses are scored for it.
+        start: to begin with; None for the published initialisation.
+        seed: of everything random.
+        rig: how the tosses were calibrated.
+    """
+
+    kind: ModelKind
+    body: Body
+    protocol: TrainingConfig
+    division: DivisionConfig = field(default_factory=DivisionConfig)
+    selection: RerankingConfig | None = None
+    scoring: ScoringConfig = field(default_factory=ScoringConfig)
+    start: Model | Parameters | None = None
+    seed: int = 0
+    rig: RigCalibration = NO_CORRECTION
+
+    def plan(self, tosses: LearningTosses) -> TrainingPlan:
+        """The plan of a training on these tosses."""
+        start = self.start
+        if isinstance(start, Parameters):
+            start = _polytope(start, self.protocol.form, tosses)
+        return TrainingPlan(
+            kind=self.kind,
+            body=self.body,
+            protocol=self.protocol,
+            tosses=tosses.training,
+            held_out=tosses.held_out,
+            seed=self.seed,
+            start=start,
+            selection=self.selection,
+            scoring=self.scoring,
+        )
+
+
+def start_of(path: Path | None, kind: ModelKind, body: Body) -> Model | Parameters | None:
+    """What a training begins with.
+
+    Raises:
+        ContactCurationError: the file holds no such model.
+    """
+    if path is None:
+        return None
+    if not is_checkpoint(path) and kind is not ModelKind.POLYTOPE:
+        raise InvalidValueError("--params", f"{path}, a polytope", f"a checkpoint of a {kind.value} model")
+    theta = read_theta(path, body)
+    if isinstance(theta, Model) and theta.kind is not kind:
+        raise InvalidValueError(f"model of {path}", theta.kind.value, f"{kind.value}, as --model says")
+    return theta
+
+
+class TrainingRun:
+    """A training under way; the result is the same bytes however often it is stored and resumed.
+
+    Args:
+        plan: what decides it.
+        curated: where it is.
+        loss_before: held-out loss before the first step; NaN if nothing is held out.
+        rig: how the tosses were calibrated.
+    """
+
+    def __init__(self, plan: TrainingPlan, curated: CuratedTraining, loss_before: float, rig: RigCalibration) -> None:
+        self.plan, self.curated, self.loss_before = plan, curated, loss_before
+        self._notes = {
+            BEFORE: repr(loss_before),
+            "package version": __version__,
+            "training ids": "\n".join(toss.toss_id for toss in plan.tosses),
+            "held-out ids": "\n".join(toss.toss_id for toss in plan.held_out),
+            "rig": settings_of(rig),
+        }
+
+    @classmethod
+    def begun(cls, config: TrainConfig, tosses: LearningTosses) -> Self:
+        """Before its first step.
+
+        Raises:
+            InvalidValueError: nothing to learn from, or nothing held out where the protocol needs it.
+        """
+        plan = config.plan(tosses)
+        curated, held_out = begin(plan), plan.held_out_transitions
+        before = nan if held_out is None else mean_loss(curated.training.model, rows_of(held_out), plan.protocol.loss).loss
+        return cls(plan, curated, before, config.rig)
+
+    @classmethod
+    def resumed(cls, config: TrainConfig, tosses: LearningTosses, data: bytes, source: Path) -> Self:
+        """Where the training in the bytes of a checkpoint was; errors as of `learning.training.plan.resume`."""
+        plan = config.plan(tosses)
+        curated = resume(plan, data, source)
+        return cls(plan, curated, float(notes_of_bytes(data, source).get(BEFORE, "nan")), config.rig)
+
+    @property
+    def progress(self) -> Progress:
+        """How far it is."""
+        return self.curated.training.progress
+
+    @property
+    def running(self) -> bool:
+        """Whether it goes on."""
+        return self.progress.state is TrainingState.RUNNING
+
+    @property
+    def loss_after(self) -> float:
+        """Held-out loss of the result: the best one where the protocol stops early, else the last."""
+        return self.progress.held_out_loss if self.plan.protocol.patience is None else self.progress.best_held_out_loss
+
+    def advance(self) -> str:
+        """Takes one gradient step, or selects anew; returns a note on how it goes."""
+        done = self.curated.advance(1)
+        held_out = "" if isnan(done.held_out_loss) else f", held out {done.held_out_loss:.4g}"
+        return f"loss {done.training_loss:.4g}{held_out}"
+
+    def checkpoint(self) -> bytes:
+        """All of it, to be resumed or to take the model from."""
+        return stored(self.plan, self.curated, self._notes)
+
+    def check(self, checkpoint: Path | None = None) -> None:
+        """Refuses a training that failed.
+
+        Raises:
+            TrainingFailedError: a loss or a gradient was not finite.
+        """
+        if self.progress.state is TrainingState.FAILED:
+            raise TrainingFailedError(self.progress, checkpoint)
+
+    def model(self) -> LearnedModel:
+        """The model as it is now."""
+        return model_of_checkpoint(self.checkpoint(), f"{self.plan.kind.value} trained here")
+
+
+def _polytope(start: Parameters, form: Form, tosses: LearningTosses) -> PolytopeModel:
+    """The same ground about a pivot amid the data, where the physical form's tilt and height keep apart."""
+    geometry = start.geometry
+    if form is Form.PHYSICAL:
+        middle = np.concatenate([toss.positions for toss in tosses.training]).mean(axis=0) / start.body.length_scale
+        pivot = np.array([*middle[:2], 0.0])
+        geometry = _about(geometry, pivot)
+    return PolytopeModel(geometry, start.body, form)
+
+
+def _about(geometry: ContactGeometry, pivot: Array) -> ContactGeometry:
+    return replace(geometry, pivot=pivot, height=geometry.height + float(geometry.normal @ (geometry.pivot - pivot)))

@@ -1,0 +1,100 @@
+"""A ranking becomes a manifest: one factory for recordings that were ranked and for buffers that were chosen live."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+
+from contact_curation.information.curation import SUFFICIENT_EPSILON, Curation
+from contact_curation.information.ranking import RankedToss
+from contact_curation.information.record import TossInformation
+from contact_curation.information.scoring import NotScored
+from contact_curation.storage.manifest.manifest import Diagnostic, Manifest, ManifestRow
+from contact_curation.storage.provenance import RunProvenance, SeenToss
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PoolToss:
+    """A toss of the pool.
+
+    Attributes:
+        seen: what was seen of it.
+        scores: what it teaches, once per theta; empty when it was rejected.
+    """
+
+    seen: SeenToss
+    scores: tuple[TossInformation | NotScored, ...]
+
+    @property
+    def informations(self) -> tuple[TossInformation, ...]:
+        """One per theta; empty unless it was scored at every theta."""
+        known = tuple(one for one in self.scores if isinstance(one, TossInformation))
+        return known if len(known) == len(self.scores) else ()
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why it cannot be ranked."""
+        return self.seen.reasons + tuple(f"not scored: {one.reason}" for one in self.scores if isinstance(one, NotScored))
+
+
+def ranked_manifest(
+    run: RunProvenance, tosses: Sequence[PoolToss], curation: Curation | None, others: Mapping[str, Diagnostic]
+) -> Manifest:
+    """All tosses: the ranked ones, best first, then the others in their order.
+
+    Args:
+        run: how the ranking was made.
+        tosses: each once.
+        curation: the ranking and its evidence; None where no toss could be ranked.
+        others: findings beside that evidence, by name.
+    """
+    by_id = {toss.seen.toss_id: toss for toss in tosses}
+    entries = curation.ranking.entries if curation else ()
+    ranked = [_row(by_id[entry.toss_id], entry) for entry in entries]
+    places = {entry.toss_id for entry in entries}
+    rows = (*ranked, *(_row(toss, None) for toss in tosses if toss.seen.toss_id not in places))
+    return Manifest(run, rows, {**others, **evidence_of(curation)} if curation else {})
+
+
+def evidence_of(curation: Curation) -> dict[str, Diagnostic]:
+    """What the manifest says of the ranking as a whole."""
+    certificate = curation.ranking.certificate
+    return {
+        "dimension": curation.dimension,
+        "epsilon": curation.epsilon,
+        "raw_epsilon": curation.raw_epsilon,
+        "sufficient_epsilon": SUFFICIENT_EPSILON,
+        "sufficient_k": curation.sufficient_k,
+        "spectrum": curation.spectrum.tolist(),
+        "efficiency": asdict(curation.efficiency),
+        "frame_efficiency": asdict(curation.frame_efficiency),
+        "answer": curation.optimum_shift.to_mapping(),
+        "certificate": asdict(certificate) if certificate else None,
+        "kept_gram": asdict(curation.selected_gram) if curation.selected_gram else None,
+        "block_shares": {share.name: share.share for share in curation.block_shares},
+        "warnings": list(curation.warnings),
+    }
+
+
+def _row(toss: PoolToss, entry: RankedToss | None) -> ManifestRow:
+    """A row; what is said of the information is said at the first theta."""
+    seen, origin = toss.seen, toss.seen.origin
+    information = next((one for one in toss.scores if isinstance(one, TossInformation)), None)
+    return ManifestRow(
+        toss_id=seen.toss_id,
+        kept=entry.selected if entry else False,
+        gated=bool(seen.reasons),
+        reasons=toss.reasons,
+        rank=entry.rank if entry else None,
+        score=entry.score if entry else None,
+        marginal_gain=entry.marginal_gain if entry else None,
+        trace=information.trace if information else None,
+        mean_loss=information.mean_loss if information else None,
+        transitions=information.transitions if information else None,
+        not_scored=information.not_scored if information else None,
+        frames=seen.frames,
+        duration=seen.duration,
+        input=origin.input,
+        input_sha256=origin.input_sha256,
+        topic=origin.topic,
+        first_stamp_ns=seen.first_stamp_ns,
+        last_stamp_ns=seen.last_stamp_ns,
+    )

@@ -1,0 +1,118 @@
+"""Every criterion keeps to what it says of itself, and one's own is known as soon as it is registered."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.information.criteria import TRACE, criterion
+from contact_curation.information.criteria.criterion import Criterion, Need, register
+from contact_curation.information.criteria.explanation import explanation
+from contact_curation.information.pool import Pool, pool_of
+from contact_curation.information.ranker import RankingConfig, criterion_named, criterion_names, rank, rank_particles
+from contact_curation.information.ranking import Selection, modular_selection
+from test.information.pools import toss, tosses
+
+POOL = tosses(40, 6, 4, seed=0)
+EVERY = pytest.mark.parametrize("one", [criterion_named(name) for name in criterion_names()], ids=lambda one: one.name)
+
+
+@EVERY
+def test_only_a_criterion_that_needs_a_subspace_refuses_a_pool_without_information(one: Criterion) -> None:
+    silent = [toss(f"toss-{k}", np.zeros((2, 3))) for k in range(4)]
+    if Need.SUBSPACE not in one.needs:
+        assert len(rank(silent, RankingConfig(one.name, top=2)).selected_ids) == 2
+        return
+    with pytest.raises(InvalidValueError, match="pooled information"):
+        rank(silent, RankingConfig(one.name, top=2))
+
+
+@EVERY
+def test_only_a_criterion_that_needs_a_prior_asks_for_it(one: Criterion) -> None:
+    weak, strong = (rank(POOL, RankingConfig(one.name, top=8, prior=prior)) for prior in (1e-3, 10.0))
+    assert (weak.entries != strong.entries) == (Need.PRIOR in one.needs)
+
+
+@EVERY
+def test_only_a_criterion_that_needs_theta_ranks_otherwise_at_another_one(one: Criterion) -> None:
+    losses = np.random.default_rng(0).uniform(0.1, 0.2, 40).tolist()
+    others = zip(tosses(40, 6, 4, seed=1), POOL, losses, strict=True)
+    elsewhere = [replace(new, duration=old.duration, mean_loss=loss) for new, old, loss in others]
+    config = RankingConfig(one.name, top=8)
+    assert (rank(POOL, config).ids != rank(elsewhere, config).ids) == (Need.THETA in one.needs)
+
+
+@EVERY
+def test_only_a_criterion_that_needs_exact_scores_reads_them(one: Criterion) -> None:
+    exact = np.random.default_rng(0).standard_normal((40, 9))
+    config = RankingConfig(one.name, top=8)
+    with_them = rank_particles([replace(pool_of(POOL), network_scores=exact)], config)
+    assert (with_them.ids != rank(POOL, config).ids) == (Need.EXACT_SCORES in one.needs) == one.reads_exact_scores(config)
+    assert not one.reads_exact_scores(replace(config, whiten=True))
+
+
+@EVERY
+def test_a_certificate_comes_with_those_that_promise_one(one: Criterion) -> None:
+    assert (rank(POOL, RankingConfig(one.name, top=8)).certificate is not None) == one.certified
+
+
+@EVERY
+def test_a_stream_is_selected_from_by_the_criterion(one: Criterion) -> None:
+    if one.stream is None:
+        return
+    config = RankingConfig(one.name, top=8)
+    selector = one.stream(POOL[:20] if Need.PRIOR in one.needs else (), config)
+    for info in POOL:
+        selector.offer(info)
+    assert (selector.seen, len(selector.selected)) == (40, 8)
+    assert len({info.toss_id for info in selector.selected} & set(rank(POOL, config).selected_ids)) >= 6
+
+
+@EVERY
+def test_every_toss_has_a_gain_and_a_reason(one: Criterion) -> None:
+    ranking = rank(POOL, RankingConfig(one.name, top=8))
+    selected = {entry.toss_id: entry.marginal_gain for entry in ranking.entries if entry.selected}
+    found = explanation(one.name, pool_of(POOL), selected, RankingConfig(one.name, top=8))
+    assert set(found.gains) == set(found.reasons) == set(ranking.ids)
+    assert {toss_id for toss_id, reason in found.reasons.items() if reason.startswith("selected")} == set(selected)
+
+
+def test_by_a_criterion_that_nobody_registered_here_tosses_have_plain_reasons() -> None:
+    found = explanation("elsewhere", pool_of(POOL), {"toss-0000": 1.0}, RankingConfig(top=1))
+    assert found.reasons["toss-0000"] == "selected: place 1 by elsewhere"
+    assert found.reasons["toss-0001"] == "not selected: elsewhere has 1 better"
+
+
+@pytest.fixture
+def shortest(monkeypatch: pytest.MonkeyPatch) -> Criterion:
+    """A criterion of one's own, registered while a test runs."""
+    monkeypatch.setattr(criterion, "_REGISTERED", dict(criterion._REGISTERED))
+
+    def select(pools: Sequence[Pool], config: RankingConfig) -> Selection:
+        return modular_selection(np.array([-info.duration for info in pools[0].infos]), config.top, exact=True)
+
+    return register(Criterion("shortest", "minus the duration of the toss", "s", select, needs=frozenset()))
+
+
+def test_ones_own_criterion_is_known_by_its_name(shortest: Criterion) -> None:
+    assert criterion_names()[-1] == "shortest"
+    ranking = rank(POOL, RankingConfig("shortest", top=3))
+    assert ranking.criterion == "shortest"
+    assert ranking.ids == tuple(info.toss_id for info in sorted(POOL, key=lambda info: info.duration))
+
+
+def test_a_name_is_taken_once_or_replaced_on_purpose(shortest: Criterion) -> None:
+    with pytest.raises(InvalidValueError, match="name of a new criterion: found trace"):
+        register(TRACE)
+    assert register(replace(shortest, unit="ms"), replace=True) is criterion_named("shortest")
+    assert criterion_named("shortest").axis_label() == "minus the duration of the toss [ms]"
+
+
+def test_an_unknown_name_is_refused_with_those_that_there_are() -> None:
+    with pytest.raises(
+        InvalidValueError,
+        match="one of trace, log-det, representative, min-eig, orthogonal",
+    ):
+        criterion_named("fisher")

@@ -1,0 +1,95 @@
+"""The heap over a stream keeps exactly what ranking the whole pool keeps (METHOD check 6)."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.information.criteria.exchanges import SwapStreaming
+from contact_curation.information.criteria.trace import TraceHeap
+from contact_curation.information.prior import prior_of_matrix
+from contact_curation.information.ranker import RankingConfig, rank
+from contact_curation.information.streaming import Change, Selector
+from test.information.pools import toss, tosses
+
+SIZE = 4
+PRIOR = prior_of_matrix(0.01 * np.eye(SIZE), np.zeros(3))
+SELECTORS: list[Callable[[int], Selector]] = [
+    TraceHeap,
+    lambda top: SwapStreaming(PRIOR, top),
+]
+
+
+@given(st.permutations(range(30)), st.integers(1, 12), st.sampled_from(["sum", "mean", "coherent"]))
+def test_a_stream_gives_what_the_whole_pool_gives(order: list[int], top: int, normalisation: str) -> None:
+    infos = tosses(22, SIZE, 3, seed=0)
+    infos += [toss(f"copy-{k}", infos[k % 3].factor) for k in range(8)]
+    heap = TraceHeap(top, normalisation)
+    for index in order:
+        heap.offer(infos[index])
+    batch = rank(infos, RankingConfig("trace", top=top, normalisation=normalisation))
+    assert tuple(info.toss_id for info in heap.selected) == batch.selected_ids
+
+
+@pytest.mark.parametrize("make", SELECTORS)
+def test_every_change_is_told(make: Callable[[int], Selector]) -> None:
+    selector = make(6)
+    kept: set[str] = set()
+    for info in tosses(80, SIZE, 3, seed=1):
+        change = selector.offer(info)
+        assert not kept & set(change.added)
+        assert set(change.removed) <= kept
+        kept = kept - set(change.removed) | set(change.added)
+        assert kept == {info.toss_id for info in selector.selected}
+        assert bool(change) == bool(change.added or change.removed)
+    assert len(kept) <= 6
+    assert selector.seen == 80
+
+
+@pytest.mark.parametrize("make", SELECTORS)
+def test_a_toss_that_comes_again_changes_nothing(make: Callable[[int], Selector]) -> None:
+    selector, infos = make(5), tosses(40, SIZE, 3, seed=2)
+    for info in infos:
+        selector.offer(info)
+    before = selector.selected
+    assert all(selector.offer(info) == Change() for info in infos)
+    assert selector.selected == before
+    assert selector.seen == 40
+
+
+@pytest.mark.parametrize("make", SELECTORS)
+def test_tosses_scored_at_another_theta_are_refused(make: Callable[[int], Selector]) -> None:
+    selector = make(5)
+    selector.offer(toss("a", np.ones((1, SIZE))))
+    with pytest.raises(InvalidValueError, match="parameters_version"):
+        selector.offer(toss("b", np.ones((1, SIZE)), parameters_version="another"))
+    assert selector.seen == 1
+
+
+@pytest.mark.parametrize("make", SELECTORS[1:])
+def test_tosses_of_other_parameters_than_the_priors_are_refused(make: Callable[[int], Selector]) -> None:
+    with pytest.raises(InvalidValueError, match="as in the prior"):
+        make(5).offer(toss("a", np.ones((1, SIZE + 1))))
+
+
+@pytest.mark.parametrize("make", SELECTORS)
+def test_at_least_one_toss_must_be_kept(make: Callable[[int], Selector]) -> None:
+    with pytest.raises(InvalidValueError, match="top: found 0"):
+        make(0)
+
+
+def test_an_unknown_normalisation_is_refused() -> None:
+    with pytest.raises(InvalidValueError, match="sum, mean, coherent"):
+        TraceHeap(3, "median")
+
+
+def test_an_error_leaves_the_heap_as_it_was() -> None:
+    heap = TraceHeap(2, "mean")
+    heap.offer(toss("a", np.ones((1, SIZE))))
+    with pytest.raises(InvalidValueError):
+        heap.offer(toss("b", np.ones((1, SIZE)), body="mug"))
+    assert [info.toss_id for info in heap.selected] == ["a"]
+    assert heap.seen == 1
