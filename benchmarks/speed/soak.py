@@ -25,12 +25,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from contact_curation.nodes.ros.processes import spawn_node
 from contact_curation.stages.records import BufferRecord, load_record
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.stores.information import InformationStore
 from contact_curation.storage.stores.state import StateStore
 from contact_curation.storage.stores.tosses import TossStore
+from test.graph.parts.processes import spawn_node
 
 EIGHT = ("pose_ingest", "fisher_scorer", "curator", "trainer", "throw_designer", "sim_arm", "sim_camera", "dashboard")
 POSES, STATIC = "/tagslam/odom/body_cube", "/tf_static"

@@ -21,7 +21,7 @@ from contact_curation.nodes.messages.throw import throw_message, throw_of
 from contact_curation.nodes.messages.toss_information import information_of
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.catch_up import CatchUp, Source
-from contact_curation.nodes.ros.design_parameters import declared_design, declared_thrower
+from contact_curation.nodes.ros.design_parameters import declared_design, declared_loop, declared_thrower
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare
@@ -33,7 +33,7 @@ from contact_curation.nodes.throw_reports import ThrowReports
 from contact_curation.stages.design import DesignStage
 from contact_curation.stages.records import Cursor, Proposal
 from contact_curation.stages.scored_theta import ScoredTheta, polytope_of, read_scored_theta
-from contact_curation.stages.throw_loop import LoopConfig, ThrowLoop
+from contact_curation.stages.throw_loop import ThrowLoop
 from contact_curation.storage.stores.state import StateStore
 
 INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
@@ -220,17 +220,6 @@ class ThrowDesigner(StageNode):
             else f"{ThrowKind.EXPLORATION.value}: {last.exploration}"
         )
         return Health(f"{len(made)} throws made, {last.throw.throw_id} {how}", values)
-
-
-def declared_loop(node: StageNode) -> LoopConfig:
-    """How long `auto` waits."""
-    default = LoopConfig()
-    return LoopConfig(
-        declare(node, "max_throws", default.max_throws, "no more throws than these in auto; 0: no end", bounds=(0, 1 << 31)),
-        declare(node, "toss_timeout", default.toss_timeout, "waits so long for a throw's toss [s]", bounds=(0.0, 3600.0)),
-        declare(node, "retry_period", default.retry_period, "pause after a throw that was not made [s]", bounds=(0.1, 3600.0)),
-        declare(node, "goal_timeout", default.goal_timeout, "gives a throw up after this [s]", bounds=(0.1, 3600.0)),
-    )
 
 
 def main() -> int:

@@ -32,7 +32,7 @@ from contact_curation.session.summary import Replay, SessionSummary
 from contact_curation.session.supervisor import ProgramFailedError
 from contact_curation.stages.curation import CurationConfig
 from contact_curation.stages.parameters import as_parameter, with_parameters
-from contact_curation.stages.selection import kept_to
+from contact_curation.stages.selection import ranking_for
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 
@@ -108,7 +108,7 @@ def rank_command(
         figure: that it draws.
     """
     ingest, scorer, curator = (parameters[node] for node in ("pose_ingest", "fisher_scorer", "curator"))
-    ranking = kept_to(with_parameters(CurationConfig(), curator).selection, with_parameters(RankingConfig(), curator))
+    ranking = ranking_for(with_parameters(CurationConfig(), curator).selection, with_parameters(RankingConfig(), curator))
     scoring = with_parameters(ScoringConfig(), scorer)
     words = [NAME, "rank", str(folder.bag), "--out", str(folder.manifest), "--figure", str(figure)]
     words += ["--body", str(body_file)] if body_file else []
@@ -217,9 +217,8 @@ def _replayed(words: Sequence[str], summary: SessionSummary) -> tuple[dict[str, 
     selected = tuple(row["toss_id"] for row in ranked["tosses"] if row["kept"])
     same = selected == summary.selected
     what = f"the same {len(selected)} tosses in the same order"
-    return ranked, Replay(
-        same, f"rank gives {what if same else f'other tosses than the session: {", ".join(selected)}'}", ranked["out"]
-    )
+    other = f"other tosses than the session: {', '.join(selected)}"
+    return ranked, Replay(same, f"rank gives {what if same else other}", ranked["out"])
 
 
 def _ranking(rows: Sequence[Mapping[str, Any]]) -> list[ReportedToss]:

@@ -15,7 +15,7 @@ def manifest_of(buffer: Buffer, last_stamp_ns: Callable[[str], int]) -> Manifest
     """The manifest of a buffer; tosses came live, so that no recording is named.
 
     Args:
-        buffer: what is kept, and what it was chosen from.
+        buffer: what is selected, and from what.
         last_stamp_ns: gives the stamp of a toss's last frame.
     """
     sample, curation = buffer.candidates[0], buffer.curation

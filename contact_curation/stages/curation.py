@@ -23,7 +23,7 @@ from contact_curation.stages.records import (
     kept_records,
     load_record,
 )
-from contact_curation.stages.selection import SELECTIONS, Selection, kept_to, selection_of
+from contact_curation.stages.selection import SELECTIONS, Selection, ranking_for, selection_of
 from contact_curation.storage.stores.information import InformationStore
 from contact_curation.storage.stores.state import StateStore
 
@@ -56,16 +56,16 @@ class CurationConfig:
 
 @dataclass(frozen=True, eq=False)
 class Buffer:
-    """The kept set and the evidence for it.
+    """The selected tosses and the evidence for them.
 
     Attributes:
         ranking: how it was chosen.
         curation: ranking and diagnostics of the candidates.
         candidates: what was ranked.
-        revision: counts changes of the kept set.
+        revision: counts changes of the selected tosses.
         seen: how many tosses were seen at this theta.
         newest_stamp_ns: of the newest toss seen.
-        log_det: of the kept set, relative to the prior.
+        log_det: of the selected tosses, relative to the prior.
         frame_id: of the board.
     """
 
@@ -80,7 +80,7 @@ class Buffer:
 
     @property
     def efficiency_bound(self) -> float:
-        """What is proven of the kept set's D-efficiency against every other of its size.
+        """What is proven of the selected set's D-efficiency against every other of its size.
 
         0 where nothing is: by criteria that carry no certificate, and of tosses that were seen and let go.
         """
@@ -98,7 +98,7 @@ class CurationStage:
         states: where the place in the stream and the buffer are kept.
 
     Raises:
-        InvalidValueError: the criterion cannot be kept to in this way.
+        InvalidValueError: the criterion is not possible with this selection.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class CurationStage:
         self._config = config
         self._informations = informations
         self._states = states
-        ranking = kept_to(config.selection, ranking)
+        ranking = ranking_for(config.selection, ranking)
         self.check(ranking)
         position = load_record(states.load, CuratorPosition) or CuratorPosition()
         self._newest, known = position.newest, position.versions
@@ -126,7 +126,7 @@ class CurationStage:
         self._ranking, self._selections = ranking, selections
 
     def check(self, ranking: RankingConfig) -> None:
-        """Raises InvalidValueError where a criterion cannot be kept to with this selection."""
+        """Raises InvalidValueError where a criterion is not possible with this selection."""
         self._fresh(ranking)
 
     @property
@@ -135,7 +135,7 @@ class CurationStage:
         return (load_record(self._states.load, CuratorPosition) or CuratorPosition()).cursor
 
     def add(self, information: TossInformation, stamp_ns: int, frame_id: str) -> None:
-        """Keeps what a toss teaches.
+        """Keeps the information of a toss.
 
         Raises:
             InvalidValueError: tosses are known at the same theta, scored in another way.
@@ -163,7 +163,7 @@ class CurationStage:
             self._informations.drop_version(version)
 
     def buffer(self) -> Buffer | None:
-        """The kept set by everything that came so far; None while nothing did.
+        """What is selected of everything that came so far; None while nothing did.
 
         Raises:
             ContactCurationError: the tosses so far cannot be ranked, e.g. because none carries information.
@@ -185,7 +185,7 @@ class CurationStage:
         )
 
     def last_stamp_ns(self, toss_id: str) -> int:
-        """Stamp of a kept toss's last frame."""
+        """Stamp of a stored toss's last frame."""
         header = load_record(self._states.load, TossHeader, toss_id)
         return 0 if header is None else header.stamped.stamp_ns
 
@@ -193,7 +193,7 @@ class CurationStage:
         return selection_of(self._config.selection, ranking, self._config.warm_up)
 
     def _of_stored(self, ranking: RankingConfig, version: str) -> Selection:
-        """A selection of what is kept at a theta."""
+        """A selection of what is stored at a theta."""
         selection = self._fresh(ranking)
         for stored in self._informations.all_of(version):
             selection.add(stored.information)

@@ -1,6 +1,6 @@
 """Scoring that may be killed at any time: what was scored is kept, and where it stopped.
 
-A toss is scored once per theta. What it teaches is stored under its own number before anybody hears of it; after a kill the
+A toss is scored once per theta. Its information is stored under its own number before anybody hears of it; after a kill the
 numbers that were perhaps never announced are announced again.
 """
 
@@ -33,7 +33,7 @@ MOST_VERSIONS = 2
 
 
 class Announcement(NamedTuple):
-    """What a toss teaches, its number from 1, and the header it goes out with."""
+    """The information of a toss, its number from 1, and the header it goes out with."""
 
     sequence: int
     information: TossInformation
@@ -68,8 +68,8 @@ class ScoringStage:
         self._config = config
         self._informations = informations
         self._states = states
-        kept, model = states.load(PARAMETERS), states.load(MODEL) or theta.model.encode()
-        known = theta if kept is None else ScoredTheta(model.decode(), kept)
+        stored, model = states.load(PARAMETERS), states.load(MODEL) or theta.model.encode()
+        known = theta if stored is None else ScoredTheta(model.decode(), stored)
         self._scorer = self._checked(scorer_of(known, body, config))
 
     @property

@@ -1,8 +1,8 @@
 """What a curator keeps in memory of a stream of scored tosses: all of them, or a bounded number.
 
-`exact` keeps everything and ranks it all: the kept set is that of `contact-curation rank` on the same tosses. `streaming` keeps
-what one pass can, by criteria that can select in one pass: the k largest traces, exactly; or for log-det exchanges, which come
-out near `exact`. The prior of log-det comes from the first tosses.
+`exact` keeps everything and ranks it all: the selected set is that of `contact-curation rank` on the same tosses. `streaming`
+keeps what one pass can, by criteria that can select in one pass: the k largest traces, exactly; or for log-det exchanges,
+which come out near `exact`. The prior of log-det comes from the first tosses.
 
 The default criterion needs the whole pool. Where tosses are let go log-det stands in for it.
 """
@@ -65,7 +65,7 @@ class StreamingSelection:
         warm_up: how many tosses the prior is taken from.
 
     Raises:
-        InvalidValueError: another criterion, which no pass over a stream can keep to.
+        InvalidValueError: another criterion, which is not possible in one pass.
     """
 
     def __init__(self, config: RankingConfig, warm_up: int) -> None:
@@ -95,7 +95,7 @@ class StreamingSelection:
         return len(self._first) if self._selector is None else self._selector.seen
 
 
-def kept_to(kind: str, config: RankingConfig) -> RankingConfig:
+def ranking_for(kind: str, config: RankingConfig) -> RankingConfig:
     """How tosses are ranked by one of `SELECTIONS` where a configuration may not have named its criterion."""
     stands_in = kind != "exact" and config.criterion == DEFAULT_CRITERION
     return replace(config, criterion=STREAMED_CRITERION) if stands_in else config
@@ -105,6 +105,6 @@ def selection_of(kind: str, config: RankingConfig, warm_up: int) -> Selection:
     """A fresh selection of one of `SELECTIONS`.
 
     Raises:
-        InvalidValueError: the criterion cannot be kept to in one pass.
+        InvalidValueError: the criterion is not possible in one pass.
     """
     return ExactSelection() if kind == "exact" else StreamingSelection(config, warm_up)

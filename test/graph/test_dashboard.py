@@ -14,12 +14,12 @@ from contact_curation_msgs.msg import CuratedBuffer, TossInformation, TossReject
 from nav_msgs.msg import Odometry
 
 from contact_curation.nodes.messages.headers import nanoseconds_of
-from contact_curation.nodes.ros.processes import NodeProcess
 from contact_curation.nodes.ros.qos import kept
 from test.dashboard.live.test_serving import free_port
 from test.dashboard.recorded import Recorded
 from test.graph.parts.graph import Graph
 from test.graph.parts.offline import tosses_of
+from test.graph.parts.processes import NodeProcess
 from test.graph.parts.storyteller import Storyteller, stamped
 
 LONG = 90.0

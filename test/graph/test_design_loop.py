@@ -10,11 +10,11 @@ import pytest
 from contact_curation_msgs.msg import ThrowReport
 from std_srvs.srv import Trigger
 
-from contact_curation.nodes.ros.processes import NodeProcess
 from contact_curation.nodes.ros.qos import RESULTS_KEPT
 from contact_curation.stages.records import ThrowRecord
 from test.cli.commands import write_parameters
 from test.graph.parts.graph import Graph
+from test.graph.parts.processes import NodeProcess
 from test.graph.test_throw_designer import SMALL, made
 
 pytestmark = pytest.mark.slow

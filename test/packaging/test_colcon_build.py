@@ -16,10 +16,10 @@ import pytest
 from ament_index_python.packages import get_package_prefix, get_package_share_directory, get_packages_with_prefixes
 from ament_index_python.resources import get_resource
 
-from contact_curation.nodes.ros.processes import parameter_text
 from contact_curation.session.free_domain import free_domain
 from test.graph.parts.graph import Graph
 from test.graph.parts.offline import assert_same_buffer, curated, tosses_of
+from test.graph.parts.processes import parameter_text
 from test.packaging import type_hash
 from test.packaging.jazzy import REPOSITORY, Workspace, build, lacking, make_jazzy
 from test.packaging.test_installation import EXECUTABLES

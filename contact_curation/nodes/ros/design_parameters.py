@@ -11,6 +11,7 @@ from contact_curation.design.planner import DesignConfig
 from contact_curation.design.readiness import ReadinessConfig
 from contact_curation.design.safety import Feasible
 from contact_curation.nodes.ros.parameters import declare, declare_config
+from contact_curation.stages.throw_loop import LoopConfig
 
 JUDGED = ("forecast", "safety", "noise", "placement")
 
@@ -57,4 +58,15 @@ def declared_design(node: Node) -> DesignerConfig:
         planner=replace(default, **own, candidates=replace(candidates, **judged), refinement=refinement),
         readiness=declare_config(node, ReadinessConfig(), "canary."),
         loss=declare_config(node, ONE_THREAD, "loss."),
+    )
+
+
+def declared_loop(node: Node) -> LoopConfig:
+    """How long `auto` waits."""
+    default = LoopConfig()
+    return LoopConfig(
+        declare(node, "max_throws", default.max_throws, "no more throws than these in auto; 0: no end", bounds=(0, 1 << 31)),
+        declare(node, "toss_timeout", default.toss_timeout, "waits so long for a throw's toss [s]", bounds=(0.0, 3600.0)),
+        declare(node, "retry_period", default.retry_period, "pause after a throw that was not made [s]", bounds=(0.1, 3600.0)),
+        declare(node, "goal_timeout", default.goal_timeout, "gives a throw up after this [s]", bounds=(0.1, 3600.0)),
     )

@@ -16,8 +16,8 @@ from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
-from contact_curation.nodes.ros.processes import NodeProcess, spawn_node
 from contact_curation.nodes.ros.qos import kept, profile
+from test.graph.parts.processes import NodeProcess, spawn_node
 
 STORES = {
     "pose_ingest": "tosses.sqlite",

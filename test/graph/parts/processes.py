@@ -1,4 +1,4 @@
-"""Nodes as processes of their own, for tests, the demo and whoever supervises a whole graph.
+"""Nodes as processes of their own, for tests and benchmarks.
 
 The packaged wheels replace the interpreter once at start (exec), which keeps the process id: signals reach the node.
 """
