@@ -62,12 +62,8 @@ def step_at_contacts(
     status, residual = np.empty(count, np.int32), np.empty(count)
     dynamics = CompiledDynamics(body, limits)
     data = (array.ctypes.data for array in (steps, phi, rows, after, impulses, status, residual))
-    _compiled_step()(ctypes.byref(dynamics), count, contacts, *data)
+    counts, arrays = 2 * [ctypes.c_int64], 7 * [ctypes.c_void_p]
+    advance = load_kernel().function("contact_given_step", None, ctypes.POINTER(CompiledDynamics), *counts, *arrays)
+    advance(ctypes.byref(dynamics), count, contacts, *data)
     after[status == StepStatus.NOT_FINITE] = np.nan
     return Steps(after, impulses, status, residual)
-
-
-def _compiled_step() -> Callable[..., None]:
-    counts, arrays = 2 * [ctypes.c_int64], 7 * [ctypes.c_void_p]
-    signature = ctypes.CFUNCTYPE(None, ctypes.POINTER(CompiledDynamics), *counts, *arrays)
-    return signature(("contact_given_step", load_kernel()))

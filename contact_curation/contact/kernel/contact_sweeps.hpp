@@ -14,8 +14,10 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
+#include "elementary.hpp"
 #include "friction_disk.hpp"
 
 namespace contact_curation::stepping {
@@ -60,12 +62,21 @@ inline bool all_finite(const double* values, std::int64_t count) {
     return true;
 }
 
+// Leaves a state and its contacts' impulses that are not finite as NaN in all numbers.
+inline StepResult give_up(double* state, double* impulses, std::int64_t contacts) {
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    std::fill(state, state + kStateSize, nan);
+    std::fill(impulses, impulses + 3 * contacts, nan);
+    return {kNotFinite, nan};
+}
+
 // q <- q * exp(rotation), and back to unit norm, so that rounding cannot pile up.
 inline void turn(double q[4], const double rotation[3]) {
     const double square = rotation[0] * rotation[0] + rotation[1] * rotation[1] + rotation[2] * rotation[2];
     const double angle = std::sqrt(square);
-    const double c = std::cos(0.5 * angle);
-    const double s = angle > 1e-8 ? std::sin(0.5 * angle) / angle : 0.5;
+    const SineCosine half = sine_cosine(0.5 * angle);
+    const double c = half.cosine;
+    const double s = angle > 1e-8 ? half.sine / angle : 0.5;
     const double x = s * rotation[0], y = s * rotation[1], z = s * rotation[2];
     const double turned[4] = {
         q[0] * c - q[1] * x - q[2] * y - q[3] * z,

@@ -2,6 +2,7 @@
 // the networks, AdamW, next row. The models are those of contact/deep_model.py, deepvertex_model.py and end_to_end_model.py.
 #include <memory>
 
+#include "interface.hpp"
 #include "moved_vertices.hpp"
 #include "stream_pass.hpp"
 
@@ -189,7 +190,8 @@ int64_t descend(const PolytopeModel &model, const Evaluation &rows, Descent &job
     at.load(model, rows, job.rows[step]);
     if (!steps->find(model, rows, job, at)) return step;
     job.seen += 1.0;
-    steps->descend(model, job, job.adamw(step, job.polytope), job.adamw(step, job.network));
+    const Corrections corrections = job.corrections();
+    steps->descend(model, job, job.adamw(step, job.polytope, corrections), job.adamw(step, job.network, corrections));
     job.loss_sum += steps->loss();
   }
   return job.steps;
@@ -198,9 +200,6 @@ int64_t descend(const PolytopeModel &model, const Evaluation &rows, Descent &job
 }  // namespace
 }  // namespace contact_curation
 
-// Each steps down the rows in turn. It returns how many were taken: it stops, and leaves everything as it was, before the first row
-// whose impulses carry no certificate or whose loss or slope is not finite. Networks have at most `kMaxLayers` layers, none wider than
-// `kMaxWidth`, and outputs for the model's contacts, at most `kMaxContacts`.
 extern "C" {
 using namespace contact_curation;
 

@@ -234,7 +234,8 @@ class ProfileFisher {
   // Leaves L^-1 J_l^T J_theta in free_rows_, L the Cholesky factor of J_l^T J_l + eps I; returns the number of rows.
   int eliminate() {
     int count = 0;
-    static thread_local double moved[3 * kMaxContacts][6], gram[3 * kMaxContacts][3 * kMaxContacts];
+    auto &moved = moved_;
+    auto &gram = gram_;
     for (int i = 0; i < contacts_; ++i) {
       double basis[3][3];
       const int free = free_directions(i, basis);
@@ -281,7 +282,8 @@ class ProfileFisher {
       }
       double pivot = gram[a][a];
       for (int k = 0; k < a; ++k) pivot -= gram[a][k] * gram[a][k];
-      gram[a][a] = std::sqrt(std::fmax(pivot, model_.regularization * 1e-3));
+      const double least = model_.regularization * 1e-3;
+      gram[a][a] = std::sqrt(pivot > least ? pivot : least);
       for (int q = 0; q < stride_; ++q) row[q] /= gram[a][a];
     }
     return count;
@@ -337,6 +339,7 @@ class ProfileFisher {
   double gap_next_[kMaxContacts], slack_[kMaxContacts], speed_[kMaxContacts], slip_[kMaxContacts][2];
   double impulse_[kMaxContacts][3], gradient_[kMaxContacts][3], motion_[kMaxContacts][3][6];
   double slack_row_[kMaxContacts][6], block_[kMaxContacts][6];
+  double moved_[3 * kMaxContacts][6], gram_[3 * kMaxContacts][3 * kMaxContacts];
   int active_index_[kMaxContacts];
   Sparse gap_rows_[kMaxContacts], cone_rows_[kMaxContacts][2];
   std::vector<double> velocity_rows_, pulled_, slack_rows_, free_rows_;

@@ -1,7 +1,4 @@
-// Rollouts of a batch of initial states, over threads; plain C entry point (contact/rollout.py calls it).
-//
-// Trajectory b owns rows offsets[b]..offsets[b + 1] of every output; its first row is its initial state, with zero impulses.
-// After a step that is not finite the trajectory's remaining rows are NaN and carry that status.
+// Rollouts of a batch of initial states, over threads; contact/rollout.py calls it.
 #include <atomic>
 #include <cstring>
 #include <limits>
@@ -9,7 +6,7 @@
 #include <thread>
 #include <vector>
 
-#include "time_step.hpp"
+#include "interface.hpp"
 
 namespace {
 
@@ -25,7 +22,7 @@ struct Batch {
     double* residual;             // (N)
 };
 
-void give_up(const Batch& batch, std::int64_t row, std::int64_t end, std::int64_t impulse_size) {
+void give_up_rows(const Batch& batch, std::int64_t row, std::int64_t end, std::int64_t impulse_size) {
     const double nan = std::numeric_limits<double>::quiet_NaN();
     std::fill(batch.states + row * kStateSize, batch.states + end * kStateSize, nan);
     if (batch.impulses) std::fill(batch.impulses + row * impulse_size, batch.impulses + end * impulse_size, nan);
@@ -42,7 +39,7 @@ void roll_out_one(TimeStep& step, const Batch& batch, std::int64_t b, std::vecto
     StepResult result{kConverged, 0.0};
     for (std::int64_t row = begin; row < end; ++row) {
         if (row > begin) result = step.advance(state, batch.dt[b], impulses.data());
-        if (result.status == kNotFinite || !all_finite(state, kStateSize)) return give_up(batch, row, end, impulse_size);
+        if (result.status == kNotFinite || !all_finite(state, kStateSize)) return give_up_rows(batch, row, end, impulse_size);
         std::memcpy(batch.states + row * kStateSize, state, sizeof state);
         if (batch.impulses) std::copy(impulses.begin(), impulses.end(), batch.impulses + row * impulse_size);
         batch.status[row] = result.status;

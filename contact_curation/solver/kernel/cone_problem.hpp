@@ -49,8 +49,9 @@ struct Facet {
   double row[3];
 };
 inline Facet polyhedral_facet(int k) {
-  const double angle = 2.0 * M_PI * k / kFacets;
-  return {{1.0, -std::cos(angle), -std::sin(angle)}};
+  constexpr double h = 0x1.6a09e667f3bcdp-1;  // sqrt(1/2)
+  constexpr double cosine[kFacets] = {1.0, h, 0.0, -h, -1.0, -h, 0.0, h};
+  return {{1.0, -cosine[k], -cosine[(k + kFacets - 2) % kFacets]}};
 }
 
 // D_i = phi'^2 diag(w_n, w_t, w_t) + w_c C^T C with C = [s, |s| I]; returns |s|.

@@ -1,7 +1,15 @@
-// Eight transitions at once: one SIMD lane each. GCC and clang vector extensions, so that one source serves AVX-512, AVX2 and SSE2.
+// Eight transitions at once: one SIMD lane each. GCC and clang vector extensions, so that one source serves every level.
+//
+// All levels give the same bytes: there are eight lanes whatever the registers' width, no sum is taken in another order, and nothing is
+// contracted to a fused product and sum (setup.py says so to the compiler).
 #pragma once
 
+#include <cfloat>
 #include <cmath>
+
+#if defined(__FAST_MATH__) || FLT_EVAL_METHOD != 0
+#error "every operation must round to a double as it is written: no -ffast-math, no x87"
+#endif
 
 namespace contact_curation {
 
@@ -23,6 +31,12 @@ inline Lane square_root(Lane a) {
   for (int lane = 0; lane < kLanes; ++lane) root[lane] = std::sqrt(a[lane]);
   return root;
 }
+
+// 2^n of a whole number n that stands in the last bits, as after a sum with 1.5 * 2^52.
+inline Lane power_of_two(Lane rounded) { return (Lane)(((LaneMask)rounded + 1023) << 52); }
+
+// NaN has many bit patterns, and CPUs differ in which they make; what is handed out has this one.
+inline double canonical(double value) { return value == value ? value : __builtin_nan(""); }
 
 inline bool any(LaneMask mask) {
   long long joined = 0;

@@ -1,0 +1,190 @@
+"""How fast each level of the compiled kernel works, and how another checkout's kernel compares with it.
+
+The levels give the same bytes (test/solver/test_levels.py), so only their speed differs. Every level is a process of its own; the
+processes work in turn, one short repetition each, so that a busy machine slows all of them alike. A ratio is the median over the
+repetitions of the ratios of neighbours.
+
+    python -m benchmarks.kernel_levels [--json] [--repeats N] [--against CHECKOUT]
+
+CHECKOUT is the root of another checkout with a built kernel. The tosses are ContactNets', found through CONTACTNETS_DATA; without
+them, simulated ones.
+"""
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+TRANSITIONS = 8000
+STEPS = 200
+"""Of a training, each down one transition."""
+SHORTEST = 0.05
+"""Seconds that one repetition lasts at least."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One kind of work by one level.
+
+    Attributes:
+        work: what was done.
+        kernel: the level, or "against" for the other checkout's kernel.
+        milliseconds: median over the repetitions.
+        ratio: median over the repetitions of this time divided by the other checkout's, or by the highest level's.
+    """
+
+    work: str
+    kernel: str
+    milliseconds: float
+    ratio: float
+
+
+def main() -> int:
+    """Prints a table, or JSON."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser.add_argument("--repeats", type=int, default=15, help="repetitions of each timing (default 15)")
+    parser.add_argument("--against", type=Path, help="root of another checkout with a built kernel")
+    parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.worker:
+        return work_on_request()
+    rows = compare(arguments.repeats, arguments.against)
+    print(json.dumps([asdict(row) for row in rows], indent=2)) if arguments.json else print_table(rows)
+    return 0
+
+
+def compare(repeats: int, against: Path | None) -> list[Row]:
+    """Times of every kind of work by every level, and by the other checkout's kernel."""
+    from contact_curation.solver.compiled import usable_levels
+
+    workers = {level: worker(REPOSITORY, level) for level in usable_levels()}
+    base = next(iter(workers))
+    if against is not None:
+        base = "against"
+        workers[base] = worker(against.resolve(), None)
+    names = [json.loads(answer(one)) for one in workers.values()][0]
+    rows = []
+    for name in names:
+        times: dict[str, list[float]] = {kernel: [] for kernel in workers}
+        for repeat in range(repeats + 1):
+            for kernel, one in workers.items():
+                seconds = float(ask(one, name))
+                if repeat:  # the first one warms up
+                    times[kernel].append(seconds)
+        for kernel, own in times.items():
+            ratio = statistics.median(mine / other for mine, other in zip(own, times[base], strict=True))
+            rows.append(Row(name, kernel, 1e3 * statistics.median(own), ratio))
+    for one in workers.values():
+        one.communicate()
+    return rows
+
+
+def worker(checkout: Path, level: str | None) -> subprocess.Popen[str]:
+    """A process that works on request with the kernel of a checkout."""
+    environment = os.environ | {"PYTHONPATH": str(checkout), "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    if level is not None:
+        environment["CONTACT_CURATION_KERNEL"] = level
+    command = [sys.executable, str(Path(__file__).resolve()), "--worker"]
+    return subprocess.Popen(
+        command, cwd=checkout, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+
+
+def ask(one: subprocess.Popen[str], question: str) -> str:
+    """One line to a worker, and its answer."""
+    assert one.stdin is not None
+    one.stdin.write(question + "\n")
+    one.stdin.flush()
+    return answer(one)
+
+
+def answer(one: subprocess.Popen[str]) -> str:
+    """A worker's next line."""
+    assert one.stdout is not None
+    line = one.stdout.readline()
+    if not line:
+        raise SystemExit(f"{one.args} ended with status {one.wait()}")
+    return line
+
+
+def work_on_request() -> int:
+    """Prints the kinds of work, then for each one that is asked for its seconds."""
+    jobs = kinds_of_work()
+    print(json.dumps(list(jobs)), flush=True)
+    counts: dict[str, int] = {}
+    for line in sys.stdin:
+        name = line.strip()
+        if name not in counts:
+            counts[name] = max(1, round(SHORTEST / seconds_of(jobs[name], 2)))
+        print(seconds_of(jobs[name], counts[name]), flush=True)
+    return 0
+
+
+def seconds_of(job: Callable[[], object], count: int) -> float:
+    """Processor time of one of `count` runs [s]; waiting for a processor does not count."""
+    begin = time.process_time()
+    for _ in range(count):
+        job()
+    return (time.process_time() - begin) / count
+
+
+def kinds_of_work() -> dict[str, Callable[[], object]]:
+    """Everything that the kernel does, on one thread."""
+    import torch
+
+    from benchmarks.evaluation import BODY, GEOMETRY, transitions
+    from contact_curation.contact.evaluation import Cone, Estimator, evaluate, fisher_sums
+    from contact_curation.contact.loss_config import LossConfig
+    from contact_curation.contact.model_kind import ModelKind
+    from contact_curation.contact.rollout import rollout
+    from contact_curation.contact.time_step import step
+    from contact_curation.learning.protocols import published
+    from contact_curation.learning.training import new_training
+    from contact_curation.solver.compiled_solver import solve_compiled
+    from test.solver.known_problems import random_problems
+
+    torch.set_num_threads(1)
+    _, rows = transitions()
+    tosses = int(np.searchsorted(rows.starts, TRANSITIONS))
+    count = int(rows.starts[tosses])
+    before, after, dt, starts = rows.before[:count], rows.after[:count], rows.dt[:count], rows.starts[: tosses + 1]
+    first, lengths = before[starts[:-1]], np.diff(starts)
+    jobs: dict[str, Callable[[], object]] = {}
+    for cone in Cone:
+        config = LossConfig(cone=cone, threads=1)
+        problems = replace(random_problems(2000, 8, seed=1), cone=cone)
+        jobs[f"solve, {cone}"] = lambda problems=problems: solve_compiled(problems, threads=1)
+        jobs[f"score, {cone}"] = lambda config=config: evaluate(GEOMETRY, BODY, before, after, dt, config)
+        for estimator in Estimator:
+            jobs[f"{estimator} Fisher, {cone}"] = lambda estimator=estimator, config=config: fisher_sums(
+                GEOMETRY, BODY, before, after, dt, starts, estimator, config=config
+            )
+    jobs["time step"] = lambda: step(GEOMETRY, BODY, before, dt)
+    jobs["rollout"] = lambda: rollout(GEOMETRY, BODY, first, lengths, dt[0])
+    for kind in ModelKind:
+        config = published(kind)
+        endless = replace(config, loss=replace(config.loss, threads=1), patience=None, epochs=None, steps=10**9, evaluation_steps=10**9)
+        training = new_training(kind, BODY, rows, None, endless, 0)
+        jobs[f"training step, {kind}"] = lambda training=training: training.advance(STEPS)
+    return jobs
+
+
+def print_table(rows: list[Row]) -> None:
+    """For people."""
+    print(f"{'work':32} {'kernel':10} {'ms':>9}  ratio")
+    for row in rows:
+        print(f"{row.work:32} {row.kernel:10} {row.milliseconds:9.2f}  {row.ratio:5.2f}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
