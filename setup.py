@@ -30,7 +30,7 @@ NODES = [
 KERNEL_FOLDERS = [Path(NAME, "solver", "kernel"), Path(NAME, "contact", "kernel")]
 # Every level gives the same bytes: nothing is fused, reordered or approximated that the source does not write down. gcc 12 forms fused
 # instructions of alternating sums and differences against its orders, so levels go without them where the compiler can be told.
-KERNEL_FLAGS = ["-std=c++17", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=off", "-funroll-loops"]
+KERNEL_FLAGS = ["-std=c++17", "-O3", "-fno-math-errno", "-ffp-contract=off"]
 KERNEL_FLAGS += ["-fvisibility=hidden", "-fvisibility-inlines-hidden", "-fPIC", "-shared", "-pthread", "-Wall", "-Wextra"]
 # Vectors wider than a CPU's registers are passed in memory; both ends are in this library, so the psABI note is of no interest.
 # Arrays have room for the most contacts there may be, and only those there are get filled: gcc 12 takes that for a mistake.

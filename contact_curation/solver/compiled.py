@@ -44,11 +44,11 @@ class Kernel:
         path: of the library.
 
     Raises:
-        MissingDependencyError: it does not load, or is no kernel of this version.
+        MissingDependencyError: it does not load, or does not describe itself.
     """
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        self.path = path
         try:
             self._library = ctypes.CDLL(str(path))
             interface = self._library.contact_curation_interface
@@ -69,7 +69,7 @@ class Kernel:
             expected = [_described_function(name, result, arguments), *(line for kind in structures for line in _described(kind))]
             unknown = next((line for line in expected if line not in self._known), None)
             if unknown is not None:
-                raise MissingDependencyError(f"a kernel of this version ({self._path.name} has no {unknown})", REMEDY)
+                raise MissingDependencyError(f"a kernel of this version ({self.path.name} has no {unknown})", REMEDY)
             self._functions[name] = ctypes.CFUNCTYPE(result, *arguments)((name, self._library))
         return self._functions[name]
 
