@@ -1,10 +1,9 @@
 # Every target sets up what is missing: a virtual environment from the lock file, the messages, the compiled kernel.
-# The files in $(DONE) remember what is done; a kernel is built for one CPU, so its name is part of that file's.
+# The files in $(DONE) remember what is done; the kernel is built for every level of this machine's kind of CPU.
 
 VENV := .venv
 PYTHON := $(VENV)/bin/python
 DONE := $(VENV)/done
-CPU := $(shell (uname -m; grep -m1 -E '^(flags|Features)' /proc/cpuinfo) 2>/dev/null | cksum | cut -d' ' -f1)
 CHECKED := contact_curation test benchmarks bags msg_defs setup.py .ci/lock
 TYPED := contact_curation test benchmarks bags
 
@@ -44,7 +43,7 @@ bench: setup
 		module=$$(echo $${script%.py} | tr / .); echo "== $$module"; $(PYTHON) -m $$module; \
 	done
 
-setup: $(DONE)/package-$(CPU)
+setup: $(DONE)/package
 
 $(DONE)/environment: requirements.lock
 	@python=$$(.ci/find-python) && \
@@ -59,9 +58,9 @@ $(DONE)/messages: $(DONE)/environment $(MESSAGE_SOURCES)
 	$(PYTHON) msg_defs/install.py
 	@touch $@
 
-$(DONE)/package-$(CPU): $(DONE)/messages setup.py setup.cfg package.xml $(KERNEL_SOURCES)
+$(DONE)/package: $(DONE)/messages setup.py setup.cfg package.xml $(KERNEL_SOURCES)
 	PYTHONWARNINGS=ignore $(PYTHON) -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
-	@rm -f $(DONE)/package-* && touch $@
+	@touch $@
 
 lock:
 	.ci/find-python >/dev/null && $$(.ci/find-python) .ci/lock
