@@ -9,6 +9,7 @@ TYPED := contact_curation test benchmarks bags
 
 MESSAGE_SOURCES := $(shell find msg_defs -name build -prune -o -name '*.egg-info' -prune -o -name __pycache__ -prune -o -type f -print)
 KERNEL_SOURCES := $(wildcard contact_curation/*/kernel/*)
+FORMATTED := $(KERNEL_SOURCES) $(wildcard test/kernel/*.cpp)
 
 # A sourced ROS would put its own packages before those of the virtual environment.
 unexport PYTHONPATH PYTHONHOME AMENT_PREFIX_PATH COLCON_PREFIX_PATH CMAKE_PREFIX_PATH LD_LIBRARY_PATH
@@ -32,11 +33,13 @@ test-slow: setup
 check: setup
 	$(PYTHON) -m ruff check $(CHECKED)
 	$(PYTHON) -m ruff format --check $(CHECKED)
+	$(VENV)/bin/clang-format --dry-run --Werror $(FORMATTED)
 	$(PYTHON) -m mypy $(TYPED)
 
 format: setup
 	$(PYTHON) -m ruff check --fix $(CHECKED)
 	$(PYTHON) -m ruff format $(CHECKED)
+	$(VENV)/bin/clang-format -i $(FORMATTED)
 
 bench: setup
 	@set -e; for script in $(filter-out benchmarks/_%,$(wildcard benchmarks/*.py)); do \

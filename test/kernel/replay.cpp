@@ -1,5 +1,5 @@
-// Replays calls of the kernel that golden.py wrote down, for machines on which there is no Python: reads them from the first file, and
-// writes to the second what each returns and leaves in memory, addresses as zeros.
+// Replays calls of the kernel that golden.py wrote down, for machines on which there is no Python: reads them from the first
+// file, and writes to the second what each returns and leaves in memory, addresses as zeros.
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>

@@ -1,6 +1,7 @@
 // AdamW as torch takes it, on arrays in place.
 //
-//   m <- b1 m + (1 - b1) g      v <- b2 v + (1 - b2) g^2      x <- (1 - rate decay) x - rate (m / c1) / (sqrt(v / c2) + e),  c = 1 - b^t
+//   m <- b1 m + (1 - b1) g      v <- b2 v + (1 - b2) g^2      c = 1 - b^t
+//   x <- (1 - rate decay) x - rate (m / c1) / (sqrt(v / c2) + e)
 //
 // Networks spend most of a step on roots and quotients; the quotient by sqrt(c2) is taken out of the sum.
 #pragma once

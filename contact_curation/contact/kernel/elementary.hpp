@@ -1,8 +1,8 @@
 // Elementary functions made of additions, products and quotients alone: the same bytes with any compiler, C library and CPU.
 //
-// The C library's sin, cos, tanh and pow differ in the last bit between its versions, and between the CPUs that it picks code for.
-// test/contact/test_elementary.py measures the errors of these: sine and cosine below 1 ulp up to |x| = 1e4, tanh below 3 ulp, whole
-// powers below 0.51 ulp.
+// The C library's sin, cos, tanh and pow differ in the last bit between its versions, and between the CPUs that it picks code
+// for. test/kernel/test_elementary.py measures the errors of these: sine and cosine below 1 ulp up to |x| = 1e4, tanh below 3
+// ulp, whole powers below 0.51 ulp.
 #pragma once
 
 #include <cmath>
@@ -24,8 +24,8 @@ inline Number series(Number x, const double (&coefficients)[Count]) {
   return sum;
 }
 
-// Reduction by multiples of pi / 2 in three parts (Cody and Waite, 1980), then Taylor series for |r| <= pi / 4. The sine and cosine of
-// what is not finite are not numbers.
+// Reduction by multiples of pi / 2 in three parts (Cody and Waite, 1980), then Taylor series for |r| <= pi / 4. The sine and
+// cosine of what is not finite are not numbers.
 inline SineCosine sine_cosine(double x) {
   constexpr double kLargest = 1e4, kTurn = 0x1.921fb54442d18p+2, kPerQuarter = 0x1.45f306dc9c883p-1;
   // pi / 2: the first two parts have 33 bits, so that their products with the number of quarters are exact.
@@ -56,9 +56,9 @@ inline Lane hyperbolic_tangent(Lane x) {
   constexpr double kSaturated = 40.0;  // tanh(20) is 1 to the last bit
   constexpr double kPerLog2 = 0x1.71547652b82fep+0, kLog2 = 0x1.62e42fefa2p-1, kLog2Rest = 0x1.9ef35793c7673p-41;
   constexpr double kRounder = 0x1.8p52;  // a sum with it has no bits behind the point
-  constexpr double kSeries[] = {1.0 / 87178291200, 1.0 / 6227020800, 1.0 / 479001600, 1.0 / 39916800, 1.0 / 3628800, 1.0 / 362880,
-                                1.0 / 40320,       1.0 / 5040,       1.0 / 720,       1.0 / 120,      1.0 / 24,      1.0 / 6,
-                                1.0 / 2};
+  constexpr double kSeries[] = {1.0 / 87178291200, 1.0 / 6227020800, 1.0 / 479001600, 1.0 / 39916800, 1.0 / 3628800,
+                                1.0 / 362880,      1.0 / 40320,      1.0 / 5040,      1.0 / 720,      1.0 / 120,
+                                1.0 / 24,          1.0 / 6,          1.0 / 2};
   const Lane size = absolute(x), twice = select(2.0 * size > kSaturated, broadcast(kSaturated), 2.0 * size);
   const Lane rounded = twice * kPerLog2 + kRounder, n = rounded - kRounder;
   const Lane r = (twice - n * kLog2) - n * kLog2Rest;

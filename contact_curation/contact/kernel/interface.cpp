@@ -1,5 +1,5 @@
-// What the compiler made of the structures and functions that Python fills and calls, as lines of text that solver/compiled.py holds
-// against its own: a library and Python of different versions end in one line of text, not in wrong numbers.
+// What the compiler made of the structures and functions that Python fills and calls, as lines of text that solver/compiled.py
+// holds against its own: a library and Python of different versions end in one line of text, not in wrong numbers.
 #include "interface.hpp"
 
 #include <cstddef>
@@ -16,9 +16,11 @@ struct Field {
 };
 
 std::string structure(const std::string &name, size_t size, std::initializer_list<Field> fields) {
-  std::string text = "structure " + name + " of " + std::to_string(fields.size()) + " fields in " + std::to_string(size) + " bytes\n";
+  std::string text =
+      "structure " + name + " of " + std::to_string(fields.size()) + " fields in " + std::to_string(size) + " bytes\n";
   for (const Field &field : fields)
-    text += "field " + name + "." + field.name + " at " + std::to_string(field.offset) + " of " + std::to_string(field.size) + " bytes\n";
+    text += "field " + name + "." + field.name + " at " + std::to_string(field.offset) + " of " + std::to_string(field.size) +
+            " bytes\n";
   return text;
 }
 
@@ -38,24 +40,28 @@ std::string function(const std::string &name, Result (*)(Arguments...)) {
   return "function " + name + type_name<Result>() + " of" + (type_name<Arguments>() + ...) + "\n";
 }
 
-#define FIELD(name) Field{#name, offsetof(Type, name), sizeof(Type::name)}
+#define FIELD(name) \
+  Field { #name, offsetof(Type, name), sizeof(Type::name) }
 
 std::string solver_structures() {
   using Type = ConeBatch;
-  return structure("ConeBatch", sizeof(Type),
-                   {FIELD(batch), FIELD(contacts), FIELD(circular), FIELD(threads), FIELD(max_iterations), FIELD(residual_tolerance),
-                    FIELD(match_weight), FIELD(normal_weight), FIELD(tangent_weight), FIELD(cone_weight), FIELD(slack_weight),
-                    FIELD(regularization), FIELD(jacobians), FIELD(inverse_mass), FIELD(gaps), FIELD(gaps_next),
-                    FIELD(free_velocities), FIELD(velocities_next), FIELD(dt), FIELD(impulses), FIELD(residuals), FIELD(status),
-                    FIELD(iterations)});
+  return structure("ConeBatch", sizeof(Type), {FIELD(batch),        FIELD(contacts),        FIELD(circular),
+                                               FIELD(threads),      FIELD(max_iterations),  FIELD(residual_tolerance),
+                                               FIELD(match_weight), FIELD(normal_weight),   FIELD(tangent_weight),
+                                               FIELD(cone_weight),  FIELD(slack_weight),    FIELD(regularization),
+                                               FIELD(jacobians),    FIELD(inverse_mass),    FIELD(gaps),
+                                               FIELD(gaps_next),    FIELD(free_velocities), FIELD(velocities_next),
+                                               FIELD(dt),           FIELD(impulses),        FIELD(residuals),
+                                               FIELD(status),       FIELD(iterations)});
 }
 
 std::string model_structure() {
   using Type = PolytopeModel;
-  return structure("PolytopeModel", sizeof(Type),
-                   {FIELD(contacts), FIELD(vertices_normal), FIELD(normal), FIELD(vertices_tangent), FIELD(tangents), FIELD(pivot),
-                    FIELD(height), FIELD(mass), FIELD(inverse_inertia), FIELD(gravity), FIELD(match_weight), FIELD(normal_weight),
-                    FIELD(tangent_weight), FIELD(cone_weight), FIELD(slack_weight), FIELD(regularization), FIELD(circular)});
+  return structure(
+      "PolytopeModel", sizeof(Type),
+      {FIELD(contacts), FIELD(vertices_normal), FIELD(normal), FIELD(vertices_tangent), FIELD(tangents), FIELD(pivot),
+       FIELD(height), FIELD(mass), FIELD(inverse_inertia), FIELD(gravity), FIELD(match_weight), FIELD(normal_weight),
+       FIELD(tangent_weight), FIELD(cone_weight), FIELD(slack_weight), FIELD(regularization), FIELD(circular)});
 }
 
 std::string evaluation_structure() {
@@ -89,9 +95,9 @@ std::string pace_structure() {
 std::string descent_structure() {
   using Type = Descent;
   return structure("Descent", sizeof(Type),
-                   {FIELD(rows), FIELD(shares), FIELD(steps), FIELD(regularizer), FIELD(polytope), FIELD(network), FIELD(first_beta),
-                    FIELD(second_beta), FIELD(epsilon), FIELD(theta), FIELD(networks), FIELD(mean), FIELD(scale), FIELD(share),
-                    FIELD(squared), FIELD(seen), FIELD(loss_sum)});
+                   {FIELD(rows), FIELD(shares), FIELD(steps), FIELD(regularizer), FIELD(polytope), FIELD(network),
+                    FIELD(first_beta), FIELD(second_beta), FIELD(epsilon), FIELD(theta), FIELD(networks), FIELD(mean),
+                    FIELD(scale), FIELD(share), FIELD(squared), FIELD(seen), FIELD(loss_sum)});
 }
 
 std::string dynamics_structure() {
@@ -103,8 +109,8 @@ std::string dynamics_structure() {
 std::string world_structure() {
   using Type = stepping::ContactWorld;
   return structure("ContactWorld", sizeof(Type),
-                   {FIELD(vertices), FIELD(vertices_normal), FIELD(normal), FIELD(vertices_tangent), FIELD(tangents), FIELD(pivot),
-                    FIELD(height), FIELD(dynamics)});
+                   {FIELD(vertices), FIELD(vertices_normal), FIELD(normal), FIELD(vertices_tangent), FIELD(tangents),
+                    FIELD(pivot), FIELD(height), FIELD(dynamics)});
 }
 
 #define FUNCTION(name) function(#name, ::name)

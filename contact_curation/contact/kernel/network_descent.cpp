@@ -1,5 +1,6 @@
-// Training of a model with networks one transition a step, as ContactNets trains: contacts, their loss and its slopes, back through
-// the networks, AdamW, next row. The models are those of contact/deep_model.py, deepvertex_model.py and end_to_end_model.py.
+// Training of a model with networks one transition a step, as ContactNets trains: contacts, their loss and its slopes, back
+// through the networks, AdamW, next row. The models are those of contact/deep_model.py, deepvertex_model.py and
+// end_to_end_model.py.
 #include <memory>
 
 #include "interface.hpp"
@@ -43,7 +44,8 @@ struct DeepSteps {
     ContactNumbers &by = found.slopes;
     Lane bends[kMaxContacts] = {}, sideways[2 * kMaxContacts] = {};
     for (int i = 0; i < model.contacts; ++i) {
-      add_scale_slopes(contacts.jacobian[i][0], contacts.jacobian[i][1], 6, job.regularizer, by.jacobian[i][0], by.jacobian[i][1]);
+      add_scale_slopes(contacts.jacobian[i][0], contacts.jacobian[i][1], 6, job.regularizer, by.jacobian[i][0],
+                       by.jacobian[i][1]);
       bends[i][0] = job.share * by.gap[i], bends[i][1] = job.share * by.gap_next[i];
       for (int a = 0; a < 6; ++a) {
         bends[i][2 + a] = job.share * by.jacobian[i][0][a];
@@ -75,7 +77,8 @@ struct DeepSteps {
     Lane inputs[12] = {}, first[12] = {};
     for (int a = 0; a < 3; ++a) {
       inputs[a][0] = at.position[a], inputs[a][1] = at.position_next[a], inputs[a][2 + a] = 1.0;
-      for (int b = 0; b < 3; ++b) inputs[3 + 3 * a + b][0] = at.rotation[a][b], inputs[3 + 3 * a + b][1] = at.rotation_next[a][b];
+      for (int b = 0; b < 3; ++b)
+        inputs[3 + 3 * a + b][0] = at.rotation[a][b], inputs[3 + 3 * a + b][1] = at.rotation_next[a][b];
     }
     for (int axis = 0; axis < 3; ++axis) {
       double turned[9];

@@ -1,4 +1,5 @@
-// A polytope's training one transition a step, as ContactNets trains: solve, slope of the loss and of the regulariser, AdamW, next row.
+// A polytope's training one transition a step, as ContactNets trains: solve, slope of the loss and of the regulariser, AdamW,
+// next row.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -6,8 +7,8 @@
 #include "interface.hpp"
 #include "scale_slopes.hpp"
 
-extern "C" int64_t contact_curation_descend(const contact_curation::PolytopeModel *model, const contact_curation::Evaluation *rows,
-                                            contact_curation::Descent *job) {
+extern "C" int64_t contact_curation_descend(const contact_curation::PolytopeModel *model,
+                                            const contact_curation::Evaluation *rows, contact_curation::Descent *job) {
   using namespace contact_curation;
   if (model->contacts < 1 || model->contacts > kMaxContacts) return 0;
   const auto at = std::make_unique<SolvedRows>();

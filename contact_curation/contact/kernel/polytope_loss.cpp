@@ -1,4 +1,5 @@
-// Loss, impulses, scores and Fisher matrices of many transitions: toss after toss, eight transitions at a time, tosses over threads.
+// Loss, impulses, scores and Fisher matrices of many transitions: toss after toss, eight transitions at a time, tosses over
+// threads.
 #include <algorithm>
 #include <atomic>
 #include <cstdint>
@@ -34,7 +35,8 @@ void evaluate_toss(const PolytopeModel &model, const Evaluation &job, int64_t to
         for (int k = 0; k < kTerms; ++k) job.terms[n * kTerms + k] = canonical(at.outcome.terms[k][lane]);
       if (job.impulse)
         for (int i = 0; i < model.contacts; ++i)
-          for (int c = 0; c < 3; ++c) job.impulse[(n * model.contacts + i) * 3 + c] = canonical(at.solution.impulse[i][c][lane]);
+          for (int c = 0; c < 3; ++c)
+            job.impulse[(n * model.contacts + i) * 3 + c] = canonical(at.solution.impulse[i][c][lane]);
       const double influence = loss > job.influence_bound ? job.influence_bound / loss : 1.0;
       if (scores)
         for (int k = 0; k < parameters; ++k) row[k] = canonical(-0.5 * influence * at.gradient[k][lane]);
@@ -56,7 +58,8 @@ void evaluate_toss(const PolytopeModel &model, const Evaluation &job, int64_t to
 }  // namespace
 }  // namespace contact_curation
 
-extern "C" int contact_curation_evaluate(const contact_curation::PolytopeModel *model, const contact_curation::Evaluation *job) {
+extern "C" int contact_curation_evaluate(const contact_curation::PolytopeModel *model,
+                                         const contact_curation::Evaluation *job) {
   using namespace contact_curation;
   if (model->contacts < 1 || model->contacts > kMaxContacts) return 1;
   std::atomic<int64_t> next{0};

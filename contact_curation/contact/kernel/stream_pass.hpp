@@ -119,7 +119,8 @@ class StreamPass {
       }
       return;
     }
-    for (int64_t first = 0; first < count; first += kLanes) bend(values + first, curves + first, std::min<int64_t>(kLanes, count - first));
+    for (int64_t first = 0; first < count; first += kLanes)
+      bend(values + first, curves + first, std::min<int64_t>(kLanes, count - first));
   }
 
   // The hyperbolic tangent of at most eight values: those of one stream at a time take a lane each.
@@ -137,8 +138,8 @@ class StreamPass {
     }
   }
 
-  // Slopes by a' -> by z, in place. tanh'' = -2 tanh tanh', and a tangent's output is tanh' z_r already: the slopes of all tangents
-  // meet in the first stream.
+  // Slopes by a' -> by z, in place. tanh'' = -2 tanh tanh', and a tangent's output is tanh' z_r already: the slopes of all
+  // tangents meet in the first stream.
   void deactivate(const Network &network, const Lane *values, const double *curves, Lane *slopes, int64_t count) const {
     for (int64_t k = 0; k < count; ++k) {
       const Lane after = values[k], inward = slopes[k];
@@ -165,9 +166,9 @@ class StreamPass {
 
   int primal_ = 1, streams_ = 1;
   LaneMask is_primal_;
-  Lane inputs_[kMaxLayers][kMaxWidth];        // of each layer
-  Lane slopes_[kMaxLayers][kMaxWidth];        // by each layer's z
-  double curves_[kMaxLayers][kMaxWidth];      // f' at the first stream
+  Lane inputs_[kMaxLayers][kMaxWidth];    // of each layer
+  Lane slopes_[kMaxLayers][kMaxWidth];    // by each layer's z
+  double curves_[kMaxLayers][kMaxWidth];  // f' at the first stream
   double by_stream_[kLanes][kMaxWidth];
 };
 

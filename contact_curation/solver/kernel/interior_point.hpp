@@ -1,16 +1,17 @@
 // Primal-dual interior point method for the inner problem, eight problems a call, one per SIMD lane.
 //
-// Mehrotra's predictor-corrector with Nesterov-Todd scaling of the friction cones (Andersen, Dahl, Vandenberghe: coneqp, 2010). The
-// penetration slack is one inequality per contact, t_j = w_j / (2 w_s) + c_j + B_j A l >= 0 with multiplier w_j. The Newton matrix
-// is blkdiag(N_i) + A^T S A with N_i 3x3 and S 6x6, so a step costs K inversions of 3x3 and one Cholesky factor of 6x6 (METHOD 4.1).
+// Mehrotra's predictor-corrector with Nesterov-Todd scaling of the friction cones (Andersen, Dahl, Vandenberghe: coneqp, 2010).
+// The penetration slack is one inequality per contact, t_j = w_j / (2 w_s) + c_j + B_j A l >= 0 with multiplier w_j. The Newton
+// matrix is blkdiag(N_i) + A^T S A with N_i 3x3 and S 6x6, so a step costs K inversions of 3x3 and one Cholesky factor of 6x6
+// (METHOD 4.1).
 #pragma once
 
 #include "cone_problem.hpp"
 
 namespace contact_curation {
 
-// Inverse of a symmetric positive 3x3 matrix stored 00 01 02 11 12 22, by elimination in the order 1, 2, 0. The caller puts the stiffest
-// direction second and the softest first, so that a graded matrix keeps its small pivots.
+// Inverse of a symmetric positive 3x3 matrix stored 00 01 02 11 12 22, by elimination in the order 1, 2, 0. The caller puts the
+// stiffest direction second and the softest first, so that a graded matrix keeps its small pivots.
 inline void invert_block(const Lane *m, Lane *inverse) {
   const Lane pivot1 = 1.0 / m[3];
   const Lane l2 = m[4] * pivot1, l0 = m[1] * pivot1;
@@ -58,7 +59,8 @@ inline void solve_upper(const Lane (*factor)[6], const Lane *inverse_diagonal, L
 
 inline Lane determinant(const Lane *x) { return x[0] * x[0] - x[1] * x[1] - x[2] * x[2]; }
 
-// The largest step that keeps x + step * d in the circular cone, x well inside it (scaled): CVXOPT's rule, free of cancellation.
+// The largest step that keeps x + step * d in the circular cone, x well inside it (scaled): CVXOPT's rule, free of
+// cancellation.
 inline Lane step_to_cone(const Lane *x, const Lane *d) {
   const Lane det = determinant(x), root = square_root(det);
   const Lane along = (x[0] * d[0] - x[1] * d[1] - x[2] * d[2]) / det;
@@ -74,7 +76,8 @@ inline Lane step_to_zero(Lane x, Lane d) {
   return select(falling, x / select(falling, -d, broadcast(1.0)), broadcast(1e30));
 }
 
-// A predictor that gets less far than this says nothing about the second order; correcting with it can hold the method up for good.
+// A predictor that gets less far than this says nothing about the second order; correcting with it can hold the method up for
+// good.
 constexpr double kTrusted = 0.3;
 
 // Everything an iteration holds; member arrays are per contact.
@@ -93,19 +96,20 @@ struct InteriorPoint {
   Lane slack_step[kMaxContacts], slack_dual_step[kMaxContacts];
 
   Lane stationarity[kMaxContacts][3], slack_defect[kMaxContacts], stiffness[kMaxContacts];
-  // Nesterov-Todd scaling W = scale * boost, W^-1 impulse = W dual = scaled. The boost stretches the ray (1, axis) by `stretch` and
-  // shrinks its mirror (1, -axis) as much. It is carried along in scaled coordinates, where the point stays well inside its cone, and
-  // applied ray by ray, so that it keeps its accuracy as the gap closes.
+  // Nesterov-Todd scaling W = scale * boost, W^-1 impulse = W dual = scaled. The boost stretches the ray (1, axis) by `stretch`
+  // and shrinks its mirror (1, -axis) as much. It is carried along in scaled coordinates, where the point stays well inside its
+  // cone, and applied ray by ray, so that it keeps its accuracy as the gap closes.
   Lane axis[kMaxContacts][2], stretch[kMaxContacts], scale[kMaxContacts], scaled[kMaxContacts][3];
   Lane scaled_step[kMaxContacts][3], scaled_dual_step[kMaxContacts][3];
-  Lane basis[kMaxContacts][3][3];  // columns: soft direction (the ray), stiff direction, the third; orthonormal
+  Lane basis[kMaxContacts][3][3];              // columns: soft direction (the ray), stiff direction, the third; orthonormal
   Lane stiffest[Circular ? 1 : kMaxContacts];  // number of the facet that resists most
-  Lane turned[kMaxContacts][3][6]; // motion in that basis
+  Lane turned[kMaxContacts][3][6];             // motion in that basis
   Lane inverse_block[kMaxContacts][6], reduced[kMaxContacts][3][6];
   Lane coupling[6][6], coupling_inverse[6], schur[6][6], schur_inverse[6];
   Facet facets[kFacets];
 
-  InteriorPoint(const ConeProblem &given, const SolverOptions &chosen) : problem(given), options(chosen), contacts(given.contacts) {
+  InteriorPoint(const ConeProblem &given, const SolverOptions &chosen)
+      : problem(given), options(chosen), contacts(given.contacts) {
     for (int k = 0; k < kFacets; ++k) facets[k] = polyhedral_facet(k);
   }
 
@@ -348,7 +352,8 @@ struct InteriorPoint {
     cholesky6(schur, schur_inverse);
   }
 
-  // Newton step, in the contacts' bases, for the right-hand sides `push` (impulses) and `slack_push` (complementarity of the slacks).
+  // Newton step, in the contacts' bases, for the right-hand sides `push` (impulses) and `slack_push` (complementarity of the
+  // slacks).
   void solve(Lane (*push)[3], const Lane *slack_push) {
     Lane slack_pull[6];
     for (int k = 0; k < 6; ++k) slack_pull[k] = broadcast(0.0);
@@ -529,8 +534,8 @@ inline Lane larger(Lane a, Lane b) { return select((b <= a) | (a != a), a, b); }
 
 // How far an impulse is from optimal, judged by the objective alone and not by the method's own multipliers.
 //
-// Circular cone: the natural residual |l - proj(l - gradient)|_inf, which is zero at the optimum only. Polyhedral cone: the largest of
-// stationarity, complementarity and infeasibility with the facets' multipliers.
+// Circular cone: the natural residual |l - proj(l - gradient)|_inf, which is zero at the optimum only. Polyhedral cone: the
+// largest of stationarity, complementarity and infeasibility with the facets' multipliers.
 template <bool Circular>
 Lane certificate(const InteriorPoint<Circular> &method) {
   Lane gradient[kMaxContacts][3];

@@ -1,7 +1,7 @@
 // Eight transitions at once: one SIMD lane each. GCC and clang vector extensions, so that one source serves every level.
 //
-// All levels give the same bytes: there are eight lanes whatever the width of the registers, no sum is taken in another order, and
-// nothing is contracted to a fused product and sum (setup.py says so to the compiler).
+// All levels give the same bytes: there are eight lanes whatever the width of the registers, no sum is taken in another order,
+// and nothing is contracted to a fused product and sum (setup.py says so to the compiler).
 #pragma once
 
 #include <cfloat>
@@ -52,15 +52,15 @@ inline Result each(Of of) {
   return result;
 }
 
-#define LANE_OPERATOR(operation, Result)                                                                              \
-  inline Result operator operation(Lane a, Lane b) {                                                                  \
-    return each<Result>([&](int k) { return a.part[k] operation b.part[k]; });                                        \
-  }                                                                                                                   \
-  inline Result operator operation(Lane a, double b) {                                                                \
-    return each<Result>([&](int k) { return a.part[k] operation b; });                                                \
-  }                                                                                                                   \
-  inline Result operator operation(double a, Lane b) {                                                                \
-    return each<Result>([&](int k) { return a operation b.part[k]; });                                                \
+#define LANE_OPERATOR(operation, Result)                                       \
+  inline Result operator operation(Lane a, Lane b) {                           \
+    return each<Result>([&](int k) { return a.part[k] operation b.part[k]; }); \
+  }                                                                            \
+  inline Result operator operation(Lane a, double b) {                         \
+    return each<Result>([&](int k) { return a.part[k] operation b; });         \
+  }                                                                            \
+  inline Result operator operation(double a, Lane b) {                         \
+    return each<Result>([&](int k) { return a operation b.part[k]; });         \
   }
 
 LANE_OPERATOR(+, Lane)
