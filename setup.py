@@ -28,8 +28,7 @@ NODES = [
 ]
 
 KERNEL_FOLDERS = [Path(NAME, "solver", "kernel"), Path(NAME, "contact", "kernel")]
-# Every level gives the same bytes: nothing is fused, reordered or approximated that the source does not write down. gcc 12 forms fused
-# instructions of alternating sums and differences against its orders, so levels go without them where the compiler can be told.
+# Every level gives the same bytes: nothing is fused, reordered or approximated that the source does not write down.
 KERNEL_FLAGS = ["-std=c++17", "-O3", "-fno-math-errno", "-ffp-contract=off"]
 KERNEL_FLAGS += ["-fvisibility=hidden", "-fvisibility-inlines-hidden", "-fPIC", "-shared", "-pthread", "-Wall", "-Wextra"]
 # Vectors wider than a CPU's registers are passed in memory; both ends are in this library, so the psABI note is of no interest.
@@ -46,6 +45,7 @@ def kernel_sources() -> list[str]:
 
 def kernel_levels(machine: str) -> dict[str, list[str]]:
     """The levels of the kernel for a machine, and the compiler's flags for each."""
+    # Against -ffp-contract=off, gcc 12 fuses alternating sums and differences of products, where there are such instructions.
     return {level: [f"-march={level}", "-mno-fma"] for level in KERNEL_LEVELS.get(machine, [])} or {machine: []}
 
 
@@ -84,6 +84,7 @@ class BuildKernel(build_ext):
         self.announce(shlex.join(command), level=2)
         if subprocess.run(command, check=False).returncode != 0:
             raise CompileError(f"{ext.name} did not compile; the compiler's message is above")
+
 
 # Tests and benchmarks take from here how the kernel is built.
 if __name__ == "__main__":

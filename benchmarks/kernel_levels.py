@@ -1,13 +1,13 @@
 """How fast each level of the compiled kernel works, and how another checkout's kernel compares with it.
 
-The levels give the same bytes (test/solver/test_levels.py), so only their speed differs. Every level is a process of its own; the
-processes work in turn, one short repetition each, so that a busy machine slows all of them alike. A ratio is the median over the
-repetitions of the ratios of neighbours.
+The levels give the same bytes (test/kernel/test_levels.py), so only their speed differs. Every level is a process of its own. The
+processes work in turn, one short repetition each, so that a busy machine slows all of them alike; a ratio is the median over
+the repetitions of the ratios of neighbours. Times are of the processor.
 
     python -m benchmarks.kernel_levels [--json] [--repeats N] [--against CHECKOUT]
 
-CHECKOUT is the root of another checkout with a built kernel. The tosses are ContactNets', found through CONTACTNETS_DATA; without
-them, simulated ones.
+CHECKOUT is the root of another checkout with a built kernel. The tosses are ContactNets', found through CONTACTNETS_DATA;
+without them, simulated ones.
 """
 
 import argparse
@@ -72,7 +72,7 @@ def compare(repeats: int, against: Path | None) -> list[Row]:
     if against is not None:
         base = "against"
         workers[base] = worker(against.resolve(), None)
-    names = [json.loads(answer(one)) for one in workers.values()][0]
+    names = next(iter([json.loads(answer(one)) for one in workers.values()]))
     rows = []
     for name in names:
         times: dict[str, list[float]] = {kernel: [] for kernel in workers}
@@ -95,9 +95,7 @@ def worker(checkout: Path, level: str | None) -> subprocess.Popen[str]:
     if level is not None:
         environment["CONTACT_CURATION_KERNEL"] = level
     command = [sys.executable, str(Path(__file__).resolve()), "--worker"]
-    return subprocess.Popen(
-        command, cwd=checkout, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
+    return subprocess.Popen(command, cwd=checkout, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
 
 def ask(one: subprocess.Popen[str], question: str) -> str:
@@ -173,7 +171,9 @@ def kinds_of_work() -> dict[str, Callable[[], object]]:
     jobs["rollout"] = lambda: rollout(GEOMETRY, BODY, first, lengths, dt[0])
     for kind in ModelKind:
         config = published(kind)
-        endless = replace(config, loss=replace(config.loss, threads=1), patience=None, epochs=None, steps=10**9, evaluation_steps=10**9)
+        endless = replace(
+            config, loss=replace(config.loss, threads=1), patience=None, epochs=None, steps=10**9, evaluation_steps=10**9
+        )
         training = new_training(kind, BODY, rows, None, endless, 0)
         jobs[f"training step, {kind}"] = lambda training=training: training.advance(STEPS)
     return jobs

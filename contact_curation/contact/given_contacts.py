@@ -4,7 +4,6 @@ The compiled kernel takes gaps phi and Jacobians J as they are at the states, in
 """
 
 import ctypes
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike

@@ -1,10 +1,10 @@
 """Finds and loads the compiled kernel: the library built for the highest level that this CPU has.
 
-Levels are named sets of CPU features, x86-64-v2 to x86-64-v4; machines of another kind have one level of the machine's own name. All of
-them give the same bytes. CONTACT_CURATION_KERNEL names another level than the highest, or a library.
+Levels are named sets of CPU features, x86-64-v2 to x86-64-v4; machines of another kind have one level of the machine's own name. All
+levels give the same bytes. CONTACT_CURATION_KERNEL names another level than the highest, or the path of a library.
 
-What Python and the library say to each other is compared before a function's first call: sizes and offsets of structures, and the
-function's arguments. A library that was built from other sources thus ends in one line.
+Before a function's first call, its arguments and the sizes and offsets of its structures are compared with what the compiler made of
+them (contact/kernel/interface.cpp): a library of another version ends in one line.
 """
 
 import ctypes
@@ -28,7 +28,7 @@ _V2 = {"cx16", "lahf_lm", "popcnt", "pni", "ssse3", "sse4_1", "sse4_2"}
 _V3 = _V2 | {"abm", "avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "movbe", "xsave"}
 _V4 = _V3 | {"avx512bw", "avx512cd", "avx512dq", "avx512f", "avx512vl"}
 LEVELS = {"x86_64": {"x86-64-v4": _V4, "x86-64-v3": _V3, "x86-64-v2": _V2}}
-"""By machine, the features of each level as Linux calls them, highest level first (x86-64 psABI, "Micro-Architecture Levels")."""
+"""By machine, the features of each level as Linux calls them, highest first (x86-64 psABI, "Micro-Architecture Levels")."""
 
 
 class KernelStructure(ctypes.Structure):
@@ -56,7 +56,7 @@ class Kernel:
             raise MissingDependencyError(f"a usable kernel ({path.name}: {error})", REMEDY) from error
         interface.restype = ctypes.c_char_p
         self._known = frozenset(interface().decode().splitlines())
-        self._functions: dict[str, Callable[..., Any]] = {}
+        self._functions: dict[tuple[object, ...], Callable[..., Any]] = {}
 
     def function(self, name: str, result: type | None, *arguments: type) -> Callable[..., Any]:
         """One of the kernel's functions; addresses of structures are `ctypes.POINTER(...)` of a `KernelStructure`.
@@ -64,14 +64,18 @@ class Kernel:
         Raises:
             MissingDependencyError: the library has another function or structure of that name.
         """
-        if name not in self._functions:
+        key = name, result, *arguments
+        if key not in self._functions:
             structures = [kind for argument in arguments for kind in _structures(argument)]
-            expected = [_described_function(name, result, arguments), *(line for kind in structures for line in _described(kind))]
+            expected = [
+                _described_function(name, result, arguments),
+                *(line for kind in structures for line in _described(kind)),
+            ]
             unknown = next((line for line in expected if line not in self._known), None)
             if unknown is not None:
                 raise MissingDependencyError(f"a kernel of this version ({self.path.name} has no {unknown})", REMEDY)
-            self._functions[name] = ctypes.CFUNCTYPE(result, *arguments)((name, self._library))
-        return self._functions[name]
+            self._functions[key] = ctypes.CFUNCTYPE(result, *arguments)((name, self._library))
+        return self._functions[key]
 
 
 def _structures(kind: Any) -> Iterator[type[KernelStructure]]:
@@ -101,7 +105,9 @@ def _described_function(name: str, result: type | None, arguments: tuple[type, .
 def _type_name(kind: Any) -> str:
     if kind is None:
         return "nothing"
-    return "address" if kind is ctypes.c_void_p or not issubclass(kind, ctypes._SimpleCData) else f"int{8 * ctypes.sizeof(kind)}"
+    return (
+        "address" if kind is ctypes.c_void_p or not issubclass(kind, ctypes._SimpleCData) else f"int{8 * ctypes.sizeof(kind)}"
+    )
 
 
 @functools.cache

@@ -13,7 +13,8 @@ REPLAY = "test/kernel/replay.cpp"
 def setup_module() -> ModuleType:
     """setup.py, which sets nothing up when it is imported."""
     spec = importlib.util.spec_from_file_location("kernel_setup", REPOSITORY / "setup.py")
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

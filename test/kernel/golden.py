@@ -1,7 +1,7 @@
-"""Calls of everything that the kernel computes, on numbers that are the same everywhere, and digests of what they leave in memory.
+"""Calls of everything that the kernel computes, on the same numbers everywhere, and digests of what they leave in memory.
 
-Inputs come out of a hash function as whole numbers; only sums, products, quotients and roots are taken of them, which IEEE 754 rounds
-alike on every machine. `golden_digests.json` holds what the outputs must be. Where the kernel's mathematics changes on purpose:
+Inputs come out of a hash function as whole numbers; only sums, products, quotients and roots are taken of them, which IEEE 754
+rounds alike on every machine. `golden_digests.json` holds what the outputs must be. Where the kernel's mathematics changes on purpose:
 
     python -m test.kernel.golden
 """
@@ -12,6 +12,7 @@ import json
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -65,10 +66,17 @@ class Call:
     def run(self, kernel: Kernel) -> bytes:
         """What the call returns, and all its memory afterwards."""
         kinds = [
-            ctypes.c_int64 if isinstance(one, int) else ctypes.c_void_p if isinstance(one, np.ndarray) else ctypes.POINTER(type(one))
+            ctypes.c_int64
+            if isinstance(one, int)
+            else ctypes.c_void_p
+            if isinstance(one, np.ndarray)
+            else ctypes.POINTER(type(one))
             for one in self.arguments
         ]
-        values = [one if isinstance(one, int) else one.ctypes.data if isinstance(one, np.ndarray) else ctypes.byref(one) for one in self.arguments]
+        values = [
+            one if isinstance(one, int) else one.ctypes.data if isinstance(one, np.ndarray) else ctypes.byref(one)
+            for one in self.arguments
+        ]
         returned = kernel.function(self.function, self.result, *kinds)(*values) if self.arguments else 0
         return struct.pack("<q", returned or 0) + b"".join(self.memory())
 
@@ -214,7 +222,12 @@ def _solves() -> Iterator[Call]:
 
 
 def _solve(
-    circular: bool, contacts: int, batch: int, threads: int = 1, max_iterations: int = 60, spoilt: Sequence[tuple[str, float]] = ()
+    circular: bool,
+    contacts: int,
+    batch: int,
+    threads: int = 1,
+    max_iterations: int = 60,
+    spoilt: Sequence[tuple[str, float]] = (),
 ) -> Call:
     case = f"solve {'circular' if circular else 'polyhedral'} {contacts} {batch} {max_iterations} {len(spoilt)}"
     inverse_mass = np.zeros((6, 6))
@@ -302,7 +315,7 @@ class _Job:
 
     def take_network(self, place: int, name: str, sizes: Sequence[int], rectified: bool) -> None:
         network = CompiledNetwork(len(sizes) - 1, int(rectified))
-        for depth, (inputs, outputs) in enumerate(zip(sizes[:-1], sizes[1:], strict=True)):
+        for depth, (inputs, outputs) in enumerate(pairwise(sizes)):
             weight, bias = _moments(f"{name} {depth}", outputs, inputs), _moments(f"{name} {depth} bias", outputs)
             network.layer[depth] = CompiledLayer(inputs, outputs, CompiledMoments.of(weight), CompiledMoments.of(bias))
             self.arrays += _arrays([weight, bias])

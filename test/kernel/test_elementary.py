@@ -44,7 +44,10 @@ def sine(x: Decimal) -> Decimal:
 
 def largest_error(found: Array, exact: list[Decimal]) -> float:
     """In units in the last place of the exact number."""
-    return max(abs(float((Decimal(value) - true) / Decimal(np.spacing(abs(float(true)))))) for value, true in zip(found.tolist(), exact, strict=True))
+    return max(
+        abs(float((Decimal(value) - true) / Decimal(np.spacing(abs(float(true))))))
+        for value, true in zip(found.tolist(), exact, strict=True)
+    )
 
 
 @pytest.mark.parametrize("size", [*SIZES, 1e4])

@@ -106,5 +106,7 @@ def test_the_environment_chooses_a_library_by_its_path(monkeypatch: pytest.Monke
 @pytest.mark.parametrize("level", ["x86-64-v9", "native"])
 def test_a_level_that_this_cpu_has_not_is_refused_with_those_it_has(level: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(CHOICE, level)
-    with pytest.raises(InvalidValueError, match=f"{CHOICE}: found {level}, expected a level of this CPU .*{usable_levels()[-1]}"):
+    with pytest.raises(
+        InvalidValueError, match=f"{CHOICE}: found {level}, expected a level of this CPU .*{usable_levels()[-1]}"
+    ):
         load_kernel()
