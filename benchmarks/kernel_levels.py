@@ -1,8 +1,8 @@
 """How fast each level of the compiled kernel works, and how another checkout's kernel compares with it.
 
-The levels give the same bytes (test/kernel/test_levels.py), so only their speed differs. Every level is a process of its own. The
-processes work in turn, one short repetition each, so that a busy machine slows all of them alike; a ratio is the median over
-the repetitions of the ratios of neighbours. Times are of the processor.
+The levels give the same bytes (test/kernel/test_levels.py), so only their speed differs. Each level is a process of its own. They
+work in turn, one short repetition each, so that a busy machine slows all of them alike; a ratio is the median over the
+repetitions of the ratios of neighbours. Times are of the processor.
 
     python -m benchmarks.kernel_levels [--json] [--repeats N] [--against CHECKOUT]
 
@@ -19,14 +19,19 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from contact_curation.motion.transitions import Transitions
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 TRANSITIONS = 8000
 STEPS = 200
-"""Of a training, each down one transition."""
+"""Of a training in one run, each down one transition."""
 SHORTEST = 0.05
 """Seconds that one repetition lasts at least."""
 
@@ -111,7 +116,7 @@ def answer(one: subprocess.Popen[str]) -> str:
     assert one.stdout is not None
     line = one.stdout.readline()
     if not line:
-        raise SystemExit(f"{one.args} ended with status {one.wait()}")
+        raise SystemExit(f"a worker ended with status {one.wait()}")
     return line
 
 
@@ -137,45 +142,56 @@ def seconds_of(job: Callable[[], object], count: int) -> float:
 
 
 def kinds_of_work() -> dict[str, Callable[[], object]]:
-    """Everything that the kernel does, on one thread."""
+    """Everything that the kernel does, on one thread. The other checkout's modules come only with a worker."""
     import torch
 
-    from benchmarks.evaluation import BODY, GEOMETRY, transitions
-    from contact_curation.contact.evaluation import Cone, Estimator, evaluate, fisher_sums
-    from contact_curation.contact.loss_config import LossConfig
-    from contact_curation.contact.model_kind import ModelKind
-    from contact_curation.contact.rollout import rollout
-    from contact_curation.contact.time_step import step
-    from contact_curation.learning.protocols import published
-    from contact_curation.learning.training import new_training
-    from contact_curation.solver.compiled_solver import solve_compiled
-    from test.solver.known_problems import random_problems
+    from benchmarks.evaluation import transitions
 
     torch.set_num_threads(1)
     _, rows = transitions()
+    return batch_work(rows) | training_work(rows)
+
+
+def batch_work(rows: "Transitions") -> dict[str, Callable[[], object]]:
+    """What is done for many transitions at once."""
+    from benchmarks.evaluation import BODY, GEOMETRY
+    from contact_curation.contact.evaluation import Cone, Estimator, evaluate, fisher_sums
+    from contact_curation.contact.loss_config import LossConfig
+    from contact_curation.contact.rollout import rollout
+    from contact_curation.contact.time_step import step
+    from contact_curation.solver.compiled_solver import solve_compiled
+    from test.solver.known_problems import random_problems
+
     tosses = int(np.searchsorted(rows.starts, TRANSITIONS))
-    count = int(rows.starts[tosses])
-    before, after, dt, starts = rows.before[:count], rows.after[:count], rows.dt[:count], rows.starts[: tosses + 1]
-    first, lengths = before[starts[:-1]], np.diff(starts)
-    jobs: dict[str, Callable[[], object]] = {}
+    starts = rows.starts[: tosses + 1]
+    before, after, dt = (column[: starts[-1]] for column in (rows.before, rows.after, rows.dt))
+    given = GEOMETRY, BODY, before, after, dt
+    jobs: dict[str, Callable[[], object]] = {
+        "time step": partial(step, GEOMETRY, BODY, before, dt),
+        "rollout": partial(rollout, GEOMETRY, BODY, before[starts[:-1]], np.diff(starts), dt[0]),
+    }
     for cone in Cone:
-        config = LossConfig(cone=cone, threads=1)
-        problems = replace(random_problems(2000, 8, seed=1), cone=cone)
-        jobs[f"solve, {cone}"] = lambda problems=problems: solve_compiled(problems, threads=1)
-        jobs[f"score, {cone}"] = lambda config=config: evaluate(GEOMETRY, BODY, before, after, dt, config)
+        config, problems = LossConfig(cone=cone, threads=1), replace(random_problems(2000, 8, seed=1), cone=cone)
+        jobs[f"solve, {cone}"] = partial(solve_compiled, problems, threads=1)
+        jobs[f"score, {cone}"] = partial(evaluate, *given, config)
         for estimator in Estimator:
-            jobs[f"{estimator} Fisher, {cone}"] = lambda estimator=estimator, config=config: fisher_sums(
-                GEOMETRY, BODY, before, after, dt, starts, estimator, config=config
-            )
-    jobs["time step"] = lambda: step(GEOMETRY, BODY, before, dt)
-    jobs["rollout"] = lambda: rollout(GEOMETRY, BODY, first, lengths, dt[0])
+            jobs[f"{estimator} Fisher, {cone}"] = partial(fisher_sums, *given, starts, estimator, config=config)
+    return jobs
+
+
+def training_work(rows: "Transitions") -> dict[str, Callable[[], object]]:
+    """Steps down one transition each."""
+    from benchmarks.evaluation import BODY
+    from contact_curation.contact.model_kind import ModelKind
+    from contact_curation.learning.protocols import published
+    from contact_curation.learning.training import new_training
+
+    jobs: dict[str, Callable[[], object]] = {}
     for kind in ModelKind:
-        config = published(kind)
-        endless = replace(
-            config, loss=replace(config.loss, threads=1), patience=None, epochs=None, steps=10**9, evaluation_steps=10**9
-        )
+        protocol = published(kind)
+        endless = replace(protocol, patience=None, epochs=None, steps=10**9, evaluation_steps=10**9)
         training = new_training(kind, BODY, rows, None, endless, 0)
-        jobs[f"training step, {kind}"] = lambda training=training: training.advance(STEPS)
+        jobs[f"training step, {kind}"] = partial(training.advance, STEPS)
     return jobs
 
 

@@ -1,10 +1,10 @@
 """Finds and loads the compiled kernel: the library built for the highest level that this CPU has.
 
-Levels are named sets of CPU features, x86-64-v2 to x86-64-v4; machines of another kind have one level of the machine's own name. All
-levels give the same bytes. CONTACT_CURATION_KERNEL names another level than the highest, or the path of a library.
+Levels are named sets of CPU features, x86-64-v2 to x86-64-v4; machines of another kind have one level of the machine's own
+name. All levels give the same bytes. CONTACT_CURATION_KERNEL names another level than the highest, or a library's path.
 
-Before a function's first call, its arguments and the sizes and offsets of its structures are compared with what the compiler made of
-them (contact/kernel/interface.cpp): a library of another version ends in one line.
+Before a function's first call, its arguments and the sizes and offsets of its structures are compared with what the compiler
+made of them (contact/kernel/interface.cpp): a library of another version ends in one line.
 """
 
 import ctypes

@@ -1,7 +1,8 @@
 """Calls of everything that the kernel computes, on the same numbers everywhere, and digests of what they leave in memory.
 
-Inputs come out of a hash function as whole numbers; only sums, products, quotients and roots are taken of them, which IEEE 754
-rounds alike on every machine. `golden_digests.json` holds what the outputs must be. Where the kernel's mathematics changes on purpose:
+Inputs come out of a hash function as whole numbers; only sums, products, quotients and roots are taken of them, which IEEE
+754 rounds alike on every machine. `golden_digests.json` holds what the outputs must be. Where the kernel's mathematics changes
+on purpose:
 
     python -m test.kernel.golden
 """
@@ -398,8 +399,8 @@ def _steps() -> Iterator[Call]:
         rows = int(offsets[-1])
         world, arrays = _world(contacts)
         outputs = (np.zeros((rows, 13)), np.zeros((rows, contacts, 3)), np.zeros(rows, np.int32), np.zeros(rows))
-        arguments = (world, 7, first, offsets, periods[:7].copy(), threads, *outputs)
-        yield Call(f"rollout {threads}", "contact_rollout", VOID, arguments, arrays)
+        whole = (world, 7, first, offsets, periods[:7].copy(), threads, *outputs)
+        yield Call(f"rollout {threads}", "contact_rollout", VOID, whole, arrays)
 
 
 def _elementary() -> Iterator[Call]:

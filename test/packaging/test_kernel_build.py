@@ -1,4 +1,4 @@
-"""The kernel is built from whatever sources there are, for each level of this machine; the highest that the CPU has is loaded."""
+"""The kernel is built from whatever sources there are, for each level of this machine; the highest of the CPU is loaded."""
 
 import ctypes
 import os
