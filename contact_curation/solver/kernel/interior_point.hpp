@@ -100,6 +100,7 @@ struct InteriorPoint {
   // and shrinks its mirror (1, -axis) as much. It is carried along in scaled coordinates, where the point stays well inside its
   // cone, and applied ray by ray, so that it keeps its accuracy as the gap closes.
   Lane axis[kMaxContacts][2], stretch[kMaxContacts], scale[kMaxContacts], scaled[kMaxContacts][3];
+  Lane per_stretch[kMaxContacts], per_scale[kMaxContacts];  // their reciprocals
   Lane scaled_step[kMaxContacts][3], scaled_dual_step[kMaxContacts][3];
   Lane basis[kMaxContacts][3][3];              // columns: soft direction (the ray), stiff direction, the third; orthonormal
   Lane stiffest[Circular ? 1 : kMaxContacts];  // number of the facet that resists most
@@ -245,9 +246,9 @@ struct InteriorPoint {
         for (int c = 0; c < 3; ++c) block[entry] += 2.0 * basis[i][c][a] * curved[b][c];
       }
     if constexpr (Circular) {
-      const Lane weight = 1.0 / (scale[i] * scale[i]), squared = stretch[i] * stretch[i];
-      block[0] += weight / squared;
-      block[3] += weight * squared;
+      const Lane weight = per_scale[i] * per_scale[i];
+      block[0] += weight * (per_stretch[i] * per_stretch[i]);
+      block[3] += weight * (stretch[i] * stretch[i]);
       block[5] += weight;
     } else {
       for (int k = 0; k < kFacets; ++k) {
@@ -263,9 +264,9 @@ struct InteriorPoint {
 
   // W^-1 in the basis is diagonal.
   void inverse_scale(int i, const Lane *x, Lane *y) const {
-    y[0] = x[0] / (scale[i] * stretch[i]);
-    y[1] = x[1] * stretch[i] / scale[i];
-    y[2] = x[2] / scale[i];
+    y[0] = x[0] * (per_scale[i] * per_stretch[i]);
+    y[1] = x[1] * (stretch[i] * per_scale[i]);
+    y[2] = x[2] * per_scale[i];
   }
 
   // The scaling after a step, from the scaled impulse and dual it led to.
@@ -276,10 +277,11 @@ struct InteriorPoint {
       z[c] = scaled[i][c] + length * scaled_dual_step[i][c];
     }
     const Lane root_s = square_root(determinant(s)), root_z = square_root(determinant(z));
-    const Lane half = square_root(2.0 * (1.0 + dot<3>(s, z) / (root_s * root_z)));
-    const Lane w1 = (s[1] / root_s - z[1] / root_z) / half, w2 = (s[2] / root_s - z[2] / root_z) / half;
+    const Lane per_s = 1.0 / root_s, per_z = 1.0 / root_z;
+    const Lane per_half = 1.0 / square_root(2.0 * (1.0 + dot<3>(s, z) * (per_s * per_z)));
+    const Lane w1 = (s[1] * per_s - z[1] * per_z) * per_half, w2 = (s[2] * per_s - z[2] * per_z) * per_half;
     const Lane w0 = square_root(1.0 + w1 * w1 + w2 * w2);
-    const Lane shrink = 1.0 / (1.0 + w0), grow = square_root(root_s / root_z);
+    const Lane shrink = 1.0 / (1.0 + w0), grow = square_root(root_s * per_z);
     const Lane bent = (w1 * z[1] + w2 * z[2]) * shrink + z[0];
     const Lane v0 = grow * (w0 * z[0] + w1 * z[1] + w2 * z[2]), v1 = grow * (z[1] + bent * w1), v2 = grow * (z[2] + bent * w2);
     // Boost after boost is a boost and a turn of the tangents (Wigner's rotation).
@@ -293,10 +295,10 @@ struct InteriorPoint {
     const Lane ahead = 0.5 * (fore - aft);
     const Lane radius = square_root(ahead * ahead + across * across);
     const LaneMask boosted = radius > 1e-12;
-    const Lane safe = select(boosted, radius, broadcast(1.0));
+    const Lane per_radius = 1.0 / select(boosted, radius, broadcast(1.0));
     const auto keep = [&](Lane &value, Lane next) { value = select(open, next, value); };
-    keep(axis[i][0], select(boosted, (ahead * a1 - across * a2) / safe, a1));
-    keep(axis[i][1], select(boosted, (ahead * a2 + across * a1) / safe, a2));
+    keep(axis[i][0], select(boosted, (ahead * a1 - across * a2) * per_radius, a1));
+    keep(axis[i][1], select(boosted, (ahead * a2 + across * a1) * per_radius, a2));
     keep(stretch[i], 0.5 * (fore + aft) + radius);
     keep(scale[i], scale[i] * grow);
     keep(scaled[i][0], v0);
@@ -322,6 +324,7 @@ struct InteriorPoint {
       for (int b = 0; b <= a; ++b) response[a][b] = broadcast(0.0);
     for (int i = 0; i < contacts; ++i) {
       Lane block[6];
+      if constexpr (Circular) per_scale[i] = 1.0 / scale[i], per_stretch[i] = 1.0 / stretch[i];
       choose_basis(i);
       resist(i, block);
       invert_block(block, inverse_block[i]);
