@@ -1,15 +1,15 @@
 # Every target sets up what is missing: a virtual environment from the lock file, the messages, the compiled kernel.
-# The files in $(DONE) remember what is done; a kernel is built for one CPU, so its name is part of that file's.
+# The files in $(DONE) remember what is done; the kernel is built for every level of this machine's kind of CPU.
 
 VENV := .venv
 PYTHON := $(VENV)/bin/python
 DONE := $(VENV)/done
-CPU := $(shell (uname -m; grep -m1 -E '^(flags|Features)' /proc/cpuinfo) 2>/dev/null | cksum | cut -d' ' -f1)
 CHECKED := contact_curation test benchmarks bags examples msg_defs setup.py .ci/lock
 TYPED := contact_curation test benchmarks bags examples
 
 MESSAGE_SOURCES := $(shell find msg_defs -name build -prune -o -name '*.egg-info' -prune -o -name __pycache__ -prune -o -type f -print)
 KERNEL_SOURCES := $(wildcard contact_curation/*/kernel/*)
+FORMATTED := $(KERNEL_SOURCES) $(wildcard test/kernel/*.cpp)
 
 # A sourced ROS would put its own packages before those of the virtual environment.
 unexport PYTHONPATH PYTHONHOME AMENT_PREFIX_PATH COLCON_PREFIX_PATH CMAKE_PREFIX_PATH LD_LIBRARY_PATH
@@ -33,18 +33,20 @@ test-slow: setup
 check: setup
 	$(PYTHON) -m ruff check $(CHECKED)
 	$(PYTHON) -m ruff format --check $(CHECKED)
+	$(VENV)/bin/clang-format --dry-run --Werror $(FORMATTED)
 	$(PYTHON) -m mypy $(TYPED)
 
 format: setup
 	$(PYTHON) -m ruff check --fix $(CHECKED)
 	$(PYTHON) -m ruff format $(CHECKED)
+	$(VENV)/bin/clang-format -i $(FORMATTED)
 
 bench: setup
 	@set -e; for script in $$(find benchmarks -name '[!_]*.py' | sort); do \
 		module=$$(echo $${script%.py} | tr / .); echo "== $$module"; $(PYTHON) -m $$module; \
 	done
 
-setup: $(DONE)/package-$(CPU)
+setup: $(DONE)/package
 
 $(DONE)/environment: requirements.lock
 	@python=$$(.ci/find-python) && \
@@ -59,9 +61,9 @@ $(DONE)/messages: $(DONE)/environment $(MESSAGE_SOURCES)
 	$(PYTHON) msg_defs/install.py
 	@touch $@
 
-$(DONE)/package-$(CPU): $(DONE)/messages setup.py setup.cfg package.xml $(KERNEL_SOURCES)
+$(DONE)/package: $(DONE)/messages setup.py setup.cfg package.xml $(KERNEL_SOURCES)
 	PYTHONWARNINGS=ignore $(PYTHON) -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
-	@rm -f $(DONE)/package-* && touch $@
+	@touch $@
 
 lock:
 	.ci/find-python >/dev/null && $$(.ci/find-python) .ci/lock

@@ -80,8 +80,8 @@ class Body:
 
     @cached_property
     def scaled_inverse_inertia(self) -> Array:
-        """(3, 3) inverse of `scaled_inertia`."""
-        inverse = np.linalg.inv(self.scaled_inertia)
+        """(3, 3) inverse of `scaled_inertia`, with the same digits on every machine: the kernel works with it."""
+        inverse = _inverse(self.scaled_inertia)
         inverse.flags.writeable = False
         return inverse
 
@@ -142,6 +142,18 @@ class Body:
             length_scale=float(_numbers(data, "length_scale")),
             gravity=float(_numbers(data, "gravity")) if "gravity" in data else STANDARD_GRAVITY,
         )
+
+
+def _inverse(positive: Array) -> Array:
+    """Inverse of a positive definite matrix by elimination; LAPACK's last digits depend on the CPU."""
+    size = len(positive)
+    rows = np.hstack([positive, np.eye(size)]).tolist()
+    for k in range(size):
+        rows[k] = [number / rows[k][k] for number in rows[k]]
+        for other in {*range(size)} - {k}:
+            share = rows[other][k]
+            rows[other] = [number - share * by for number, by in zip(rows[other], rows[k])]
+    return np.array(rows)[:, size:].copy()
 
 
 def _numbers(data: Mapping[str, object], key: str) -> Array:

@@ -1,7 +1,6 @@
 """Whole motions from their first state: the time step again and again, many trajectories at once (METHOD 4.2)."""
 
 import ctypes
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,7 +89,9 @@ def rollout(
     world = CompiledWorld(geometry, body, limits)
     given = (array.ctypes.data for array in (start, starts, steps))
     results = (None if array is None else array.ctypes.data for array in (states, impulses, status, residual))
-    _compiled_rollout()(ctypes.byref(world), len(start), *given, threads, *results)
+    address, count, arrays = ctypes.POINTER(CompiledWorld), ctypes.c_int64, [ctypes.c_void_p]
+    run = load_kernel().function("contact_rollout", None, address, count, *3 * arrays, count, *4 * arrays)
+    run(ctypes.byref(world), len(start), *given, threads, *results)
     return Rollout(starts, states, status, residual, impulses)
 
 
@@ -117,9 +118,3 @@ def checked_threads(threads: int) -> int:
     if threads < 1:
         raise InvalidValueError("threads", threads, "at least 1")
     return threads
-
-
-def _compiled_rollout() -> Callable[..., None]:
-    arrays = [ctypes.c_void_p]
-    signature = ctypes.CFUNCTYPE(None, ctypes.POINTER(CompiledWorld), ctypes.c_int64, *3 * arrays, ctypes.c_int64, *4 * arrays)
-    return signature(("contact_rollout", load_kernel()))

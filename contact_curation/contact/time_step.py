@@ -9,7 +9,6 @@ the friction coefficient is in the tangents T, so that ||lambda_t|| <= lambda_n.
 """
 
 import ctypes
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -21,7 +20,7 @@ from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.poses import QUATERNION_TOLERANCE
 from contact_curation.geometry.quaternions import Array
-from contact_curation.solver.compiled import load_kernel
+from contact_curation.solver.compiled import KernelStructure, load_kernel
 
 STATE_SIZE = 13
 
@@ -76,8 +75,10 @@ class Steps:
     residual: Array
 
 
-class CompiledDynamics(ctypes.Structure):
-    """The kernel's `Dynamics`: the fields of contact/kernel/contact_sweeps.hpp in the same order."""
+class CompiledDynamics(KernelStructure):
+    """What moves, and when its sweeps stop (contact/kernel/contact_sweeps.hpp)."""
+
+    KERNEL_NAME = "Dynamics"
 
     _fields_ = (
         ("inverse_inertia", ctypes.c_void_p),
@@ -88,7 +89,7 @@ class CompiledDynamics(ctypes.Structure):
     )
 
     def __init__(self, body: Body, limits: SweepLimits) -> None:
-        inverse_inertia = np.ascontiguousarray(np.linalg.inv(body.scaled_inertia))
+        inverse_inertia = np.ascontiguousarray(body.scaled_inverse_inertia)
         super().__init__(
             inverse_inertia=inverse_inertia.ctypes.data,
             inverse_mass=1.0 / body.mass,
@@ -99,8 +100,10 @@ class CompiledDynamics(ctypes.Structure):
         self.owner = inverse_inertia  # ctypes holds bare addresses: keep the array alive
 
 
-class CompiledWorld(ctypes.Structure):
-    """The kernel's `ContactWorld`: the fields of contact/kernel/time_step.hpp in the same order."""
+class CompiledWorld(KernelStructure):
+    """A polytope over a plane, and what moves (contact/kernel/time_step.hpp)."""
+
+    KERNEL_NAME = "ContactWorld"
 
     _fields_ = (
         ("vertices", ctypes.c_int64),
@@ -200,7 +203,9 @@ def step(
     status, residual = np.empty(count, np.int32), np.empty(count)
     world = CompiledWorld(geometry, body, limits)
     data = (array.ctypes.data for array in (steps, after, impulses, status, residual))
-    _compiled_step()(ctypes.byref(world), count, *data)
+    address, arrays = ctypes.POINTER(CompiledWorld), 5 * [ctypes.c_void_p]
+    advance = load_kernel().function("contact_time_step", None, address, ctypes.c_int64, *arrays)
+    advance(ctypes.byref(world), count, *data)
     after[status == StepStatus.NOT_FINITE] = np.nan
     return Steps(after, impulses, status, residual)
 
@@ -242,17 +247,8 @@ def step_at_contacts(
     status, residual = np.empty(count, np.int32), np.empty(count)
     dynamics = CompiledDynamics(body, limits)
     data = (array.ctypes.data for array in (steps, phi, rows, after, impulses, status, residual))
-    _compiled_given_step()(ctypes.byref(dynamics), count, contacts, *data)
+    counts, arrays = 2 * [ctypes.c_int64], 7 * [ctypes.c_void_p]
+    advance = load_kernel().function("contact_given_step", None, ctypes.POINTER(CompiledDynamics), *counts, *arrays)
+    advance(ctypes.byref(dynamics), count, contacts, *data)
     after[status == StepStatus.NOT_FINITE] = np.nan
     return Steps(after, impulses, status, residual)
-
-
-def _compiled_step() -> Callable[..., None]:
-    signature = ctypes.CFUNCTYPE(None, ctypes.POINTER(CompiledWorld), ctypes.c_int64, *5 * [ctypes.c_void_p])
-    return signature(("contact_time_step", load_kernel()))
-
-
-def _compiled_given_step() -> Callable[..., None]:
-    counts, arrays = 2 * [ctypes.c_int64], 7 * [ctypes.c_void_p]
-    signature = ctypes.CFUNCTYPE(None, ctypes.POINTER(CompiledDynamics), *counts, *arrays)
-    return signature(("contact_given_step", load_kernel()))

@@ -1,23 +1,33 @@
 """Solves the inner problem of many transitions with the compiled interior point method (METHOD 4.1; kernel/cone_solver.cpp)."""
 
 import ctypes
-from collections.abc import Callable
 
 import numpy as np
 
-from contact_curation.solver.compiled import load_kernel, processor_count
-from contact_curation.solver.cone_problem import DEFAULT_TOLERANCE, Cone, ConeProblems, ConeSolutions
+from contact_curation.solver.compiled import KernelStructure, load_kernel, processor_count
+from contact_curation.solver.cone_problem import DEFAULT_TOLERANCE, Cone, ConeProblems, ConeSolutions, ConeWeights
 
 MAX_ITERATIONS = 60
 """The real tosses need about 20."""
 
-_WEIGHTS = ("match", "complementarity_normal", "complementarity_tangent", "dissipation", "penetration", "regularization")
+KERNEL_WEIGHTS = {
+    "match_weight": "match",
+    "normal_weight": "complementarity_normal",
+    "tangent_weight": "complementarity_tangent",
+    "cone_weight": "dissipation",
+    "slack_weight": "penetration",
+    "regularization": "regularization",
+}
+"""The kernel's names of the weights, in its order, and ours."""
+
 _GIVEN = ("jacobians", "inverse_mass", "gaps", "gaps_next", "free_velocities", "velocities_next", "dt")
 _FOUND = ("impulses", "residuals", "status", "iterations")
 
 
-class _Batch(ctypes.Structure):
-    """The kernel's `ConeBatch`, field by field."""
+class ConeBatch(KernelStructure):
+    """B inner problems and their answers (kernel/cone_batch.hpp)."""
+
+    KERNEL_NAME = "ConeBatch"
 
     _fields_ = (
         ("batch", ctypes.c_int64),
@@ -26,7 +36,7 @@ class _Batch(ctypes.Structure):
         ("threads", ctypes.c_int32),
         ("max_iterations", ctypes.c_int32),
         ("residual_tolerance", ctypes.c_double),
-        *((name, ctypes.c_double) for name in _WEIGHTS),
+        *((name, ctypes.c_double) for name in KERNEL_WEIGHTS),
         *((name, ctypes.c_void_p) for name in (*_GIVEN, *_FOUND)),
     )
 
@@ -51,21 +61,22 @@ def solve_compiled(
         status=np.empty(problems.batch, np.int32),
         iterations=np.empty(problems.batch, np.int32),
     )
-    job = _Batch(
+    job = ConeBatch(
         batch=problems.batch,
         contacts=problems.contacts,
         circular=int(problems.cone is Cone.CIRCULAR),
         threads=threads or processor_count(),
         max_iterations=max_iterations,
         residual_tolerance=tolerance,
-        **{name: getattr(problems.weights, name) for name in _WEIGHTS},
+        **kernel_weights(problems.weights),
         **{name: getattr(problems, name).ctypes.data for name in _GIVEN},
         **{name: getattr(solutions, name).ctypes.data for name in _FOUND},
     )
-    _compiled_solver()(ctypes.byref(job))
+    solve = load_kernel().function("contact_curation_solve_cones", ctypes.c_int, ctypes.POINTER(ConeBatch))
+    solve(ctypes.byref(job))
     return solutions
 
 
-def _compiled_solver() -> Callable[..., int]:
-    signature = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.POINTER(_Batch))
-    return signature(("contact_curation_solve_cones", load_kernel()))
+def kernel_weights(weights: ConeWeights) -> dict[str, float]:
+    """The weights by the kernel's names."""
+    return {theirs: getattr(weights, ours) for theirs, ours in KERNEL_WEIGHTS.items()}

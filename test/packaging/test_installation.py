@@ -1,6 +1,7 @@
 """Where pip and colcon put the package: commands in bin for one, in lib/contact_curation for `ros2 run` for the other."""
 
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -9,12 +10,15 @@ from pathlib import Path
 
 import pytest
 
+from test.kernel.builds import setup_module
+
 REPOSITORY = Path(__file__).resolve().parents[2]
+kernel_levels = setup_module().kernel_levels
 EXECUTABLES = {
     *("pose_ingest", "fisher_scorer", "curator", "trainer", "throw_designer", "sim_arm", "sim_camera", "player"),
     *("session_recorder", "dashboard"),
 }
-KERNEL = {f"contact_curation/solver/_kernel_{name}" for name in ("native.so", "native.flags", "baseline.so")}
+KERNEL = {f"contact_curation/solver/_kernel_{level.replace('-', '_')}.so" for level in kernel_levels(platform.machine())}
 SHARED = {"package.xml", "config/cube.yaml"}
 
 
@@ -25,7 +29,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("setup.py", "setup.cfg", "pyproject.toml", "package.xml", "README.md", "LICENSE", "MANIFEST.in"):
         shutil.copy(REPOSITORY / name, copy)
     shutil.copytree(REPOSITORY / "resource", copy / "resource")
-    built = shutil.ignore_patterns("__pycache__", "*.so", "*.flags", "*.cpp")
+    built = shutil.ignore_patterns("__pycache__", "*.so", "*.cpp")
     shutil.copytree(REPOSITORY / "contact_curation", copy / "contact_curation", ignore=built)
     (copy / "contact_curation" / "solver" / "kernel" / "source.cpp").write_text('extern "C" int one() { return 1; }\n')
     return copy

@@ -1,8 +1,7 @@
 """The kernel's gradient steps, a transition each: its structures field by field, its call, and the steps of a polytope."""
 
 import ctypes
-import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,7 +13,7 @@ from contact_curation.contact.compiled.evaluation import ROW, CompiledModel, Com
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.geometry.quaternions import Array
-from contact_curation.solver.compiled import load_kernel
+from contact_curation.solver.compiled import KernelStructure, load_kernel
 
 PIECES = ("vertices_normal", "normal", "vertices_tangent", "tangents")
 """The published form's parameters, in the kernel's order."""
@@ -57,8 +56,10 @@ class DescentRows(NamedTuple):
     periods: Array
 
 
-class CompiledMoments(ctypes.Structure):
-    """The kernel's `Moments` (contact/kernel/descent.hpp, as all here)."""
+class CompiledMoments(KernelStructure):
+    """Addresses of a `Moments`' arrays (contact/kernel/descent.hpp, as all here)."""
+
+    KERNEL_NAME = "Moments"
 
     _fields_ = (("theta", ctypes.c_void_p), ("first", ctypes.c_void_p), ("second", ctypes.c_void_p))
 
@@ -67,8 +68,10 @@ class CompiledMoments(ctypes.Structure):
         return CompiledMoments(*(array.ctypes.data for array in (moments.theta, moments.first, moments.second)))
 
 
-class CompiledLayer(ctypes.Structure):
-    """The kernel's `Layer`."""
+class CompiledLayer(KernelStructure):
+    """A linear layer."""
+
+    KERNEL_NAME = "Layer"
 
     _fields_ = (
         ("inputs", ctypes.c_int64),
@@ -78,15 +81,17 @@ class CompiledLayer(ctypes.Structure):
     )
 
 
-class CompiledNetwork(ctypes.Structure):
-    """The kernel's `Network`."""
+class CompiledNetwork(KernelStructure):
+    """Layers with an activation between each two."""
 
+    KERNEL_NAME = "Network"
     _fields_ = (("layers", ctypes.c_int64), ("rectified", ctypes.c_int64), ("layer", CompiledLayer * MAX_LAYERS))
 
 
-class StepPace(ctypes.Structure):
-    """AdamW's learning rate and weight decay for some of the parameters; the kernel's `Pace`."""
+class StepPace(KernelStructure):
+    """AdamW's learning rate and weight decay for some of the parameters."""
 
+    KERNEL_NAME = "Pace"
     _fields_ = (("rate", ctypes.c_double), ("decay", ctypes.c_double))
 
 
@@ -107,8 +112,10 @@ class DescentTask(NamedTuple):
     network: StepPace
 
 
-class CompiledDescent(ctypes.Structure):
-    """The kernel's `Descent`, field by field."""
+class CompiledDescent(KernelStructure):
+    """Gradient steps and what they change."""
+
+    KERNEL_NAME = "Descent"
 
     _fields_ = (
         ("rows", ctypes.c_void_p),
@@ -156,7 +163,8 @@ class KernelDescent:
     ) -> None:
         arrays = DescentRows(*(np.ascontiguousarray(values, dtype=float) for values in rows))
         self._owners = owners, arrays
-        self._function = _function(name)
+        addresses = ctypes.POINTER(CompiledModel), ctypes.POINTER(CompiledRows), ctypes.POINTER(CompiledDescent)
+        self._function = load_kernel().function(name, ctypes.c_int64, *addresses)
         columns = dict(zip(ROW, (values.ctypes.data for values in arrays), strict=True))
         limits = {"max_iterations": rules.loss.max_iterations, "residual_tolerance": rules.loss.tolerance}
         self._model, self._rows, self._job = model, CompiledRows(**columns, **limits), job
@@ -194,9 +202,3 @@ def polytope_descent(geometry: ContactGeometry, body: Body, task: DescentTask) -
     model, job = CompiledModel(geometry, body, task.rules.loss), CompiledDescent(polytope=task.polytope)
     job.take_polytope(model, task.moments)
     return KernelDescent("contact_curation_descend", model, task.rows, task.rules, job, task.moments)
-
-
-@functools.cache
-def _function(name: str) -> Callable[..., int]:
-    """One of (model, rows, job), by their addresses."""
-    return ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 3)((name, load_kernel()))

@@ -4,8 +4,6 @@ ctypes holds bare addresses. Whoever calls keeps the arrays alive and sees to it
 """
 
 import ctypes
-import functools
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +12,18 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.geometry.quaternions import Array
-from contact_curation.solver.compiled import load_kernel, processor_count
+from contact_curation.solver.compiled import KernelStructure, load_kernel, processor_count
+from contact_curation.solver.compiled_solver import KERNEL_WEIGHTS, kernel_weights
 from contact_curation.solver.cone_problem import Cone
 
 ROW = ("before", "after", "dt")
 """What the kernel reads of a transition."""
 
 
-class CompiledModel(ctypes.Structure):
-    """The kernel's `PolytopeModel`, field by field (contact/kernel/polytope_transition.hpp)."""
+class CompiledModel(KernelStructure):
+    """A polytope and its loss (contact/kernel/polytope_transition.hpp)."""
+
+    KERNEL_NAME = "PolytopeModel"
 
     _fields_ = (
         ("contacts", ctypes.c_int),
@@ -35,12 +36,7 @@ class CompiledModel(ctypes.Structure):
         ("mass", ctypes.c_double),
         ("inverse_inertia", ctypes.c_double * 9),
         ("gravity", ctypes.c_double),
-        ("match", ctypes.c_double),
-        ("complementarity_normal", ctypes.c_double),
-        ("complementarity_tangent", ctypes.c_double),
-        ("dissipation", ctypes.c_double),
-        ("penetration", ctypes.c_double),
-        ("regularization", ctypes.c_double),
+        *((name, ctypes.c_double) for name in KERNEL_WEIGHTS),
         ("circular", ctypes.c_int),
     )
 
@@ -57,13 +53,15 @@ class CompiledModel(ctypes.Structure):
             inverse_inertia=(ctypes.c_double * 9)(*body.scaled_inverse_inertia.flat),
             gravity=body.scaled_gravity,
             circular=int(config.cone is Cone.CIRCULAR),
-            **vars(config.weights),
+            **kernel_weights(config.weights),
         )
         self.owner = geometry  # ctypes holds bare addresses: keep the arrays alive
 
 
-class CompiledRows(ctypes.Structure):
-    """The kernel's `Evaluation`, field by field (contact/kernel/polytope_loss.cpp)."""
+class CompiledRows(KernelStructure):
+    """Transitions, and what is wanted of them (contact/kernel/polytope_rows.hpp)."""
+
+    KERNEL_NAME = "Evaluation"
 
     _fields_ = (
         ("before", ctypes.c_void_p),
@@ -123,12 +121,6 @@ def run(
         influence_bound=influence_bound,
         **{name: value.ctypes.data for name, value in outputs.items()},
     )
-    _compiled_evaluation()(ctypes.byref(model), ctypes.byref(job))
-
-
-@functools.cache
-def _compiled_evaluation() -> Callable[..., int]:
-    function = load_kernel().contact_curation_evaluate
-    function.argtypes = (ctypes.POINTER(CompiledModel), ctypes.POINTER(CompiledRows))
-    function.restype = ctypes.c_int
-    return function
+    addresses = ctypes.POINTER(CompiledModel), ctypes.POINTER(CompiledRows)
+    evaluate = load_kernel().function("contact_curation_evaluate", ctypes.c_int, *addresses)
+    evaluate(ctypes.byref(model), ctypes.byref(job))

@@ -1,5 +1,5 @@
-// The loss of one transition at contacts that somebody else evaluated, with its slopes by gaps and Jacobians (METHOD 1.2), as in
-// contact/loss_slopes.py.
+// The loss of one transition at contacts that somebody else evaluated, with its slopes by gaps and Jacobians (METHOD 1.2), as
+// in contact/loss_slopes.py.
 #pragma once
 
 #include "cone_batch.hpp"
@@ -83,8 +83,8 @@ class ContactSlopes {
       for (int b = 0; b < 6; ++b) returned[b] += pull[a] * inverse_mass[6 * a + b];
     for (int i = 0; i < model.contacts; ++i) {
       const double gap = contacts.gap_next[i], *tangent = l[i] + 1;
-      const double open = model.normal_weight * l[i][0] * l[i][0] +
-                          model.tangent_weight * (tangent[0] * tangent[0] + tangent[1] * tangent[1]);
+      const double open =
+          model.normal_weight * l[i][0] * l[i][0] + model.tangent_weight * (tangent[0] * tangent[0] + tangent[1] * tangent[1]);
       loss += gap * gap * open;
       slopes.gap_next[i] = 2.0 * gap * open;
       double slip[2], against[2];

@@ -51,9 +51,12 @@ struct Descent {
   double seen;                 // steps that the moments have seen; counted on
   double loss_sum;             // added to
 
-  // The next step of number `step` for parameters of one pace; `seen` counts it already.
-  AdamW adamw(int64_t step, const Pace &pace) const {
-    return AdamW(shares[step] * pace.rate, pace.decay, first_beta, second_beta, epsilon, seen);
+  // Of the next step; `seen` counts it already.
+  Corrections corrections() const { return Corrections(first_beta, second_beta, static_cast<int64_t>(seen)); }
+
+  // The next step, of number `step`, for parameters of one pace.
+  AdamW adamw(int64_t step, const Pace &pace, const Corrections &corrections) const {
+    return AdamW(shares[step] * pace.rate, pace.decay, first_beta, second_beta, epsilon, corrections);
   }
 };
 

@@ -14,35 +14,35 @@
 namespace contact_curation::stepping {
 
 struct FrictionDisk {
-    double d00, d01, d11;
-    double largest;  // eigenvalue of D
+  double d00, d01, d11;
+  double largest;  // eigenvalue of D
 
-    static FrictionDisk of(double d00, double d01, double d11) {
-        const double half = 0.5 * (d00 - d11);
-        return {d00, d01, d11, 0.5 * (d00 + d11) + std::sqrt(half * half + d01 * d01)};
-    }
+  static FrictionDisk of(double d00, double d01, double d11) {
+    const double half = 0.5 * (d00 - d11);
+    return {d00, d01, d11, 0.5 * (d00 + d11) + std::sqrt(half * half + d01 * d01)};
+  }
 
-    // Overwrites `impulse` with the minimiser.
-    void solve(const double b[2], double radius, double impulse[2]) const {
-        constexpr double floor_share = 1e-10;  // keeps a flat direction of D finite
-        constexpr double rim_tolerance = 1e-12;
-        constexpr int newton_steps = 30;
-        const double speed = std::sqrt(b[0] * b[0] + b[1] * b[1]);
-        impulse[0] = impulse[1] = 0.0;
-        if (radius <= 0.0 || speed == 0.0) return;
-        double shift = std::max(floor_share * largest, speed / radius - largest);
-        for (int iteration = 0; iteration < newton_steps; ++iteration) {
-            const double first = d00 + shift, second = d11 + shift;
-            const double determinant = first * second - d01 * d01;
-            impulse[0] = (d01 * b[1] - second * b[0]) / determinant;
-            impulse[1] = (d01 * b[0] - first * b[1]) / determinant;
-            const double square = impulse[0] * impulse[0] + impulse[1] * impulse[1];
-            const double excess = std::sqrt(square) / radius - 1.0;
-            if (!(excess > rim_tolerance)) break;
-            const double x = impulse[0], y = impulse[1];
-            shift += excess * square * determinant / (second * x * x - 2.0 * d01 * x * y + first * y * y);
-        }
+  // Overwrites `impulse` with the minimiser.
+  void solve(const double b[2], double radius, double impulse[2]) const {
+    constexpr double floor_share = 1e-10;  // keeps a flat direction of D finite
+    constexpr double rim_tolerance = 1e-12;
+    constexpr int newton_steps = 30;
+    const double speed = std::sqrt(b[0] * b[0] + b[1] * b[1]);
+    impulse[0] = impulse[1] = 0.0;
+    if (radius <= 0.0 || speed == 0.0) return;
+    double shift = std::max(floor_share * largest, speed / radius - largest);
+    for (int iteration = 0; iteration < newton_steps; ++iteration) {
+      const double first = d00 + shift, second = d11 + shift;
+      const double determinant = first * second - d01 * d01;
+      impulse[0] = (d01 * b[1] - second * b[0]) / determinant;
+      impulse[1] = (d01 * b[0] - first * b[1]) / determinant;
+      const double square = impulse[0] * impulse[0] + impulse[1] * impulse[1];
+      const double excess = std::sqrt(square) / radius - 1.0;
+      if (!(excess > rim_tolerance)) break;
+      const double x = impulse[0], y = impulse[1];
+      shift += excess * square * determinant / (second * x * x - 2.0 * d01 * x * y + first * y * y);
     }
+  }
 };
 
 }  // namespace contact_curation::stepping

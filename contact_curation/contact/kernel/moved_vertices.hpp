@@ -71,7 +71,8 @@ class MovedVertices {
         out.there[i][a] = by.gap_next[i] * normal_next_[a];
         levers[0][a] += by.gap[i] * p[a];
         lever_next[a] += by.gap_next[i] * next[a];
-        out.normal[a] += by.gap[i] * (at.position[a] - model.pivot[a]) + by.gap_next[i] * (at.position_next[a] - model.pivot[a]);
+        out.normal[a] +=
+            by.gap[i] * (at.position[a] - model.pivot[a]) + by.gap_next[i] * (at.position_next[a] - model.pivot[a]);
         out.normal[a] += by.jacobian[i][0][a];
         for (int t = 0; t < 2; ++t) out.tangents[t][a] += by.jacobian[i][1 + t][a];
       }

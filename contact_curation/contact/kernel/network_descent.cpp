@@ -1,7 +1,9 @@
-// Training of a model with networks one transition a step, as ContactNets trains: contacts, their loss and its slopes, back through
-// the networks, AdamW, next row. The models are those of contact/deep_model.py, deepvertex_model.py and end_to_end_model.py.
+// Training of a model with networks one transition a step, as ContactNets trains: contacts, their loss and its slopes, back
+// through the networks, AdamW, next row. The models are those of contact/deep_model.py, deepvertex_model.py and
+// end_to_end_model.py.
 #include <memory>
 
+#include "interface.hpp"
 #include "moved_vertices.hpp"
 #include "stream_pass.hpp"
 
@@ -42,7 +44,8 @@ struct DeepSteps {
     ContactNumbers &by = found.slopes;
     Lane bends[kMaxContacts] = {}, sideways[2 * kMaxContacts] = {};
     for (int i = 0; i < model.contacts; ++i) {
-      add_scale_slopes(contacts.jacobian[i][0], contacts.jacobian[i][1], 6, job.regularizer, by.jacobian[i][0], by.jacobian[i][1]);
+      add_scale_slopes(contacts.jacobian[i][0], contacts.jacobian[i][1], 6, job.regularizer, by.jacobian[i][0],
+                       by.jacobian[i][1]);
       bends[i][0] = job.share * by.gap[i], bends[i][1] = job.share * by.gap_next[i];
       for (int a = 0; a < 6; ++a) {
         bends[i][2 + a] = job.share * by.jacobian[i][0][a];
@@ -74,7 +77,8 @@ struct DeepSteps {
     Lane inputs[12] = {}, first[12] = {};
     for (int a = 0; a < 3; ++a) {
       inputs[a][0] = at.position[a], inputs[a][1] = at.position_next[a], inputs[a][2 + a] = 1.0;
-      for (int b = 0; b < 3; ++b) inputs[3 + 3 * a + b][0] = at.rotation[a][b], inputs[3 + 3 * a + b][1] = at.rotation_next[a][b];
+      for (int b = 0; b < 3; ++b)
+        inputs[3 + 3 * a + b][0] = at.rotation[a][b], inputs[3 + 3 * a + b][1] = at.rotation_next[a][b];
     }
     for (int axis = 0; axis < 3; ++axis) {
       double turned[9];
@@ -189,7 +193,8 @@ int64_t descend(const PolytopeModel &model, const Evaluation &rows, Descent &job
     at.load(model, rows, job.rows[step]);
     if (!steps->find(model, rows, job, at)) return step;
     job.seen += 1.0;
-    steps->descend(model, job, job.adamw(step, job.polytope), job.adamw(step, job.network));
+    const Corrections corrections = job.corrections();
+    steps->descend(model, job, job.adamw(step, job.polytope, corrections), job.adamw(step, job.network, corrections));
     job.loss_sum += steps->loss();
   }
   return job.steps;
@@ -198,9 +203,6 @@ int64_t descend(const PolytopeModel &model, const Evaluation &rows, Descent &job
 }  // namespace
 }  // namespace contact_curation
 
-// Each steps down the rows in turn. It returns how many were taken: it stops, and leaves everything as it was, before the first row
-// whose impulses carry no certificate or whose loss or slope is not finite. Networks have at most `kMaxLayers` layers, none wider than
-// `kMaxWidth`, and outputs for the model's contacts, at most `kMaxContacts`.
 extern "C" {
 using namespace contact_curation;
 

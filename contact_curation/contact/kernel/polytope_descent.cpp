@@ -1,16 +1,14 @@
-// A polytope's training one transition a step, as ContactNets trains: solve, slope of the loss and of the regulariser, AdamW, next row.
+// A polytope's training one transition a step, as ContactNets trains: solve, slope of the loss and of the regulariser, AdamW,
+// next row.
 #include <algorithm>
 #include <cmath>
 #include <memory>
 
-#include "descent.hpp"
-#include "polytope_rows.hpp"
+#include "interface.hpp"
 #include "scale_slopes.hpp"
 
-// Steps down the rows in turn. Returns how many were taken: it stops, and leaves everything as it was, before the first row whose
-// impulses carry no certificate or whose loss or slope is not finite.
-extern "C" int64_t contact_curation_descend(const contact_curation::PolytopeModel *model, const contact_curation::Evaluation *rows,
-                                            contact_curation::Descent *job) {
+extern "C" int64_t contact_curation_descend(const contact_curation::PolytopeModel *model,
+                                            const contact_curation::Evaluation *rows, contact_curation::Descent *job) {
   using namespace contact_curation;
   if (model->contacts < 1 || model->contacts > kMaxContacts) return 0;
   const auto at = std::make_unique<SolvedRows>();
@@ -25,7 +23,7 @@ extern "C" int64_t contact_curation_descend(const contact_curation::PolytopeMode
     add_scale_slopes(model->normal, model->tangents, 3, job->regularizer * model->contacts, by_normal, by_tangents);
     if (!std::all_of(slopes, slopes + count, [](double slope) { return std::isfinite(slope); })) return step;
     job->seen += 1.0;
-    const AdamW adamw = job->adamw(step, job->polytope);
+    const AdamW adamw = job->adamw(step, job->polytope, job->corrections());
     const double *by_piece = slopes;
     for (int piece = 0; piece < kPieces; by_piece += sizes[piece++]) {
       const Moments &theta = job->theta[piece];

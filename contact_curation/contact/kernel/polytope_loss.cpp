@@ -1,4 +1,5 @@
-// Loss, impulses, scores and Fisher matrices of many transitions: toss after toss, eight transitions at a time, tosses over threads.
+// Loss, impulses, scores and Fisher matrices of many transitions: toss after toss, eight transitions at a time, tosses over
+// threads.
 #include <algorithm>
 #include <atomic>
 #include <cstdint>
@@ -6,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-#include "polytope_rows.hpp"
+#include "interface.hpp"
 #include "profile_fisher.hpp"
 
 namespace contact_curation {
@@ -28,16 +29,17 @@ void evaluate_toss(const PolytopeModel &model, const Evaluation &job, int64_t to
       const double loss = at.outcome.loss[lane];
       const Status status = at.status(lane);
       if (job.status) job.status[n] = status;
-      if (job.residual) job.residual[n] = at.solution.residual[lane];
+      if (job.residual) job.residual[n] = canonical(at.solution.residual[lane]);
       if (job.iterations) job.iterations[n] = at.solution.iterations;
       if (job.terms)
-        for (int k = 0; k < kTerms; ++k) job.terms[n * kTerms + k] = at.outcome.terms[k][lane];
+        for (int k = 0; k < kTerms; ++k) job.terms[n * kTerms + k] = canonical(at.outcome.terms[k][lane]);
       if (job.impulse)
         for (int i = 0; i < model.contacts; ++i)
-          for (int c = 0; c < 3; ++c) job.impulse[(n * model.contacts + i) * 3 + c] = at.solution.impulse[i][c][lane];
+          for (int c = 0; c < 3; ++c)
+            job.impulse[(n * model.contacts + i) * 3 + c] = canonical(at.solution.impulse[i][c][lane]);
       const double influence = loss > job.influence_bound ? job.influence_bound / loss : 1.0;
       if (scores)
-        for (int k = 0; k < parameters; ++k) row[k] = -0.5 * influence * at.gradient[k][lane];
+        for (int k = 0; k < parameters; ++k) row[k] = canonical(-0.5 * influence * at.gradient[k][lane]);
       if (job.score) std::copy(row.begin(), row.begin() + parameters, job.score + n * parameters);
       if (status != kSolved) continue;  // counted by its status, never a zero score in disguise
       if (job.score_sum)
@@ -56,7 +58,8 @@ void evaluate_toss(const PolytopeModel &model, const Evaluation &job, int64_t to
 }  // namespace
 }  // namespace contact_curation
 
-extern "C" int contact_curation_evaluate(const contact_curation::PolytopeModel *model, const contact_curation::Evaluation *job) {
+extern "C" int contact_curation_evaluate(const contact_curation::PolytopeModel *model,
+                                         const contact_curation::Evaluation *job) {
   using namespace contact_curation;
   if (model->contacts < 1 || model->contacts > kMaxContacts) return 1;
   std::atomic<int64_t> next{0};

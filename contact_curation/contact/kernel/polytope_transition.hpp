@@ -1,5 +1,5 @@
-// Eight transitions of a polytope against the plane: the inner problem they pose (METHOD 1.1, 1.2), the loss terms and the envelope
-// score (METHOD 1.4) once it is solved.
+// Eight transitions of a polytope against the plane: the inner problem they pose (METHOD 1.1, 1.2), the loss terms and the
+// envelope score (METHOD 1.4) once it is solved.
 //
 //   phi_i = n . (R p_i + x - pivot) - height      J_n,i = [n, p_i x R^T n]      J_t,i,a = [T_a, p^t_i x R^T T_a]
 #pragma once
@@ -111,7 +111,8 @@ struct Transition {
         to_motion(model, row, problem.motion[i][1 + t]);
         slip[i][t] = dot<6>(row, velocity_next);
       }
-      slip_speed[i] = set_block(model.normal_weight, model.tangent_weight, model.cone_weight, gap_next[i], slip[i], problem.block[i]);
+      slip_speed[i] =
+          set_block(model.normal_weight, model.tangent_weight, model.cone_weight, gap_next[i], slip[i], problem.block[i]);
     }
   }
 
@@ -128,9 +129,9 @@ struct Transition {
 struct Outcome {
   Lane terms[kTerms];
   Lane loss;
-  Lane change[6];                    // A l
-  Lane slack[kMaxContacts];          // min(0, predicted gap)
-  Lane cone[kMaxContacts][2];        // e_i
+  Lane change[6];              // A l
+  Lane slack[kMaxContacts];    // min(0, predicted gap)
+  Lane cone[kMaxContacts][2];  // e_i
 
   void judge(const PolytopeModel &model, const Transition &at, const ConeProblem &problem, const ConeSolution &solution) {
     velocity_change(problem, solution.impulse, change);
@@ -158,7 +159,8 @@ struct Outcome {
   void gradient(const PolytopeModel &model, const Transition &at, const ConeProblem &problem, const ConeSolution &solution,
                 Lane *out) const {
     const int contacts = model.contacts;
-    Lane *d_vertices = out, *d_normal = out + 3 * contacts, *d_vertices_t = d_normal + 3, *d_tangents = d_vertices_t + 3 * contacts;
+    Lane *d_vertices = out, *d_normal = out + 3 * contacts, *d_vertices_t = d_normal + 3,
+         *d_tangents = d_vertices_t + 3 * contacts;
     Lane &d_height = d_tangents[6];
     for (int k = 0; k < parameter_count(contacts); ++k) out[k] = broadcast(0.0);
     Lane pull[6], force[6], moving[6];
@@ -193,14 +195,15 @@ struct Outcome {
       for (int a = 0; a < 3; ++a) lever[a] = l[0] * lever[a] + sinking * at.dt * leverage[a];
       rotate(at.rotation, lever, world);
       for (int a = 0; a < 3; ++a) {
-        d_vertices[3 * i + a] = l[0] * twisted[a] + closing * at.normal_body_next[a] +
-                                sinking * (at.normal_body[a] + at.dt * turned[a]);
+        d_vertices[3 * i + a] =
+            l[0] * twisted[a] + closing * at.normal_body_next[a] + sinking * (at.normal_body[a] + at.dt * turned[a]);
         d_normal[a] += l[0] * force[a] + closing * (arm_next[a] + at.position_next[a]) +
                        sinking * (arm[a] + at.position[a] + at.dt * moving[a]) + world[a];
       }
       d_height -= closing + sinking;
       const LaneMask sliding = at.slip_speed[i] > 0.0;
-      const Lane along = select(sliding, dot<2>(cone[i], l + 1) / select(sliding, at.slip_speed[i], broadcast(1.0)), broadcast(0.0));
+      const Lane along =
+          select(sliding, dot<2>(cone[i], l + 1) / select(sliding, at.slip_speed[i], broadcast(1.0)), broadcast(0.0));
       for (int t = 0; t < 2; ++t) {
         const Lane push = l[1 + t];
         const Lane drag = 2.0 * model.cone_weight * (l[0] * cone[i][t] + along * at.slip[i][t]);

@@ -1,8 +1,8 @@
-// The Gauss-Newton profile Fisher matrix of one transition (METHOD 1.5): F = J_theta^T P J_theta, P projecting out what the impulses
-// could explain, P = I - J_l (J_l^T J_l + eps I)^-1 J_l^T with J_l = dr/dl restricted to the free directions of l.
+// The Gauss-Newton profile Fisher matrix of one transition (METHOD 1.5): F = J_theta^T P J_theta, P projecting out what the
+// impulses could explain, P = I - J_l (J_l^T J_l + eps I)^-1 J_l^T with J_l = dr/dl restricted to the free directions of l.
 //
-// The residuals are sqrt(w_m) (A l - b), the gaps times impulses, e_i and the slacks. Their Jacobians are never formed whole: what a
-// contact does beyond its own few columns goes through the six numbers of A l.
+// The residuals are sqrt(w_m) (A l - b), the gaps times impulses, e_i and the slacks. Their Jacobians are never formed whole:
+// what a contact does beyond its own few columns goes through the six numbers of A l.
 #pragma once
 
 #include <cstring>
@@ -17,7 +17,8 @@ constexpr double kFreeTolerance = 1e-6;
 
 class ProfileFisher {
  public:
-  ProfileFisher(const PolytopeModel &model) : model_(model), contacts_(model.contacts), parameters_(parameter_count(contacts_)) {
+  ProfileFisher(const PolytopeModel &model)
+      : model_(model), contacts_(model.contacts), parameters_(parameter_count(contacts_)) {
     stride_ = (parameters_ + kLanes - 1) / kLanes * kLanes;
     velocity_rows_.resize(6 * stride_);
     pulled_.resize(6 * stride_);
@@ -57,10 +58,12 @@ class ProfileFisher {
     c[0] = a[1] * b[2] - a[2] * b[1], c[1] = a[2] * b[0] - a[0] * b[2], c[2] = a[0] * b[1] - a[1] * b[0];
   }
 
-  void unpack(const Transition &at, const ConeProblem &problem, const ConeSolution &solution, const Outcome &outcome, int lane) {
+  void unpack(const Transition &at, const ConeProblem &problem, const ConeSolution &solution, const Outcome &outcome,
+              int lane) {
     dt_ = at.dt[lane];
     for (int a = 0; a < 3; ++a) {
-      for (int b = 0; b < 3; ++b) rotation_[a][b] = at.rotation[a][b][lane], rotation_next_[a][b] = at.rotation_next[a][b][lane];
+      for (int b = 0; b < 3; ++b)
+        rotation_[a][b] = at.rotation[a][b][lane], rotation_next_[a][b] = at.rotation_next[a][b][lane];
       position_[a] = at.position[a][lane], position_next_[a] = at.position_next[a][lane];
       normal_body_[a] = at.normal_body[a][lane], normal_body_next_[a] = at.normal_body_next[a][lane];
       for (int t = 0; t < 2; ++t) tangents_body_[t][a] = at.tangents_body[t][a][lane];
@@ -195,8 +198,8 @@ class ProfileFisher {
     }
   }
 
-  // Basis of the free directions of contact i: all three inside the cone, none at the apex; on the circular cone the ray and the rim's
-  // direction, on the polyhedral one those of the facet, or the ray where two facets meet.
+  // Basis of the free directions of contact i: all three inside the cone, none at the apex; on the circular cone the ray and
+  // the rim's direction, on the polyhedral one those of the facet, or the ray where two facets meet.
   int free_directions(int i, double (*basis)[3]) const {
     const double *l = impulse_[i];
     if (l[0] <= kFreeTolerance) return 0;
@@ -234,7 +237,8 @@ class ProfileFisher {
   // Leaves L^-1 J_l^T J_theta in free_rows_, L the Cholesky factor of J_l^T J_l + eps I; returns the number of rows.
   int eliminate() {
     int count = 0;
-    static thread_local double moved[3 * kMaxContacts][6], gram[3 * kMaxContacts][3 * kMaxContacts];
+    auto &moved = moved_;
+    auto &gram = gram_;
     for (int i = 0; i < contacts_; ++i) {
       double basis[3][3];
       const int free = free_directions(i, basis);
@@ -281,7 +285,8 @@ class ProfileFisher {
       }
       double pivot = gram[a][a];
       for (int k = 0; k < a; ++k) pivot -= gram[a][k] * gram[a][k];
-      gram[a][a] = std::sqrt(std::fmax(pivot, model_.regularization * 1e-3));
+      const double least = model_.regularization * 1e-3;
+      gram[a][a] = std::sqrt(pivot > least ? pivot : least);
       for (int q = 0; q < stride_; ++q) row[q] /= gram[a][a];
     }
     return count;
@@ -337,6 +342,7 @@ class ProfileFisher {
   double gap_next_[kMaxContacts], slack_[kMaxContacts], speed_[kMaxContacts], slip_[kMaxContacts][2];
   double impulse_[kMaxContacts][3], gradient_[kMaxContacts][3], motion_[kMaxContacts][3][6];
   double slack_row_[kMaxContacts][6], block_[kMaxContacts][6];
+  double moved_[3 * kMaxContacts][6], gram_[3 * kMaxContacts][3 * kMaxContacts];
   int active_index_[kMaxContacts];
   Sparse gap_rows_[kMaxContacts], cone_rows_[kMaxContacts][2];
   std::vector<double> velocity_rows_, pulled_, slack_rows_, free_rows_;

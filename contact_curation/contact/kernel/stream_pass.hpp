@@ -9,6 +9,7 @@
 #include <cstdint>
 
 #include "descent.hpp"
+#include "elementary.hpp"
 #include "lanes.hpp"
 
 namespace contact_curation {
@@ -110,23 +111,35 @@ class StreamPass {
 
   // z -> a' in place; `curves` takes f' at the first stream. What is not a number stays none.
   void activate(const Network &network, Lane *values, double *curves, int64_t count) const {
-    for (int64_t k = 0; k < count; ++k) {
-      const Lane before = values[k];
-      Lane after;
-      if (network.rectified) {
-        after = select(before <= 0.0, Lane{}, before);
+    if (network.rectified) {
+      for (int64_t k = 0; k < count; ++k) {
+        const Lane before = values[k], after = select(before <= 0.0, Lane{}, before);
         curves[k] = before[0] > 0.0 ? 1.0 : 0.0;
-      } else {
-        after = Lane{};
-        for (int s = 0; s < primal_; ++s) after[s] = std::tanh(before[s]);
-        curves[k] = 1.0 - after[0] * after[0];
+        values[k] = select(is_primal_, after, curves[k] * before);
       }
-      values[k] = select(is_primal_, after, curves[k] * before);
+      return;
+    }
+    for (int64_t first = 0; first < count; first += kLanes)
+      bend(values + first, curves + first, std::min<int64_t>(kLanes, count - first));
+  }
+
+  // The hyperbolic tangent of at most eight values: those of one stream at a time take a lane each.
+  void bend(Lane *values, double *curves, int64_t count) const {
+    Lane after[kLanes];
+    for (int s = 0; s < primal_; ++s) {
+      Lane before{};
+      for (int64_t k = 0; k < count; ++k) before[k] = values[k][s];
+      after[s] = hyperbolic_tangent(before);
+    }
+    for (int64_t k = 0; k < count; ++k) {
+      curves[k] = 1.0 - after[0][k] * after[0][k];
+      values[k] = select(is_primal_, values[k], curves[k] * values[k]);
+      for (int s = 0; s < primal_; ++s) values[k][s] = after[s][k];
     }
   }
 
-  // Slopes by a' -> by z, in place. tanh'' = -2 tanh tanh', and a tangent's output is tanh' z_r already: the slopes of all tangents
-  // meet in the first stream.
+  // Slopes by a' -> by z, in place. tanh'' = -2 tanh tanh', and a tangent's output is tanh' z_r already: the slopes of all
+  // tangents meet in the first stream.
   void deactivate(const Network &network, const Lane *values, const double *curves, Lane *slopes, int64_t count) const {
     for (int64_t k = 0; k < count; ++k) {
       const Lane after = values[k], inward = slopes[k];
@@ -153,9 +166,9 @@ class StreamPass {
 
   int primal_ = 1, streams_ = 1;
   LaneMask is_primal_;
-  Lane inputs_[kMaxLayers][kMaxWidth];        // of each layer
-  Lane slopes_[kMaxLayers][kMaxWidth];        // by each layer's z
-  double curves_[kMaxLayers][kMaxWidth];      // f' at the first stream
+  Lane inputs_[kMaxLayers][kMaxWidth];    // of each layer
+  Lane slopes_[kMaxLayers][kMaxWidth];    // by each layer's z
+  double curves_[kMaxLayers][kMaxWidth];  // f' at the first stream
   double by_stream_[kLanes][kMaxWidth];
 };
 

@@ -148,7 +148,7 @@ def _pushed(body: Body, states: Array, dt: Array, impulses: Array) -> Array:
     with np.errstate(over="ignore", invalid="ignore"):  # a motion that runs away becomes NaN below
         linear = states[:, 7:10] + impulses[:, :3] / body.mass
         linear[:, 2] -= body.scaled_gravity * dt
-        angular = states[:, 10:] + impulses[:, 3:] @ np.linalg.inv(body.scaled_inertia)
+        angular = states[:, 10:] + impulses[:, 3:] @ body.scaled_inverse_inertia.T
         turned = quaternions.multiply(states[:, 3:7], quaternions.exp(period * angular))
         after = np.concatenate([states[:, :3] + period * linear, quaternions.normalized(turned), linear, angular], axis=1)
     after[~np.isfinite(after).all(axis=1)] = np.nan

@@ -64,7 +64,8 @@ inline void pose(const ConeBatch &job, int64_t first, int64_t end, ConeProblem &
       if (c > 0) slip[c - 1] = dot<6>(jacobian, velocity_next);
     }
     problem.slack_offset[i] = gather(job.gaps, job.contacts, i) + dot<6>(problem.slack_row[i], free_velocity);
-    set_block(job.normal_weight, job.tangent_weight, job.cone_weight, gather(job.gaps_next, job.contacts, i), slip, problem.block[i]);
+    set_block(job.normal_weight, job.tangent_weight, job.cone_weight, gather(job.gaps_next, job.contacts, i), slip,
+              problem.block[i]);
   }
 }
 

@@ -19,18 +19,18 @@ struct ConeProblem {
   double match_weight = 0.1;
   double slack_weight = 1.0;
   double regularization = 1e-6;
-  Lane motion[kMaxContacts][3][6];   // columns of A: velocity change by a unit impulse
-  Lane slack_row[kMaxContacts][6];   // B_j
-  Lane slack_offset[kMaxContacts];   // c_j
-  Lane target[6];                    // b
-  Lane block[kMaxContacts][6];       // D_i: 00 01 02 11 12 22
+  Lane motion[kMaxContacts][3][6];  // columns of A: velocity change by a unit impulse
+  Lane slack_row[kMaxContacts][6];  // B_j
+  Lane slack_offset[kMaxContacts];  // c_j
+  Lane target[6];                   // b
+  Lane block[kMaxContacts][6];      // D_i: 00 01 02 11 12 22
 };
 
 struct ConeSolution {
   Lane impulse[kMaxContacts][3];
-  Lane residual;      // natural residual |l - proj(l - gradient)|_inf
-  LaneMask solved;    // residual within tolerance
-  int iterations = 0; // of the slowest lane
+  Lane residual;       // natural residual |l - proj(l - gradient)|_inf
+  LaneMask solved;     // residual within tolerance
+  int iterations = 0;  // of the slowest lane
 };
 
 enum Status { kSolved = 0, kNotSolved = 1, kNotFinite = 2 };
@@ -49,12 +49,14 @@ struct Facet {
   double row[3];
 };
 inline Facet polyhedral_facet(int k) {
-  const double angle = 2.0 * M_PI * k / kFacets;
-  return {{1.0, -std::cos(angle), -std::sin(angle)}};
+  constexpr double h = 0x1.6a09e667f3bcdp-1;  // sqrt(1/2)
+  constexpr double cosine[kFacets] = {1.0, h, 0.0, -h, -1.0, -h, 0.0, h};
+  return {{1.0, -cosine[k], -cosine[(k + kFacets - 2) % kFacets]}};
 }
 
 // D_i = phi'^2 diag(w_n, w_t, w_t) + w_c C^T C with C = [s, |s| I]; returns |s|.
-inline Lane set_block(double normal_weight, double tangent_weight, double cone_weight, Lane gap_next, const Lane *slip, Lane *block) {
+inline Lane set_block(double normal_weight, double tangent_weight, double cone_weight, Lane gap_next, const Lane *slip,
+                      Lane *block) {
   const Lane squared = slip[0] * slip[0] + slip[1] * slip[1], speed = square_root(squared);
   const Lane closed = gap_next * gap_next, coned = cone_weight * squared;
   block[0] = normal_weight * closed + coned;

@@ -1,4 +1,4 @@
-// The inner problem of any contact model, posed by gaps and Jacobians; plain C entry point (solver/compiled_solver.py calls it).
+// The inner problem of any contact model, posed by gaps and Jacobians; solver/compiled_solver.py calls it.
 #include <algorithm>
 #include <atomic>
 #include <cstdint>
@@ -6,7 +6,7 @@
 #include <thread>
 #include <vector>
 
-#include "cone_batch.hpp"
+#include "interface.hpp"
 #include "interior_point.hpp"
 
 namespace contact_curation {
@@ -27,9 +27,9 @@ void solve_piece(const ConeBatch &job, int64_t begin, int64_t end, ConeProblem &
       const int64_t n = first + lane;
       bool finite = std::isfinite(solution.residual[lane]);
       for (int i = 0; i < job.contacts; ++i)
-        for (int c = 0; c < 3; ++c) job.impulses[(n * job.contacts + i) * 3 + c] = solution.impulse[i][c][lane];
+        for (int c = 0; c < 3; ++c) job.impulses[(n * job.contacts + i) * 3 + c] = canonical(solution.impulse[i][c][lane]);
       job.status[n] = !finite ? kNotFinite : solution.solved[lane] ? kSolved : kNotSolved;
-      job.residuals[n] = solution.residual[lane];
+      job.residuals[n] = canonical(solution.residual[lane]);
       job.iterations[n] = solution.iterations;
     }
   }

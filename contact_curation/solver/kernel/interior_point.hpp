@@ -1,16 +1,17 @@
 // Primal-dual interior point method for the inner problem, eight problems a call, one per SIMD lane.
 //
-// Mehrotra's predictor-corrector with Nesterov-Todd scaling of the friction cones (Andersen, Dahl, Vandenberghe: coneqp, 2010). The
-// penetration slack is one inequality per contact, t_j = w_j / (2 w_s) + c_j + B_j A l >= 0 with multiplier w_j. The Newton matrix
-// is blkdiag(N_i) + A^T S A with N_i 3x3 and S 6x6, so a step costs K inversions of 3x3 and one Cholesky factor of 6x6 (METHOD 4.1).
+// Mehrotra's predictor-corrector with Nesterov-Todd scaling of the friction cones (Andersen, Dahl, Vandenberghe: coneqp, 2010).
+// The penetration slack is one inequality per contact, t_j = w_j / (2 w_s) + c_j + B_j A l >= 0 with multiplier w_j. The Newton
+// matrix is blkdiag(N_i) + A^T S A with N_i 3x3 and S 6x6, so a step costs K inversions of 3x3 and one Cholesky factor of 6x6
+// (METHOD 4.1).
 #pragma once
 
 #include "cone_problem.hpp"
 
 namespace contact_curation {
 
-// Inverse of a symmetric positive 3x3 matrix stored 00 01 02 11 12 22, by elimination in the order 1, 2, 0. The caller puts the stiffest
-// direction second and the softest first, so that a graded matrix keeps its small pivots.
+// Inverse of a symmetric positive 3x3 matrix stored 00 01 02 11 12 22, by elimination in the order 1, 2, 0. The caller puts the
+// stiffest direction second and the softest first, so that a graded matrix keeps its small pivots.
 inline void invert_block(const Lane *m, Lane *inverse) {
   const Lane pivot1 = 1.0 / m[3];
   const Lane l2 = m[4] * pivot1, l0 = m[1] * pivot1;
@@ -58,7 +59,8 @@ inline void solve_upper(const Lane (*factor)[6], const Lane *inverse_diagonal, L
 
 inline Lane determinant(const Lane *x) { return x[0] * x[0] - x[1] * x[1] - x[2] * x[2]; }
 
-// The largest step that keeps x + step * d in the circular cone, x well inside it (scaled): CVXOPT's rule, free of cancellation.
+// The largest step that keeps x + step * d in the circular cone, x well inside it (scaled): CVXOPT's rule, free of
+// cancellation.
 inline Lane step_to_cone(const Lane *x, const Lane *d) {
   const Lane det = determinant(x), root = square_root(det);
   const Lane along = (x[0] * d[0] - x[1] * d[1] - x[2] * d[2]) / det;
@@ -74,7 +76,8 @@ inline Lane step_to_zero(Lane x, Lane d) {
   return select(falling, x / select(falling, -d, broadcast(1.0)), broadcast(1e30));
 }
 
-// A predictor that gets less far than this says nothing about the second order; correcting with it can hold the method up for good.
+// A predictor that gets less far than this says nothing about the second order; correcting with it can hold the method up for
+// good.
 constexpr double kTrusted = 0.3;
 
 // Everything an iteration holds; member arrays are per contact.
@@ -93,19 +96,21 @@ struct InteriorPoint {
   Lane slack_step[kMaxContacts], slack_dual_step[kMaxContacts];
 
   Lane stationarity[kMaxContacts][3], slack_defect[kMaxContacts], stiffness[kMaxContacts];
-  // Nesterov-Todd scaling W = scale * boost, W^-1 impulse = W dual = scaled. The boost stretches the ray (1, axis) by `stretch` and
-  // shrinks its mirror (1, -axis) as much. It is carried along in scaled coordinates, where the point stays well inside its cone, and
-  // applied ray by ray, so that it keeps its accuracy as the gap closes.
+  // Nesterov-Todd scaling W = scale * boost, W^-1 impulse = W dual = scaled. The boost stretches the ray (1, axis) by `stretch`
+  // and shrinks its mirror (1, -axis) as much. It is carried along in scaled coordinates, where the point stays well inside its
+  // cone, and applied ray by ray, so that it keeps its accuracy as the gap closes.
   Lane axis[kMaxContacts][2], stretch[kMaxContacts], scale[kMaxContacts], scaled[kMaxContacts][3];
+  Lane per_stretch[kMaxContacts], per_scale[kMaxContacts];  // their reciprocals
   Lane scaled_step[kMaxContacts][3], scaled_dual_step[kMaxContacts][3];
-  Lane basis[kMaxContacts][3][3];  // columns: soft direction (the ray), stiff direction, the third; orthonormal
+  Lane basis[kMaxContacts][3][3];              // columns: soft direction (the ray), stiff direction, the third; orthonormal
   Lane stiffest[Circular ? 1 : kMaxContacts];  // number of the facet that resists most
-  Lane turned[kMaxContacts][3][6]; // motion in that basis
+  Lane turned[kMaxContacts][3][6];             // motion in that basis
   Lane inverse_block[kMaxContacts][6], reduced[kMaxContacts][3][6];
   Lane coupling[6][6], coupling_inverse[6], schur[6][6], schur_inverse[6];
   Facet facets[kFacets];
 
-  InteriorPoint(const ConeProblem &given, const SolverOptions &chosen) : problem(given), options(chosen), contacts(given.contacts) {
+  InteriorPoint(const ConeProblem &given, const SolverOptions &chosen)
+      : problem(given), options(chosen), contacts(given.contacts) {
     for (int k = 0; k < kFacets; ++k) facets[k] = polyhedral_facet(k);
   }
 
@@ -241,9 +246,9 @@ struct InteriorPoint {
         for (int c = 0; c < 3; ++c) block[entry] += 2.0 * basis[i][c][a] * curved[b][c];
       }
     if constexpr (Circular) {
-      const Lane weight = 1.0 / (scale[i] * scale[i]), squared = stretch[i] * stretch[i];
-      block[0] += weight / squared;
-      block[3] += weight * squared;
+      const Lane weight = per_scale[i] * per_scale[i];
+      block[0] += weight * (per_stretch[i] * per_stretch[i]);
+      block[3] += weight * (stretch[i] * stretch[i]);
       block[5] += weight;
     } else {
       for (int k = 0; k < kFacets; ++k) {
@@ -259,9 +264,9 @@ struct InteriorPoint {
 
   // W^-1 in the basis is diagonal.
   void inverse_scale(int i, const Lane *x, Lane *y) const {
-    y[0] = x[0] / (scale[i] * stretch[i]);
-    y[1] = x[1] * stretch[i] / scale[i];
-    y[2] = x[2] / scale[i];
+    y[0] = x[0] * (per_scale[i] * per_stretch[i]);
+    y[1] = x[1] * (stretch[i] * per_scale[i]);
+    y[2] = x[2] * per_scale[i];
   }
 
   // The scaling after a step, from the scaled impulse and dual it led to.
@@ -272,10 +277,11 @@ struct InteriorPoint {
       z[c] = scaled[i][c] + length * scaled_dual_step[i][c];
     }
     const Lane root_s = square_root(determinant(s)), root_z = square_root(determinant(z));
-    const Lane half = square_root(2.0 * (1.0 + dot<3>(s, z) / (root_s * root_z)));
-    const Lane w1 = (s[1] / root_s - z[1] / root_z) / half, w2 = (s[2] / root_s - z[2] / root_z) / half;
+    const Lane per_s = 1.0 / root_s, per_z = 1.0 / root_z;
+    const Lane per_half = 1.0 / square_root(2.0 * (1.0 + dot<3>(s, z) * (per_s * per_z)));
+    const Lane w1 = (s[1] * per_s - z[1] * per_z) * per_half, w2 = (s[2] * per_s - z[2] * per_z) * per_half;
     const Lane w0 = square_root(1.0 + w1 * w1 + w2 * w2);
-    const Lane shrink = 1.0 / (1.0 + w0), grow = square_root(root_s / root_z);
+    const Lane shrink = 1.0 / (1.0 + w0), grow = square_root(root_s * per_z);
     const Lane bent = (w1 * z[1] + w2 * z[2]) * shrink + z[0];
     const Lane v0 = grow * (w0 * z[0] + w1 * z[1] + w2 * z[2]), v1 = grow * (z[1] + bent * w1), v2 = grow * (z[2] + bent * w2);
     // Boost after boost is a boost and a turn of the tangents (Wigner's rotation).
@@ -289,10 +295,10 @@ struct InteriorPoint {
     const Lane ahead = 0.5 * (fore - aft);
     const Lane radius = square_root(ahead * ahead + across * across);
     const LaneMask boosted = radius > 1e-12;
-    const Lane safe = select(boosted, radius, broadcast(1.0));
+    const Lane per_radius = 1.0 / select(boosted, radius, broadcast(1.0));
     const auto keep = [&](Lane &value, Lane next) { value = select(open, next, value); };
-    keep(axis[i][0], select(boosted, (ahead * a1 - across * a2) / safe, a1));
-    keep(axis[i][1], select(boosted, (ahead * a2 + across * a1) / safe, a2));
+    keep(axis[i][0], select(boosted, (ahead * a1 - across * a2) * per_radius, a1));
+    keep(axis[i][1], select(boosted, (ahead * a2 + across * a1) * per_radius, a2));
     keep(stretch[i], 0.5 * (fore + aft) + radius);
     keep(scale[i], scale[i] * grow);
     keep(scaled[i][0], v0);
@@ -318,6 +324,7 @@ struct InteriorPoint {
       for (int b = 0; b <= a; ++b) response[a][b] = broadcast(0.0);
     for (int i = 0; i < contacts; ++i) {
       Lane block[6];
+      if constexpr (Circular) per_scale[i] = 1.0 / scale[i], per_stretch[i] = 1.0 / stretch[i];
       choose_basis(i);
       resist(i, block);
       invert_block(block, inverse_block[i]);
@@ -348,7 +355,8 @@ struct InteriorPoint {
     cholesky6(schur, schur_inverse);
   }
 
-  // Newton step, in the contacts' bases, for the right-hand sides `push` (impulses) and `slack_push` (complementarity of the slacks).
+  // Newton step, in the contacts' bases, for the right-hand sides `push` (impulses) and `slack_push` (complementarity of the
+  // slacks).
   void solve(Lane (*push)[3], const Lane *slack_push) {
     Lane slack_pull[6];
     for (int k = 0; k < 6; ++k) slack_pull[k] = broadcast(0.0);
@@ -529,8 +537,8 @@ inline Lane larger(Lane a, Lane b) { return select((b <= a) | (a != a), a, b); }
 
 // How far an impulse is from optimal, judged by the objective alone and not by the method's own multipliers.
 //
-// Circular cone: the natural residual |l - proj(l - gradient)|_inf, which is zero at the optimum only. Polyhedral cone: the largest of
-// stationarity, complementarity and infeasibility with the facets' multipliers.
+// Circular cone: the natural residual |l - proj(l - gradient)|_inf, which is zero at the optimum only. Polyhedral cone: the
+// largest of stationarity, complementarity and infeasibility with the facets' multipliers.
 template <bool Circular>
 Lane certificate(const InteriorPoint<Circular> &method) {
   Lane gradient[kMaxContacts][3];
