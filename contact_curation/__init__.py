@@ -10,6 +10,8 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from contact_curation.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from contact_curation.contact.body import Body
     from contact_curation.motion.toss import Toss
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
     from contact_curation.pipeline.toss_scores import TossScores
     from contact_curation.pipeline.tosses import Tosses
 
-__version__ = "0.1.0"
 __all__ = [
     "Body",
     "DesignedThrows",

@@ -1,6 +1,6 @@
 """Tosses of our own making, for tests that a clone alone can run: seeded releases like the real ones, rolled out to rest.
 
-The releases follow METHOD 3 and 5: normal in the heading frame, whose x axis is the horizontal direction of flight; headings
+The releases follow method.md 3 and 5: normal in the heading frame, whose x axis is the horizontal direction of flight; headings
 and orientations are uniform. `test_simulated.py` holds them and the tracker's noise against the real tosses.
 """
 

@@ -2,8 +2,8 @@
 
 The polytope is fitted to so many random tosses of those below id 400 that no twin of is held out, from the published random
 initialisation, and again to as many drawn from them with replacement, for every resample. A ratio of 1 means that a deviation
-is as large as it was said to be (METHOD 6, check 16: 0.7 to 1.4 for friction and for at least 6 of 8 vertex heights). sigma^2
-is that of tosses 400 to 569. The tosses are found through CONTACTNETS_DATA.
+is as large as it was said to be (method.md 6, check 16: 0.7 to 1.4 for friction and for at least 6 of 8 vertex heights).
+sigma^2 is that of tosses 400 to 569. The tosses are found through CONTACTNETS_DATA.
 
     python -m benchmarks.learning.calibration [--tosses N] [--resamples N] [--seed N] [--json]
 """

@@ -1,9 +1,9 @@
 """Whether bodies that bounce predict tosses better than bodies that do not: rollouts with Newton's law of restitution.
 
 A contact that closes within the step shall part with e times the speed that it came with, J v' + gap / dt >= -e J v, so that
-e = 0 is the model as it is (METHOD 4.2). For the cube as described, the fit to all training tosses, and that fit with friction
-at the vertices of the gaps; judged by tosses below 400 alone, put right by what they say of their rig. The tosses are found
-through CONTACTNETS_DATA.
+e = 0 is the model as it is (method.md 4.2). For the cube as described, the fit to all training tosses, and that fit with
+friction at the vertices of the gaps; judged by tosses below 400 alone, put right by what they say of their rig. The tosses are
+found through CONTACTNETS_DATA.
 
     python -m benchmarks.learning.restitution [--slowest SPEED]
 """
@@ -27,7 +27,7 @@ from contact_curation.motion.calibration import calibration_of
 from contact_curation.motion.transitions import states_of
 
 RESTITUTIONS = (0.0, 0.05, 0.1, 0.125, 0.15, 0.2, 0.3)
-"""The body's file says 0.125 (METHOD 1.0)."""
+"""The body's file says 0.125 (method.md 1.0)."""
 
 
 def main() -> int:

@@ -1,8 +1,8 @@
 """Ranks ContactNets' real tosses at the true cube and at noisy ones: how much the kept sets know, and how well that is proven.
 
 The judge is the Gauss-Newton information at the true parameters, whitened so that an average toss is 1 in every direction
-(METHOD 2.3). Each design ranks with its own information; "both" averages two noisy initialisations (METHOD 2.4). Streams are
-compared with keeping the first k tosses that come. The tosses are found through CONTACTNETS_DATA.
+(method.md 2.3). Each design ranks with its own information; "both" averages two noisy initialisations (method.md 2.4). Streams
+are compared with keeping the first k tosses that come. The tosses are found through CONTACTNETS_DATA.
 
     python -m benchmarks.selection.criteria [--json]
 """
@@ -37,7 +37,7 @@ SEEDS = range(20)
 STREAMS = range(5)
 EPSILONS = (0.5, 0.2, 0.1)
 INITIAL_NOISE = 0.4
-"""Of vertices in half-widths, and of tangents relative to friction (METHOD 1.1)."""
+"""Of vertices in half-widths, and of tangents relative to friction (method.md 1.1)."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Streamed:
 
 @dataclass(frozen=True)
 class Sufficient:
-    """How many tosses of an order are within epsilon of the pool, by plain sums (METHOD 1.9)."""
+    """How many tosses of an order are within epsilon of the pool, by plain sums (method.md 1.9)."""
 
     criterion: str
     tosses: dict[float, int | None]

@@ -1,7 +1,7 @@
 """Scores ContactNets' tosses for a network: how fast exact traces are, and how near sketch and draws come to the exact thing.
 
 Each network is trained for some steps on tosses 0 to 399 first, unless a checkpoint is given. Times are by the clock and by the
-processor, which a busy machine disturbs less. The accuracy of the sketch is that of METHOD 6, check 15: 50 tosses, inner
+processor, which a busy machine disturbs less. The accuracy of the sketch is that of method.md 6, check 15: 50 tosses, inner
 products of their scores relative to the scores' lengths, and Spearman's correlation of their leverages in the pool's leading
 directions, against gradients by all weights. Transitions that hold the last 1e-4 of the trace, or are more than 1500, are left
 out of that comparison, exact and sketched.

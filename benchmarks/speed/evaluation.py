@@ -1,4 +1,4 @@
-"""Solves, scores and sums all transitions: how fast, how exactly, and how torch compares (METHOD 4.1, 6.2).
+"""Solves, scores and sums all transitions: how fast, how exactly, and how torch compares (method.md 4.1, 6.2).
 
 The tosses are ContactNets', found through CONTACTNETS_DATA; without them, simulated ones. Parameters are the true ones.
 

@@ -1,7 +1,7 @@
 """Ranks and streams made-up tosses: how long each criterion takes, and how near the streams come to greedy selection.
 
 A toss is a handful of impacts out of two hundred kinds, of very different strengths, in 57 parameters and 24 rows, as in
-METHOD 2.3. Times are the best of some repetitions of the whole call, from a list of tosses to a ranking, by the clock and by
+method.md 2.3. Times are the best of some repetitions of the whole call, from a list of tosses to a ranking, by the clock and by
 the processor, which a busy machine disturbs less. NumPy's own threads count in the latter; OPENBLAS_NUM_THREADS=1 leaves one.
 
     python -m benchmarks.speed.information [--json] [--tosses K ...] [--top K] [--repeats N]

@@ -1,9 +1,9 @@
 """Rolls motions out from the first state of every real toss, with every model and with MuJoCo: how fast, and how far from it.
 
-The errors are those of METHOD 1.11, the solver is that of 4.2. MuJoCo's world is the one that `sim_arm` and `simulate` use, and
-once more with MuJoCo's own softness of contacts ("its own"). The polytope is the true cube; the networks have their published
-size and random initialisation, for their time does not depend on what they learned. torch works on one thread. The tosses are
-found through CONTACTNETS_DATA.
+The errors are those of method.md 1.11, the solver is that of 4.2. MuJoCo's world is the one that `sim_arm` and `simulate` use,
+and once more with MuJoCo's own softness of contacts ("its own"). The polytope is the true cube; the networks have their
+published size and random initialisation, for their time does not depend on what they learned. torch works on one thread. The
+tosses are found through CONTACTNETS_DATA.
 
     python -m benchmarks.speed.rollout [--json] [--repeats N]
 """
@@ -176,7 +176,7 @@ def timing(
 
 
 def accuracy(tosses: list[Array], engine: str, friction: float, predicted: Array) -> Accuracy:
-    """METHOD 1.11 over all tosses."""
+    """method.md 1.11 over all tosses."""
     starts = np.cumsum([0, *map(len, tosses)])
     errors = motion_errors(predicted, np.concatenate(tosses), starts, CONTACTNETS_CUBE)
     means = float(errors.position.mean()), float(errors.rotation.mean()), float(errors.penetration.mean())

@@ -11,11 +11,11 @@ from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
 
-from contact_curation import __version__
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.report import warn
 from contact_curation.cli.stop_signals import endings_as_interrupt
 from contact_curation.errors import ContactCurationError, NothingFoundError
+from contact_curation.version import __version__
 
 NAME = "contact-curation"
 INTERRUPTED = 130

@@ -14,7 +14,7 @@ from contact_curation.geometry.polytopes import Polytope, box, checked_corners
 from contact_curation.geometry.quaternions import Array
 
 STANDARD_GRAVITY = 9.81
-"""[m/s^2], the value ContactNets used (METHOD 1.0)."""
+"""[m/s^2], the value ContactNets used (method.md 1.0)."""
 
 LARGEST_FILE = 2**22
 """Bytes of a description."""
@@ -175,4 +175,4 @@ CONTACTNETS_CUBE = Body(
     friction=0.18,
     length_scale=0.0524,
 )
-"""ContactNets' acrylic cube (METHOD 3), vertices in the order of its public `experiment.json`."""
+"""ContactNets' acrylic cube (method.md 3), vertices in the order of its public `experiment.json`."""

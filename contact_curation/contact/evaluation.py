@@ -1,7 +1,7 @@
-"""Loss, impulses, scores and Fisher matrices of many transitions by the compiled kernel (METHOD 1.2 to 1.5).
+"""Loss, impulses, scores and Fisher matrices of many transitions by the compiled kernel (method.md 1.2 to 1.5).
 
 The impulses are fixed in the derivative: the slack is eliminated and the inner problem strictly convex, so the envelope theorem
-holds (METHOD E5). A transition whose impulses carry no certificate keeps its status and enters no sum: it is "not scored",
+holds (method.md E5). A transition whose impulses carry no certificate keeps its status and enters no sum: it is "not scored",
 never zero.
 """
 
@@ -29,7 +29,7 @@ LOSS_TERMS = ("match", "complementarity_n", "complementarity_t", "cone", "penetr
 
 
 class Estimator(StrEnum):
-    """Which Fisher matrix: outer products of scores, or the Gauss-Newton profile matrix (METHOD 1.5)."""
+    """Which Fisher matrix: outer products of scores, or the Gauss-Newton profile matrix (method.md 1.5)."""
 
     EMPIRICAL = "empirical"
     GAUSS_NEWTON = "gauss-newton"
@@ -142,7 +142,7 @@ def fisher_sums(
         geometry, body, before, after, dt, config: as in `evaluate`.
         starts: (K + 1,) toss k owns rows starts[k]:starts[k + 1].
         estimator: empirical or Gauss-Newton.
-        influence_bound: a score whose loss L is above this is scaled by bound / L (METHOD 2.1).
+        influence_bound: a score whose loss L is above this is scaled by bound / L (method.md 2.1).
 
     Raises:
         InvalidValueError: as `evaluate`, or starts that do not cover the rows, or a bound that is not positive.

@@ -1,4 +1,4 @@
-"""Weights of the loss, and how well its inner problem is solved (METHOD 1.2, 1.3)."""
+"""Weights of the loss, and how well its inner problem is solved (method.md 1.2, 1.3)."""
 
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -11,7 +11,7 @@ from contact_curation.solver.cone_problem import Cone, ConeWeights
 
 @dataclass(frozen=True)
 class LossConfig:
-    """Weights of the loss and how well its inner problem is solved; the defaults are ContactNets' (METHOD 1.2, 1.3).
+    """Weights of the loss and how well its inner problem is solved; the defaults are ContactNets' (method.md 1.2, 1.3).
 
     Attributes:
         match, complementarity_normal, complementarity_tangent, dissipation, penetration: weights of the terms.

@@ -5,7 +5,7 @@ this order, Q = 6V + 10 numbers. A form says how these move with its own P param
 and Fisher matrices as C^T F C.
 
 - ``contactnets``: the 57 parameters (V = 8) of ContactNets' polytope. A turn of the tangents (gauge) changes neither loss nor
-  motion (METHOD 1.1): it is projected out, so that no estimator, Gauss-Newton's least of all, finds information in it.
+  motion (method.md 1.1): it is projected out, so that no estimator, Gauss-Newton's least of all, finds information in it.
 - ``physical``: vertices_normal, vertices_tangent, friction (its logarithm), tilt (2) about a pivot, height. The normal stays a
   unit vector, friction a number; nothing depends on where the board's origin lies once the pivot is the data's centroid.
 """

@@ -1,4 +1,4 @@
-"""One step of a body that falls on the board, solved by the compiled kernel (METHOD 4.2).
+"""One step of a body that falls on the board, solved by the compiled kernel (method.md 4.2).
 
     v' = v - g dt e3 + M^-1 J^T lambda,    0 <= lambda_n _|_ J_n v' + phi / dt >= 0,    ||lambda_t|| <= lambda_n (Coulomb)
     x' = x + dt v',    q' = q * exp(dt omega')

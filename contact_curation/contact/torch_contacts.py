@@ -1,4 +1,4 @@
-"""Gaps and Jacobians of a polytope in torch, differentiable by theta (METHOD 1.1).
+"""Gaps and Jacobians of a polytope in torch, differentiable by theta (method.md 1.1).
 
     phi_i = n . (R p_i + x - pivot) - height      J_n,i = [n, p_i x R^T n]      J_t,i,a = [T_a, p^t_i x R^T T_a]
 

@@ -1,8 +1,8 @@
-"""The loss of METHOD 1.2 in torch, at impulses that stay fixed, and as a differentiable function for training.
+"""The loss of method.md 1.2 in torch, at impulses that stay fixed, and as a differentiable function for training.
 
 The loss is |r|^2 of 6 + 6K residuals: sqrt(w_m) (M^-1 J^T l - dv), phi' l, e = l_n s + |s| l_t and min(0, predicted phi), each
-with the root of its weight. By the envelope theorem its gradient by theta needs no derivative of the impulses (METHOD E5). Its
-Hessian does, so that a second derivative is refused.
+with the root of its weight. By the envelope theorem its gradient by theta needs no derivative of the impulses (method.md E5).
+Its Hessian does, so that a second derivative is refused.
 
 Training needs slopes by gaps and Jacobians only; they are written out. With p = J^T l, u = v_f + M^-1 p, r = u - v',
 s_i = J_t,i v', e_i = l_n,i s_i + |s_i| l_t,i, N_i = min(0, phi_i + dt J_n,i u):
@@ -38,7 +38,7 @@ from contact_curation.solver.compiled_solver import solve_compiled
 from contact_curation.solver.cone_problem import ConeProblems, ConeSolutions, ConeWeights
 
 SMALLEST_SLIP = 1e-300
-"""Below it a slip has no direction, and no slope by it (METHOD E2)."""
+"""Below it a slip has no direction, and no slope by it (method.md E2)."""
 
 SMALLEST = 1e-12
 """A slope of a gap or of a tangential place shorter than this has no direction."""

@@ -1,7 +1,7 @@
 """Why a toss is selected or not, and how the selected set stands to its pool: the numbers behind the ranking's views.
 
 A toss outside of the selected set has the gain that it would still add, by the explanation of the criterion that chose the set.
-The set is compared with all tosses by the theorem's spectrum (METHOD 1.9) and by how far its optimum is from theirs.
+The set is compared with all tosses by the theorem's spectrum (method.md 1.9) and by how far its optimum is from theirs.
 """
 
 from collections.abc import Sequence

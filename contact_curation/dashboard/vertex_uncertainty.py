@@ -1,4 +1,4 @@
-"""How sure each vertex of a polytope is by the selected tosses, from their information alone (METHOD 2.8).
+"""How sure each vertex of a polytope is by the selected tosses, from their information alone (method.md 2.8).
 
     Cramer-Rao   C = (A0 + H / sigma^2)^-1,    H = sum of the selected tosses' Gauss-Newton information
     sigma^2      tr(H_o^+ sum s s^T) / rank H_o   over tosses theta was not fitted to, s being a toss's sum of scores
@@ -21,7 +21,8 @@ from contact_curation.information.subspace import identifiable_subspace
 
 VERTICES = "vertices_normal"
 PRIOR_DEVIATION = 0.4
-"""Of every parameter before the first toss: the published initialisation (METHOD 1.1) [characteristic lengths, shares, rad]."""
+"""Of every parameter before the first toss: the published initialisation (method.md 1.1) [characteristic lengths, shares,
+rad]."""
 
 FEWEST_OTHERS = 8
 """With fewer tosses that are not selected, sigma^2 is taken over all."""

@@ -1,4 +1,4 @@
-"""The next throw, planned again after each one that was made (METHOD 1.10, 2.4, 5).
+"""The next throw, planned again after each one that was made (method.md 1.10, 2.4, 5).
 
 Until theta passes the readiness check, exploration throws are spread over first impacts, by flight and shape alone; from then
 on throws are those that are expected to teach most, planned at theta from all that is known.

@@ -1,4 +1,4 @@
-"""How a throw that is made differs from the one that was commanded, learned from throws (METHOD 5).
+"""How a throw that is made differs from the one that was commanded, learned from throws (method.md 5).
 
 The error of an execution has 12 numbers in the heading frame of the command: place (3) [m], turn (3) [rad], velocity (3) [m/s]
 and spin (3) [rad/s]. Each is taken in units of what is expected of it, which for the velocity grows with the speed; in these
@@ -22,7 +22,7 @@ ERRORS = 12
 
 @dataclass(frozen=True)
 class NoiseConfig:
-    """What errors are expected before any throw was measured: standard deviations, METHOD 5's by default.
+    """What errors are expected before any throw was measured: standard deviations, method.md 5's by default.
 
     Attributes:
         position: of the place of release [m].

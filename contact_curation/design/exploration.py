@@ -1,4 +1,4 @@
-"""Exploration throws, before theta can be trusted: different first impacts, by flight and shape alone (METHOD 2.4).
+"""Exploration throws, before theta can be trusted: different first impacts, by flight and shape alone (method.md 2.4).
 
 What a toss can teach begins with how the body meets the board. Up to the first touch its motion is a ballistic flight with a
 constant spin (as in the model, without a gyroscopic term), whatever theta is; how it then stands and moves, seen from the

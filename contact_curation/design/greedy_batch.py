@@ -1,4 +1,4 @@
-"""Throws for a batch: greedy from a pool of releases, by what each adds to what is known, and then refined (METHOD 1.10, 5).
+"""Throws for a batch: greedy from a pool of releases, by what each adds to what is known, and then refined (method.md 1.10, 5).
 
     next throw = argmax over pool of mean_theta [ logdet(A + E[F(x)]) - logdet A ],  A = A0 + selected tosses + throws so far
 
@@ -48,7 +48,7 @@ class Picked:
 
 
 def prior_coordinates(fishers: Array, share: float, cut: float = EIGENVALUE_CUT) -> Array:
-    """(P, p) C with C^T A0 C = I where A0 is a share of the mean of (K, P, P) on what they identify (METHOD 1.6).
+    """(P, p) C with C^T A0 C = I where A0 is a share of the mean of (K, P, P) on what they identify (method.md 1.6).
 
     Raises:
         InvalidValueError: no throw tells anything.

@@ -50,7 +50,7 @@ class DesignConfig:
         finalists: releases of the pool that are looked at with all executions.
         reference: releases of the prior whose mean information, times `share`, is the prior information A0; the readiness
             check also asks about them.
-        share: delta of METHOD 1.6.
+        share: delta of method.md 1.6.
         candidates: how releases are evaluated.
         refinement: how picked throws are moved.
     """
@@ -278,7 +278,7 @@ def top_trace_plan(planner: Planner, names: Sequence[str], known: Sequence[Accum
     """The throws of the largest trace each, summed over the particles (Algorithm 2 of the paper); errors as `Planner.plan`.
 
     By the Gauss-Newton matrix: by the empirical one that the paper takes, throws that the model itself predicted would be
-    ranked by rounding errors (METHOD 0.4).
+    ranked by rounding errors (method.md 0.4).
     """
     candidates = planner.pool(seed)
     traces = np.sum([np.trace(fishers, axis1=1, axis2=2) for fishers in candidates.fishers], axis=0)

@@ -1,11 +1,11 @@
-"""What throws are expected to teach: the model's own motions, and their Gauss-Newton information (METHOD 1.10).
+"""What throws are expected to teach: the model's own motions, and their Gauss-Newton information (method.md 1.10).
 
     E[F(x)] = mean over executions e of sum_t F_GN(t),      the toss rolled out at theta from the executed release x_e
 
-A toss ends once the body has rested for a few frames, as the segmenter ends one. Frames in the air teach nothing (METHOD 6.7)
-and are left out; where the body lies on three corners or more and goes on lying on them, frames differ little from one to the
-next, and one of every few stands for all. Each motion's tilt is taken about its own centroid, so that the place of
-a throw does not count; its heading does a little, since the tilt's axes are the board's.
+A toss ends once the body has rested for a few frames, as the segmenter ends one. Frames in the air teach nothing
+(method.md 6.7) and are left out; where the body lies on three corners or more and goes on lying on them, frames differ little
+from one to the next, and one of every few stands for all. Each motion's tilt is taken about its own centroid, so that the place
+of a throw does not count; its heading does a little, since the tilt's axes are the board's.
 """
 
 import os
@@ -30,7 +30,7 @@ from contact_curation.information.scoring import Scorer, ScoringConfig
 
 @dataclass(frozen=True, eq=False)
 class Particle:
-    """A theta; several of them stand for what is not known about it (METHOD 2.4).
+    """A theta; several of them stand for what is not known about it (method.md 2.4).
 
     Attributes:
         geometry: theta.
@@ -47,7 +47,7 @@ class Particle:
         """What says how much measured tosses teach at this theta, by the same parameters and estimator as designs use.
 
         Always Gauss-Newton: of a motion that the model itself predicted the empirical matrix is almost zero, and what is left
-        of it has nothing to do with what a real toss teaches (METHOD 0.4).
+        of it has nothing to do with what a real toss teaches (method.md 0.4).
         """
         form = Form.PHYSICAL if is_physical(self.geometry) else Form.CONTACTNETS
         return Scorer(self.geometry, self.body, ScoringConfig(estimator=Estimator.GAUSS_NEWTON, form=form, loss=self.loss))

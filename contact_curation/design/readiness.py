@@ -1,4 +1,4 @@
-"""The readiness check: whether theta can be trusted with choosing throws (METHOD 0.6, 2.4).
+"""The readiness check: whether theta can be trusted with choosing throws (method.md 0.6, 2.4).
 
 At a theta that training has not brought near the truth a ranking of throws is noise: two random initialisations rank them
 with a correlation of -0.01. Three things are asked, none of which needs the truth: enough tosses are known; theta predicted the
@@ -25,7 +25,7 @@ class ReadinessConfig:
         enabled: whether it is checked at all; without, any theta passes.
         least_tosses: known at it.
         recent: of so many newest tosses the losses are looked at.
-        largest_loss: median of what those had when they were first scored (METHOD 1.2), characteristic units; at the true
+        largest_loss: median of what those had when they were first scored (method.md 1.2), characteristic units; at the true
             parameters real tosses have 0.02.
         least_agreement: Spearman correlation of the reference throws' information between thetas.
         most_tosses: from so many known tosses on agreement is no longer asked for, the loss still is; 0: always.

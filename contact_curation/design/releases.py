@@ -1,4 +1,4 @@
-"""Releases in their heading frame, and where they are drawn from (METHOD 5).
+"""Releases in their heading frame, and where they are drawn from (method.md 5).
 
 The heading frame is level and its x axis points along the horizontal part of the velocity. Where a body is thrown from and
 whither changes nothing of its motion, so 9 of 12 numbers remain: height, speed along and up, spin (3), orientation.
@@ -165,7 +165,7 @@ PUBLISHED_PRIOR = ThrowPrior(
     orientations_wxyz=np.zeros((0, 4)),
 )
 """The releases of ContactNets' 570 published tosses (Pfrommer, Halm and Posa 2020; DAIRLab/contact-nets): means and standard
-deviations in the heading frame (METHOD 3), every orientation as likely as any other."""
+deviations in the heading frame (method.md 3), every orientation as likely as any other."""
 
 
 def fitted_prior(states: ArrayLike) -> ThrowPrior:

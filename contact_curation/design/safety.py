@@ -1,4 +1,4 @@
-"""Which throws may be made: limits that hold for all but one in a hundred executions (METHOD 5).
+"""Which throws may be made: limits that hold for all but one in a hundred executions (method.md 5).
 
 What a release itself shows (speed, spin, height, energy, apex, distance to the board) is checked on many executions, for any
 number of throws at once. What only its motion shows (time of flight, where it rests, what it comes near) is checked on
@@ -33,7 +33,7 @@ PIECE = 128
 
 @dataclass(frozen=True)
 class SafetyConfig:
-    """Limits of throws; the defaults are those of METHOD 5 and of ContactNets' board.
+    """Limits of throws; the defaults are those of method.md 5 and of ContactNets' board.
 
     Attributes:
         largest_speed: at release [m/s].

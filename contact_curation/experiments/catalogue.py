@@ -1,4 +1,4 @@
-"""The experiments by name: which cells each has, by default and when it only has to be seen to work (METHOD 1.12)."""
+"""The experiments by name: which cells each has, by default and when it only has to be seen to work (method.md 1.12)."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace

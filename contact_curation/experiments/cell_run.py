@@ -53,7 +53,7 @@ CANARIES = StalenessConfig()
 """When a set is selected again in the budgeted protocol: when these have moved."""
 
 EPOCHS = 20
-"""In the published one: after so many passes over it (METHOD 1.7)."""
+"""In the published one: after so many passes over it (method.md 1.7)."""
 
 WATCHED = 32
 """Tosses of the pool whose loss ends a published training; no rule may keep them."""

@@ -1,4 +1,4 @@
-"""Predicted against actual error of the parameters, over bootstrap resamples of the tosses (METHOD 2.8, check 6.16)."""
+"""Predicted against actual error of the parameters, over bootstrap resamples of the tosses (method.md 2.8, check 6.16)."""
 
 import json
 from dataclasses import asdict, dataclass

@@ -1,4 +1,4 @@
-"""The paper's third figure: what is learned from designed throws and from random ones, throw by throw (METHOD 1.10, 5).
+"""The paper's third figure: what is learned from designed throws and from random ones, throw by throw (method.md 1.10, 5).
 
 The simulated arm throws the body as described, a tracker with the real rig's noise looks on, and its poses become tosses by the
 same rules and gates as anywhere. After each throw a learner that began at random learns from all tosses so far, and after some

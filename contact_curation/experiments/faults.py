@@ -1,4 +1,4 @@
-"""Tosses made bad on purpose, in six ways that trackers have, to see who falls for them (METHOD 2.1).
+"""Tosses made bad on purpose, in six ways that trackers have, to see who falls for them (method.md 2.1).
 
 Each takes a good toss and gives what the tracker would have recorded of it. Poses that change get velocities as the pipeline
 makes them, backward differences and a median of three; a spike gets its raw differences, as it would without the median.

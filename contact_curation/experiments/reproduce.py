@@ -7,13 +7,11 @@ from contact_curation.cli.options.reading import SHARED_STAGES, add_held_out_opt
 from contact_curation.cli.options.types import Arguments, Parser, natural_number, number_from_zero, positive_integer
 from contact_curation.cli.report import add_json_option
 from contact_curation.errors import InvalidValueError
+from contact_curation.experiments.rules import BUDGET, PUBLIC_HELD_OUT
 
 EXPERIMENTS = ("dataset-quality", "functionals", "robustness", "designed-throws", "theorem", "calibration")
-PUBLIC_DATA, TOSSES, PUBLIC_HELD_OUT = "CONTACTNETS_DATA", "tosses_processed", "400-569"
-"""Where ContactNets' tosses are, and which of them are for evaluation only."""
-
-BUDGET = 400
-"""Gradient steps of the budgeted protocol (METHOD, appendix A)."""
+PUBLIC_DATA, TOSSES = "CONTACTNETS_DATA", "tosses_processed"
+"""Where ContactNets' tosses are."""
 
 
 def add_options(parser: Parser) -> None:

@@ -1,10 +1,16 @@
-"""The rules that experiments compare, by the names that tables show (METHOD 1.12)."""
+"""The rules that experiments compare, by the names that tables show (method.md 1.12)."""
 
 from dataclasses import dataclass
 
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.information.ranker import DEFAULT_CRITERION, RankingConfig, criterion_names
 from contact_curation.information.scoring import ScoringConfig
+
+PUBLIC_HELD_OUT = "400-569"
+"""Numbers of ContactNets' tosses that are for evaluation only."""
+
+BUDGET = 400
+"""Gradient steps of the budgeted protocol (method.md, appendix A)."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from contact_curation import __version__
 from contact_curation.cli.options.reading import chosen_body, inputs_of, stages_of
 from contact_curation.cli.options.types import Arguments
 from contact_curation.cli.progress import Progress
@@ -31,7 +30,7 @@ from contact_curation.experiments.catalogue import (
 from contact_curation.experiments.cell import Protocol
 from contact_curation.experiments.cell_run import Bench, Row
 from contact_curation.experiments.ledger import Ledger
-from contact_curation.experiments.reproduce import BUDGET, PUBLIC_HELD_OUT
+from contact_curation.experiments.rules import BUDGET, PUBLIC_HELD_OUT
 from contact_curation.experiments.tables import write_tables
 from contact_curation.experiments.throws import ThrowsCell
 from contact_curation.motion.calibration import calibration_of
@@ -40,6 +39,7 @@ from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.pipeline.wording import counted
 from contact_curation.pipeline.workers import Advance, each
+from contact_curation.version import __version__
 
 
 class Finished(NamedTuple):

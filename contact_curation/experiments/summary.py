@@ -1,7 +1,7 @@
 """What rows say together: medians over seeds with bootstrap intervals, and how rules differ seed by seed.
 
 Rows of equal fields but the seed are a group. Two rules are compared by the differences that each seed makes, since a hard pool
-or a bad initialisation is hard for both (METHOD 1.12).
+or a bad initialisation is hard for both (method.md 1.12).
 """
 
 from collections import defaultdict

@@ -1,4 +1,4 @@
-"""The paper's theorem over k: how near the information of k tosses is to the pool's (METHOD 1.9, E11 to E14).
+"""The paper's theorem over k: how near the information of k tosses is to the pool's (method.md 1.9, E11 to E14).
 
 Three weights of the kept tosses' information: 1, the plain sum; K / k; and, for tosses that are drawn with probabilities that
 grow with their leverage, one over that probability (Horvitz and Thompson 1952).

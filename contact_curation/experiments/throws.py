@@ -1,4 +1,4 @@
-"""One cell of `designed-throws`: one way of choosing throws, and one learner (METHOD 1.12).
+"""One cell of `designed-throws`: one way of choosing throws, and one learner (method.md 1.12).
 
 The throws themselves are made in `designed_throws.py`.
 """

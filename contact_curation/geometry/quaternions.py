@@ -1,7 +1,7 @@
 """Unit quaternions in wxyz order, batched over leading axes.
 
 q and -q are one rotation. A body's rotation R(q) takes body coordinates to world coordinates, and angular velocity is in the
-body frame: q_dot = 0.5 q * (0, omega) (METHOD 1.0).
+body frame: q_dot = 0.5 q * (0, omega) (method.md 1.0).
 """
 
 import numpy as np

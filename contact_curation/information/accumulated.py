@@ -1,4 +1,4 @@
-"""The information gathered so far, and what one more toss would add to it (METHOD 2.3).
+"""The information gathered so far, and what one more toss would add to it (method.md 2.3).
 
 In coordinates C where the prior A0 is the identity a toss's factor W becomes Z = W C, and a selected set S has
 

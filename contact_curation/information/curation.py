@@ -1,7 +1,8 @@
 """From scored tosses to a curated set and its evidence: what `rank` prints and what the curator publishes.
 
-Beside the ranking stand the spectrum of the selected set's information against the pool's (METHOD 1.9), the efficiencies of
-METHOD 2.3, each parameter block's share of the trace (METHOD 2.2), and how far the selected set's optimum is from the pool's.
+Beside the ranking stand the spectrum of the selected set's information against the pool's (method.md 1.9), the efficiencies of
+method.md 2.3, each parameter block's share of the trace (method.md 2.2), and how far the selected set's optimum is from the
+pool's.
 """
 
 from collections.abc import Iterable, Sequence
@@ -43,7 +44,7 @@ class Curation:
         epsilon: how far that spectrum reaches from 1.
         raw_epsilon: the same for the plain sum: the share of the pool's information that is missing in the worst direction.
         sufficient_k: how many tosses of this ranking bring the plain sum within SUFFICIENT_EPSILON of the pool; None if no
-            number does (METHOD 0.8: it is most of the pool).
+            number does (method.md 0.8: it is most of the pool).
         efficiency: of the selected set per toss, 1 being an average toss.
         frame_efficiency: of the selected set per scored transition.
         block_shares: of the pool's trace.

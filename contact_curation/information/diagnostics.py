@@ -1,4 +1,4 @@
-"""How well a selected set stands for its pool (METHOD 1.9, 2.2, 2.3).
+"""How well a selected set stands for its pool (method.md 1.9, 2.2, 2.3).
 
 The paper's theorem as a diagnostic: with the pooled information F whitened to the identity on the identifiable subspace, the
 spectrum of F^(-1/2) (sum_S a F_tau) F^(-1/2) says in which directions the selected set S knows less or more than the pool.
@@ -22,7 +22,7 @@ from contact_curation.information.record import TossInformation
 from contact_curation.information.subspace import IdentifiableSubspace
 
 DOMINANT = 0.5
-"""A block with a larger share of the trace than this decides a trace ranking alone (METHOD 2.2)."""
+"""A block with a larger share of the trace than this decides a trace ranking alone (method.md 2.2)."""
 
 SINGULAR = 1e-12
 """An eigenvalue below this share of the largest is rounding: the selected set tells nothing in that direction."""

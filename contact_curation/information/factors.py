@@ -1,4 +1,4 @@
-"""A Fisher matrix as the smallest factor W with F = W^T W (METHOD 2.3).
+"""A Fisher matrix as the smallest factor W with F = W^T W (method.md 2.3).
 
 F = V diag(lambda) V^T gives the rows sqrt(lambda_r) v_r^T, strongest first. Keeping the first R of them is the best factor of R
 rows there is, in the trace and in every unitarily invariant norm (Eckart and Young 1936).
@@ -20,7 +20,7 @@ class Compression:
     """How small a factor is made.
 
     Attributes:
-        max_rows: R, the most rows kept; 24 also keeps the weak directions that log-det needs (METHOD 2.3).
+        max_rows: R, the most rows kept; 24 also keeps the weak directions that log-det needs (method.md 2.3).
         cut: rows are kept down to this share of the largest eigenvalue; eigenvalues of a rank-deficient matrix
             come out at about P times the rounding unit of the largest, so the default drops just those.
     """

@@ -4,8 +4,8 @@ Sorting by id first makes every later sum, tie and result independent of the ord
 the ground's tilt taken about its own centroid; factors and scores that are added to others' are taken about the pool's.
 
 With the plane n(tilt) . (x - pivot) = height, moving the pivot by d changes only which combination of tilt and height is called
-tilt: d/dtilt_a becomes d/dtilt_a + (b_a . d) d/dheight, b_a the direction in which tilt a moves the normal (METHOD 1.1, 2.2).
-So nothing depends on where the board's origin lies.
+tilt: d/dtilt_a becomes d/dtilt_a + (b_a . d) d/dheight, b_a the direction in which tilt a moves the normal (method.md 1.1,
+2.2). So nothing depends on where the board's origin lies.
 """
 
 from collections.abc import Iterable, Iterator, Sequence

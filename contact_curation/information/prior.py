@@ -1,4 +1,4 @@
-"""The prior information A0 that log-det starts from, as coordinates in which it is the identity (METHOD 1.6, 2.2).
+"""The prior information A0 that log-det starts from, as coordinates in which it is the identity (method.md 1.6, 2.2).
 
 By default A0 is a small share delta of the pool's mean toss on the identifiable subspace: then nothing depends on the units
 of theta. A prior in physical units (a millimetre of a vertex, half a degree of tilt) makes log-det a statement about theta

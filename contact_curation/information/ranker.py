@@ -1,7 +1,7 @@
 """Ranking: tosses and a configuration in, a ranking out.
 
 The same tosses give the same ranking in whatever order they come; ties go to the smaller id. Several parameter particles,
-each with its own information of the same tosses, are ranked together (METHOD 2.4): log-det, representative and min-eig
+each with its own information of the same tosses, are ranked together (method.md 2.4): log-det, representative and min-eig
 average over the particles, the other criteria average scores that are normalised per particle, since their units differ from
 one theta to another.
 """

@@ -93,7 +93,7 @@ class Selection:
 
 
 def modular_selection(scores: Array, top: int, *, exact: bool = False) -> Selection:
-    """The selection of a criterion that is a sum of scores (K,) over tosses (Algorithm 1, METHOD 1.7).
+    """The selection of a criterion that is a sum of scores (K,) over tosses (Algorithm 1, method.md 1.7).
 
     Args:
         scores: (K,) in the order of the pool.
@@ -107,7 +107,7 @@ def modular_selection(scores: Array, top: int, *, exact: bool = False) -> Select
 def mean_over_particles(scores: Sequence[Array]) -> Array:
     """Scores (K,): as they are for one particle, otherwise the mean of those divided by their mean over the tosses.
 
-    Their units differ from one theta to another (METHOD 2.4).
+    Their units differ from one theta to another (method.md 2.4).
     """
     if len(scores) == 1:
         return scores[0]
@@ -148,7 +148,7 @@ def ranking_of(criterion: str, ids: Sequence[str], selection: Selection) -> Rank
 
 
 def spearman(one: Ranking, other: Ranking) -> float:
-    """Spearman's rank correlation of two rankings (METHOD 2.4), from -1 to 1, over the tosses in both.
+    """Spearman's rank correlation of two rankings (method.md 2.4), from -1 to 1, over the tosses in both.
 
     Raises:
         InvalidValueError: they share fewer than two tosses.

@@ -46,7 +46,7 @@ class TossInformation:
         transitions: how many there are.
         not_scored: how many of them the solver could not certify.
         duration: [s].
-        mean_loss: mean loss of the scored transitions (METHOD 1.2), characteristic units.
+        mean_loss: mean loss of the scored transitions (method.md 1.2), characteristic units.
         block_traces: (blocks,) exact trace of the Fisher sum, per block.
         score_sum: (P,) sum of the scores g_t.
         factor: (R, P) W with F = W^T W the Fisher sum, up to truncation at R rows; float32 as `scoring` makes it, and float64

@@ -1,4 +1,4 @@
-"""Selection from a stream, one toss at a time (METHOD 1.7, 2.5): what the selectors of all criteria share."""
+"""Selection from a stream, one toss at a time (method.md 1.7, 2.5): what the selectors of all criteria share."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

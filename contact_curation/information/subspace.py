@@ -1,4 +1,4 @@
-"""The identifiable subspace of the parameters, and coordinates in which the pooled information is the identity (METHOD 1.6).
+"""The identifiable subspace of the parameters, and coordinates in which the pooled information is the identity (method.md 1.6).
 
 The pooled F is singular: gauge freedoms are exact null directions, and some parameters were never measured. What the data can
 tell is spanned by the eigenvectors of F above a relative cut. The eigenvalues are taken after scaling every parameter to unit
@@ -7,9 +7,9 @@ and the condition number is within a factor P of the best that any scaling reach
 
 A network has more weights than any pool has transitions, so that the smallest eigenvalue of its information is zero by counting
 and each transition is the only one to know some direction. There log-det, leverage, the smallest eigenvalue and the diagnostics
-are about the directions that the pool as a whole knows best (METHOD 2.7).
+are about the directions that the pool as a whole knows best (method.md 2.7).
 
-Once a model was fitted to a set of tosses there are two covariances of the estimate on the subspace (METHOD 2.8), with H the
+Once a model was fitted to a set of tosses there are two covariances of the estimate on the subspace (method.md 2.8), with H the
 Gauss-Newton information summed over the tosses:
 
     model:    sigma^2 H^-1                          right where the model and its noise are; the Cramer-Rao bound
@@ -33,7 +33,7 @@ Rounding leaves about 1e-32; a change of units by 1e6 between two parameters mov
 """
 
 EIGENVALUE_CUT = 1e-8
-"""Directions below this share of the largest eigenvalue are not identifiable (METHOD 1.6)."""
+"""Directions below this share of the largest eigenvalue are not identifiable (method.md 1.6)."""
 
 LARGEST_DENSE = 4096
 """Parameters above which a few eigenvectors are iterated for: reducing the whole matrix takes minutes then."""
@@ -102,7 +102,7 @@ def identifiable_subspace(fisher: Array, cut: float = EIGENVALUE_CUT) -> Identif
 
 
 def leading_subspace(fisher: Array, directions: int, cut: float = EIGENVALUE_CUT) -> IdentifiableSubspace:
-    """The directions that a pool knows best, for models of more parameters than any pool can tell (METHOD 2.7).
+    """The directions that a pool knows best, for models of more parameters than any pool can tell (method.md 2.7).
 
     It is taken in the parameters' own units: the columns of a sketch have none of their own to scale by.
 

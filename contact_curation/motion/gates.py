@@ -1,4 +1,6 @@
-"""What a toss must pass before it is scored, or one bad frame of the tracker looks like the best toss of all (METHOD 0.2, 2.1).
+"""What a toss must pass before it is scored, or one bad frame of the tracker looks like the best toss of all.
+
+See method.md 0.2, 2.1.
 
 Each gate is a pure function of a toss and needs no model of friction or shape beyond the body's polytope; it gives one line per
 kind of fault, with the worst frame. With g = 9.81 e3, dt the time from a frame to the next, and dv = v' - v + g dt the velocity
@@ -36,8 +38,8 @@ from contact_curation.motion.toss import NANOSECONDS, Toss
 class GateConfig:
     """Bounds, for a body of about 10 cm at 60 to 150 frames a second; faster, some of them grow.
 
-    METHOD 2.1 gives them in half widths of 0.0524 m: tol 3 and depth 0.15. The others lie above what all 570 public tosses show
-    (0.51 g, 0.7 rad/s, 0.8 rad/s, 0.04 m^2/s^2, 0.20 m/s, 16 rad/s, 1.1 degrees, 2.6 mm).
+    method.md 2.1 gives them in half widths of 0.0524 m: tol 3 and depth 0.15. The others lie above what all 570 public tosses
+    show (0.51 g, 0.7 rad/s, 0.8 rad/s, 0.04 m^2/s^2, 0.20 m/s, 16 rad/s, 1.1 degrees, 2.6 mm).
 
     Attributes:
         enabled: False lets everything pass.

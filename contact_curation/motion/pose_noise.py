@@ -12,7 +12,7 @@ from statistics import median
 from contact_curation.geometry.scalars import Vector
 
 RIG_NOISE = 2.2e-5
-"""Of the real rig's positions, standard deviation per axis [m] (METHOD 3); segmenter and gates have their bounds for it."""
+"""Of the real rig's positions, standard deviation per axis [m] (method.md 3); segmenter and gates have their bounds for it."""
 
 KEPT = 16384
 """So many last differences count."""

@@ -1,8 +1,8 @@
 """Velocities and accelerations of tracked poses: backward differences over the true stamps, then a median of three.
 
-The rules by which ContactNets' public tosses were made (arXiv 2009.11193; METHOD 1.0): the difference belongs to the later of
-its two frames, so that p' = p + dt v' before the median, which takes single outliers out of the velocities and keeps the jumps
-of impacts.
+The rules by which ContactNets' public tosses were made (arXiv 2009.11193; method.md 1.0): the difference belongs to the later
+of its two frames, so that p' = p + dt v' before the median, which takes single outliers out of the velocities and keeps the
+jumps of impacts.
 """
 
 from dataclasses import dataclass

@@ -16,7 +16,7 @@ class Transitions:
     """N transitions of K tosses, toss after toss. Lengths in characteristic lengths, time in s.
 
     A state row is position (3), orientation wxyz (4), linear velocity in the board's frame (3), angular velocity in the body's
-    frame (3) (METHOD 1.0).
+    frame (3) (method.md 1.0).
 
     Attributes:
         toss_ids: K ids.

@@ -6,7 +6,6 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from contact_curation import __version__
 from contact_curation.information.curation import Curation
 from contact_curation.information.network.score_folder import ScoreFolder
 from contact_curation.information.ranker import RankingConfig, criterion_named
@@ -22,6 +21,7 @@ from contact_curation.storage.manifest.manifest import Diagnostic, Manifest
 from contact_curation.storage.manifest.ranked import ranked_manifest
 from contact_curation.storage.provenance import InputProvenance, RunProvenance
 from contact_curation.storage.stores.factor_spool import FactorSpool
+from contact_curation.version import __version__
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,7 +34,7 @@ BATCH = 64
 """Tosses scored in one call: enough to keep every thread busy, 1 MB of states."""
 
 BOUND_QUANTILE = 0.985
-"""Losses above this quantile of the pool's count as this much (METHOD 2.1: 98 to 99 %)."""
+"""Losses above this quantile of the pool's count as this much (method.md 2.1: 98 to 99 %)."""
 
 Scores = tuple[TossInformation | NotScored, ...]
 """What one toss teaches, once per theta."""

@@ -8,7 +8,6 @@ from typing import Self
 
 import numpy as np
 
-from contact_curation import __version__
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.model import Model
@@ -31,6 +30,7 @@ from contact_curation.pipeline.division import DivisionConfig, LearningTosses
 from contact_curation.pipeline.learned_model import LearnedModel, model_of_checkpoint
 from contact_curation.pipeline.reading import settings_of
 from contact_curation.storage.parameters_file import Parameters, is_checkpoint, read_theta
+from contact_curation.version import __version__
 
 PROTOCOLS: dict[str, Callable[[str], TrainingConfig]] = {
     "budgeted": budgeted,

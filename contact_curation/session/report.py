@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from contact_curation import __version__
 from contact_curation.configs import ConfigField, fields_of
 from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.dashboard.figures.report_data import ReportData, ReportedEvent, ReportedThrow, ReportedToss, save_figures
@@ -35,6 +34,7 @@ from contact_curation.stages.parameters import as_parameter, with_parameters
 from contact_curation.stages.selection import ranking_for
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig
+from contact_curation.version import __version__
 
 NAME = "contact-curation"
 

@@ -1,4 +1,7 @@
-"""Solves the inner problem of many transitions with the compiled interior point method (METHOD 4.1; kernel/cone_solver.cpp)."""
+"""Solves the inner problem of many transitions with the compiled interior point method.
+
+See method.md 4.1; kernel/cone_solver.cpp.
+"""
 
 import ctypes
 

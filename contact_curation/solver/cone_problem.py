@@ -1,4 +1,4 @@
-"""The inner problem as data: which impulses explain a measured change of velocity best (METHOD 1.2, 1.3).
+"""The inner problem as data: which impulses explain a measured change of velocity best (method.md 1.2, 1.3).
 
     minimise  w_m |A l - b|^2 + sum_i l_i^T D_i l_i + eps |l|^2 + w_s sum_i min(0, c_i + B_i A l)^2
     over      l_i = (normal, tangent 1, tangent 2) in the friction cone |tangent| <= normal
@@ -7,7 +7,7 @@
     D_i = phi_i'^2 diag(w_n, w_t, w_t) + w_c C_i^T C_i,  C_i = [s_i, |s_i| I],  s_i = J_t,i v'
 
 Any contact model that has gaps and their Jacobians poses it, a polytope as well as a network. Friction is inside J_t. The
-penetration slack is eliminated, so that the constraints do not depend on theta, and eps > 0 makes the minimum unique (METHOD
+penetration slack is eliminated, so that the constraints do not depend on theta, and eps > 0 makes the minimum unique (method.md
 E5).
 """
 
@@ -46,7 +46,7 @@ class SolveStatus(IntEnum):
 
 @dataclass(frozen=True)
 class ConeWeights:
-    """Weights of the objective; the defaults are ContactNets' (METHOD 1.2), `regularization` is eps."""
+    """Weights of the objective; the defaults are ContactNets' (method.md 1.2), `regularization` is eps."""
 
     match: float = 0.1
     complementarity_normal: float = 1.0

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 
-from contact_curation import __version__
 from contact_curation.information.record import TossInformation
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.stages.curation import Buffer
 from contact_curation.storage.manifest.manifest import Manifest
 from contact_curation.storage.manifest.ranked import PoolToss, ranked_manifest
 from contact_curation.storage.provenance import RunProvenance, SeenToss, TossProvenance
+from contact_curation.version import __version__
 
 
 def manifest_of(buffer: Buffer, last_stamp_ns: Callable[[str], int]) -> Manifest:

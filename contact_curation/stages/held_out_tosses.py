@@ -84,7 +84,7 @@ class HeldOutTosses:
             raise InvalidValueError("parameter held_out", why, "recordings of tosses")
 
     def errors(self, model: Model) -> HeldOutErrors:
-        """How far the predicted motions are from the measured ones (METHOD 1.11)."""
+        """How far the predicted motions are from the measured ones (method.md 1.11)."""
         if not self.tosses:
             return HeldOutErrors(np.nan, np.nan, np.nan, 0)
         found = evaluate_model(model, self.tosses, EvaluationConfig())

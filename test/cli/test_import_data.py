@@ -29,7 +29,7 @@ def test_the_bag_holds_the_tosses_and_says_what_was_skipped(cli: Cli, folder: Pa
     assert ranked["outcomes"]["selected"] == 3
     lengths = sorted(row["frames"] for row in ranked["tosses"])
     direct = sorted(row["frames"] for row in cli("rank", folder, "--json").json["tosses"])
-    assert np.abs(np.subtract(lengths, direct)).max() <= 25  # the rest at the end is cut off earlier, METHOD 3
+    assert np.abs(np.subtract(lengths, direct)).max() <= 25  # the rest at the end is cut off earlier, method.md 3
 
 
 def test_people_are_told_in_one_line(cli: Cli, folder: Path, tmp_path: Path) -> None:

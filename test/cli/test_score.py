@@ -129,4 +129,4 @@ def test_real_tosses_have_the_loss_and_the_ids_of_the_public_data(
     assert isinstance(first, Toss)
     assert (read["toss_id"] == "7").sum() == first.frames - 1
     means = [read["loss"][read["toss_id"] == name].mean() for name in dict.fromkeys(read["toss_id"].tolist())]
-    assert np.mean(means) == pytest.approx(0.0191, abs=0.0003)  # METHOD 1.13
+    assert np.mean(means) == pytest.approx(0.0191, abs=0.0003)  # method.md 1.13

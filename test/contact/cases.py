@@ -31,7 +31,7 @@ class Rows:
 
 
 def noisy_geometry(seed: int, share: float = 0.4, pivot: bool = False) -> ContactGeometry:
-    """ContactNets' random initialisation: everything off by `share` (METHOD 1.1)."""
+    """ContactNets' random initialisation: everything off by `share` (method.md 1.1)."""
     rng = np.random.default_rng(seed)
     corners = CUBE.scaled_vertices
     return ContactGeometry(

@@ -27,7 +27,7 @@ def single_fishers(geometry: ContactGeometry, rows: Rows, estimator: Estimator, 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("geometry", [TRUE, noisy_geometry(6, pivot=True)], ids=["true", "noisy"])
 def test_the_gauss_newton_matrix_is_the_dense_one(kind: str, geometry: ContactGeometry, cone: Cone) -> None:
-    """METHOD 1.5, term by term: all 54 residuals, their Jacobians by autograd, projected."""
+    """method.md 1.5, term by term: all 54 residuals, their Jacobians by autograd, projected."""
     rows, config = rows_of_kind(kind), LossConfig(cone=cone, regularization=1e-5, tolerance=1e-6)
     ours = single_fishers(geometry, rows, Estimator.GAUSS_NEWTON, config)
     impulses = evaluate(geometry, CUBE, rows.before, rows.after, DT, config).impulses
@@ -75,7 +75,7 @@ def test_an_empirical_matrix_is_the_sum_of_its_scores_outer_products() -> None:
 
 @pytest.mark.parametrize("estimator", list(Estimator))
 def test_information_adds_and_traces_with_it(estimator: Estimator) -> None:
-    """METHOD 6.6."""
+    """method.md 6.6."""
     rows = tracked_transitions()
     apart = fisher_sums(TRUE, CUBE, rows.before, rows.after, rows.dt, rows.starts, estimator).fishers
     together = fisher_sums(TRUE, CUBE, rows.before, rows.after, rows.dt, rows.starts[[0, -1]], estimator).fishers[0]
@@ -119,7 +119,7 @@ def test_flight_carries_no_information() -> None:
 
 
 def test_exact_rest_teaches_by_its_expected_information_only() -> None:
-    """METHOD 6.7: no residual, so no empirical information; yet the touching corners' heights are known."""
+    """method.md 6.7: no residual, so no empirical information; yet the touching corners' heights are known."""
     rest = np.array([[0.3, -0.2, 1.0, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0]])
     rows = Rows(rest, rest)
     empirical, profile = (single_fishers(TRUE, rows, estimator, LossConfig())[0] for estimator in Estimator)

@@ -62,7 +62,7 @@ def test_the_contactnets_chart_leaves_out_the_height_and_the_gauge_and_changes_n
 
 
 def test_scores_have_nothing_along_the_gauge() -> None:
-    """METHOD 6.5: a turn of the tangents leaves a circular cone's loss as it is."""
+    """method.md 6.5: a turn of the tangents leaves a circular cone's loss as it is."""
     geometry = noisy_geometry(4)
     gauge = parameter_form(geometry, Form.CONTACTNETS).gauge[0]
     assert np.linalg.norm(gauge) == pytest.approx(1.0)

@@ -129,7 +129,7 @@ def rotation_of(q: Array) -> Array:
 @pytest.mark.parametrize("cone", list(Cone))
 @pytest.mark.parametrize("geometry", [TRUE, noisy_geometry(3, share=0.05, pivot=True)], ids=["true", "noisy"])
 def test_scores_are_half_the_downward_slope_of_the_solved_loss(geometry: ContactGeometry, cone: Cone) -> None:
-    """METHOD 6.1: at fixed impulses, against central differences of the loss whose impulses are found anew."""
+    """method.md 6.1: at fixed impulses, against central differences of the loss whose impulses are found anew."""
     impacts, others = rows_of_kind("impact", 20), rows_of_kind("sliding", 4)
     rows = Rows(np.concatenate([impacts.before, others.before]), np.concatenate([impacts.after, others.after]))
     config = LossConfig(cone=cone, tolerance=1e-6)

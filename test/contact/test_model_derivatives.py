@@ -1,4 +1,6 @@
-"""METHOD 6, checks 1 and 3, for every model: scores against the re-solved loss, Jacobians against automatic differentiation."""
+"""method.md 6, checks 1 and 3, for every model: scores against the re-solved loss, Jacobians against automatic
+differentiation.
+"""
 
 import copy
 from collections.abc import Callable
@@ -77,7 +79,7 @@ def largest_error_of_scores(model: Model, rows: Rows) -> float:
 
 @pytest.mark.parametrize(("kind", "form"), VARIANTS)
 def test_scores_at_fixed_impulses_are_slopes_of_the_re_solved_loss(kind: str, form: Form) -> None:
-    """METHOD 6.1: each of 20 impacts, along 20 random directions."""
+    """method.md 6.1: each of 20 impacts, along 20 random directions."""
     assert largest_error_of_scores(model_of(kind, form, seed=20), rows_of("impact", IMPACTS)) < 1e-5
 
 
@@ -95,7 +97,7 @@ def plain(network: StreamNetwork, inputs: Tensor) -> Tensor:
 
 
 def places(model: ContactModel, rotation: Tensor, position: Tensor) -> Tensor:
-    """(V, 3) gap and tangential places at a pose (3, 3) and (3,), by the equations of METHOD 1.1, written again."""
+    """(V, 3) gap and tangential places at a pose (3, 3) and (3,), by the equations of method.md 1.1, written again."""
     if isinstance(model, DeepvertexModel):
         scaling, known = model.scaling, model.get_buffer("vertices")
         shift = plain(model.network, (rotation.flatten() - scaling.mean) * scaling.scale).reshape(-1, 3)
@@ -133,7 +135,7 @@ def by_pose(model: ContactModel, pose: Tensor) -> Tensor:
 
 @pytest.mark.parametrize(("kind", "form"), WITH_CONTACTS)
 def test_gaps_and_jacobians_are_those_of_the_equations(kind: str, form: Form) -> None:
-    """METHOD 6.3: along x + v, R exp(hat omega), and as the derivative by the quaternion times Gamma."""
+    """method.md 6.3: along x + v, R exp(hat omega), and as the derivative by the quaternion times Gamma."""
     model, rows = contact_model(kind, form, seed=22), rows_of("sliding", 4)
     frames = Frames.of(CUBE, *rows)
     with torch.no_grad():

@@ -44,7 +44,7 @@ def test_gaps_are_those_of_the_geometry() -> None:
 
 
 def test_jacobians_are_derivatives_along_twists() -> None:
-    """METHOD 6.3: of gaps and tangential places, along x + v, R exp(omega)."""
+    """method.md 6.3: of gaps and tangential places, along x + v, R exp(omega)."""
     geometry, at = noisy_geometry(3, pivot=True), frames("sliding")
     theta = Theta.of(geometry)
 

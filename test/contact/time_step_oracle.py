@@ -1,4 +1,4 @@
-"""One time step of METHOD 4.2 in plain loops, and what its answer must satisfy; slow, and written to be read."""
+"""One time step of method.md 4.2 in plain loops, and what its answer must satisfy; slow, and written to be read."""
 
 import numpy as np
 

@@ -1,6 +1,6 @@
 """Fisher matrices of tosses in plain torch, the reference that the kernel is tested against.
 
-Gauss-Newton matrices are built densely from the Jacobians of all residuals r by automatic differentiation (METHOD 1.5):
+Gauss-Newton matrices are built densely from the Jacobians of all residuals r by automatic differentiation (method.md 1.5):
 
     F = J_theta^T P J_theta,   P = I - J_l B (B^T J_l^T J_l B + eps I)^-1 B^T J_l^T,   B the free directions of the impulses
 """

@@ -112,7 +112,7 @@ def test_a_theta_of_the_published_form_has_a_forecast_too() -> None:
 
 
 def test_of_its_own_motions_the_empirical_matrix_knows_nothing_while_gauss_newtons_ranks_them_as_measured_ones() -> None:
-    """METHOD check 8, on tosses of another cube that a tracker saw."""
+    """method.md check 8, on tosses of another cube that a tracker saw."""
     tosses = simulated_tosses(24, seed=4, noise=RIG_NOISE, geometry=other_theta(1.08, 0.25).geometry)
     own = rolled_out(np.array([states_of(toss, 1.0)[0] for toss in tosses]))
     scorers = {kind: Scorer(TRUE, CUBE, ScoringConfig(estimator=kind, loss=LOSS)) for kind in Estimator}

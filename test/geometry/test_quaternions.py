@@ -78,7 +78,7 @@ def test_log_of_the_identity_and_of_its_negative_is_zero() -> None:
 
 
 def test_the_rate_of_a_rotation_is_half_the_product_with_the_body_rate() -> None:
-    """q_dot = 0.5 q * (0, omega), omega in the body frame (METHOD 1.0), against a central difference."""
+    """q_dot = 0.5 q * (0, omega), omega in the body frame (method.md 1.0), against a central difference."""
     start, omega, step = quaternions.exp([0.3, -0.8, 0.5]), np.array([1.0, -2.0, 0.7]), 1e-6
     ahead = quaternions.multiply(start, quaternions.exp(step * omega))
     behind = quaternions.multiply(start, quaternions.exp(-step * omega))

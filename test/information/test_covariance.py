@@ -1,4 +1,4 @@
-"""The sandwich is right where the model's covariance is not, and both agree where the model is right (METHOD 2.8)."""
+"""The sandwich is right where the model's covariance is not, and both agree where the model is right (method.md 2.8)."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A kept set is measured against its pool: spectrum, efficiencies, shares (METHOD 1.9, 2.2, 2.3)."""
+"""A kept set is measured against its pool: spectrum, efficiencies, shares (method.md 1.9, 2.2, 2.3)."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""One door: the same tosses give the same ranking, in any order and, where promised, in any units (METHOD check 17)."""
+"""One door: the same tosses give the same ranking, in any order and, where promised, in any units (method.md check 17)."""
 
 from dataclasses import replace
 from typing import Any
@@ -76,7 +76,7 @@ def pool_in_57_parameters(theta: ContactGeometry, estimator: Estimator) -> Pool:
 
 @pytest.mark.parametrize("estimator", list(Estimator))
 def test_the_57_parameter_form_is_ranked_without_its_gauge(estimator: Estimator) -> None:
-    """METHOD check 5: a turn of the tangents, which changes nothing, takes no part and changes no ranking."""
+    """method.md check 5: a turn of the tangents, which changes nothing, takes no part and changes no ranking."""
     true = ContactGeometry.of_body(CONTACTNETS_CUBE)
     turned = replace(true, tangents=np.array([[0.8, -0.6], [0.6, 0.8]]) @ true.tangents)
     pools = [pool_in_57_parameters(theta, estimator) for theta in (true, turned)]

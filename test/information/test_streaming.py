@@ -1,4 +1,4 @@
-"""The heap over a stream keeps exactly what ranking the whole pool keeps (METHOD check 6)."""
+"""The heap over a stream keeps exactly what ranking the whole pool keeps (method.md check 6)."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""The identifiable subspace holds what the tosses tell about theta, whatever theta's units (METHOD check 5)."""
+"""The identifiable subspace holds what the tosses tell about theta, whatever theta's units (method.md check 5)."""
 
 import numpy as np
 import pytest

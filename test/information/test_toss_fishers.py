@@ -1,4 +1,4 @@
-"""The three Fisher matrices of a toss are what METHOD 1.5 says, and differ by what it says."""
+"""The three Fisher matrices of a toss are what method.md 1.5 says, and differ by what it says."""
 
 import numpy as np
 import pytest

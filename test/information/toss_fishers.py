@@ -1,4 +1,4 @@
-"""The three Fisher matrices of a toss, from its scores g_t (METHOD 1.5).
+"""The three Fisher matrices of a toss, from its scores g_t (method.md 1.5).
 
     sum:      F = sum_t g_t g_t^T            information adds: the default everywhere
     mean:     F / T                          the paper's empirical Fisher matrix

@@ -4,7 +4,7 @@ An outlier shifts the positions of a few frames by one vector. What it does to t
 three kinds:
 
     raw       backward differences of the positions with outlier, unfiltered: v_j gains d/dt, the next frame loses it.
-              METHOD's check 11 ("28 caught, 0 false alarms") is this one.
+              method.md's check 11 ("28 caught, 0 false alarms") is this one.
     filtered  a median of three over those differences, which hides the outlier in the velocities.
     hidden    velocities from elsewhere, which know nothing of it.
 """

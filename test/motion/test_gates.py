@@ -1,4 +1,4 @@
-"""The gates accept good tosses and reject tracking outliers (METHOD 2.1, check 11)."""
+"""The gates accept good tosses and reject tracking outliers (method.md 2.1, check 11)."""
 
 from dataclasses import replace
 from itertools import product
@@ -267,7 +267,7 @@ def test_an_outlier_in_a_synthetic_toss_is_caught_however_the_tracker_filters(go
 
 
 class TestOnTheRealTosses:
-    """Numbers of METHOD 2.1 and check 11; the tosses are ContactNets' 570."""
+    """Numbers of method.md 2.1 and check 11; the tosses are ContactNets' 570."""
 
     def impulse_flags(self, tosses: list[Toss], config: GateConfig) -> set[int]:
         steps = (steps_of(toss, CONTACTNETS_CUBE.polytope, config) for toss in tosses)
@@ -283,7 +283,7 @@ class TestOnTheRealTosses:
     def test_the_impulse_gate_finds_28_of_28_outliers_without_a_false_alarm(
         self, real_tosses: list[Toss], tolerance: float, seed: int
     ) -> None:
-        """In half widths per second, as METHOD has them."""
+        """In half widths per second, as method.md 2.1 has them."""
         config = GateConfig(impulse_tolerance=tolerance * CONTACTNETS_CUBE.length_scale)
         tosses, outliers = contaminated(real_tosses, 28, seed)
         assert self.impulse_flags(tosses, config) == outliers

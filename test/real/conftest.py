@@ -1,4 +1,4 @@
-"""ContactNets' tosses as the tests of METHOD 6 take them, read once."""
+"""ContactNets' tosses as the tests of method.md 6 take them, read once."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -53,7 +53,10 @@ def real_transitions(real_tosses: tuple[Toss, ...]) -> Transitions:
 
 @pytest.fixture(scope="package")
 def fitted(real_transitions: Transitions) -> ContactGeometry:
-    """A trained theta: 400 steps of Adam on tosses 0 to 399, regularised as ContactNets' code does (METHOD 1.2, appendix A)."""
+    """A trained theta: 400 steps of Adam on tosses 0 to 399, regularised as ContactNets' code does.
+
+    See method.md 1.2, appendix A.
+    """
     rows, steps, batch = real_transitions, 400, 128
     theta, rng = Theta.of(noisy_geometry(0)), np.random.default_rng(100)
     vector = theta.vector().requires_grad_()

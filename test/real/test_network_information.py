@@ -1,4 +1,4 @@
-"""Networks' information on ContactNets' tosses (METHOD 6, check 15)."""
+"""Networks' information on ContactNets' tosses (method.md 6, check 15)."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What rankings of ContactNets' tosses must satisfy, and how near they come to what METHOD 1.5 and 1.9 measured."""
+"""What rankings of ContactNets' tosses must satisfy, and how near they come to the figures of method.md 1.5 and 1.9."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ def by(criterion: str, pool: Pool, top: int = 32, seed: int = 0) -> Ranking:
 
 
 def test_every_trace_is_that_of_the_scores_of_its_transitions(real_tosses: Tosses, real_transitions: Transitions) -> None:
-    """METHOD 6.6: sum and mean differ by exactly the number of transitions."""
+    """method.md 6.6: sum and mean differ by exactly the number of transitions."""
     rows = real_transitions
     chart = parameter_form(TRUE, Form.CONTACTNETS).chart
     scores = evaluate(TRUE, CONTACTNETS_CUBE, rows.before, rows.after, rows.dt).scores @ chart
@@ -54,7 +54,7 @@ def test_every_trace_is_that_of_the_scores_of_its_transitions(real_tosses: Tosse
 
 @ESTIMATORS
 def test_the_trace_of_a_union_is_the_sum_of_the_traces(real_tosses: Tosses, estimator: Estimator) -> None:
-    """METHOD 6.6, of pooled information as rankings use it: 24 rows of each toss keep 99.9 % of the smallest of them."""
+    """method.md 6.6, of pooled information as rankings use it: 24 rows of each toss keep 99.9 % of the smallest of them."""
     infos = scored_pool(real_tosses, estimator, Form.CONTACTNETS).infos
     together = np.trace(pool_of(infos).fisher)
     for seed, cut in enumerate((1, 200, 569)):
@@ -67,7 +67,7 @@ def test_the_trace_of_a_union_is_the_sum_of_the_traces(real_tosses: Tosses, esti
 @ESTIMATORS
 @pytest.mark.parametrize("normalisation", NORMALISATIONS)
 def test_a_stream_keeps_exactly_the_top_k(real_tosses: Tosses, estimator: Estimator, normalisation: str) -> None:
-    """METHOD 6.6, for tosses in any order."""
+    """method.md 6.6, for tosses in any order."""
     pool = scored_pool(real_tosses, estimator)
     for top in (1, 32, 200):
         batch = rank_particles([pool], RankingConfig("trace", top=top, normalisation=normalisation)).selected_ids
@@ -105,7 +105,7 @@ def in_units(info: TossInformation, scale: Array) -> TossInformation:
 def test_units_turn_the_order_of_the_trace_over_and_move_no_toss_of_the_others(
     real_tosses: Tosses, estimator: Estimator, seed: int
 ) -> None:
-    """METHOD 6.17 over all 570 places, in the 57 published parameters; of the first 32 by trace, units leave 3 to 19."""
+    """method.md 6.17 over all 570 places, in the 57 published parameters; of the first 32 by trace, units leave 3 to 19."""
     pool = scored_pool(real_tosses, estimator, Form.CONTACTNETS)
     scale = 10.0 ** np.random.default_rng(seed).uniform(-3.0, 3.0, pool.parameters)
     there = pool_of([in_units(info, scale) for info in pool.infos])
@@ -114,7 +114,7 @@ def test_units_turn_the_order_of_the_trace_over_and_move_no_toss_of_the_others(
     assert top_overlap(by("trace", there), by("trace", pool), 32) < 0.7
 
 
-# What METHOD measured
+# The figures of method.md
 
 
 @pytest.mark.slow
@@ -137,9 +137,9 @@ def test_most_of_the_tosses_are_needed_to_stand_for_all(
     method: tuple[int, ...],
     measured: tuple[int, ...],
 ) -> None:
-    """METHOD 0.8 and 1.9: tosses until plain sums are within epsilon 0.5, 0.2, 0.1 of the pool, at a trained theta.
+    """method.md 0.8 and 1.9: tosses until plain sums are within epsilon 0.5, 0.2, 0.1 of the pool, at a trained theta.
 
-    The thetas are trained alike but are not the same; `measured` is at ours. By random order METHOD gives one shuffle and we
+    The thetas are trained alike but are not the same; `measured` is at ours. By random order method.md gives one shuffle and we
     the mean of five, which range from 421 to 505 at epsilon 0.5 by Gauss-Newton: 562 was bad luck.
     """
     pool = scored_pool(real_tosses, estimator, Form.CONTACTNETS, fitted)
@@ -164,7 +164,7 @@ def test_most_of_the_tosses_are_needed_to_stand_for_all(
 def test_rescaling_a_kept_set_does_not_make_it_stand_for_all(
     real_tosses: Tosses, fitted: ContactGeometry, criterion: str, kept: int, method: tuple[float, float]
 ) -> None:
-    """METHOD 1.9: ends of the spectrum of K / k times the kept information.
+    """method.md 1.9: ends of the spectrum of K / k times the kept information.
 
     Measured in this order: 0.026 to 8.62, 0.300 to 4.39, 0.125 to 8.72, 0.744 to 4.41.
     """
@@ -178,7 +178,7 @@ def test_rescaling_a_kept_set_does_not_make_it_stand_for_all(
 
 @pytest.mark.slow
 def test_by_the_empirical_matrix_no_toss_tells_every_direction(real_tosses: Tosses) -> None:
-    """METHOD 0.3, of factors in full: 22 to 42 of 52 eigenvalues are over 1e-10 of the largest; by Gauss-Newton 48 to 52."""
+    """method.md 0.3, of factors in full: 22 to 42 of 52 eigenvalues are over 1e-10 of the largest; by Gauss-Newton 48 to 52."""
     ranges = {Estimator.EMPIRICAL: (22, 42), Estimator.GAUSS_NEWTON: (48, 52)}
     for estimator, (fewest, most) in ranges.items():
         scorer = Scorer(TRUE, CONTACTNETS_CUBE, ScoringConfig(estimator, compression=Compression(max_rows=52)))
@@ -189,7 +189,7 @@ def test_by_the_empirical_matrix_no_toss_tells_every_direction(real_tosses: Toss
 
 
 def test_sum_and_mean_rank_alike_and_the_coherent_matrix_does_not(real_tosses: Tosses) -> None:
-    """METHOD 1.5, at the truth: 0.99 to 1.00 and 0.71; measured 0.99 and 0.78."""
+    """method.md 1.5, at the truth: 0.99 to 1.00 and 0.71; measured 0.99 and 0.78."""
     pool = scored_pool(real_tosses, Estimator.EMPIRICAL)
     ranked = {name: rank(pool.infos, RankingConfig("trace", normalisation=name)) for name in NORMALISATIONS}
     assert spearman(ranked["sum"], ranked["mean"]) > 0.985
@@ -198,7 +198,7 @@ def test_sum_and_mean_rank_alike_and_the_coherent_matrix_does_not(real_tosses: T
 
 @pytest.mark.slow
 def test_a_ranking_at_a_noisy_theta_says_little_about_the_ranking_at_the_truth(real_tosses: Tosses) -> None:
-    """METHOD 0.6: 0.13 and 0.03 at other initialisations; measured 0.16 and 0.04, by Gauss-Newton 0.31 and 0.31."""
+    """method.md 0.6: 0.13 and 0.03 at other initialisations; measured 0.16 and 0.04, by Gauss-Newton 0.31 and 0.31."""
     thetas = (TRUE, noisy_geometry(0), noisy_geometry(1))
     for estimator, lowest, highest in ((Estimator.EMPIRICAL, -0.1, 0.25), (Estimator.GAUSS_NEWTON, 0.2, 0.45)):
         truth, *others = (by("trace", scored_pool(real_tosses, estimator, Form.CONTACTNETS, theta)) for theta in thetas)
@@ -209,7 +209,7 @@ def test_a_ranking_at_a_noisy_theta_says_little_about_the_ranking_at_the_truth(r
 @pytest.mark.slow
 @pytest.mark.parametrize(("seed", "expected"), [(0, 5), (1, 12)])
 def test_literal_orthogonality_likes_tosses_that_say_nothing(real_tosses: Tosses, seed: int, expected: int) -> None:
-    """METHOD 0.5: 11 of 16 picks among the 14 smallest scores of 570, where chance has 0.4; measured 5 and 12."""
+    """method.md 0.5: 11 of 16 picks among the 14 smallest scores of 570, where chance has 0.4; measured 5 and 12."""
     pool = scored_pool(real_tosses, Estimator.EMPIRICAL, Form.CONTACTNETS, noisy_geometry(seed))
     lengths = np.linalg.norm(pool.toss_scores, axis=1)
     smallest = {pool.ids[index] for index in np.argsort(lengths)[:14]}

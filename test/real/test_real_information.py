@@ -1,4 +1,4 @@
-"""What the information of ContactNets' tosses must satisfy (METHOD 6.4 to 6.11, 6.17)."""
+"""What the information of ContactNets' tosses must satisfy (method.md 6.4 to 6.11, 6.17)."""
 
 import functools
 from dataclasses import dataclass, replace
@@ -84,7 +84,7 @@ def test_a_shift_of_the_board_changes_the_normals_block_of_the_legacy_form_only(
     there = block_traces(rows.before + shift, rows.after + shift, rows.dt)
     np.testing.assert_allclose(there[[0, 2, 3]], here[[0, 2, 3]], rtol=1e-12)
     assert abs(there.sum() / here.sum() - 1.0) > 0.3
-    assert here[1] / here.sum() == pytest.approx(0.77, abs=0.02)  # METHOD 0.7
+    assert here[1] / here.sum() == pytest.approx(0.77, abs=0.02)  # method.md 0.7
 
 
 @ESTIMATORS
@@ -127,7 +127,7 @@ def sums_of(geometry: ContactGeometry, rows: Transitions, estimator: Estimator, 
 
 
 def test_the_gauge_is_in_no_score_and_singular_in_the_pool(real_transitions: Transitions) -> None:
-    """METHOD 6.5."""
+    """method.md 6.5."""
     rows = real_transitions
     gauge = parameter_form(TRUE, Form.CONTACTNETS).gauge[0]
     scores = evaluate(TRUE, CUBE, rows.before, rows.after, rows.dt).scores[:, :LEGACY]
@@ -142,7 +142,7 @@ def test_the_gauge_is_in_no_score_and_singular_in_the_pool(real_transitions: Tra
 
 @ESTIMATORS
 def test_information_adds(real_transitions: Transitions, estimator: Estimator) -> None:
-    """METHOD 6.6: over any split of the pool."""
+    """method.md 6.6: over any split of the pool."""
     traces = sums_of(TRUE, real_transitions, estimator).traces
     rows = real_transitions
     joined = fisher_sums(TRUE, CUBE, rows.before, rows.after, rows.dt, rows.starts[[0, 200, 570]], estimator).fishers
@@ -152,7 +152,7 @@ def test_information_adds(real_transitions: Transitions, estimator: Estimator) -
 
 @ESTIMATORS
 def test_flight_teaches_nothing(real_transitions: Transitions, estimator: Estimator) -> None:
-    """METHOD 6.7: transitions with every corner over 5 mm up before and after."""
+    """method.md 6.7: transitions with every corner over 5 mm up before and after."""
     rows = real_transitions
     airborne = np.minimum(TRUE.gaps(rows.before), TRUE.gaps(rows.after)).min(axis=1) > 0.1
     assert airborne.mean() > 0.1
@@ -165,7 +165,7 @@ def test_flight_teaches_nothing(real_transitions: Transitions, estimator: Estima
 
 @pytest.mark.slow
 def test_tosses_simulated_by_the_model_itself_have_no_empirical_information(real_transitions: Transitions) -> None:
-    """METHOD 6.8: and what little they have is in no order; the Gauss-Newton matrix keeps the order."""
+    """method.md 6.8: and what little they have is in no order; the Gauss-Newton matrix keeps the order."""
     rows = real_transitions
     lengths = np.diff(rows.starts) + 1
     rolled = rollout(TRUE, CUBE, rows.before[rows.starts[:-1]], lengths, 1.0 / 148.0)
@@ -201,7 +201,7 @@ def with_spikes(rows: Transitions, seed: int) -> tuple[Transitions, NDArray[np.i
 def test_glitches_win_by_trace_and_lose_by_bounded_influence_and_gauss_newton(
     real_transitions: Transitions, fitted: ContactGeometry, seed: int
 ) -> None:
-    """METHOD 6.11, at a trained theta."""
+    """method.md 6.11, at a trained theta."""
     rows, spiked = with_spikes(real_transitions, seed)
     plain = sums_of(fitted, rows, Estimator.EMPIRICAL)
     bound = float(np.quantile(plain.losses, 0.985))
@@ -220,7 +220,9 @@ def profile_infos(real_tosses: tuple[Toss, ...]) -> list[TossInformation]:
 
 
 def test_copies_of_the_best_toss_fill_the_trace_and_are_worth_less_to_the_others(profile_infos: list[TossInformation]) -> None:
-    """METHOD 6.9. Log-det may take a toss twice, since it doubles what one toss knows of 50 directions, but not five times."""
+    """method.md 6.9. Log-det may take a toss twice, since it doubles what one toss knows of 50 directions, but not five
+    times.
+    """
     best = max(profile_infos, key=lambda info: info.trace)
     copies = [replace(best, toss_id=f"copy-{k}") for k in range(4)]
     names = {best.toss_id, *(copy.toss_id for copy in copies)}
@@ -237,7 +239,7 @@ def test_copies_of_the_best_toss_fill_the_trace_and_are_worth_less_to_the_others
 
 
 def test_greedy_gains_on_real_tosses_only_fall(profile_infos: list[TossInformation]) -> None:
-    """METHOD 6.10."""
+    """method.md 6.10."""
     ranking = rank(profile_infos, RankingConfig(criterion="log-det", top=32))
     gains = [toss.marginal_gain for toss in ranking.entries if toss.selected]
     assert len(gains) == 32
@@ -245,7 +247,7 @@ def test_greedy_gains_on_real_tosses_only_fall(profile_infos: list[TossInformati
 
 
 def test_new_units_change_the_order_of_the_trace_but_not_of_log_det_and_leverage(profile_infos: list[TossInformation]) -> None:
-    """METHOD 6.17: theta -> S theta with S from 1e-3 to 1e3, all about one pivot."""
+    """method.md 6.17: theta -> S theta with S from 1e-3 to 1e3, all about one pivot."""
     scale = 10.0 ** np.random.default_rng(8).uniform(-3.0, 3.0, profile_infos[0].parameters)
     pool = pool_of(profile_infos)
     flat = [in_units(info, pool.stacked([k])[0], 1.0) for k, info in enumerate(pool.infos)]

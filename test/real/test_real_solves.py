@@ -32,7 +32,7 @@ def picked(rows: Transitions, count: int) -> tuple[Array, Array, Array]:
 @CONES
 @pytest.mark.parametrize("name", GEOMETRIES)
 def test_every_transition_is_solved(real_transitions: Transitions, name: str, cone: Cone) -> None:
-    """METHOD 6.2: no failure on all 59,383, at the truth and at random initialisations."""
+    """method.md 6.2: no failure on all 59,383, at the truth and at random initialisations."""
     rows = real_transitions
     found = evaluate(GEOMETRIES[name], CUBE, rows.before, rows.after, rows.dt, LossConfig(cone=cone))
     assert found.solved.all()
@@ -62,7 +62,7 @@ def test_the_mean_loss_at_the_true_parameters_is_on_record(real_transitions: Tra
     assert found.losses.mean() == pytest.approx(0.018873, abs=1e-6)
     np.testing.assert_allclose(found.terms.mean(axis=0), [0.01096, 0.00284, 0.00244, 0.00064, 0.00199], atol=6e-6)
     polyhedral = evaluate(TRUE, CUBE, rows.before, rows.after, rows.dt, LossConfig(cone=Cone.POLYHEDRAL))
-    assert polyhedral.losses.mean() == pytest.approx(0.0189, abs=3e-4)  # ContactNets' own: 0.0191 (METHOD 1.13)
+    assert polyhedral.losses.mean() == pytest.approx(0.0189, abs=3e-4)  # ContactNets' own: 0.0191 (method.md 1.13)
     assert polyhedral.losses.mean() < found.losses.mean()  # the octagon stands around the disk
 
 

@@ -1,4 +1,4 @@
-"""How near the true cube comes to the real tosses, by our rollouts and by MuJoCo (METHOD 1.11, 6.14)."""
+"""How near the true cube comes to the real tosses, by our rollouts and by MuJoCo (method.md 1.11, 6.14)."""
 
 from dataclasses import replace
 

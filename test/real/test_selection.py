@@ -47,7 +47,7 @@ def value(pool: Pool, toss_ids: tuple[str, ...]) -> float:
     return float(log_dets(np.eye(fishers.shape[1]) + fishers.sum(axis=0)))
 
 
-# Greedy selection (METHOD 6.10)
+# Greedy selection (method.md 6.10)
 
 
 @ONE_AT_ONCE
@@ -69,7 +69,7 @@ def test_the_lazy_queue_finds_what_a_full_pass_for_every_pick_finds(real_tosses:
     assert all(later <= earlier for earlier, later in pairwise(entry.marginal_gain for entry in lazy))
 
 
-# Certificates (METHOD 6.10)
+# Certificates (method.md 6.10)
 
 
 @ESTIMATORS
@@ -111,7 +111,7 @@ def test_a_curation_says_how_good_its_set_is_proven_to_be(
         assert certificate.kiefer_wolfowitz < 0.7 * certificate.subset
 
 
-# Tosses that are there twice (METHOD 6.9)
+# Tosses that are there twice (method.md 6.9)
 
 
 def twins_of(pool: Pool) -> list[tuple[str, str]]:
@@ -150,7 +150,7 @@ def with_copies(pool: Pool, toss_id: str, count: int = 32) -> tuple[Pool, set[st
 def test_log_det_takes_a_copy_only_where_it_beats_every_other_toss(
     real_tosses: Tosses, estimator: Estimator, top_by: str
 ) -> None:
-    """METHOD 6.9 as it is true of tosses of many rows.
+    """method.md 6.9 as it is true of tosses of many rows.
 
     It says that no copy is picked before the kept tosses span everything. Three real tosses do, and a second look at what a
     good toss knows can then beat a first look at a poor one: of 32 picks up to 3 are the toss or one of its 32 copies.
@@ -187,7 +187,7 @@ def test_a_copy_adds_strictly_less_than_its_original_did(real_tosses: Tosses, es
 
 @ESTIMATORS
 def test_pivoting_takes_no_copy_and_the_trace_takes_all(real_tosses: Tosses, estimator: Estimator) -> None:
-    """METHOD 6.9 as it is written, for toss scores, which are of rank one."""
+    """method.md 6.9 as it is written, for toss scores, which are of rank one."""
     everything = scored_pool(real_tosses, estimator)
     pool, same = with_copies(everything, by("trace", everything, 1).selected_ids[0])
     directions = int(np.linalg.matrix_rank(pool.toss_scores, rtol=1e-10))
@@ -196,7 +196,7 @@ def test_pivoting_takes_no_copy_and_the_trace_takes_all(real_tosses: Tosses, est
     assert set(by("trace", pool, 33).selected_ids) == same
 
 
-# Streams (METHOD 6.10)
+# Streams (method.md 6.10)
 
 
 def offered(selector: Selector, pool: Pool, seed: int) -> Selector:

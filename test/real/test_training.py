@@ -1,4 +1,4 @@
-"""Trained on few real tosses, the polytope predicts held-out ones nearly as well as the true cube (METHOD 1.11, 1.13)."""
+"""Trained on few real tosses, the polytope predicts held-out ones nearly as well as the true cube (method.md 1.11, 1.13)."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The inner problem by Clarabel, an interior point solver of others, in its own standard form (METHOD 4.1, 6.2)."""
+"""The inner problem by Clarabel, an interior point solver of others, in its own standard form (method.md 4.1, 6.2)."""
 
 import clarabel
 import numpy as np
@@ -8,7 +8,7 @@ from contact_curation.solver.certificate import FACET_NORMALS
 from contact_curation.solver.cone_problem import Array, Cone, ConeProblems, quadratic_form
 
 TIGHT = 1e-9
-"""Tighter ones make Clarabel give up with a wrong answer (METHOD 4.1)."""
+"""Tighter ones make Clarabel give up with a wrong answer (method.md 4.1)."""
 
 
 def clarabel_impulses(problems: ConeProblems, tolerance: float = TIGHT) -> Array:

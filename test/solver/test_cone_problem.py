@@ -12,7 +12,7 @@ from test.solver.known_problems import KNOWN, KnownProblem, random_problems
 
 
 def objective_in_plain_loops(problems: ConeProblems, impulses: Array) -> Array:
-    """METHOD 1.2, a line per term, plus eps |l|^2."""
+    """method.md 1.2, a line per term, plus eps |l|^2."""
     weights, values = problems.weights, np.zeros(problems.batch)
     for n in range(problems.batch):
         jacobian, measured = problems.jacobians[n], problems.velocities_next[n]

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from contact_curation import __version__
 from contact_curation.cli.options.output_paths import check_outputs
 from contact_curation.cli.options.reading import (
     SHARED_STAGES,
@@ -35,6 +34,7 @@ from contact_curation.pipeline.division import DivisionConfig, LearningTosses, h
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.solver.compiled import load_kernel
+from contact_curation.version import __version__
 
 if TYPE_CHECKING:
     from contact_curation.cli.train.metrics import TrainingMetrics

@@ -1,5 +1,5 @@
-// The loss of one transition at contacts that somebody else evaluated, with its slopes by gaps and Jacobians (METHOD 1.2), as
-// in contact/loss_slopes.py.
+// The loss of one transition at contacts that somebody else evaluated, with its slopes by gaps and Jacobians (method.md 1.2),
+// as in contact/loss_slopes.py.
 #pragma once
 
 #include "cone_batch.hpp"

@@ -1,4 +1,4 @@
-// The impulses of one time step of a rigid body at K candidate contacts (METHOD 4.2), impact without restitution:
+// The impulses of one time step of a rigid body at K candidate contacts (method.md 4.2), impact without restitution:
 //
 //     v' = v - g dt e3 + M^-1 J^T lambda,     0 <= lambda_n _|_ J_n v' + phi / dt >= 0,
 //     lambda_t = argmin over ||lambda_t|| <= lambda_n of lambda_t . J_t v'      (Coulomb, friction coefficient inside J_t)

@@ -1,5 +1,5 @@
-// Eight transitions of a polytope against the plane: the inner problem they pose (METHOD 1.1, 1.2), the loss terms and the
-// envelope score (METHOD 1.4) once it is solved.
+// Eight transitions of a polytope against the plane: the inner problem they pose (method.md 1.1, 1.2), the loss terms and the
+// envelope score (method.md 1.4) once it is solved.
 //
 //   phi_i = n . (R p_i + x - pivot) - height      J_n,i = [n, p_i x R^T n]      J_t,i,a = [T_a, p^t_i x R^T T_a]
 #pragma once

@@ -1,4 +1,4 @@
-// The Gauss-Newton profile Fisher matrix of one transition (METHOD 1.5): F = J_theta^T P J_theta, P projecting out what the
+// The Gauss-Newton profile Fisher matrix of one transition (method.md 1.5): F = J_theta^T P J_theta, P projecting out what the
 // impulses could explain, P = I - J_l (J_l^T J_l + eps I)^-1 J_l^T with J_l = dr/dl restricted to the free directions of l.
 //
 // The residuals are sqrt(w_m) (A l - b), the gaps times impulses, e_i and the slacks. Their Jacobians are never formed whole:

@@ -1,4 +1,4 @@
-// One time step of a polytope over a plane (METHOD 1.1, 4.2): its gaps and Jacobians, and then contact_sweeps.hpp.
+// One time step of a polytope over a plane (method.md 1.1, 4.2): its gaps and Jacobians, and then contact_sweeps.hpp.
 //
 //     phi_i = n . (R p_i + x - pivot) - height      J_n,i = [n, p_i x R^T n]      J_t,i,a = [T_a, p^t_i x R^T T_a]
 #pragma once

@@ -3,8 +3,8 @@
     phi(q)   = phi_poly(q)   + 0.05 NN_n(x, vec R)        12-256-256-V tanh
     phi_t(q) = phi_t,poly(q) + 0.05 NN_t(x, vec R)        12-256-256-2V tanh
 
-It is the equation that the paper gives for its "DeepVertex", and what ContactNets' code calls ``deep`` (METHOD 1.1, A1); for a
-cube and the contactnets form it has the published 144,465 parameters.
+It is the equation that the paper gives for its "DeepVertex", and what ContactNets' code calls ``deep`` (method.md 1.1, A1); for
+a cube and the contactnets form it has the published 144,465 parameters.
 
 The networks see x in characteristic lengths in the board's frame, as ContactNets' do. So, unlike the polytope, the model knows
 where on the board the body is and where it points: nothing makes it invariant to translations and turns of the board, and it

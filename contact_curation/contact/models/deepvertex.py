@@ -5,7 +5,7 @@
 NN is 9-256-256-3V tanh, 74,520 parameters for a cube. p0 (the corners with the published noise), the ground's normal and the
 friction are constants: it can learn neither friction nor the ground, and needs no regulariser. It is what ContactNets' code
 calls ``deepvertex`` and its documentation experimental; the paper's "DeepVertex" is this one by name and `DeepModel` by
-equation (METHOD A1).
+equation (method.md A1).
 
 The network sees the orientation only, so that gaps and Jacobians do not change when the board's origin is moved.
 """

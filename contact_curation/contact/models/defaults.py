@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ModelDefaults:
-    """How a model is trained (`learning.training.protocols`) and how its gradients are sketched (METHOD 2.7).
+    """How a model is trained (`learning.training.protocols`) and how its gradients are sketched (method.md 2.7).
 
     Networks on top of a polytope learn slowly beside it: what it can explain, it shall.
 

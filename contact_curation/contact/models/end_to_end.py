@@ -4,8 +4,8 @@
 
 u is the control, zero in a toss. The loss is what the next velocity is missed by: ContactNets' code trains on its norm, the
 default here; `ImpulseLoss.SQUARED` is its square, i.e. |M^-1 (f - f_data)|^2. For information the square is the one to use: the
-norm's score does not depend on the size of the residual, so that noise in the air counts as much as an impact (METHOD 1.1). A
-rollout steps without contacts:
+norm's score does not depend on the size of the residual, so that noise in the air counts as much as an impact (method.md 1.1).
+A rollout steps without contacts:
 
     v' = v - g dt e3 + M^-1 f,    x' = x + dt v',    q' = q * exp(dt omega').
 

@@ -1,4 +1,4 @@
-"""Scores by the parameters outside a model's networks: few, with names, so that they are exact columns (METHOD 2.7).
+"""Scores by the parameters outside a model's networks: few, with names, so that they are exact columns (method.md 2.7).
 
 Whatever the estimator, a score is a backward pass from slopes by a model's outputs o, s^T do/dtheta, for each transition by
 itself. `ModuleParameters` forms do/dtheta a parameter at a time for whatever a model computes with torch: with weights u on the

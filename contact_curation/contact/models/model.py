@@ -63,7 +63,7 @@ class Model(torch.nn.Module, ABC):
     @classmethod
     @abstractmethod
     def initial(cls, body: Body, form: Form, data: Rows, rng: np.random.Generator) -> Self:
-        """A model at its random initialisation (METHOD 1.1).
+        """A model at its random initialisation (method.md 1.1).
 
         Args:
             body: what is known of the object.

@@ -1,4 +1,4 @@
-"""The polytope as a model to train, in either form of theta (METHOD 1.1).
+"""The polytope as a model to train, in either form of theta (method.md 1.1).
 
 ``contactnets`` trains the published 57 numbers and needs a regulariser that keeps the normal's scale in place
 (`scale_regularizer`); ``physical`` trains vertices, the tilt of a unit normal about a pivot, one friction coefficient by its
@@ -39,7 +39,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.solver.cone_problem import MAX_CONTACTS
 
 INITIAL_NOISE = 0.4
-"""Standard deviation of the published initialisation, in half widths and as a share of the friction (METHOD 1.1)."""
+"""Standard deviation of the published initialisation, in half widths and as a share of the friction (method.md 1.1)."""
 
 
 class PolytopeModel(ContactModel):
@@ -187,7 +187,7 @@ def below_centroid(data: Rows) -> Array:
 def initial_geometry(
     body: Body, form: Form, pivot: Array, rng: np.random.Generator, noise: float = INITIAL_NOISE
 ) -> ContactGeometry:
-    """ContactNets' random initialisation about the body as described (METHOD 1.1).
+    """ContactNets' random initialisation about the body as described (method.md 1.1).
 
     Args:
         body: whose corners and friction are known up to noise.

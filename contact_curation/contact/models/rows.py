@@ -31,7 +31,7 @@ class BatchLoss(NamedTuple):
         losses: (B,) per transition, differentiable by theta; NaN where the impulses carry no certificate.
         solved: (B,) whether they carry one; nothing flows back from the others.
         regularizer: () what keeps theta's scale in place, without its weight; zero where a model needs none. It is no part of
-            the likelihood and enters no score (METHOD A4).
+            the likelihood and enters no score (method.md A4).
     """
 
     losses: Tensor

@@ -6,7 +6,8 @@ sends S + R inputs through each layer: S primal streams x_s and R tangents t_r o
     z_s = W a_s + b,  a_s' = f(z_s)        z_r = W a_r,  a_r' = f'(z_0) a_r        (forward mode)
 
 All of it is one matrix product per layer, and reverse mode by the weights runs through the tangents too. A tape keeps each
-layer's streams, from which gradients per transition follow without any further pass: dW = sum_r (dL/dz_r) a_r^T (METHOD 2.7).
+layer's streams, from which gradients per transition follow without any further pass: dW = sum_r (dL/dz_r) a_r^T
+(method.md 2.7).
 
 A pose enters as position and rotation matrix, [x, vec R], vec row by row. A twist (v in the board's frame, omega in the body's)
 moves it along the chart x + v, R exp(hat omega), so that the inputs' directional derivatives are

@@ -43,7 +43,7 @@ class RankingPicture:
         gains: (K,) marginal gains, likewise.
         selected: how many are selected.
         spectrum: (p,) eigenvalues of the selected set's information per toss relative to the pool's.
-        epsilon: how far that spectrum reaches from 1 (METHOD 1.9).
+        epsilon: how far that spectrum reaches from 1 (method.md 1.9).
         shares: by block of parameters, its share of the trace in the pool and in the selected set.
         outcomes: how many tosses went which way, in the order they are listed; only the first is drawn as selected.
     """

@@ -1,4 +1,4 @@
-"""How far a selected set can be from the best one of its size: lower bounds on its D-efficiency (METHOD 2.3).
+"""How far a selected set can be from the best one of its size: lower bounds on its D-efficiency (method.md 2.3).
 
 With A = A0 + sum_S F for the selected set S and A* for any other choice of k tosses, log-det being concave,
 

@@ -33,7 +33,7 @@ class RankingConfig:
         criterion: name of a registered one; log-det stands in for representative where a stream is not kept whole.
         top: k, how many tosses are kept.
         seed: of the random criterion.
-        prior: delta: the prior information A0 is this share of the pool's mean toss (METHOD 1.6).
+        prior: delta: the prior information A0 is this share of the pool's mean toss (method.md 1.6).
         normalisation: which trace: one of `NORMALISATIONS`.
         variant: which orthogonal selection: one of `VARIANTS`.
         whiten: whether toss scores are whitened by the pooled information before orthogonal selection.
@@ -105,7 +105,7 @@ class Criterion:
         name: on the command line, in manifests and messages, and in `RankingConfig.criterion`.
         label: what a toss's score is.
         unit: of scores and gains; empty for a plain number.
-        select: selects from the same tosses scored at one theta or at several (METHOD 2.4), a pool for each.
+        select: selects from the same tosses scored at one theta or at several (method.md 2.4), a pool for each.
         needs: what it reads.
         stream: starts to select from a stream that is not kept whole, given the first tosses where it needs a prior;
             None for a criterion that needs the whole pool.

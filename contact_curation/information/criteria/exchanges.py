@@ -1,4 +1,4 @@
-"""Log-det selection from a stream with k places: swap the toss that is least missed for a better one (METHOD 2.5).
+"""Log-det selection from a stream with k places: swap the toss that is least missed for a better one (method.md 2.5).
 
 While there is room every toss is selected. Then a toss takes the place of the member j for which f(S - j + toss) is largest, if
 that is more than f(S). The value never falls, and memory is the k members. Such exchanges (Fedorov 1972) come out near greedy

@@ -1,4 +1,4 @@
-"""Why tosses are selected or not, where a criterion has nothing better to say: what each adds in log-det (METHOD 2.3)."""
+"""Why tosses are selected or not, where a criterion has nothing better to say: what each adds in log-det (method.md 2.3)."""
 
 from collections.abc import Callable, Mapping
 

@@ -1,4 +1,6 @@
-"""leverage: tr((F_pool + A0)^-1 F), the trace in units in which the pool knows all directions equally well (METHOD 1.6, 2.2).
+"""leverage: tr((F_pool + A0)^-1 F), the trace in units in which the pool knows all directions equally well.
+
+See method.md 1.6, 2.2.
 
 With A0 a share of the pooled F it is the same under every linear change of parameters, and over all tosses it sums to the
 effective dimension.

@@ -1,9 +1,9 @@
-"""log-det: the tosses that together shrink theta's uncertainty most, D-optimality (METHOD 2.3; Nemhauser 1978, Minoux 1978).
+"""log-det: the tosses that together shrink theta's uncertainty most, D-optimality (method.md 2.3; Nemhauser 1978, Minoux 1978).
 
 f(S) is monotone and submodular: greedy reaches (1 - 1/e) of the best set's value, and a toss's gain only shrinks while the
 set grows. So an old gain is an upper bound. The queue hands out the tosses with the largest bounds, a block at a time; their
 gains are computed anew; once no bound reaches the best new gain, the best is the one that a full pass over the pool would
-have found. Several parameter particles give the mean of their log-dets, which is submodular too (METHOD 2.4).
+have found. Several parameter particles give the mean of their log-dets, which is submodular too (method.md 2.4).
 """
 
 from collections.abc import Mapping, Sequence

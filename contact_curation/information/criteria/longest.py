@@ -1,4 +1,4 @@
-"""longest: the tosses that last longest, a strong baseline (METHOD 0.10)."""
+"""longest: the tosses that last longest, a strong baseline (method.md 0.10)."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""min-eig: greedy selection by the smallest eigenvalue (E-optimality), on the accumulated set (METHOD 1.6).
+"""min-eig: greedy selection by the smallest eigenvalue (E-optimality), on the accumulated set (method.md 1.6).
 
 Everything is whitened by the pool's mean toss on the identifiable subspace, A = delta I + sum_S Z^T Z, so the smallest
 eigenvalue says how many average tosses' worth is known about the least known direction. It is not submodular, so an old gain

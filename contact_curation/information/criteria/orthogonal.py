@@ -1,10 +1,10 @@
-"""orthogonal: tosses whose scores point in different directions (METHOD 1.8), on toss scores s = sum_t g_t.
+"""orthogonal: tosses whose scores point in different directions (method.md 1.8), on toss scores s = sum_t g_t.
 
 pivoted: R = S; repeat: pick the longest row of R, take its direction out of all rows. This is QR with column pivoting on S^T,
 greedy volume maximisation. Once every direction is used up it starts again with the original lengths.
 max-cosine: start with the longest score; then the toss whose largest |cosine| with the picked ones is smallest. A diagnostic.
-literal: the same with raw |inner products|, as the paper prints it. It prefers tosses that say nothing (METHOD E15, 0.5) and is
-here for the record only.
+literal: the same with raw |inner products|, as the paper prints it. It prefers tosses that say nothing (method.md E15, 0.5) and
+is here for the record only.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""trace: tr F of the Fisher sum, mean or coherent matrix: the paper's ranking (METHOD 1.5, 1.7).
+"""trace: tr F of the Fisher sum, mean or coherent matrix: the paper's ranking (method.md 1.5, 1.7).
 
 The trace is a sum over tosses, so that the best set is simply the top k, and the k largest seen so far are the k largest of a
 stream: a heap of size k gives exactly what ranking the whole pool gives, ties by id included, in any order of arrival.

@@ -39,7 +39,7 @@ class NetworkConfig:
     """What is peculiar to networks; a model has a form of its own, so that that of `ScoringConfig` says nothing.
 
     Attributes:
-        draws: backward passes per transition that stand for the Gauss-Newton matrix (METHOD 1.5), all but one along its
+        draws: backward passes per transition that stand for the Gauss-Newton matrix (method.md 1.5), all but one along its
             strongest directions (`leading_slopes`); a model without impulses to solve for, and explicit parameters alone, are
             taken exactly.
         seed: of the draws.
@@ -59,7 +59,7 @@ class NetworkConfig:
 
 
 def network_config_for(model: str) -> NetworkConfig:
-    """What is used for a model where nothing else is said: a sketch that meets METHOD 6, check 15, for it.
+    """What is used for a model where nothing else is said: a sketch that meets method.md 6, check 15, for it.
 
     Raises:
         InvalidValueError: there is no such model.

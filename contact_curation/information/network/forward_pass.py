@@ -1,4 +1,4 @@
-"""One forward pass of a model over transitions, and what one backward pass makes of it (METHOD 1.4, 1.5, 2.7).
+"""One forward pass of a model over transitions, and what one backward pass makes of it (method.md 1.4, 1.5, 2.7).
 
 Whatever the estimator, a score is a backward pass from some slopes by the model's outputs for a transition (its contacts, or
 the velocity that it misses) to the slopes by every layer's outputs, and no gradient by a weight is ever formed:

@@ -1,4 +1,4 @@
-"""Exact toss scores of networks, kept in files until the pool is complete, and their inner products (METHOD 2.7).
+"""Exact toss scores of networks, kept in files until the pool is complete, and their inner products (method.md 2.7).
 
 A toss's score s = sum_t g_t has as many numbers as the networks have weights, too many for a record. But all that a selection
 asks of the scores is their Gram matrix, and any vectors with the same Gram matrix answer the same.

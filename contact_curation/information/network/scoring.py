@@ -1,4 +1,4 @@
-"""A toss becomes information about a model with networks: traces exactly, everything else through a sketch (METHOD 2.7).
+"""A toss becomes information about a model with networks: traces exactly, everything else through a sketch (method.md 2.7).
 
 One forward pass over a toss and a backward pass per score give, without any gradient by a weight: per block the trace of the
 Fisher sum, by ghost norms; per transition a sketched gradient, from which the factor comes; and the toss's own score, where a
@@ -142,7 +142,7 @@ class NetworkScorer:
         )
 
     def _influence(self, found: ForwardPass) -> Array:
-        """(B,) by what each score is scaled (METHOD 2.1); 0 for what is not solved."""
+        """(B,) by what each score is scaled (method.md 2.1); 0 for what is not solved."""
         losses = np.where(found.solved, found.losses, 0.0)
         bounded = np.minimum(1.0, self.config.influence_bound / np.maximum(losses, np.finfo(float).tiny))
         return np.where(found.solved, bounded, 0.0)

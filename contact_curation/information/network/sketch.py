@@ -1,4 +1,4 @@
-"""Gradients by a network's weights, a transition each, of which not a single one is formed (METHOD 2.7).
+"""Gradients by a network's weights, a transition each, of which not a single one is formed (method.md 2.7).
 
 A linear layer that sees streams a_r and whose outputs have slopes delta_r has, for one transition, the gradient
 dW = sum_r delta_r a_r^T by its weights and db = sum of the primal delta_r by its biases. Their lengths are exact:

@@ -1,4 +1,4 @@
-"""How far a predicted motion is from the measured one, toss by toss (METHOD 1.11).
+"""How far a predicted motion is from the measured one, toss by toss (method.md 1.11).
 
     position    = 100 / width * mean_t |x_t - xhat_t|               percent of the body's width
     rotation    = mean_t angle(q_t, qhat_t)                         degrees

@@ -1,4 +1,4 @@
-"""What training goes down, and what is said of a model's losses (METHOD 2.1).
+"""What training goes down, and what is said of a model's losses (method.md 2.1).
 
 A few transitions with huge losses, tracking outliers first of all, must not rule the gradient. With a bound c on the loss
 L = r^2 a transition counts as
@@ -12,7 +12,7 @@ optimum. Impacts, a few in a hundred transitions, have losses of several times t
 The ground lies near the zero of the board's frame. A body that is larger by some length over a ground that lies lower by as
 much rests at the same height; only edges and corners tell the two apart, and the noise of a tracker is enough to hide it. So
 the protocol holds the height, where a model learns one, near zero by w h^2, like a measurement of the board would. It is no
-part of the likelihood and enters no score (METHOD A4).
+part of the likelihood and enters no score (method.md A4).
 """
 
 import math

@@ -1,4 +1,6 @@
-"""How a model is trained: ContactNets' published protocol, and ours with a budget of gradient steps (METHOD 1.12, appendix A).
+"""How a model is trained: ContactNets' published protocol, and ours with a budget of gradient steps.
+
+See method.md 1.12, appendix A.
 
 Published: one transition a step, AdamW at a small constant rate, epochs until the held-out loss has not fallen for
 int(500 / total) + 12 of them, where total = 2 * training tosses, since half of ContactNets' tosses were for training.
@@ -19,10 +21,10 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.learning.training.objective import InfluenceBound, InfluenceShape
 
 PUBLISHED_REGULARIZER = 0.3
-"""Weight of the regulariser that keeps theta's scale in place (METHOD 1.2)."""
+"""Weight of the regulariser that keeps theta's scale in place (method.md 1.2)."""
 
 PUBLISHED_EPOCHS = 500
-"""At most so many, as in METHOD 1.13."""
+"""At most so many, as in method.md 1.13."""
 
 
 class Schedule(StrEnum):
@@ -134,7 +136,7 @@ class TrainingConfig:
 
 
 def published(model: str) -> TrainingConfig:
-    """ContactNets' protocol for a model by its name (METHOD 1.12)."""
+    """ContactNets' protocol for a model by its name (method.md 1.12)."""
     usual = model_class(model).defaults
     adamw = AdamWConfig(usual.published_rate, usual.published_decay)
     return TrainingConfig(
@@ -151,7 +153,7 @@ def published(model: str) -> TrainingConfig:
 
 
 def budgeted(model: str) -> TrainingConfig:
-    """Our protocol for a model by its name (METHOD 2.1, appendix A)."""
+    """Our protocol for a model by its name (method.md 2.1, appendix A)."""
     return _budgeted(model_class(model).defaults)
 
 

@@ -1,4 +1,4 @@
-"""The selection is made again while theta is learned: what teaches most at one theta need not at another (METHOD 2.4).
+"""The selection is made again while theta is learned: what teaches most at one theta need not at another (method.md 2.4).
 
 Again after every n epochs, as the paper does, at each optimum of an exact training, or when canaries say so: a few tosses,
 always the same ones, are scored and ranked at the current theta, and compared with their ranking at the theta of the last

@@ -2,7 +2,7 @@
 
 A step takes the next batch of transitions, leaves out those whose impulses carry no certificate, and goes down
 
-    mean over the batch of bounded(L) + w_r R + w_h h^2        (METHOD 1.2, 2.1; learning/training/objective.py)
+    mean over the batch of bounded(L) + w_r R + w_h h^2        (method.md 1.2, 2.1; learning/training/objective.py)
 
 In the exact protocol a single step goes all the way to the optimum instead (learning/fits/exact_fit.py).
 

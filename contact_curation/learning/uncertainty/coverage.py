@@ -1,4 +1,4 @@
-"""Whether what is said to be known is true: theta fitted anew to tosses drawn anew (METHOD 2.8, check 6.16).
+"""Whether what is said to be known is true: theta fitted anew to tosses drawn anew (method.md 2.8, check 6.16).
 
 The bootstrap over tosses needs no model of the noise and no derivative: tosses are drawn with replacement, as many as there
 are, theta is fitted to each draw from the optimum of them all, and its standard deviation over the draws is what the sandwich,

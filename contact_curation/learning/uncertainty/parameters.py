@@ -1,4 +1,4 @@
-"""What is known of a polytope after it was fitted to tosses: per parameter in mm, friction and degrees (METHOD 2.8).
+"""What is known of a polytope after it was fitted to tosses: per parameter in mm, friction and degrees (method.md 2.8).
 
 Three standard deviations, with H the Gauss-Newton information and s the scores at theta, k counting tosses and t transitions:
 

@@ -19,7 +19,7 @@ from contact_curation.simulation.arm.path import JointPath
 
 @dataclass(frozen=True)
 class GateConfig:
-    """Limits of commands; the defaults are those of throws that were made (METHOD 5).
+    """Limits of commands; the defaults are those of throws that were made (method.md 5).
 
     Attributes:
         largest_speed: of a release [m/s].

@@ -1,9 +1,9 @@
-// The inner problem of METHOD 1.3 as data, and the certificate by which a solution proves itself.
+// The inner problem of method.md 1.3 as data, and the certificate by which a solution proves itself.
 //
 //   minimise  w_m |A l - b|^2 + sum_i l_i^T D_i l_i + eps |l|^2 + w_s sum_j min(0, c_j + B_j A l)^2
 //   over      l_i = (normal, tangent1, tangent2) in the friction cone |tangent| <= normal (or a polyhedral cone around it)
 //
-// A is 6 x 3K and everything outside the 3x3 blocks D_i acts through A l in R^6 (METHOD 4.1).
+// A is 6 x 3K and everything outside the 3x3 blocks D_i acts through A l in R^6 (method.md 4.1).
 #pragma once
 
 #include "lanes.hpp"

@@ -3,7 +3,7 @@
 // Mehrotra's predictor-corrector with Nesterov-Todd scaling of the friction cones (Andersen, Dahl, Vandenberghe: coneqp, 2010).
 // The penetration slack is one inequality per contact, t_j = w_j / (2 w_s) + c_j + B_j A l >= 0 with multiplier w_j. The Newton
 // matrix is blkdiag(N_i) + A^T S A with N_i 3x3 and S 6x6, so a step costs K inversions of 3x3 and one Cholesky factor of 6x6
-// (METHOD 4.1).
+// (method.md 4.1).
 #pragma once
 
 #include "cone_problem.hpp"

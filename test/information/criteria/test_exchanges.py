@@ -1,4 +1,4 @@
-"""Exchanges come out near greedy selection in every order that was tried (METHOD check 10)."""
+"""Exchanges come out near greedy selection in every order that was tried (method.md check 10)."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Trace, leverage, length and chance are sums over tosses (METHOD check 6, 2.2)."""
+"""Trace, leverage, length and chance are sums over tosses (method.md check 6, 2.2)."""
 
 import numpy as np
 import pytest

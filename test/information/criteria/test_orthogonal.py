@@ -1,4 +1,4 @@
-"""Pivoted QR picks new directions; the paper's literal rule picks silence (METHOD 1.8, E15, check 9)."""
+"""Pivoted QR picks new directions; the paper's literal rule picks silence (method.md 1.8, E15, check 9)."""
 
 import numpy as np
 import pytest

@@ -59,7 +59,7 @@ def test_ghost_norms_and_sums_are_those_of_single_gradients(kind: str, count: in
 
 @pytest.mark.slow
 def test_ghost_norms_of_256_transitions_are_exact_to_1e_5() -> None:
-    """METHOD 6, check 15; to rounding, in fact."""
+    """method.md 6, check 15; to rounding, in fact."""
     model, rows = network("deep"), rows_of(tosses()).take(slice(0, 256))
     norms = np.square(np.concatenate(list(long_scores(model, rows).values()), axis=1)).sum(axis=1)
     found = traces(*passed(model, rows))

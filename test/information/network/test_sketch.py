@@ -49,7 +49,7 @@ def leverages(gram: Array) -> Array:
 
 @pytest.mark.parametrize("kind", ["deep", "deepvertex", "end_to_end"])
 def test_inner_products_are_right_to_a_few_percent_and_leverages_keep_their_order(kind: str) -> None:
-    """METHOD 6, check 15, for single transitions, which is harder than for tosses."""
+    """method.md 6, check 15, for single transitions, which is harder than for tosses."""
     found = scores(kind, network_config_for(kind).sketch)
     exact, sketched = found.exact @ found.exact.T, found.sketched @ found.sketched.T
     heard = np.flatnonzero(np.diag(exact) > 1e-9 * np.diag(exact).max())
@@ -61,7 +61,7 @@ def test_inner_products_are_right_to_a_few_percent_and_leverages_keep_their_orde
 
 
 def test_leading_directions_are_worth_more_than_random_ones() -> None:
-    """Of the same size, what METHOD 2.7 proposes is many times as rough."""
+    """Of the same size, the purely random sketch of method.md 2.7 is many times as rough."""
 
     def roughness(config: SketchConfig) -> float:
         found = scores("deep", config)

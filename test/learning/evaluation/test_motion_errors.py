@@ -1,4 +1,4 @@
-"""Errors of motion: hand cases, a plain loop, and the physical floor on ContactNets' real tosses (METHOD 1.11, 6.14)."""
+"""Errors of motion: hand cases, a plain loop, and the physical floor on ContactNets' real tosses (method.md 1.11, 6.14)."""
 
 from dataclasses import replace
 from math import acos, degrees

@@ -1,4 +1,4 @@
-"""What is known: units, scaling, prior, coverage in simulation; and the bootstrap over real tosses (METHOD 2.8, 6.16)."""
+"""What is known: units, scaling, prior, coverage in simulation; and the bootstrap over real tosses (method.md 2.8, 6.16)."""
 
 from dataclasses import replace
 from pathlib import Path

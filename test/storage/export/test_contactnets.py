@@ -89,7 +89,7 @@ def test_real_tosses_that_were_imported_to_a_bag_come_back_but_for_their_random_
     for ours, kept_toss in zip(exported, tosses):
         original = read_contactnets_toss(contactnets_folder / f"{kept_toss.origin.number}.pt")
         if original.frames != ours.frames:
-            continue  # some public tosses run on after the cube lay still (METHOD 1.0)
+            continue  # some public tosses run on after the cube lay still (method.md 1.0)
         between = quaternions.multiply(original.orientations_wxyz, quaternions.conjugate(ours.orientations_wxyz))
         heading = 2.0 * np.arctan2(between[0, 3], between[0, 0])
         turn = quaternions.exp(np.array([0.0, 0.0, heading]))
