@@ -23,3 +23,13 @@ def test_every_link_of_a_page_leads_to_a_file_and_a_heading_in_it(page: Path) ->
         path = (page.parent / target).resolve()
         assert path.exists(), target
         assert not anchor or anchor in anchors(path), f"{target}#{anchor}"
+
+
+PATHS = re.compile(r"`((?:[\w.]+/)+[\w.]+\.(?:py|cpp|hpp))`")
+ROOTS = (REPOSITORY, REPOSITORY / "contact_curation")
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.parent != REPOSITORY], ids=lambda page: page.name)
+def test_every_file_of_the_repository_that_a_page_names_is_there(page: Path) -> None:
+    named = PATHS.findall(page.read_text(encoding="utf-8"))
+    assert [path for path in named if not any((root / path).exists() for root in ROOTS)] == []
