@@ -65,9 +65,12 @@ class ScoreFileWriter:
         if path.suffix != ".npz" or path.is_dir():
             raise InvalidValueError("output", path, "the name of an .npz file")
         try:
-            self._folder = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+            # Goes with this object, or with the process, also where an interrupt comes before `with` or while it ends.
+            self._holder = tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent, ignore_cleanup_errors=True)
         except OSError as error:
             raise InvalidValueError("output", path, f"a path that can be written ({error.strerror})") from error
+
+        self._folder = Path(self._holder.name)
 
     def add(self, toss_id: str, index: ArrayLike, evaluation: Evaluation) -> None:
         """Adds the N transitions of a toss.
@@ -109,7 +112,7 @@ class ScoreFileWriter:
         """Removes what is not part of a finished file."""
         for column in self._columns.values():
             column.file.close()
-        shutil.rmtree(self._folder, ignore_errors=True)
+        self._holder.cleanup()
 
     def __enter__(self) -> Self:
         return self

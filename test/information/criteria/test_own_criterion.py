@@ -55,7 +55,7 @@ def test_rank_knows_it_and_the_manifest_names_it(scratch: Path, golden: Path, tm
     out = tmp_path / "manifest.json"
     assert "smallest-loss" in run(scratch, "-m", "contact_curation.cli.main", "rank", "--help")
     words = ("rank", str(golden), "--criterion", "smallest-loss", "--top", "5", "--out", str(out))
-    assert "21 ranked by smallest-loss, 5 kept" in run(scratch, "-m", "contact_curation.cli.main", *words)
+    assert "21 ranked by smallest-loss, 5 selected" in run(scratch, "-m", "contact_curation.cli.main", *words)
     manifest = read_manifest(out)
     assert manifest.run.criterion == "smallest-loss"
     losses = [row.mean_loss or 0.0 for row in manifest.rows if row.rank is not None]
