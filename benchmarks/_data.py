@@ -27,6 +27,6 @@ def contactnets_folder() -> Path | None:
 
 
 def training_and_held_out(folder: Path) -> Split:
-    """The tosses below 400 that no twin of is held out, and those from 400 on."""
+    """The tosses below 400 that no duplicate of is held out, and those from 400 on."""
     found = [one for one in open_inputs([folder], CONTACTNETS_CUBE) if isinstance(one, Toss)]
     return split([NumberedToss(one, toss_number(one, place)) for place, one in enumerate(found)], HELD_OUT)

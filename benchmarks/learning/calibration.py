@@ -1,6 +1,6 @@
 """Is what is said to be known of the cube true? The sandwich and both Cramer-Rao bounds beside a bootstrap over real tosses.
 
-The polytope is fitted to so many random tosses of those below id 400 that no twin of is held out, from the published random
+The polytope is fitted to so many random tosses of those below id 400 without a held-out duplicate, from the published random
 initialisation, and again to as many drawn from them with replacement, for every resample. A ratio of 1 means that a deviation
 is as large as it was said to be (method.md 6, check 16: 0.7 to 1.4 for friction and for at least 6 of 8 vertex heights).
 sigma^2 is that of tosses 400 to 569. The tosses are found through CONTACTNETS_DATA.

@@ -1,6 +1,6 @@
 """What each model reaches on held-out real tosses when it learns from a few: against the true cube, the floor (method.md 1.11).
 
-From ContactNets' tosses 0 to 399, less the twins of held-out ones, some are chosen (at random, or the longest); each model
+From ContactNets' tosses 0 to 399, less the duplicates of held-out ones, some are chosen (at random, or the longest); each model
 trains on them from its published random initialisation by our protocol, and is judged on tosses 400 to 569. A seed stands for
 the choice, the initialisation and the shuffles. Intervals are bootstrap ones over seeds.
 

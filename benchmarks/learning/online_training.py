@@ -1,7 +1,7 @@
 """Held-out error while a real recording plays through five processes: what is kept is trained on, and ranks again.
 
-ContactNets' tosses 0 to 399 are played as one bag; 400 to 569 are held out, and training tosses that are twins of held-out ones
-are not played. Scorer and trainer begin at the same random theta (method.md 1.1), so that nobody knows the cube beforehand.
+ContactNets' tosses 0 to 399 are played as one bag; 400 to 569 are held out, and training tosses that are duplicates of held-out
+ones are left out. Scorer and trainer begin at the same random theta (method.md 1.1), so that nobody knows the cube beforehand.
 
     python -m benchmarks.learning.online_training [--criteria log-det longest random] [--seeds 3] [--top 16] [--rate 20]
                                          [--figure docs/images/online_training.png] [--json]

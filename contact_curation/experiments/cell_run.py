@@ -72,7 +72,7 @@ class Bench:
 
     Attributes:
         body: as described.
-        training: tosses that may be kept; no twin of a held-out one.
+        training: tosses that may be kept; no duplicate of a held-out one.
         held_out: tosses that judge.
         gates: that a pool passes.
     """

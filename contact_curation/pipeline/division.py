@@ -1,6 +1,6 @@
 """Which tosses are learned from and which are held out; whatever is left out is a line.
 
-The tosses are read before they are divided, since a training toss can be the twin of a held-out one that comes in a later
+The tosses are read before they are divided, since a training toss can be the duplicate of a held-out one that comes in a later
 recording.
 """
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.learning.evaluation.held_out import HeldOutRule, NumberedToss, Twin, split
+from contact_curation.learning.evaluation.held_out import Duplicate, HeldOutRule, NumberedToss, split
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.tosses import Tosses
 from contact_curation.pipeline.wording import counted_tosses, listed
@@ -24,7 +24,7 @@ LARGEST_FILE = 1 << 26
 """Bytes; a million ids take half of it."""
 
 HELD_OUT = "held out"
-TWIN = "twin of a held-out toss"
+DUPLICATE = "duplicate of a held-out toss"
 
 
 def held_out_rule(spec: str) -> HeldOutRule:
@@ -90,7 +90,7 @@ def held_out_tosses(tosses: Tosses, rule: HeldOutRule) -> HeldOutTosses:
     if pool:
         _check_something_is_held_out(rule, len(parts.held_out), len(pool))
     reasons = {toss.toss_id: HELD_OUT for toss in parts.held_out}
-    reasons |= {twin.left_out: f"{TWIN}: {twin.held_out}" for twin in parts.twins}
+    reasons |= {duplicate.left_out: f"{DUPLICATE}: {duplicate.held_out}" for duplicate in parts.duplicates}
     return HeldOutTosses(reasons, tuple(_unknown_ids(rule, pool)))
 
 
@@ -103,14 +103,14 @@ class DivisionConfig:
         said: whether the user said so; else what a manifest selected is not held out.
         manifest: where `selected` comes from.
         selected: ids of what may be learned from; None for all.
-        with_twins: learn from motions that are held out under another id.
+        with_duplicates: learn from motions that are held out under another id.
     """
 
     rule: HeldOutRule = field(default_factory=HeldOutRule)
     said: bool = False
     manifest: Path | None = None
     selected: tuple[str, ...] | None = None
-    with_twins: bool = False
+    with_duplicates: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,14 +120,14 @@ class LearningTosses:
     Attributes:
         training: to learn from.
         held_out: never to learn from.
-        twins: left out of the training since they are held out under another id.
+        duplicates: left out of the training since they are held out under another id.
         rejected: how many tosses failed a gate, by reason.
         warnings: what is wrong with the inputs, one line each.
     """
 
     training: tuple[Toss, ...]
     held_out: tuple[Toss, ...]
-    twins: tuple[Twin, ...]
+    duplicates: tuple[Duplicate, ...]
     rejected: Counter[str]
     warnings: tuple[str, ...]
 
@@ -150,12 +150,14 @@ def learning_tosses(tosses: Tosses, config: DivisionConfig) -> LearningTosses:
         absent = f"none in the inputs: no {listed(config.selected or ())}"
         raise InvalidValueError(f"selected tosses of {config.manifest}", absent, "some")
     ids = frozenset(one.toss.toss_id for one in held_out)
-    parts = split([*held_out, *(one for one in others if one.toss.toss_id not in ids)], HeldOutRule(ids=ids), config.with_twins)
+    parts = split(
+        [*held_out, *(one for one in others if one.toss.toss_id not in ids)], HeldOutRule(ids=ids), config.with_duplicates
+    )
     lines = (*tosses.warnings, *_missing(pool, ids, config))
     if not parts.training:
-        why = f"none of {len(pool)}: {len(held_out)} are held out, {len(parts.twins)} are twins of those"
+        why = f"none of {len(pool)}: {len(held_out)} are held out, {len(parts.duplicates)} are duplicates of those"
         raise InvalidValueError("tosses to learn from", why, "at least one")
-    return LearningTosses(parts.training, parts.held_out, parts.twins, tosses.reasons, lines)
+    return LearningTosses(parts.training, parts.held_out, parts.duplicates, tosses.reasons, lines)
 
 
 def _missing(tosses: Sequence[NumberedToss], held_out: frozenset[str], config: DivisionConfig) -> list[str]:

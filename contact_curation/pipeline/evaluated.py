@@ -34,14 +34,14 @@ class JudgingTosses:
         judged_by: at least one.
         fitted: what it was fitted to, as far as it is known; none where all tosses judge.
         chosen: in words, why just these.
-        twins: ids of those that judge and are in `fitted`, too, under another id.
+        duplicates: ids of those that judge and are in `fitted`, too, under another id.
         warnings: what is wrong, one line each.
     """
 
     judged_by: tuple[Toss, ...]
     fitted: tuple[Toss, ...]
     chosen: str
-    twins: frozenset[str]
+    duplicates: frozenset[str]
     warnings: tuple[str, ...]
 
 
@@ -68,12 +68,14 @@ class Evaluation:
     bootstrap: BootstrapConfig
 
     def summaries(self) -> dict[str, Summary]:
-        """By file; as rigid bodies; without the twins, where there are any; and of the differences."""
+        """By file; as rigid bodies; without the duplicates, where there are any; and of the differences."""
         found = {str(one.name): summary(each, self.bootstrap) for one, each in self._pairs()}
         found |= {name: summary(each, self.bootstrap) for name, each in self.rigid.items()}
-        if self.tosses.twins:
-            name = f"without the {len(self.tosses.twins)} that have a twin among the others"
-            found |= {f"{one.name}, {name}": summary(each, self.bootstrap, self.tosses.twins) for one, each in self._pairs()}
+        if self.tosses.duplicates:
+            name = f"without the {len(self.tosses.duplicates)} that have a duplicate among the others"
+            found |= {
+                f"{one.name}, {name}": summary(each, self.bootstrap, self.tosses.duplicates) for one, each in self._pairs()
+            }
         if len(self.evaluations) > 1:
             name = f"{self.models[0].name} - {self.models[1].name}, toss by toss"
             found[name] = comparison(self.evaluations[0], self.evaluations[1], self.bootstrap)
@@ -84,7 +86,7 @@ class Evaluation:
         return {
             "chosen": self.tosses.chosen,
             "tosses": len(self.tosses.judged_by),
-            "twins": sorted(self.tosses.twins),
+            "duplicates": sorted(self.tosses.duplicates),
             "models": [_json_model(one, each) for one, each in self._pairs()],
             "summaries": {name: _json_summary(each) for name, each in self.summaries().items()},
             "bootstrap": asdict(self.bootstrap),

@@ -75,7 +75,7 @@ def judging_tosses(tosses: Tosses, spec: str | None, models: Sequence[LearnedMod
         ContactCurationError: there is no toss to judge by.
     """
     rule = HeldOutRule() if spec is None else held_out_rule(spec)
-    read = learning_tosses(tosses, DivisionConfig(rule, said=spec is not None, with_twins=True))
+    read = learning_tosses(tosses, DivisionConfig(rule, said=spec is not None, with_duplicates=True))
     judged_by, others, chosen = read.held_out, read.training, f"--held-out {spec}"
     if spec is None:
         judged_by, others, chosen = _as_trained(models[0], read.training)
@@ -85,9 +85,9 @@ def judging_tosses(tosses: Tosses, spec: str | None, models: Sequence[LearnedMod
     seen = [toss for toss in others if not learned or toss.toss_id in learned]
     fitted = tuple(toss for toss in seen if not last or toss.toss_id in last)
     parts = split([NumberedToss(toss, 0) for toss in (*judged_by, *seen)], HeldOutRule(ids=_ids(judged_by)))
-    twins = frozenset(twin.held_out for twin in parts.twins)
+    duplicates = frozenset(duplicate.held_out for duplicate in parts.duplicates)
     rigs = _of_other_rigs(models, settings_of(tosses.config.inputs.rig))
-    return JudgingTosses(judged_by, fitted, chosen, twins, (*read.warnings, *_seen_before(judged_by, models), *rigs))
+    return JudgingTosses(judged_by, fitted, chosen, duplicates, (*read.warnings, *_seen_before(judged_by, models), *rigs))
 
 
 def _as_trained(model: LearnedModel, tosses: tuple[Toss, ...]) -> tuple[tuple[Toss, ...], tuple[Toss, ...], str]:

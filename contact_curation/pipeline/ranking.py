@@ -100,7 +100,7 @@ def _sources(
     jobs = max(1, min(config.jobs or os.cpu_count() or 1, len(source)))
     if config.held_out == HeldOutRule():
         return source, (), jobs
-    # A training toss can be the twin of a held-out one that comes later: all are read before the first is scored.
+    # A training toss can be the duplicate of a held-out one that comes later: all are read before the first is scored.
     with progress("reading", "tosses") as bar:
         read = read_tosses(source, config.pool.reading, jobs, bar.advance)
     recordings, missing, _ = _sources(read, config, progress)

@@ -30,8 +30,8 @@ def ranked(report: Any) -> dict[str, tuple[int, float]]:
     return {row["toss_id"]: (row["rank"], row["score"]) for row in report["tosses"] if row["rank"] is not None}
 
 
-def test_held_out_tosses_and_their_twins_are_not_in_the_pool(cli: Cli, folder: Path) -> None:
-    inputs = (folder / "more", folder / "files")  # the twin comes before what is held out
+def test_held_out_tosses_and_their_duplicates_are_not_in_the_pool(cli: Cli, folder: Path) -> None:
+    inputs = (folder / "more", folder / "files")  # the duplicate comes before what is held out
     words = ("--no-figure", "--json", "--bound-influence", "--no-gate", "--jobs", "1")
     report = cli("rank", *inputs, "--held-out", "2-3", *words).json
     (folder / "fewer").mkdir()
@@ -42,10 +42,10 @@ def test_held_out_tosses_and_their_twins_are_not_in_the_pool(cli: Cli, folder: P
     assert (report["influence_bound"], report["diagnostics"]) == (alone["influence_bound"], alone["diagnostics"])
     others = {row["toss_id"]: row for row in report["tosses"] if row["rank"] is None}
     assert {toss_id: row["reasons"] for toss_id, row in others.items()} == {
-        "2": ["held out"], "3": ["held out"], "7": ["twin of a held-out toss: 2"],
+        "2": ["held out"], "3": ["held out"], "7": ["duplicate of a held-out toss: 2"],
     }  # fmt: skip
     assert not any(row["kept"] or row["trace"] for row in others.values())
-    assert report["outcomes"] == {"selected": 2, "not selected": 0, "held out": 2, "twin of a held-out toss": 1}
+    assert report["outcomes"] == {"selected": 2, "not selected": 0, "held out": 2, "duplicate of a held-out toss": 1}
 
 
 def test_a_toss_is_held_out_by_its_place_in_a_recording_and_kept_back_ones_count(cli: Cli, golden: Path) -> None:

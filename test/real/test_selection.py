@@ -114,7 +114,7 @@ def test_a_curation_says_how_good_its_set_is_proven_to_be(
 # Tosses that are there twice (method.md 6.9)
 
 
-def twins_of(pool: Pool) -> list[tuple[str, str]]:
+def duplicates_of(pool: Pool) -> list[tuple[str, str]]:
     """Pairs that are one recording under two headings of the board: what they teach of the cube is the same."""
     of_cube = {info.toss_id: info.block_traces[[block.name != "tilt" for block in info.blocks]] for info in pool.infos}
     order = sorted(of_cube, key=lambda toss_id: of_cube[toss_id].sum())
@@ -125,12 +125,12 @@ def twins_of(pool: Pool) -> list[tuple[str, str]]:
 def test_criteria_that_look_at_single_tosses_keep_recordings_twice(real_tosses: Tosses, estimator: Estimator) -> None:
     """33 real recordings are in the data under two headings, so a new heading of the board is all that the second one adds."""
     pool = scored_pool(real_tosses, estimator)
-    twins = twins_of(pool)
-    assert len(twins) == 33
+    duplicates = duplicates_of(pool)
+    assert len(duplicates) == 33
 
     def twice(criterion: str) -> int:
         kept = set(by(criterion, pool).selected_ids)
-        return sum(one in kept and other in kept for one, other in twins)
+        return sum(one in kept and other in kept for one, other in duplicates)
 
     for criterion in ("representative", "log-det", "min-eig", "orthogonal"):
         assert twice(criterion) == 0, criterion

@@ -108,7 +108,9 @@ def _add_toss_options(parser: argparse.ArgumentParser) -> None:
     again.add_argument("--rerank-every", type=positive_integer, metavar="N", help="select the best K again every N epochs")
     again.add_argument("--canary", action="store_true", help="select them again when the ranks of a few tosses have moved")
     add_held_out_option(group, f"default {DEFAULT_SHARE}; with --manifest of the tosses that were not selected")
-    group.add_argument("--keep-twins", action="store_true", help="learn from motions, too, that are held out under another id")
+    group.add_argument(
+        "--keep-duplicates", action="store_true", help="learn from motions, too, that are held out under another id"
+    )
     group.add_argument("--no-gate", action="store_true", help="learn from what the gates would reject, too")
 
 
@@ -205,7 +207,7 @@ def _configs(arguments: argparse.Namespace) -> "tuple[TrainConfig, ReadingConfig
         said=arguments.held_out is not None,
         manifest=arguments.manifest,
         selected=selected_ids(arguments.manifest) if arguments.manifest else None,
-        with_twins=arguments.keep_twins,
+        with_duplicates=arguments.keep_duplicates,
     )
     config = TrainConfig(
         kind=kind,
@@ -293,7 +295,7 @@ def _start_line(
         "seed": config.seed,
         "tosses": len(tosses.training),
         "held_out": len(tosses.held_out),
-        "twins_left_out": len(tosses.twins),
+        "duplicates_left_out": len(tosses.duplicates),
         "held_out_loss": running.loss_before,
         "package_version": __version__,
     }

@@ -47,7 +47,7 @@ def json_report(report: TrainReport) -> dict[str, Any]:
         "training_tosses": list(data.toss_ids),
         "training_transitions": len(data.dt),
         "held_out_tosses": [toss.toss_id for toss in report.run.plan.held_out],
-        "twins": [list(twin) for twin in report.tosses.twins],
+        "duplicates": [list(duplicate) for duplicate in report.tosses.duplicates],
         "rejected": dict(report.tosses.rejected),
         "selections": [document_of(one) for one in report.run.curated.selections],
         "seconds": report.seconds,
@@ -83,10 +83,10 @@ def print_report(report: TrainReport) -> None:
 def _print_left_out(report: TrainReport) -> None:
     for name, count in report.tosses.rejected.most_common():
         print(f"rejected: {count} ({name})")
-    twins = report.tosses.twins
-    if twins:
-        example = f"{twins[0].left_out} as {twins[0].held_out}"
-        print(f"left out: {counted_tosses(len(twins))} whose motion is held out under another id, e.g. {example}")
+    duplicates = report.tosses.duplicates
+    if duplicates:
+        example = f"{duplicates[0].left_out} as {duplicates[0].held_out}"
+        print(f"left out: {counted_tosses(len(duplicates))} whose motion is held out under another id, e.g. {example}")
 
 
 def _print_selections(selections: tuple[Selected, ...]) -> None:

@@ -7,9 +7,9 @@ The number of a toss is the one that its file is named with, 417 for ContactNets
 from 0, and those that were kept back count too, so that no gate renumbers the others, unless the recording says of which file
 it was made (`storage.inputs.recording_notes`): 400-569 are the same tosses in ContactNets' files and in a bag of some of them.
 
-A motion can be in the data twice, under two headings of the board (docs/data.md). Twins are told by what no heading changes:
-the heights, and the vertical as the body sees it. A training toss with a twin among the held-out ones is left out of the
-training, and not the other way round: so the held-out set stays as published, and is never seen.
+A motion can be in the data twice, under two headings of the board (docs/data.md). Duplicates are found by what no heading
+changes: the heights, and the vertical as the body sees it. A training toss with a duplicate among the held-out ones is left
+out of the training, and not the other way round: so the held-out set stays as published, and is never seen.
 """
 
 from collections import defaultdict
@@ -26,7 +26,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.toss import Toss
 
 SAME_MOTION = 1e-6
-"""Largest difference of twins, in m and in directions; the public ones differ by 1e-15, and all others by 0.1 or more."""
+"""Largest difference of duplicates, in m and in directions; the public ones differ by 1e-15, and all others by 0.1 or more."""
 
 
 class NumberedToss(NamedTuple):
@@ -36,7 +36,7 @@ class NumberedToss(NamedTuple):
     number: int
 
 
-class Twin(NamedTuple):
+class Duplicate(NamedTuple):
     """Two ids of one motion.
 
     Attributes:
@@ -86,12 +86,12 @@ class Split:
     Attributes:
         training: what selection and training may see.
         held_out: what they never see.
-        twins: those that are on neither side, and why.
+        duplicates: those that are on neither side, and why.
     """
 
     training: tuple[Toss, ...]
     held_out: tuple[Toss, ...]
-    twins: tuple[Twin, ...] = ()
+    duplicates: tuple[Duplicate, ...] = ()
 
 
 def toss_number(toss: Toss, place: int) -> int:
@@ -100,19 +100,19 @@ def toss_number(toss: Toss, place: int) -> int:
     return int(name) if ending == "pt" and name.isdecimal() else place
 
 
-def split(tosses: Sequence[NumberedToss], rule: HeldOutRule, with_twins: bool = False) -> Split:
+def split(tosses: Sequence[NumberedToss], rule: HeldOutRule, with_duplicates: bool = False) -> Split:
     """Divides tosses; both sides keep their order.
 
     Args:
         tosses: all there are.
         rule: what is held out.
-        with_twins: leave twins of held-out tosses in the training, as in published results.
+        with_duplicates: leave duplicates of held-out tosses in the training, as in published results.
     """
     held_out = tuple(one.toss for one in tosses if rule.holds_out(one))
     training = tuple(one.toss for one in tosses if not rule.holds_out(one))
-    twins = () if with_twins else tuple(_twins(training, held_out))
-    left_out = {twin.left_out for twin in twins}
-    return Split(tuple(toss for toss in training if toss.toss_id not in left_out), held_out, twins)
+    duplicates = () if with_duplicates else tuple(_duplicates(training, held_out))
+    left_out = {duplicate.left_out for duplicate in duplicates}
+    return Split(tuple(toss for toss in training if toss.toss_id not in left_out), held_out, duplicates)
 
 
 def _place_of(toss_id: str) -> float:
@@ -120,17 +120,17 @@ def _place_of(toss_id: str) -> float:
     return int.from_bytes(sha256(toss_id.encode()).digest()[:6]) / 2.0**48
 
 
-def _twins(training: Iterable[Toss], held_out: Iterable[Toss]) -> Iterable[Twin]:
+def _duplicates(training: Iterable[Toss], held_out: Iterable[Toss]) -> Iterable[Duplicate]:
     by_frames: defaultdict[int, list[tuple[str, Array]]] = defaultdict(list)
     for toss in held_out:
         by_frames[toss.frames].append((toss.toss_id, _whatever_the_heading(toss)))
     for toss in training:
-        twin = _twin_of(toss, by_frames.get(toss.frames, ()))
-        if twin is not None:
-            yield Twin(toss.toss_id, twin)
+        duplicate = _duplicate_of(toss, by_frames.get(toss.frames, ()))
+        if duplicate is not None:
+            yield Duplicate(toss.toss_id, duplicate)
 
 
-def _twin_of(toss: Toss, candidates: Iterable[tuple[str, Array]]) -> str | None:
+def _duplicate_of(toss: Toss, candidates: Iterable[tuple[str, Array]]) -> str | None:
     """The id of the first candidate of as many frames that is the same motion."""
     own = _whatever_the_heading(toss)
     return next((toss_id for toss_id, other in candidates if np.abs(own - other).max() < SAME_MOTION), None)

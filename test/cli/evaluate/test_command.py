@@ -52,7 +52,7 @@ def test_a_judge_that_was_fitted_to_under_another_id_is_told(
     for name, source in (("0", "0"), ("1", "1"), ("2", "2"), ("3", "1")):
         (tmp_path / f"{name}.pt").write_bytes((folder / f"{source}.pt").read_bytes())
     report = cli("evaluate", true_parameters, tmp_path, *QUICK, "--held-out", "2-3", "--json").json
-    assert report["twins"] == ["3"]
+    assert report["duplicates"] == ["3"]
     everything, others = report["summaries"].values()
     rows = {row["toss_id"]: row["position"] for row in report["models"][0]["per_toss"]}
     assert everything["position"]["mean"]["value"] == pytest.approx(np.mean([rows["2"], rows["3"]]))
@@ -60,19 +60,19 @@ def test_a_judge_that_was_fitted_to_under_another_id_is_told(
 
 
 @pytest.mark.slow
-def test_held_out_real_tosses_with_a_twin_among_the_others_are_told_and_left_out_of_a_table_of_their_own(
+def test_held_out_real_tosses_with_a_duplicate_among_the_others_are_told_and_left_out_of_a_table_of_their_own(
     cli: Cli, contactnets_folder: Path, true_parameters: Path
 ) -> None:
     done = cli("evaluate", true_parameters, contactnets_folder, *QUICK, "--held-out", "400-569", "--json")
     report = done.json
-    twins = [413, 414, 415, 416, 436, 453, 454, 455, 456, 457, 528, 529, 530, 531, 532, 546, 547]
-    assert sorted(map(int, report["twins"])) == twins  # docs/data.md
+    duplicates = [413, 414, 415, 416, 436, 453, 454, 455, 456, 457, 528, 529, 530, 531, 532, 546, 547]
+    assert sorted(map(int, report["duplicates"])) == duplicates  # docs/data.md
     assert report["tosses"] == 170
     rows = {int(row["toss_id"]): row["position"] for row in report["models"][0]["per_toss"]}
     assert sorted(rows) == list(range(400, 570))
     everything, others = report["summaries"].values()
     assert everything["position"]["mean"]["value"] == pytest.approx(np.mean(list(rows.values())))
-    assert others["position"]["mean"]["value"] == pytest.approx(np.mean([rows[k] for k in rows if k not in twins]))
+    assert others["position"]["mean"]["value"] == pytest.approx(np.mean([rows[k] for k in rows if k not in duplicates]))
     assert report["known"]["tosses"] == 400
 
 

@@ -132,11 +132,11 @@ def test_a_held_out_motion_under_another_heading_is_not_trained_on(cli: Cli, fol
     torch.save(rows, tmp_path / "7.pt")
     inputs = (folder, tmp_path / "7.pt")
     done = cli("train", *inputs, "--out", tmp_path / "a.safetensors", *SHORT, "--json")
-    assert done.json["twins"] == [["7", "5"]]
+    assert done.json["duplicates"] == [["7", "5"]]
     assert done.json["training_tosses"] == ["0", "1", "2", "3", "4"]
     said = cli("train", *inputs, "--out", tmp_path / "b.safetensors", *SHORT)
     assert "left out: 1 toss whose motion is held out under another id, e.g. 7 as 5" in said.out
-    kept = cli("train", *inputs, "--out", tmp_path / "c.safetensors", *SHORT, "--keep-twins", "--json")
+    kept = cli("train", *inputs, "--out", tmp_path / "c.safetensors", *SHORT, "--keep-duplicates", "--json")
     assert kept.json["training_tosses"] == ["0", "1", "2", "3", "4", "7"]
 
 

@@ -1,4 +1,4 @@
-"""What is held out: by number, id or digest, the same in files and in the bag made of them; twins are not trained on."""
+"""What is held out: by number, id or digest, the same in files and in the bag made of them; duplicates are not trained on."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,14 +9,14 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
-from contact_curation.learning.evaluation.held_out import HeldOutRule, NumberedToss, Twin, split, toss_number
+from contact_curation.learning.evaluation.held_out import Duplicate, HeldOutRule, NumberedToss, split, toss_number
 from contact_curation.motion.toss import Toss
 from contact_curation.storage.datasets.tagslam_bag import import_contactnets
 from contact_curation.storage.inputs.inputs import open_inputs
 from test.simulated import simulated_tosses
 
 LEAKING = {84, 163, 164, 165, 166, 167, 226, 227, 228, 229, 230, 321, 322, 323, 324, 363, 364}
-"""Public tosses below 400 with a twin from 400 on, by their velocities: `python -m benchmarks.data.duplicates`."""
+"""Public tosses below 400 with a duplicate from 400 on, by their velocities: `python -m benchmarks.data.duplicates`."""
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def test_a_span_holds_out_its_numbers_with_both_ends(tosses: tuple[Toss, ...]) -
 
 def test_the_empty_rule_holds_nothing_out(tosses: tuple[Toss, ...]) -> None:
     parts = split(numbered(tosses), HeldOutRule())
-    assert (ids(parts.training), parts.held_out, parts.twins) == (ids(tosses), (), ())
+    assert (ids(parts.training), parts.held_out, parts.duplicates) == (ids(tosses), (), ())
 
 
 def test_ids_hold_out_those_tosses(tosses: tuple[Toss, ...]) -> None:
@@ -77,26 +77,26 @@ def test_a_share_holds_out_about_as_many_and_later_tosses_move_none_across(tosse
     assert all(larger.holds_out(one) for one in many if rule.holds_out(one))
 
 
-def test_a_twin_of_a_held_out_toss_is_not_trained_on(tosses: tuple[Toss, ...]) -> None:
-    twin = turned(tosses[0], 1.1, "twin")
-    together = numbered((*tosses, twin))
+def test_a_duplicate_of_a_held_out_toss_is_not_trained_on(tosses: tuple[Toss, ...]) -> None:
+    duplicate = turned(tosses[0], 1.1, "duplicate")
+    together = numbered((*tosses, duplicate))
     parts = split(together, HeldOutRule(spans=((0, 0),)))
-    assert parts.twins == (Twin("twin", tosses[0].toss_id),)
+    assert parts.duplicates == (Duplicate("duplicate", tosses[0].toss_id),)
     assert ids(parts.training) == ids(tosses[1:])
-    published = split(together, HeldOutRule(spans=((0, 0),)), with_twins=True)
-    assert (ids(published.training), published.twins) == ([*ids(tosses[1:]), "twin"], ())
+    published = split(together, HeldOutRule(spans=((0, 0),)), with_duplicates=True)
+    assert (ids(published.training), published.duplicates) == ([*ids(tosses[1:]), "duplicate"], ())
 
 
-def test_twins_on_one_side_stay_there(tosses: tuple[Toss, ...]) -> None:
-    together = numbered((*tosses, turned(tosses[0], 1.1, "twin")))
-    assert split(together, HeldOutRule(spans=((1, 1),))).twins == ()
-    both = split(together, HeldOutRule(spans=((0, 0),), ids=frozenset({"twin"})))
-    assert (len(both.held_out), both.twins) == (2, ())
+def test_duplicates_on_one_side_stay_there(tosses: tuple[Toss, ...]) -> None:
+    together = numbered((*tosses, turned(tosses[0], 1.1, "duplicate")))
+    assert split(together, HeldOutRule(spans=((1, 1),))).duplicates == ()
+    both = split(together, HeldOutRule(spans=((0, 0),), ids=frozenset({"duplicate"})))
+    assert (len(both.held_out), both.duplicates) == (2, ())
 
 
 def test_a_motion_that_differs_by_a_hundredth_of_a_millimetre_is_another_one(tosses: tuple[Toss, ...]) -> None:
     other = replace(tosses[0], toss_id="other", positions=tosses[0].positions + np.array([0.0, 0.0, 1e-5]))
-    assert split(numbered((*tosses, other)), HeldOutRule(spans=((0, 0),))).twins == ()
+    assert split(numbered((*tosses, other)), HeldOutRule(spans=((0, 0),))).duplicates == ()
 
 
 @pytest.mark.parametrize("rule", [{"share": -0.1}, {"share": 1.0}, {"spans": ((5, 4),)}, {"spans": ((-1, 4),)}])
@@ -114,7 +114,7 @@ def check_the_public_split(tosses: list[NumberedToss]) -> None:
     numbers = {one.toss.toss_id: one.number for one in tosses}
     parts = split(tosses, HeldOutRule(spans=((400, 569),)))
     assert [numbers[toss_id] for toss_id in ids(parts.held_out)] == list(range(400, 570))
-    assert {numbers[twin.left_out] for twin in parts.twins} == LEAKING
+    assert {numbers[duplicate.left_out] for duplicate in parts.duplicates} == LEAKING
     assert [numbers[toss_id] for toss_id in ids(parts.training)] == sorted(set(range(400)) - LEAKING)
 
 

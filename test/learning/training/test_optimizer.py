@@ -22,16 +22,16 @@ def descend(optimizer: Optimizer, toy: Toy, steps: int, first: int = 0) -> None:
 
 def test_its_steps_are_adamws_at_the_rate_of_the_schedule() -> None:
     config = replace(toy_config(steps=6), schedule=Schedule.COSINE, polytope=AdamWConfig(0.1, 0.5))
-    toy, twin = Toy(1.0), Toy(1.0)
+    toy, duplicate = Toy(1.0), Toy(1.0)
     descend(Optimizer(toy, config), toy, 6)
-    adam = torch.optim.AdamW(twin.parameters(), lr=0.1, weight_decay=0.5)
+    adam = torch.optim.AdamW(duplicate.parameters(), lr=0.1, weight_decay=0.5)
     cosine = torch.optim.lr_scheduler.CosineAnnealingLR(adam, 6)
     for _ in range(6):
         adam.zero_grad()
-        (twin.theta - 3.0).square().backward()  # type: ignore[no-untyped-call]
+        (duplicate.theta - 3.0).square().backward()  # type: ignore[no-untyped-call]
         adam.step()
         cosine.step()
-    assert float(toy.theta.detach()) == pytest.approx(float(twin.theta.detach()), rel=1e-12)
+    assert float(toy.theta.detach()) == pytest.approx(float(duplicate.theta.detach()), rel=1e-12)
 
 
 def test_networks_have_a_pace_of_their_own() -> None:
