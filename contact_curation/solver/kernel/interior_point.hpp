@@ -101,6 +101,8 @@ struct InteriorPoint {
   // cone, and applied ray by ray, so that it keeps its accuracy as the gap closes.
   Lane axis[kMaxContacts][2], stretch[kMaxContacts], scale[kMaxContacts], scaled[kMaxContacts][3];
   Lane per_stretch[kMaxContacts], per_scale[kMaxContacts];  // their reciprocals
+  // Of the facets' gaps, and of the impulse's length.
+  Lane per_gap[Circular ? 1 : kMaxContacts][kFacets], per_length[Circular ? 1 : kMaxContacts];
   Lane scaled_step[kMaxContacts][3], scaled_dual_step[kMaxContacts][3];
   Lane basis[kMaxContacts][3][3];              // columns: soft direction (the ray), stiff direction, the third; orthonormal
   Lane stiffest[Circular ? 1 : kMaxContacts];  // number of the facet that resists most
@@ -200,21 +202,22 @@ struct InteriorPoint {
       Lane most = broadcast(-1.0), facet[3] = {most, most, most}, across;
       stiffest[i] = broadcast(0.0);
       for (int k = 0; k < kFacets; ++k) {
-        const Lane weight = facet_dual[i][k] / facet_gap[i][k];
+        per_gap[i][k] = 1.0 / facet_gap[i][k];
+        const Lane weight = facet_dual[i][k] * per_gap[i][k];
         const LaneMask stiffer = weight > most;
         most = select(stiffer, weight, most);
         stiffest[i] = select(stiffer, broadcast(k), stiffest[i]);
         for (int c = 0; c < 3; ++c) facet[c] = select(stiffer, broadcast(facets[k].row[c]), facet[c]);
       }
-      const Lane length = square_root(dot<3>(impulse[i], impulse[i]));
+      per_length[i] = 1.0 / square_root(dot<3>(impulse[i], impulse[i]));
       Lane ray[3], stiff[3];
-      for (int c = 0; c < 3; ++c) ray[c] = impulse[i][c] / length;
+      for (int c = 0; c < 3; ++c) ray[c] = impulse[i][c] * per_length[i];
       across = dot<3>(facet, ray);
       for (int c = 0; c < 3; ++c) stiff[c] = facet[c] - across * ray[c];
-      const Lane norm = square_root(dot<3>(stiff, stiff));
+      const Lane per_norm = 1.0 / square_root(dot<3>(stiff, stiff));
       for (int c = 0; c < 3; ++c) {
         q[c][0] = ray[c];
-        q[c][1] = stiff[c] / norm;
+        q[c][1] = stiff[c] * per_norm;
       }
       for (int c = 0; c < 3; ++c) {
         const int d = (c + 1) % 3, e = (c + 2) % 3;
@@ -226,7 +229,7 @@ struct InteriorPoint {
   // A facet's row in the basis; along the ray it is the gap itself, free of cancellation.
   void facet_in_basis(int i, int k, Lane *row) const {
     const double *given = facets[k].row;
-    row[0] = facet_gap[i][k] / square_root(dot<3>(impulse[i], impulse[i]));
+    row[0] = facet_gap[i][k] * per_length[i];
     for (int b = 1; b < 3; ++b) row[b] = given[0] * basis[i][0][b] + given[1] * basis[i][1][b] + given[2] * basis[i][2][b];
     row[2] = select(stiffest[i] == static_cast<double>(k), broadcast(0.0), row[2]);
   }
@@ -252,7 +255,7 @@ struct InteriorPoint {
       block[5] += weight;
     } else {
       for (int k = 0; k < kFacets; ++k) {
-        const Lane weight = facet_dual[i][k] / facet_gap[i][k];
+        const Lane weight = facet_dual[i][k] * per_gap[i][k];
         Lane row[3];
         facet_in_basis(i, k, row);
         entry = 0;
@@ -409,7 +412,7 @@ struct InteriorPoint {
         for (int k = 0; k < kFacets; ++k) {
           facet_push[i][k] = -facet_gap[i][k] * facet_dual[i][k];
           if (corrected) facet_push[i][k] += centre - trust * facet_step[i][k] * facet_dual_step[i][k];
-          for (int c = 0; c < 3; ++c) wanted[c] += facets[k].row[c] * facet_push[i][k] / facet_gap[i][k];
+          for (int c = 0; c < 3; ++c) wanted[c] += facets[k].row[c] * (facet_push[i][k] * per_gap[i][k]);
         }
       into_basis(i, wanted, push[i]);
       if constexpr (Circular) {
@@ -437,7 +440,7 @@ struct InteriorPoint {
           Lane row[3];
           facet_in_basis(i, k, row);
           facet_step[i][k] = dot<3>(row, x);
-          facet_dual_step[i][k] = (facet_push[i][k] - facet_dual[i][k] * facet_step[i][k]) / facet_gap[i][k];
+          facet_dual_step[i][k] = (facet_push[i][k] - facet_dual[i][k] * facet_step[i][k]) * per_gap[i][k];
         }
       }
     }
