@@ -100,7 +100,7 @@ def test_without_a_kernel_torch_does_the_work(monkeypatch: pytest.MonkeyPatch, t
     with_kernel, sums = evaluate(*arguments), fisher_sums(*arguments, [0, 8], Estimator.GAUSS_NEWTON)
 
     def no_kernel() -> None:
-        compiled.choose_kernel(tmp_path, frozenset())
+        compiled.choose_kernel(tmp_path, [])
 
     with pytest.raises(MissingDependencyError):
         no_kernel()
