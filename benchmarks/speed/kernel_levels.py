@@ -1,8 +1,8 @@
 """How fast each level of the compiled kernel works, and how another checkout's kernel compares with it.
 
-The levels give the same bytes (test/kernel/test_levels.py), so only their speed differs. Each is a process of its own. They
-work in turn, one short repetition each, so that a busy machine slows all of them alike; a ratio is the median over the
-repetitions of the ratios of neighbours. Times are of the processor.
+The levels give the same bytes (test/kernel/test_levels.py), so only their speed differs. Each level is a process of its own.
+The processes work in turn, one short repetition each, so that a busy machine slows all of them alike; a ratio is the median
+over the repetitions of the ratios of neighbours. Times are of the processor.
 
     python -m benchmarks.speed.kernel_levels [--json] [--repeats N] [--against CHECKOUT]
 

@@ -19,7 +19,7 @@ REQUIREMENTS = Path(__file__).with_name("jazzy_requirements.txt")
 CONSTRAINTS = REPOSITORY / "requirements.lock"
 SOURCES = ("setup.py", "setup.cfg", "pyproject.toml", "package.xml", "README.md", "LICENSE", "MANIFEST.in")
 FOLDERS = ("resource", "contact_curation", "msg_defs")
-NOT_SOURCES = ("build", "__pycache__", "*.egg-info", "*.so", "*.flags")
+NOT_SOURCES = ("build", "__pycache__", "*.egg-info", "*.so")
 
 ANOTHER_ROS = {"PYTHONPATH", "PYTHONHOME", "AMENT_PREFIX_PATH", "COLCON_PREFIX_PATH", "CMAKE_PREFIX_PATH", "LD_LIBRARY_PATH"}
 ANOTHER_ROS |= {"_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
