@@ -25,7 +25,7 @@ def as_field(value: Any, like: Any) -> Any:
         return value or None
     if isinstance(like, Enum):
         return type(like)(value)
-    return tuple(value) if isinstance(value, list) else value
+    return tuple(value) if isinstance(like, tuple) else value
 
 
 def with_parameters[Config](config: Config, parameters: Mapping[str, Any], prefix: str = "") -> Config:

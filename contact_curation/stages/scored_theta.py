@@ -3,18 +3,16 @@
 torch is imported for a network only: a polytope is scored without.
 """
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.registry import DEFAULT_MODEL, MODELS
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.information.record import ParameterBlock, TossInformation
-from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig
+from contact_curation.information.network.model_scorer import TossScorer, scorer_of_model
+from contact_curation.information.scoring import Scorer, ScoringConfig
 from contact_curation.learning.checkpoints.theta_bytes import bytes_of_geometry, geometry_of_bytes
-from contact_curation.motion.toss import Toss
 from contact_curation.storage.parameters_file import Parameters, read_theta
 
 if TYPE_CHECKING:
@@ -31,21 +29,6 @@ class ScoredTheta(NamedTuple):
 
     model: str
     data: bytes
-
-
-class TossScorer(Protocol):
-    """What scores tosses, for a polytope or a network."""
-
-    @property
-    def version(self) -> str:
-        """Of theta."""
-
-    @property
-    def blocks(self) -> tuple[ParameterBlock, ...]:
-        """Of theta's parameters."""
-
-    def score(self, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:
-        """What each toss teaches."""
 
 
 def theta_of_geometry(geometry: ContactGeometry) -> ScoredTheta:
@@ -98,7 +81,6 @@ def polytope_of(theta: ScoredTheta) -> ContactGeometry:
 
 
 def _network_scorer(theta: ScoredTheta, body: Body, config: ScoringConfig) -> TossScorer:
-    from contact_curation.information.network.model_scorer import scorer_of_model
     from contact_curation.learning.checkpoints.stored_model import model_of_bytes
 
     try:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
+from contact_curation.information.network.model_scorer import TossScorer
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import NotScored, ScoringConfig
 from contact_curation.motion.toss import Toss
@@ -21,7 +22,7 @@ from contact_curation.stages.records import (
     kept_records,
     load_record,
 )
-from contact_curation.stages.scored_theta import ScoredTheta, TossScorer, scorer_of
+from contact_curation.stages.scored_theta import ScoredTheta, scorer_of
 from contact_curation.storage.stores.information import InformationStore
 from contact_curation.storage.stores.state import StateStore
 

@@ -14,6 +14,7 @@ from rclpy.node import Node
 
 from contact_curation.configs import descriptions_of
 from contact_curation.errors import InvalidValueError
+from contact_curation.stages.parameters import as_field, as_parameter
 
 
 def declare(
@@ -88,21 +89,3 @@ def with_values[Config](config: Config, values: Mapping[str, Any]) -> Config:
     """
     changed = {name: as_field(value, getattr(config, name)) for name, value in values.items()}
     return replace(config, **changed)  # type: ignore[type-var]
-
-
-def as_parameter(value: Any) -> Any:
-    """A field's value as a ROS parameter has it."""
-    if value is None:
-        return 0.0
-    if isinstance(value, Enum):
-        return value.value
-    return list(value) if isinstance(value, tuple) else value
-
-
-def as_field(value: Any, like: Any) -> Any:
-    """A parameter's value as the field that holds `like` has it."""
-    if like is None:
-        return value or None
-    if isinstance(like, Enum):
-        return type(like)(value)
-    return tuple(value) if isinstance(like, tuple) else value
