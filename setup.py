@@ -33,7 +33,16 @@ NODES = [
 ]
 
 REQUIRES = [
-    *("argcomplete", "matplotlib>=3.6", "mcap>=1.1", "numpy>=1.26", "pyarrow>=15", "PyYAML>=6", "rosbags>=0.10,<0.12", "safetensors>=0.4"),
+    *(
+        "argcomplete",
+        "matplotlib>=3.6",
+        "mcap>=1.1",
+        "numpy>=1.26",
+        "pyarrow>=15",
+        "PyYAML>=6",
+        "rosbags>=0.10,<0.12",
+        "safetensors>=0.4",
+    ),
     *("scipy>=1.11", "tqdm", "trimesh>=4", "zstandard"),
 ]
 """All that reading, ranking and drawing need for a polytope: no torch, no simulator, no ROS."""
