@@ -54,8 +54,8 @@ DASHBOARD = ["rerun-sdk>=0.24"]
 ROS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces", f"contact_curation_msgs=={VERSION}"]
 ROS += ["contact_curation_vendored_apriltag_msgs", "contact_curation_vendored_tf2_msgs"]
 EXTRAS = {"train": TRAIN, "sim": SIM, "dashboard": DASHBOARD, "ros": ROS, "all": [*TRAIN, *SIM, *DASHBOARD, *ROS]}
-"""What more is needed for what: contact_curation/extras.py names them where one is missing. The last three of `ros` are built by
-`make wheel` beside this package, because no package index has them."""
+"""What more is needed for what: contact_curation/extras.py names them where one is missing. `make wheel` builds the last three
+of `ros` beside this package, because no package index has them."""
 
 KERNEL_FOLDERS = [Path(NAME, "solver", "kernel"), Path(NAME, "contact", "kernel")]
 # Every level gives the same bytes: nothing is fused, reordered or approximated that the source does not write down.
