@@ -42,8 +42,8 @@ MARKERS = "os^vDP*Xhp<>"
 LINES = ("-", "--", ":")
 WIDTH, HEIGHT, DOTS = 5.0, 4.2, 110
 COLUMNS, LEGEND_COLUMNS = 3, 5
-LETTERS = 46
-"""In a line of a panel's title."""
+LETTERS = 50
+"""Of the figure's title, in a line above one panel."""
 
 SPREAD = 0.6
 """Of the width between two categories that the points of all series take."""
@@ -182,7 +182,7 @@ def _draw(axes: "Axes", panel: Panel, places: str, styles: Mapping[str, Style]) 
     if panel.logarithmic and any((one.values > 0.0).any() for one in series):
         logarithmic(axes.yaxis)
     axes.grid(alpha=0.3)
-    entitle(axes, "\n".join(wrap(_message(panel), LETTERS)))
+    entitle(axes, _message(panel))
 
 
 def _draw_series(axes: "Axes", series: Series, style: Style, where: Array) -> None:
@@ -204,10 +204,10 @@ def _draw_series(axes: "Axes", series: Series, style: Style, where: Array) -> No
 
 
 def _message(panel: Panel) -> str:
-    """Which series is best most often, and where; of one series what it reaches."""
+    """Which series is best most often, and at how many points."""
     name = panel.measure.partition(" [")[0].capitalize()
     if len(panel.series) == 1:
-        return f"{name}, {panel.series[0].name}"
+        return f"{name}\nof {panel.series[0].name}"
     at: dict[float | str, list[tuple[float, str]]] = {}
     for one in panel.series:
         for place, value in zip(one.places, one.values):
@@ -216,4 +216,4 @@ def _message(panel: Panel) -> str:
     shared = [min(found)[1] for found in at.values() if len(found) == len(panel.series)] or [min(f)[1] for f in at.values()]
     winner, wins = Counter(shared).most_common(1)[0] if shared else (panel.series[0].name, 0)
     best = "lowest" if panel.aim == 0.0 else f"nearest to {panel.aim:g}"
-    return f"{name}: {best} for {winner} at {wins} of {len(shared)} points"
+    return f"{name}:\n{best} for {winner} at {wins} of {len(shared)} points"

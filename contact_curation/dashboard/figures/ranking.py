@@ -38,6 +38,9 @@ FEWEST_BARS = 5
 LABEL_WIDTH = 20
 """Letters in a line of a long label."""
 
+ASINH_TICKS = 7
+"""On an axis that is linear about zero only."""
+
 LARGEST_LINEAR_RATIO = 50.0
 """Scores that differ by more are drawn on a logarithmic axis."""
 
@@ -85,11 +88,12 @@ def ranking_figure(picture: RankingPicture) -> "Figure":
         figure.suptitle(picture.title, fontsize=15)
         rows: Any = figure.subfigures(2, 1)  # figures of their own, so that long labels below take no room above
         scores, gains = _row(rows[0], [1.5, 1.0])
-        spectrum, shares, outcomes = _row(rows[1], [1.0, 1.0, 0.9])
+        spectrum, *shares, outcomes = _row(rows[1], [1.0, 1.0, 0.9] if picture.shares else [1.0, 0.9])
         _draw_scores(scores, picture)
         _draw_gains(gains, picture)
         _draw_spectrum(spectrum, picture)
-        _draw_shares(shares, picture)
+        for axes in shares:
+            _draw_shares(axes, picture)
         _draw_outcomes(outcomes, picture)
     return figure
 
@@ -100,6 +104,8 @@ def _row(figure: Any, widths: list[float]) -> "list[Axes]":
 
 def _draw_scores(axes: "Axes", picture: RankingPicture) -> None:
     """A histogram; the selected tosses' part of each bar in colour."""
+    from matplotlib.ticker import AsinhLocator
+
     scores = picture.scores
     width = _linear_width(scores)
     low, high = float(scores.min()), float(scores.max())
@@ -111,6 +117,7 @@ def _draw_scores(axes: "Axes", picture: RankingPicture) -> None:
     elif width:
         edges = width * np.sinh(np.linspace(np.arcsinh(low / width), np.arcsinh(high / width), BINS + 1))
         axes.set_xscale("asinh", linear_width=width)
+        axes.xaxis.set_major_locator(AsinhLocator(width, numticks=ASINH_TICKS))
         axes.xaxis.set_major_formatter(plain_number)
     else:
         edges = np.linspace(low, high, BINS + 1)
@@ -199,6 +206,5 @@ def _draw_shares(axes: "Axes", picture: RankingPicture) -> None:
     axes.set_yticks(places, names)
     axes.invert_yaxis()
     axes.set(xlabel="share of the information's trace [%]", xlim=(0, 112))
-    most = int(np.argmax(selected)) if names else 0
-    about = f"The information of the selected tosses\nis {selected[most]:.0f} % about {names[most]}" if names else ""
-    entitle(axes, about or "Information without blocks", columns=2)
+    most = int(np.argmax(selected))
+    entitle(axes, f"The information of the selected tosses\nis {selected[most]:.0f} % about {names[most]}", columns=2)
