@@ -11,21 +11,24 @@ import subprocess
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from contact_curation.cli.main import main as contact_curation
+import contact_curation as cc
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.dashboard.figures.learning_curves import Curve, save_learning_curves
 from contact_curation.experiments.catalogue import Experiment
 from contact_curation.experiments.cell_run import Row
-from contact_curation.experiments.tables import LAYOUTS, save_results_figure
 from contact_curation.experiments.summary import summarised
+from contact_curation.experiments.tables import LAYOUTS, save_results_figure
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
 from test.conftest import GOLDEN, REPOSITORY
 
 RESULTS, IMAGES = REPOSITORY / "docs" / "results", REPOSITORY / "docs" / "images"
+TRUE_CUBE = "true cube"
+"""A row of online_training.csv that is no run."""
+
+ERRORS = {"position": "position error [% of width]", "rotation": "rotation error [deg]", "loss": "held-out loss"}
 TOP = 16
 """Tosses of the golden bag that are selected in the ranking's picture."""
 
@@ -50,7 +53,9 @@ def results(name: str, experiment: Experiment) -> Callable[[Path], None]:
     def draw(path: Path) -> None:
         layout, rows = LAYOUTS[experiment], rows_of(name)
         whole = [{**dict.fromkeys(layout.fields, ""), **row, **_off_described(row)} for row in rows]
-        save_results_figure(experiment, summarised(whole, layout.fields, layout.measures, layout.baselines, BootstrapConfig()), path)
+        save_results_figure(
+            experiment, summarised(whole, layout.fields, layout.measures, layout.baselines, BootstrapConfig()), path
+        )
 
     return draw
 
@@ -63,9 +68,21 @@ def _off_described(row: Mapping[str, float | str]) -> Row:
 
 def ranking(path: Path) -> None:
     """The golden bag, ranked."""
-    with TemporaryDirectory() as folder:
-        manifest = str(Path(folder) / "manifest.json")
-        contact_curation(["rank", str(GOLDEN), "--top", str(TOP), "--out", manifest, "--figure", str(path)])
+    cc.rank(GOLDEN, top=TOP).save_figure(path)
+
+
+def online_training(path: Path) -> None:
+    """Held-out errors while a recording plays, of benchmarks/learning/online_training.py."""
+    rows = rows_of("online_training")
+    runs: dict[str, list[Curve]] = {}
+    for rule, seed in dict.fromkeys((str(row["rule"]), row["seed"]) for row in rows if row["rule"] != TRUE_CUBE):
+        own = [row for row in rows if (row["rule"], row["seed"]) == (rule, seed)]
+        errors = {label: np.array([row[name] for row in own], dtype=float) for name, label in ERRORS.items()}
+        runs.setdefault(rule, []).append(Curve(np.array([row["tosses"] for row in own], dtype=float), errors))
+    true = next(row for row in rows if row["rule"] == TRUE_CUBE)
+    seeds = len(next(iter(runs.values())))
+    title = f"Held-out errors while a recording plays and 16 selected tosses are learned from ({seeds} random initialisations)"
+    save_learning_curves(runs, title, path, {label: float(true[name]) for name, label in ERRORS.items()})
 
 
 PICTURES: dict[str, Callable[[Path], None]] = {
@@ -73,5 +90,23 @@ PICTURES: dict[str, Callable[[Path], None]] = {
     "dataset_quality": results("dataset_quality", Experiment.DATASET_QUALITY),
     "published_protocol": results("published", Experiment.DATASET_QUALITY),
     "designed_throws": results("designed_throws", Experiment.DESIGNED_THROWS),
+    "online_training": online_training,
 }
 """By their names in docs/images."""
+
+
+def main() -> int:
+    """Draws all of them."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--dashboard", action="store_true", help="the dashboard's, too: a session in Chromium, a few minutes")
+    arguments = parser.parse_args()
+    for name, draw in PICTURES.items():
+        draw(IMAGES / f"{name}.png")
+        sys.stdout.write(f"{IMAGES / name}.png\n")
+    if arguments.dashboard:
+        subprocess.run([sys.executable, "-m", "test.browser.screenshot", str(IMAGES)], check=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
