@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from contact_curation.cli.options.output_paths import check_outputs
+from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
 from contact_curation.cli.options.reading import (
     SHARED_STAGES,
     add_body_option,
@@ -70,6 +70,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_settings(parser, STAGES)
     group = parser.add_argument_group("output")
     group.add_argument("--out", type=PathEndingIn(".json"), required=True, metavar="THROWS.json", help="the throws")
+    add_overwrite_option(group)
     add_json_option(parser)
     parser.set_defaults(run=run)
 
@@ -93,7 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
         ContactCurationError: a file cannot be used, nothing safe can be thrown, or `--out` cannot be written.
     """
     load_kernel()  # information is predicted by rollouts
-    check_outputs(out=arguments.out)
+    check_outputs(overwrite=arguments.overwrite, out=arguments.out)
     task, reading = design_task(arguments)
     known, seen = _known(arguments, reading)
     examples, warnings = _read(arguments.prior, reading)

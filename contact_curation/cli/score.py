@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from itertools import batched, pairwise
 from pathlib import Path
 
+from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
 from contact_curation.cli.options.reading import add_reading_options, chosen_body, inputs_of, stages_of
 from contact_curation.cli.options.settings import add_fields, with_options
 from contact_curation.cli.options.types import PathEndingIn
@@ -41,6 +42,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     add_fields(parser, LossConfig(), "cone")
     parser.add_argument("--out", type=PathEndingIn(".npz"), required=True, metavar="FILE.npz", help="the arrays")
+    add_overwrite_option(parser)
     add_json_option(parser)
     parser.set_defaults(run=run)
 
@@ -76,6 +78,7 @@ class Tally:
 def run(arguments: argparse.Namespace) -> int:
     """Scores all inputs and says how it went."""
     load_kernel()  # better said before tosses are read
+    check_outputs(overwrite=arguments.overwrite, out=arguments.out)
     body = chosen_body(arguments)
     theta = polytope_of(arguments.params, body)
     stages = stages_of(arguments, {"loss": with_options(LossConfig(), arguments, "cone")})

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
 from contact_curation.cli.options.reading import add_body_option, chosen_body
 from contact_curation.cli.options.settings import add_settings, with_settings
 from contact_curation.cli.options.types import natural_number
@@ -35,6 +36,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("throws", type=Path, metavar="THROWS.json", help="what `contact-curation design` wrote")
     parser.add_argument("--out", type=Path, required=True, metavar="BAG.mcap", help="the bag; without .mcap a folder")
+    add_overwrite_option(parser)
     add_body_option(parser)
     parser.add_argument(
         "--execution-noise",
@@ -59,6 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     from contact_curation.storage.datasets.tagslam_bag import TagslamRig, record
     from contact_curation.storage.throws_file import read_throws
 
+    check_outputs(overwrite=arguments.overwrite, out=arguments.out)
     thrower = _thrower(arguments)
     throws = read_throws(arguments.throws)
     for throw in throws:

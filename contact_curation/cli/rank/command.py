@@ -4,7 +4,7 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from contact_curation.cli.options.output_paths import check_outputs
+from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
 from contact_curation.cli.options.reading import (
     SHARED_STAGES,
     add_held_out_option,
@@ -91,6 +91,7 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
     figures = group.add_mutually_exclusive_group()
     figures.add_argument("--figure", type=PathEndingIn(".png"), metavar="FILE.png", help="(default: beside the manifest)")
     figures.add_argument("--no-figure", action="store_true", help="draw none")
+    add_overwrite_option(group)
     group.add_argument(
         "--jobs", type=positive_integer, metavar="N", help="read so many inputs at once (default: one per processor)"
     )
@@ -104,7 +105,7 @@ def run(arguments: argparse.Namespace) -> int:
         ContactCurationError: nothing could be ranked, or an output cannot be written.
     """
     figure = _figure(arguments)
-    check_outputs(out=arguments.out, figure=figure, recording=arguments.recording)
+    check_outputs(overwrite=arguments.overwrite, out=arguments.out, figure=figure, recording=arguments.recording)
     config = rank_config(arguments)
     dashboard = dashboard_of(arguments, config)
     try:

@@ -249,11 +249,9 @@ def _selection(arguments: argparse.Namespace, ranking: RankingConfig, canary: "S
 
 
 def _check_out(arguments: argparse.Namespace) -> None:
-    if arguments.out.exists() and not (arguments.resume or arguments.overwrite):
-        raise InvalidValueError(
-            "--out", f"a file at {arguments.out}", "--resume to go on with it, or --overwrite to begin anew"
-        )
-    check_outputs(out=arguments.out, metrics=arguments.metrics)
+    overwrite = arguments.resume or arguments.overwrite
+    check_outputs(overwrite=overwrite, remedy="--resume to go on with it, or --overwrite to begin anew", out=arguments.out)
+    check_outputs(overwrite=overwrite, metrics=arguments.metrics)
 
 
 def _begun_or_resumed(arguments: argparse.Namespace, config: "TrainConfig", tosses: LearningTosses) -> "TrainingRun":
