@@ -4,6 +4,7 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
+from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
 from contact_curation.cli.options.reading import (
     SHARED_STAGES,
@@ -27,7 +28,7 @@ from contact_curation.solver.compiled import load_kernel
 STAGES = (*SHARED_STAGES, "loss", "sweeps", "bootstrap", "known")
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
         "Rolls the model out from the first measured state of each toss that it did not learn from, and says how far it is "
@@ -46,6 +47,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_overwrite_option(output)
     add_fields(output, BootstrapConfig(), "seed", told={"seed": "of the bootstrap"})
     add_json_option(parser)
+    parser.set_examples(
+        "contact-curation evaluate model.safetensors test.mcap --figure motion.png",
+        "contact-curation evaluate model.safetensors test.mcap --against random.safetensors",
+    )
     parser.set_defaults(run=run)
 
 

@@ -20,18 +20,6 @@ EXAMPLES = ("gates.depth=0.01", "segmenter.settle_time=0.5", "simulation.longest
 OF_CODE = re.compile(r"(: )?one of `[A-Z]+`(; )?|`")
 """What descriptions say to readers of code; the help lists the choices itself."""
 
-SHORT = {
-    "body": ("-b",),
-    "criterion": ("-c",),
-    "jobs": ("-j",),
-    "model": ("-m",),
-    "out": ("-o",),
-    "params": ("-p",),
-    "throws": ("-n",),
-    "top": ("-k",),
-}
-"""By the names of options, the letters that stand for them, the same ones in all verbs."""
-
 OF_THE_BODY = "gravity"
 """A field that the stages take from the body, whatever else is said of it."""
 
@@ -115,7 +103,7 @@ def add_fields(
     for path in paths:
         field = field_of(config, path)
         name = path.rpartition(".")[2]
-        words = (f"--{name.replace('_', '-')}", *(also or {}).get(path, SHORT.get(name, ())))
+        words = (f"--{name.replace('_', '-')}", *(also or {}).get(path, ()))
         text = (told or {}).get(path) or OF_CODE.sub("", field.description).rstrip(".").replace("%", "%%")
         if field.kind is bool:
             group.add_argument(*words, dest=name, action="store_true", default=None, help=text)
