@@ -62,7 +62,7 @@ class FisherScorer(StageNode):
         self._worker = Worker(self.fail)
         self.create_service(GetInformation, "get_information", self._get_information)
         self.create_subscription(ModelParameters, "model_parameters", self._parameters_came, kept(1))
-        self._tosses = CatchUp(self, self._worker, TOSSES, self._stage.cursor, self._score)
+        self._tosses = CatchUp(self, self._worker, TOSSES, self._stage.cursor, self._score, self._go_on)
         HealthReport(self, self._health)
 
     def close(self) -> None:
@@ -95,12 +95,25 @@ class FisherScorer(StageNode):
         self._worker.do(partial(self._renew, message))
 
     def _renew(self, message: Any) -> None:
-        """On the worker's thread: everything is scored again, if theta is another one."""
+        """On the worker's thread: everything is scored again at another theta, once it is scored at the present one."""
         try:
             check_format(message)
             if message.body != self._body.name:
                 raise InvalidValueError("body of the parameters", message.body, self._body.name)
-            renewed = self._stage.renew(ScoredTheta(message.model, bytes(message.safetensors)))
+            self._stage.postpone(ScoredTheta(message.model, bytes(message.safetensors)))
+        except InvalidValueError as error:
+            self._warnings.note("bad parameters", str(error))
+            return
+        if self._tosses.complete:
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """On the worker's thread, when all tosses are scored at the present theta."""
+        theta = self._stage.postponed
+        if theta is None:
+            return
+        try:
+            renewed = self._stage.renew(theta)
         except InvalidValueError as error:
             self._warnings.note("bad parameters", str(error))
             return

@@ -19,7 +19,7 @@ from contact_curation.information.scoring import ScoringConfig
 from contact_curation.nodes.messages.curated_buffer import buffer_message
 from contact_curation.stages.curation import CurationConfig, CurationStage
 from contact_curation.stages.records import Cursor
-from contact_curation.stages.scored_theta import theta_of_geometry
+from contact_curation.stages.scored_theta import ScoredTheta, theta_of_geometry
 from contact_curation.stages.scoring import ScoringStage, checked_body
 from contact_curation.stages.selection import StreamingSelection
 from contact_curation.storage.stores.information import InformationStore
@@ -92,6 +92,22 @@ def test_a_new_theta_is_kept_over_a_death_and_begins_anew(tmp_path: Path) -> Non
         assert stage.version != before
         again = stage.score(TOSSES[:2], FRAMES)
     assert [one.information.parameters_version for one in again.new] == [stage.version] * 2
+
+
+def test_the_newest_theta_that_waits_is_known_after_a_death_and_waits_no_more_once_it_is_scored_at(tmp_path: Path) -> None:
+    largest = replace(CUBE, vertices_normal=CUBE.vertices_normal * 1.02)
+    with scoring(tmp_path) as stage:
+        assert stage.postponed is None
+        stage.postpone(theta_of_geometry(LARGER))
+        stage.postpone(theta_of_geometry(largest))
+        with pytest.raises(InvalidValueError):
+            stage.postpone(ScoredTheta(theta_of_geometry(CUBE).model, b"nonsense"))
+    with scoring(tmp_path) as stage:
+        waiting = stage.postponed
+        assert waiting is not None
+        assert waiting.data == theta_of_geometry(largest).data
+        assert stage.renew(waiting)
+        assert stage.postponed is None
 
 
 def test_results_made_in_two_ways_do_not_go_into_one_store(tmp_path: Path) -> None:
@@ -172,6 +188,26 @@ def test_thetas_are_never_mixed_and_a_new_one_takes_over_when_it_knows_enough(tm
     assert {one.parameters_version for one in before.candidates} == {old[0].parameters_version}
     assert {one.parameters_version for one in after.candidates} == {new[0].parameters_version}
     assert after.curation.ranking == curate(new, RankingConfig(top=3)).ranking
+
+
+def test_thetas_that_come_faster_than_tosses_are_scored_leave_the_complete_one_ranked(tmp_path: Path) -> None:
+    complete = scored(TOSSES)
+    with curating(tmp_path) as stage:
+        added(stage, complete)
+        stage.advance(Cursor(8, TOSSES[-1].toss_id))
+        for number in range(1, 5):
+            larger = replace(CUBE, vertices_normal=CUBE.vertices_normal * (1.0 + 0.01 * number))
+            added(stage, scored(TOSSES[:4], larger))
+            stage.advance(Cursor(8 + 4 * number, TOSSES[3].toss_id))
+        buffer = stage.buffer()
+    with curating(tmp_path) as stage, stores(tmp_path) as (informations, _):
+        again = stage.buffer()
+        assert len(informations.versions) == 2  # what is ranked, and the newest
+    assert buffer is not None
+    assert again is not None
+    assert buffer.candidates[0].parameters_version == complete[0].parameters_version
+    assert buffer.seen == 8
+    assert again.curation.ranking == buffer.curation.ranking
 
 
 def test_a_theta_that_comes_back_is_scored_and_ranked_as_a_new_one(tmp_path: Path) -> None:
