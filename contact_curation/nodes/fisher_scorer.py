@@ -32,7 +32,6 @@ from contact_curation.stages.records import Cursor
 from contact_curation.stages.scored_theta import ScoredTheta, read_scored_theta, theta_of_geometry
 from contact_curation.stages.scoring import Announcement, ScoringStage, checked_body
 from contact_curation.storage.stores.information import InformationStore
-from contact_curation.storage.stores.state import StateStore
 
 TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16)
 
@@ -53,8 +52,7 @@ class FisherScorer(StageNode):
         if parameters:
             theta, self._body = read_scored_theta(Path(parameters), self._body)
         self._informations = InformationStore(store)
-        self._states = StateStore(store.with_name(f"{store.name}.state"))
-        self._stage = ScoringStage(self._body, config, self._informations, self._states, theta)
+        self._stage = ScoringStage(self._body, config, self._informations, theta)
         self._warnings = ThrottledWarnings(self)
         self._publisher = self.create_publisher(TossInformationMessage, "toss_information", kept(RESULTS_KEPT))
         while missed := self._stage.unannounced(LARGEST_PAGE):
@@ -68,7 +66,6 @@ class FisherScorer(StageNode):
     def close(self) -> None:
         self._worker.stop()
         self._informations.close()
-        self._states.close()
 
     def _score(self, messages: Sequence[Any], cursor: Cursor) -> None:
         """On the worker's thread."""

@@ -25,7 +25,6 @@ from contact_curation.stages.records import (
 )
 from contact_curation.stages.selection import SELECTIONS, Selection, ranking_for, selection_of
 from contact_curation.storage.stores.information import InformationStore
-from contact_curation.storage.stores.state import StateStore
 
 
 @dataclass(frozen=True)
@@ -91,22 +90,19 @@ class CurationStage:
     Args:
         ranking: criterion and number of tosses; where a stream is not kept whole, log-det stands in for the default criterion.
         config: how they are kept.
-        informations: where everything that came is kept.
-        states: where the place in the stream and the buffer are kept.
+        informations: where everything that came, the place in the stream and the buffer are stored.
 
     Raises:
         InvalidValueError: the criterion is not possible with this selection.
     """
 
-    def __init__(
-        self, ranking: RankingConfig, config: CurationConfig, informations: InformationStore, states: StateStore
-    ) -> None:
+    def __init__(self, ranking: RankingConfig, config: CurationConfig, informations: InformationStore) -> None:
         self._config = config
         self._informations = informations
-        self._states = states
+        self._states = informations.states
         ranking = ranking_for(config.selection, ranking)
         self.check(ranking)
-        position = load_record(states.load, CuratorPosition) or CuratorPosition()
+        position = load_record(self._states.load, CuratorPosition) or CuratorPosition()
         self._newest, known = position.newest, position.versions
         self._selections: dict[str, Selection] = {}
         self._order = list(informations.versions if known is None else known)

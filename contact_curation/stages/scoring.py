@@ -24,7 +24,6 @@ from contact_curation.stages.records import (
 )
 from contact_curation.stages.scored_theta import ScoredTheta, scorer_of
 from contact_curation.storage.stores.information import InformationStore
-from contact_curation.storage.stores.state import StateStore
 
 PARAMETERS, MODEL = "parameters", "model"
 """What theta is kept under: its safetensors bytes, and the name of its model."""
@@ -57,22 +56,19 @@ class ScoringStage:
     Args:
         body: what is tossed.
         config: how tosses are scored.
-        informations: where results are kept.
-        states: where theta and the place in the stream are kept.
+        informations: where results, theta and the place in the stream are stored.
         theta: where no newer one is kept.
 
     Raises:
         InvalidValueError: the store holds results of the same theta that were made in another way.
     """
 
-    def __init__(
-        self, body: Body, config: ScoringConfig, informations: InformationStore, states: StateStore, theta: ScoredTheta
-    ) -> None:
+    def __init__(self, body: Body, config: ScoringConfig, informations: InformationStore, theta: ScoredTheta) -> None:
         self._body = body
         self._config = config
         self._informations = informations
-        self._states = states
-        stored, model = states.load(PARAMETERS), states.load(MODEL) or theta.model.encode()
+        self._states = informations.states
+        stored, model = self._states.load(PARAMETERS), self._states.load(MODEL) or theta.model.encode()
         known = theta if stored is None else ScoredTheta(model.decode(), stored)
         self._scorer = self._checked(scorer_of(known, body, config))
 

@@ -1,7 +1,7 @@
 """Scoring and curating that die and come back; no node is spun."""
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +23,6 @@ from contact_curation.stages.scored_theta import ScoredTheta, theta_of_geometry
 from contact_curation.stages.scoring import ScoringStage, checked_body
 from contact_curation.stages.selection import StreamingSelection
 from contact_curation.storage.stores.information import InformationStore
-from contact_curation.storage.stores.state import StateStore
 from test.graph.parts.offline import scored
 from test.simulated import simulated_tosses
 
@@ -34,25 +33,22 @@ LARGER = replace(CUBE, vertices_normal=CUBE.vertices_normal * 1.01)
 
 
 @contextmanager
-def stores(folder: Path) -> Iterator[tuple[InformationStore, StateStore]]:
+def store(folder: Path) -> Iterator[InformationStore]:
     folder.mkdir(exist_ok=True)
-    with ExitStack() as stack:
-        yield (
-            stack.enter_context(InformationStore(folder / "information")),
-            stack.enter_context(StateStore(folder / "states")),
-        )
+    with InformationStore(folder / "information") as opened:
+        yield opened
 
 
 @contextmanager
 def scoring(folder: Path) -> Iterator[ScoringStage]:
-    with stores(folder) as (informations, states):
-        yield ScoringStage(CONTACTNETS_CUBE, ScoringConfig(), informations, states, theta_of_geometry(CUBE))
+    with store(folder) as informations:
+        yield ScoringStage(CONTACTNETS_CUBE, ScoringConfig(), informations, theta_of_geometry(CUBE))
 
 
 @contextmanager
 def curating(folder: Path, top: int = 3, config: CurationConfig | None = None) -> Iterator[CurationStage]:
-    with stores(folder) as (informations, states):
-        yield CurationStage(RankingConfig(top=top), config or CurationConfig(), informations, states)
+    with store(folder) as informations:
+        yield CurationStage(RankingConfig(top=top), config or CurationConfig(), informations)
 
 
 def added(stage: CurationStage, informations: list[TossInformation], first_stamp_ns: int = 0) -> None:
@@ -114,8 +110,8 @@ def test_results_made_in_two_ways_do_not_go_into_one_store(tmp_path: Path) -> No
     with scoring(tmp_path) as stage:
         stage.score(TOSSES[:1], FRAMES)
     other = ScoringConfig(estimator=Estimator.EMPIRICAL)
-    with stores(tmp_path) as (informations, states), pytest.raises(InvalidValueError, match="expected gauss-newton"):
-        ScoringStage(CONTACTNETS_CUBE, other, informations, states, theta_of_geometry(CUBE))
+    with store(tmp_path) as informations, pytest.raises(InvalidValueError, match="expected gauss-newton"):
+        ScoringStage(CONTACTNETS_CUBE, other, informations, theta_of_geometry(CUBE))
 
 
 def test_a_toss_of_another_body_is_refused() -> None:
@@ -200,7 +196,7 @@ def test_thetas_that_come_faster_than_tosses_are_scored_leave_the_complete_one_r
             added(stage, scored(TOSSES[:4], larger))
             stage.advance(Cursor(8 + 4 * number, TOSSES[3].toss_id))
         buffer = stage.buffer()
-    with curating(tmp_path) as stage, stores(tmp_path) as (informations, _):
+    with curating(tmp_path) as stage, store(tmp_path) as informations:
         again = stage.buffer()
         assert len(informations.versions) == 2  # what is ranked, and the newest
     assert buffer is not None
@@ -335,8 +331,8 @@ def test_log_det_stands_in_for_the_default_where_tosses_are_let_go_but_not_for_w
 
 def test_a_stream_cannot_keep_to_every_criterion(tmp_path: Path) -> None:
     config = CurationConfig(selection="streaming")
-    with stores(tmp_path) as (informations, states), pytest.raises(InvalidValueError, match="trace or log-det"):
-        CurationStage(RankingConfig(criterion="orthogonal"), config, informations, states)
+    with store(tmp_path) as informations, pytest.raises(InvalidValueError, match="trace or log-det"):
+        CurationStage(RankingConfig(criterion="orthogonal"), config, informations)
 
 
 def test_a_selection_that_there_is_no_more_is_refused_with_those_that_there_are() -> None:
