@@ -214,7 +214,7 @@ def _replayed(words: Sequence[str], summary: SessionSummary) -> tuple[dict[str, 
         ranked: dict[str, Any] = json.loads(verb_output(*words[1:], "--json"))
     except ProgramFailedError as error:
         return {}, Replay(False, f"the bag could not be ranked: {error.why}")
-    selected = tuple(row["toss_id"] for row in ranked["tosses"] if row["kept"])
+    selected = tuple(row["toss_id"] for row in ranked["tosses"] if row["selected"])
     same = selected == summary.selected
     what = f"the same {len(selected)} tosses in the same order"
     other = f"other tosses than the session: {', '.join(selected)}"
@@ -224,7 +224,7 @@ def _replayed(words: Sequence[str], summary: SessionSummary) -> tuple[dict[str, 
 def _ranking(rows: Sequence[Mapping[str, Any]]) -> list[ReportedToss]:
     ranked = sorted((row for row in rows if row["rank"] is not None), key=lambda row: int(row["rank"]))
     return [
-        ReportedToss(row["rank"], row["toss_id"], row["score"], row["marginal_gain"], row["trace"], row["kept"])
+        ReportedToss(row["rank"], row["toss_id"], row["score"], row["marginal_gain"], row["trace"], row["selected"])
         for row in ranked
     ]
 

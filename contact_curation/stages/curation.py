@@ -20,8 +20,8 @@ from contact_curation.stages.records import (
     Cursor,
     Stamped,
     TossHeader,
-    kept_records,
     load_record,
+    stored_records,
 )
 from contact_curation.stages.selection import SELECTIONS, Selection, ranking_for, selection_of
 from contact_curation.storage.stores.information import InformationStore
@@ -92,7 +92,7 @@ class CurationStage:
     """Keeps the best tosses of one body.
 
     Args:
-        ranking: criterion and number of tosses; where a stream is not kept whole, log-det stands in for the default criterion.
+        ranking: criterion and number of tosses; log-det replaces the default criterion where a stream is not stored whole.
         config: how they are kept.
         informations: where everything that came is kept.
         states: where the place in the stream and the buffer are kept.
@@ -149,7 +149,7 @@ class CurationStage:
         self._selections[version].add(information)
         if stamp_ns > self._newest.stamp_ns:
             self._newest = Stamped(stamp_ns, frame_id)
-        self._states.save(kept_records(TossHeader(Stamped(stamp_ns, frame_id)), name=information.toss_id))
+        self._states.save(stored_records(TossHeader(Stamped(stamp_ns, frame_id)), name=information.toss_id))
 
     def advance(self, cursor: Cursor) -> None:
         """Remembers that everything up to the cursor is kept, and forgets older thetas.
@@ -157,7 +157,7 @@ class CurationStage:
         Which theta came last is remembered here and no sooner: after a death everything behind the cursor comes once more.
         """
         forgotten, self._order = self._order[:-MOST_VERSIONS], self._order[-MOST_VERSIONS:]
-        self._states.save(kept_records(CuratorPosition(cursor, self._newest, tuple(self._order))))
+        self._states.save(stored_records(CuratorPosition(cursor, self._newest, tuple(self._order))))
         for version in forgotten:
             del self._selections[version]
             self._informations.drop_version(version)
@@ -212,7 +212,7 @@ class CurationStage:
         if replace(record, seen=before.seen) != before:
             record = replace(record, revision=before.revision + 1)
         if record != before:
-            self._states.save(kept_records(record))
+            self._states.save(stored_records(record))
         return record.revision
 
 

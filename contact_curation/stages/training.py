@@ -21,7 +21,7 @@ from contact_curation.learning.training.protocols import TrainingConfig
 from contact_curation.learning.training.training import Training
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
-from contact_curation.stages.records import TrainingRecord, kept_records, load_record, record_bytes, record_of
+from contact_curation.stages.records import TrainingRecord, load_record, record_bytes, record_of, stored_records
 from contact_curation.storage.checkpoint_file import read_model, read_notes, resume_training, save_checkpoint
 from contact_curation.storage.stores.tosses import TossStore
 
@@ -255,7 +255,7 @@ class TrainingStage:
         )
         if record != self._record:
             self._record = record
-            for key, data in kept_records(record).items():
+            for key, data in stored_records(record).items():
                 self._tosses.save_state(key, data)
 
     def _resume(self) -> None:
