@@ -3,7 +3,8 @@
 Each says what was found and what was expected. Only the door of the command line and the door of the nodes catch them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 
 
@@ -19,6 +20,34 @@ class InvalidValueError(ContactCurationError):
 
     def __init__(self, name: str, found: object, expected: str) -> None:
         super().__init__(f"{name}: found {found}, expected {expected}")
+        self.name = name
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """What to do about an unknown name: "did you mean vertices?", or the list of known names where none is near.
+
+    Args:
+        name: as its user wrote it.
+        known: the names that are accepted, as they shall be shown (with quotes, where `name` has them).
+    """
+    accepted = sorted(known)
+    lowered = {one.lower(): one for one in accepted}
+    near = get_close_matches(name.lower(), lowered, n=1)
+    return f"did you mean {lowered[near[0]]}?" if near else f"expected one of {', '.join(accepted)}"
+
+
+class UnknownNameError(InvalidValueError):
+    """A key, a field or an option that does not exist; the message names the nearest one that does."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        """Builds the message "unknown KIND NAME: did you mean OTHER?".
+
+        Args:
+            kind: what the name is of, such as "key" or "field".
+            name: as its user wrote it.
+            known: the names that are accepted.
+        """
+        ContactCurationError.__init__(self, f"unknown {kind} {name}: {did_you_mean(name, known)}")
         self.name = name
 
 
