@@ -30,7 +30,6 @@ from contact_curation.stages.parameters import with_parameters
 from contact_curation.stages.records import Cursor
 from contact_curation.storage.manifest.file import write_manifest
 from contact_curation.storage.stores.information import InformationStore
-from contact_curation.storage.stores.state import StateStore
 
 INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
 
@@ -45,8 +44,7 @@ class Curator(StageNode):
         config = declare_config(self, CurationConfig())
         store = Path(declare(self, "store", "buffer.sqlite", "file that the buffer and all information are kept in"))
         self._informations = InformationStore(store)
-        self._states = StateStore(store.with_name(f"{store.name}.state"))
-        self._stage = CurationStage(ranking, config, self._informations, self._states)
+        self._stage = CurationStage(ranking, config, self._informations)
         self._wanted = self._stage.ranking
         if self._wanted != ranking:
             self.get_logger().info(f"{ranking.criterion} needs all tosses: keeps to {self._wanted.criterion}")
@@ -64,7 +62,6 @@ class Curator(StageNode):
     def close(self) -> None:
         self._worker.stop()
         self._informations.close()
-        self._states.close()
 
     def _take(self, messages: Sequence[Any], cursor: Cursor) -> None:
         """On the worker's thread."""

@@ -222,11 +222,10 @@ def test_a_session_is_read_from_its_stores(tmp_path: Path) -> None:
     with InformationStore(folder.store("fisher_scorer")) as informations:
         informations.add(scored)
     buffer = BufferRecord(1, ("a",), scored.parameters_version, "trace", 1)
-    with StateStore(folder.store("curator").with_name("curator.sqlite.state")) as states:
-        states.save(stored_records(buffer))
+    with InformationStore(folder.store("curator")) as curated:
+        curated.states.save(stored_records(buffer))
     with TossStore(folder.store("trainer")) as tosses:
-        for key, data in stored_records(TRAINING).items():
-            tosses.save_state(key, data)
+        tosses.states.save(stored_records(TRAINING))
     write_record(folder.dashboard, ServedDashboard("http://here"))
     seen = stores.look()
     assert [(one.toss_id, one.planned_gain, one.after_ns) for one in seen.throws] == [("toss-0", 2.0, 100), ("", 2.5, 200)]
