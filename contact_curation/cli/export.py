@@ -17,8 +17,8 @@ KINDS = ("mcap", "contactnets", "lerobot")
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Writes the tosses that a ranking kept: as parts of their recordings, as ContactNets' files, or as a LeRobot dataset. "
-        "Inputs and options are those that were ranked; no input is changed."
+        "Writes the tosses that a ranking selected: as parts of their recordings, as ContactNets' files, or as a LeRobot "
+        "dataset. Inputs and options are those that were ranked; no input is changed."
     )
     add_reading_options(parser, SHARED_STAGES)
     parser.add_argument("--manifest", type=Path, required=True, metavar="FILE", help="what `contact-curation rank` wrote")
@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     Raises:
         UnreadableInputError: the manifest is none.
-        InvalidValueError: a kept toss is in no input, the folder is not empty, or the format cannot hold the tosses.
+        InvalidValueError: a selected toss is in no input, the folder is not empty, or the format cannot hold the tosses.
     """
     from contact_curation.files import staged_folder
     from contact_curation.pipeline.export import FORMATS, export_job

@@ -34,7 +34,7 @@ VERBS = {
     "simulate": ("cli.simulate", "throws made in the simulated world, as the bag that a rig would have recorded"),
     "reproduce": ("experiments.reproduce", "an experiment over many trainings: tables and figures"),
     "online": ("cli.online.command", "the whole graph, closed to a loop: design, throw, track, score, curate, train"),
-    "export": ("cli.export", "what a ranking kept, as MCAP, ContactNets' files or a LeRobot dataset"),
+    "export": ("cli.export", "the tosses that a ranking selected, as MCAP, ContactNets' files or a LeRobot dataset"),
     "play": ("cli.play", "a bag as live topics"),
 }
 """By their names: the module of contact_curation, which has `add_options` and `run`, and what it does."""

@@ -27,7 +27,7 @@ def add_options(parser: OneLineParser) -> None:
     parser.description = (
         "Says by recorded tosses alone how the board lies in the frame of the poses, and how long the tracker's metre is: "
         "bodies come to rest flat on the board, and fall by their gravity. No gate is applied, since a rig that is far off "
-        "would have every toss kept back. The last line is what other verbs take to put tosses right. Intervals are 95 %, by "
+        "would have every toss rejected. The last line is what other verbs take to put tosses right. Intervals are 95 %, by "
         "the bootstrap over tosses."
     )
     add_reading_options(parser, ("poses", "segmenter", "rig"))

@@ -33,7 +33,7 @@ def add_options(parser: OneLineParser) -> None:
         "--as-recorded", action="store_true", help="do not put tosses right by what they say of their rig (docs/results.md)"
     )
     group.add_argument("--rules", nargs="+", metavar="RULE", help="that are compared")
-    group.add_argument("--sizes", nargs="+", type=natural_number, metavar="K", help="of the kept sets; 0 for all")
+    group.add_argument("--sizes", nargs="+", type=natural_number, metavar="K", help="of the selected sets; 0 for all")
     group.add_argument("--seeds", type=positive_integer, metavar="N", help="how many")
     group.add_argument("--model", default="polytope", help="what learns (default polytope)")
     group.add_argument(

@@ -118,7 +118,6 @@ class SessionSummary:
     def document(self) -> dict[str, Any]:
         """All of it, as JSON has it."""
         content = asdict(self)
-        content["kept"] = content.pop("selected")
         replay = content.pop("replay") or {}
         optional = {**replay, **{name: content.pop(name) for name in ("folder", "report")}}
         return content | {name: value for name, value in optional.items() if value != ""}
