@@ -1,4 +1,4 @@
-"""Held-out error while a real recording plays through five processes: what is kept is trained on, and ranks again.
+"""Held-out error while a real recording plays through five processes: the selected tosses are trained on, and ranks again.
 
 ContactNets' tosses 0 to 399 are played as one bag; 400 to 569 are held out, and training tosses that are duplicates of held-out
 ones are left out. Scorer and trainer begin at the same random theta (method.md 1.1), so that nobody knows the cube beforehand.

@@ -29,8 +29,8 @@ ERRORS = {
 RIGID = ("rigid_position", "rigid_rotation", "rigid_penetration")
 """Errors of a polytope whose friction acts at the vertices of the gaps."""
 
-KEPT = ("kept_seconds", "kept_frames", "kept_bad", "gate_hits", "gate_false_alarms", "not_finite")
-LEARNED = (*ERRORS, *RIGID, "position_median", "rotation_median", "friction", *KEPT)
+SELECTED = ("selected_seconds", "selected_frames", "selected_bad", "gate_hits", "gate_false_alarms", "not_finite")
+LEARNED = (*ERRORS, *RIGID, "position_median", "rotation_median", "friction", *SELECTED)
 THROWN = {
     **{name: ERRORS[name] for name in ("position", "rotation", "penetration", "vertices")},
     "friction_from_described": "friction off the described body",
@@ -47,7 +47,7 @@ TAUGHT = (
     "realised",
     "not_finite",
 )
-SELECTED = "selected tosses"
+SIZES = "selected tosses"
 ALL = "all tosses"
 """What the level of a panel is."""
 
@@ -147,10 +147,10 @@ def _throws(summaries: Sequence[Summary]) -> list[Panel]:
 
 def _robustness(summaries: Sequence[Summary]) -> list[Panel]:
     """Gated pools: the clean one, then every fault; and how many of the selected are bad without the gates."""
-    names = {**ERRORS, "kept_bad": "bad among the selected [share]"}
+    names = {**ERRORS, "selected_bad": "bad among the selected [share]"}
     panels = []
     for measure, label in names.items():
-        gated = measure != "kept_bad"
+        gated = measure != "selected_bad"
         own = [s for s in summaries if s.measure == measure and (bool(dict(s.group)["gated"]) is gated or not _fault(s))]
         own = [s for s in own if gated or _fault(s)]
         lines = _series(own, lambda summary: str(dict(summary.group)["rule"]), _fault_name)
@@ -195,8 +195,8 @@ def _one_series(name: str, own: Sequence[Summary], place: str | Callable[[Summar
 
 
 LAYOUTS: dict[Experiment, Layout] = {
-    Experiment.DATASET_QUALITY: Layout(LEARNING, LEARNED, _quality, SELECTED, "Errors after learning from selected tosses"),
-    Experiment.FUNCTIONALS: Layout(LEARNING, LEARNED, _quality, SELECTED, "Errors by the criterion that selects"),
+    Experiment.DATASET_QUALITY: Layout(LEARNING, LEARNED, _quality, SIZES, "Errors after learning from selected tosses"),
+    Experiment.FUNCTIONALS: Layout(LEARNING, LEARNED, _quality, SIZES, "Errors by the criterion that selects"),
     Experiment.ROBUSTNESS: Layout(
         LEARNING, LEARNED, _robustness, "fault and share of bad tosses in the pool", "Errors after learning from a faulty pool"
     ),
@@ -212,7 +212,7 @@ LAYOUTS: dict[Experiment, Layout] = {
         ("rule", "weights", "size"),
         ("smallest", "largest", "epsilon"),
         _theorem,
-        SELECTED,
+        SIZES,
         "Information of the selected set against the pool's",
     ),
     Experiment.CALIBRATION: Layout(
