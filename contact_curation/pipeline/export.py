@@ -78,7 +78,7 @@ def export_job(inputs: Sequence[Path], reading: ReadingConfig, manifest: Path, *
 
 def to_contactnets(job: ExportJob, folder: Path, advance: Advance) -> Exported:
     """tosses_processed/N.pt and manifest.json, the N-th row of which is N.pt."""
-    level = job.reading.inputs.rig == NO_CORRECTION  # what is put right is no file's content any more
+    level = job.reading.inputs.rig == NO_CORRECTION  # corrected tosses are not the content of any file
     inputs = replace(job.reading.inputs, as_stored=level)
     found = found_tosses(job, inputs, advance)
     write_contactnets(found.tosses, job.reading.body, folder, copied=level)

@@ -80,7 +80,7 @@ def test_what_contactnets_files_hold_ranks_like_the_recording(cli: Cli, golden: 
 
 
 @pytest.mark.parametrize("form", ["golden", "files"])
-def test_contactnets_files_of_a_rig_hold_what_is_put_right(cli: Cli, golden: Path, tmp_path: Path, form: str) -> None:
+def test_contactnets_files_of_a_rig_hold_what_is_corrected(cli: Cli, golden: Path, tmp_path: Path, form: str) -> None:
     manifest, rig, source = tmp_path / "m.csv", ("--set", "rig.scale=1.01"), golden
     if form == "files":
         cli("rank", golden, "--top", TOP, "--no-figure", "--out", manifest)
