@@ -29,6 +29,7 @@ from contact_curation.stages.curation import Buffer, CurationConfig, CurationSta
 from contact_curation.stages.parameters import with_parameters
 from contact_curation.stages.records import Cursor
 from contact_curation.storage.manifest.file import write_manifest
+from contact_curation.storage.outputs import check_replaceable
 from contact_curation.storage.stores.information import InformationStore
 
 INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
@@ -108,6 +109,7 @@ class Curator(StageNode):
             response.message = "found no scored toss, expected at least one"
             return response
         try:
+            check_replaceable("path", Path(request.path), "a new name, or that of an earlier manifest")
             write_manifest(manifest_of(buffer, self._stage.last_stamp_ns), Path(request.path))
         except ContactCurationError as error:
             response.message = str(error)

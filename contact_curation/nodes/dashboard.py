@@ -42,6 +42,7 @@ from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Latest, Worker
 from contact_curation.stages.records import ServedDashboard, write_record
 from contact_curation.stages.scoring import checked_body
+from contact_curation.storage.outputs import check_replaceable
 
 TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16)
 INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
@@ -197,6 +198,8 @@ def declared_serving(node: StageNode) -> ServingConfig:
         InvalidValueError: nowhere.
     """
     recording = declare(node, "recording", "", ".rrd file that the session is written to; empty: none")
+    if recording:
+        check_replaceable("parameter recording", Path(recording), "a new name, or that of an earlier dashboard's file")
     return ServingConfig(
         web_port=declare(node, "web_port", 9090, "port of the page to open in a browser; 0: none is served"),
         grpc_port=declare(node, "grpc_port", 9876, "port of the data that the page shows"),

@@ -182,7 +182,7 @@ def summary_of(
     scored = [throw for throw in state.throws if throw.realised_gain is not None]
     return SessionSummary(
         throws=tuple(_throw(state, place) for place in range(len(state.throws))),
-        wanted=config.throws,
+        wanted=config.throws or 0,
         designed=sum(throw.exploration is None for throw in state.throws),
         planned_gain=sum(throw.planned_gain or 0.0 for throw in scored),
         realised_gain=sum(throw.realised_gain or 0.0 for throw in scored),
