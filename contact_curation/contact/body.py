@@ -55,6 +55,11 @@ class Body:
         return Polytope(self.vertices)
 
     @property
+    def tracked_polytope(self) -> Polytope:
+        """The shape in the frame that a tracker follows, in metres."""
+        return Polytope(self.vertices + self.center_of_mass)
+
+    @property
     def scaled_vertices(self) -> Array:
         """(V, 3) vertices in characteristic lengths."""
         return self.vertices / self.length_scale
@@ -75,6 +80,11 @@ class Body:
     def scaled_gravity(self) -> float:
         """Gravity in characteristic lengths per s^2."""
         return self.gravity / self.length_scale
+
+    def first_difference(self, other: "Body") -> str:
+        """The first value in which another body differs; empty where there is none but the name, which changes no number."""
+        names = [one.name for one in fields(self) if one.name != "name"]
+        return next((name for name in names if not np.array_equal(getattr(self, name), getattr(other, name))), "")
 
     @staticmethod
     def from_file(path: str | Path, options: BodyOptions = AS_IN_THE_FILE) -> "Body":

@@ -45,7 +45,7 @@ def test_a_sound_body_has_no_warnings(tmp_path: Path) -> None:
         ),
         (
             {"inertia": "[520, 450, 250]"},
-            r"inertia: found moments of 2.5e\+02 to 5.2e\+02, but 0.3 kg within 78 mm .* at most 0.0018, .* is it in kg mm\^2\?",
+            r"inertia: found moments of 2.5e\+02 to 5.2e\+02, but 0.3 kg within 78 mm .* at most 0.0018, .* in kg mm\^2\?",
         ),
         ({"inertia": "[5.2e+5, 4.5e+5, 2.5e+5]"}, r"inertia: .*: is it in g mm\^2\?"),
         ({"inertia": "[5.2, 4.5, 2.5]"}, r"inertia: .*: is it in kg cm\^2\?"),
