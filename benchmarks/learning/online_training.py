@@ -1,4 +1,4 @@
-"""Held-out error while a real recording plays through five processes: what is kept is trained on, and ranks again.
+"""Held-out error while a real recording plays through five processes: the selected tosses are trained on, and ranks again.
 
 ContactNets' tosses 0 to 399 are played as one bag; 400 to 569 are held out, and training tosses that are duplicates of held-out
 ones are left out. Scorer and trainer begin at the same random theta (method.md 1.1), so that nobody knows the cube beforehand.
@@ -158,7 +158,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--criteria", nargs="+", default=["log-det", "longest", "random"])
     parser.add_argument("--seeds", type=int, default=3, help="how many (default 3)")
-    parser.add_argument("--top", type=int, default=16, help="tosses kept (default 16)")
+    parser.add_argument("--top", type=int, default=16, help="tosses selected (default 16)")
     parser.add_argument("--rate", type=float, default=20.0, help="times real time (default 20)")
     parser.add_argument("--figure", type=Path, help="PNG file")
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
@@ -176,7 +176,9 @@ def main() -> int:
         level = floors(held_out)
     if arguments.figure:
         by_criterion = {name: [run.curve() for run in runs if run.criterion == name] for name in arguments.criteria}
-        title = f"{arguments.top} kept tosses, trained on while a recording plays ({arguments.seeds} random initialisations)"
+        title = (
+            f"{arguments.top} selected tosses, trained on while a recording plays ({arguments.seeds} random initialisations)"
+        )
         save_learning_curves(by_criterion, title, arguments.figure, level)
     if arguments.json:
         print(json.dumps({"true_cube": level, "runs": [asdict(run) for run in runs]}, indent=1))

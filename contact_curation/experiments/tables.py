@@ -29,8 +29,8 @@ ERRORS = {
 RIGID = ("rigid_position", "rigid_rotation", "rigid_penetration")
 """Errors of a polytope whose friction acts at the vertices of the gaps."""
 
-KEPT = ("kept_seconds", "kept_frames", "kept_bad", "gate_hits", "gate_false_alarms", "not_finite")
-LEARNED = (*ERRORS, *RIGID, "position_median", "rotation_median", "friction", *KEPT)
+SELECTED = ("selected_seconds", "selected_frames", "selected_bad", "gate_hits", "gate_false_alarms", "not_finite")
+LEARNED = (*ERRORS, *RIGID, "position_median", "rotation_median", "friction", *SELECTED)
 THROWN = {
     **{name: ERRORS[name] for name in ("position", "rotation", "penetration", "vertices")},
     "friction_from_described": "friction from the body as described",
@@ -127,11 +127,11 @@ def _throws(summaries: Sequence[Summary]) -> list[Panel]:
 
 
 def _robustness(summaries: Sequence[Summary]) -> list[Panel]:
-    """Gated pools: the clean one, then every fault; and how many of the kept are bad without the gates."""
-    names = {**ERRORS, "kept_bad": "share of bad tosses among the kept"}
+    """Gated pools: the clean one, then every fault; and how many of the selected tosses are bad without the gates."""
+    names = {**ERRORS, "selected_bad": "share of bad tosses among the selected"}
     panels = []
     for measure, label in names.items():
-        gated = measure != "kept_bad"
+        gated = measure != "selected_bad"
         own = [s for s in summaries if s.measure == measure and (bool(dict(s.group)["gated"]) is gated or not _fault(s))]
         own = [s for s in own if gated or _fault(s)]
         lines = _series(own, lambda summary: str(dict(summary.group)["rule"]), _fault_name)
@@ -174,13 +174,13 @@ def _one_series(name: str, own: Sequence[Summary], place: str | Callable[[Summar
 
 
 LAYOUTS: dict[Experiment, Layout] = {
-    Experiment.DATASET_QUALITY: Layout(LEARNING, LEARNED, _quality, "tosses kept (dotted: all)"),
-    Experiment.FUNCTIONALS: Layout(LEARNING, LEARNED, _quality, "tosses kept"),
+    Experiment.DATASET_QUALITY: Layout(LEARNING, LEARNED, _quality, "tosses selected (dotted: all)"),
+    Experiment.FUNCTIONALS: Layout(LEARNING, LEARNED, _quality, "tosses selected"),
     Experiment.ROBUSTNESS: Layout(LEARNING, LEARNED, _robustness, "fault and share of bad tosses in the pool"),
     Experiment.DESIGNED_THROWS: Layout(
         ("model", "protocol", "steps", "rule", "throws"), (*THROWN, *TAUGHT), _throws, "throws", (RANDOM, RAW)
     ),
-    Experiment.THEOREM: Layout(("rule", "weights", "size"), ("smallest", "largest", "epsilon"), _theorem, "tosses kept"),
+    Experiment.THEOREM: Layout(("rule", "weights", "size"), ("smallest", "largest", "epsilon"), _theorem, "tosses selected"),
     Experiment.CALIBRATION: Layout(
         ("size", "parameters", "unit"),
         ("found", *(name + end for name in RATIOS for end in ("", "_within"))),
