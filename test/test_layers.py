@@ -47,6 +47,7 @@ HOME = {
     "rosbags": "storage",
     "mcap": "storage",
     "rerun": "dashboard",
+    "trimesh": "geometry",
     "argparse": "cli",
 }
 """Where each outside library belongs; ROS messages belong to the nodes, see `home_of`."""
@@ -173,6 +174,7 @@ def test_every_part_has_its_place_in_the_layers() -> None:
         ("contact_curation.design.plan", "def step():\n    import mujoco"),
         ("contact_curation.cli.online.command", "import rerun as rr"),
         ("contact_curation.nodes.player", "import argparse"),
+        ("contact_curation.contact.body", "import trimesh"),
     ],
 )
 def test_the_judge_condemns_an_import_to_the_right_or_across(module: str, source: str) -> None:

@@ -152,9 +152,7 @@ def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> Inge
             segmenter = with_recorded_rules(segmenter, reader.note(RULES_NOTE))
     gates = declare_config(node, replace(GateConfig(), gravity=body.gravity), "gates.")
     gates = gates.of_body(gates.gravity, body.friction)
-    return IngestConfig(
-        poses.tracker(body.name, poses.board_frame), segmenter, gates, declare_config(node, NO_CORRECTION, "rig.")
-    )
+    return IngestConfig(poses.tracker(body, poses.board_frame), segmenter, gates, declare_config(node, NO_CORRECTION, "rig."))
 
 
 def main() -> int:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.geometry import quaternions
 from contact_curation.motion.calibration import RigCalibration, apply_calibration
 from contact_curation.motion.segmenter_config import SegmenterConfig
@@ -36,7 +37,7 @@ def leaning(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with BagWriter(path) as bag:
         record(
             bag,
-            "cube",
+            CONTACTNETS_CUBE,
             (apply_calibration(toss, RigCalibration((across, 0.0, up), scale=0.98)) for toss in simulated_tosses(12, 3)),
             TagslamRig(rules=SegmenterConfig()),
         )

@@ -88,7 +88,7 @@ class BagTosses:
         numbers: RecordedNumbers = UNNUMBERED,
     ) -> None:
         stages = IngestConfig(
-            config.poses.tracker(body.name, source.board_frame),
+            config.poses.tracker(body, source.board_frame),
             replace(config.segmenter, gravity=body.gravity),
             config.gates.of_body(body.gravity, body.friction),
             config.rig,
