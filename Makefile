@@ -35,7 +35,7 @@ check: setup
 	$(PYTHON) -m ruff format --check $(CHECKED)
 	$(VENV)/bin/clang-format --dry-run --Werror $(FORMATTED)
 	$(PYTHON) -m mypy $(TYPED)
-	$(PYTHON) -m mkdocs build --strict --quiet --site-dir build/site
+	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict --quiet --site-dir build/site
 
 format: setup
 	$(PYTHON) -m ruff check --fix $(CHECKED)
@@ -43,7 +43,7 @@ format: setup
 	$(VENV)/bin/clang-format -i $(FORMATTED)
 
 site: setup
-	$(PYTHON) -m mkdocs build --strict --quiet --site-dir build/site
+	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict --quiet --site-dir build/site
 
 # The package for any Python from 3.12 on, and the messages for this one: pip install --find-links dist 'contact-curation[ros]'
 wheel: setup

@@ -103,7 +103,7 @@ class Body:
         Raises:
             UnreadableInputError: there is no such file, it is no YAML mapping, or it describes no body; the line names the key.
 
-        Example:
+        Examples:
             >>> body = cc.Body.from_file("brick.yaml")
             >>> body.mass
             0.37
