@@ -35,6 +35,7 @@ NODES = [
 REQUIRES = [
     *(
         "argcomplete",
+        "cmaes>=0.11",
         "matplotlib>=3.6",
         "mcap>=1.1",
         "numpy>=1.26",

@@ -3,7 +3,6 @@
 python -m test.docs.executed          runs all pages and writes output and figures anew
 """
 
-import os
 import re
 import shutil
 import sys
@@ -33,7 +32,7 @@ def executed(page: Path) -> Iterator[tuple[str, list[Path]]]:
         return f"```python\n{block[1]}```\n" + (f"\n```text\n{output}\n```\n" if output else "")
 
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
-        os.symlink(REPOSITORY / "bags", "bags")
+        Path("bags").symlink_to(REPOSITORY / "bags")
         text = BLOCK.sub(run, page.read_text())
         yield text, sorted(Path(folder).glob("*.png"))
 

@@ -34,4 +34,5 @@ def test_no_term_is_used_above_its_definition() -> None:
 
 
 def test_a_term_that_is_used_too_early_is_found() -> None:
-    assert used_too_early("- **Toss**: a motion of the body.\n- **Body**: what is\n  thrown.\n") == ["Body in the entry of Toss"]
+    page = "- **Toss**: a motion of the body.\n- **Body**: what is\n  thrown.\n"
+    assert used_too_early(page) == ["Body in the entry of Toss"]
