@@ -101,7 +101,7 @@ class Body:
             UnreadableInputError: there is no such file, or it describes no body, or one that cannot be; the line names the
                 value and what to do.
 
-        Example:
+        Examples:
             >>> body = cc.Body.from_file("brick.yaml")
             >>> body.mass
             0.37
