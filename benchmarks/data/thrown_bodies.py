@@ -107,7 +107,7 @@ def ellipsoid(count: int, half: ArrayLike) -> Array:
     """Corners spread over an ellipsoid by the golden angle."""
     heights = (2.0 * np.arange(count) + 1.0) / count - 1.0
     angles, radii = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count), np.sqrt(1.0 - heights**2)
-    return np.stack([radii * np.cos(angles), radii * np.sin(angles), heights], axis=1) * np.asarray(half)
+    return np.asarray(np.stack([radii * np.cos(angles), radii * np.sin(angles), heights], axis=1) * np.asarray(half))
 
 
 def bodies() -> tuple[ThrownBody, ...]:
