@@ -20,8 +20,8 @@ from contact_curation.stages.records import (
     Cursor,
     Stamped,
     TossHeader,
-    kept_records,
     load_record,
+    stored_records,
 )
 from contact_curation.stages.selection import SELECTIONS, Selection, ranking_for, selection_of
 from contact_curation.storage.stores.information import InformationStore
@@ -88,7 +88,7 @@ class CurationStage:
     """Keeps the best tosses of one body.
 
     Args:
-        ranking: criterion and number of tosses; where a stream is not kept whole, log-det stands in for the default criterion.
+        ranking: criterion and number of tosses; log-det replaces the default criterion where a stream is not stored whole.
         config: how they are kept.
         informations: where everything that came, the place in the stream and the buffer are stored.
 
@@ -142,7 +142,7 @@ class CurationStage:
         self._selections[version].add(information)
         if stamp_ns > self._newest.stamp_ns:
             self._newest = Stamped(stamp_ns, frame_id)
-        self._states.save(kept_records(TossHeader(Stamped(stamp_ns, frame_id)), name=information.toss_id))
+        self._states.save(stored_records(TossHeader(Stamped(stamp_ns, frame_id)), name=information.toss_id))
 
     def advance(self, cursor: Cursor) -> None:
         """Remembers that everything up to the cursor is stored, and forgets thetas that are neither ranked nor the newest.
@@ -154,7 +154,7 @@ class CurationStage:
         needed = {self._ranked_version(), *self._order[-1:]}
         forgotten = [version for version in self._order if version not in needed]
         self._order = [version for version in self._order if version in needed]
-        self._states.save(kept_records(CuratorPosition(cursor, self._newest, tuple(self._order))))
+        self._states.save(stored_records(CuratorPosition(cursor, self._newest, tuple(self._order))))
         for version in forgotten:
             del self._selections[version]
             self._informations.drop_version(version)
@@ -209,7 +209,7 @@ class CurationStage:
         if replace(record, seen=before.seen) != before:
             record = replace(record, revision=before.revision + 1)
         if record != before:
-            self._states.save(kept_records(record))
+            self._states.save(stored_records(record))
         return record.revision
 
 

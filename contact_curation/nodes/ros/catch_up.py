@@ -15,7 +15,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 
-from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
+from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
 from contact_curation.nodes.ros.worker import Worker
 from contact_curation.stages.records import Cursor
 
@@ -80,7 +80,7 @@ class CatchUp:
         self._asked: Future | None = None
         self._silent = 0
         self._client = node.create_client(source.service, source.service_name)
-        node.create_subscription(source.message, source.topic, self._heard, kept(RESULTS_KEPT))
+        node.create_subscription(source.message, source.topic, self._heard, latched(RESULTS_DEPTH))
         node.create_timer(PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     @property
