@@ -82,13 +82,11 @@ def information_of(message: Any) -> TossInformation:
         centroid=np.array([message.centroid.x, message.centroid.y, message.centroid.z]),
         tilt_axes=tilt.reshape(-1, 3) if tilt.size % 3 == 0 else tilt,
     )
-    toss_id, bound = information.toss_id, information.influence_bound
+    toss_id = information.toss_id
     for name in ("mean_loss", "block_traces", "score_sum", "factor", "centroid", "tilt_axes"):
         check_numbers(f"{name} of toss {toss_id}", getattr(information, name), LARGEST_INFORMATION)
     if rows == 0 and information.trace != 0.0:
         raise InvalidValueError(f"factor of toss {toss_id}", "no row", f"rows of a trace of {information.trace:.3g}")
     if not information.influence_bound > 0.0:
-        raise InvalidValueError(
-            f"influence_bound of toss {information.toss_id}", information.influence_bound, "a positive number"
-        )
+        raise InvalidValueError(f"influence_bound of toss {toss_id}", information.influence_bound, "a positive number")
     return information
