@@ -1,4 +1,4 @@
-"""The door of the nodes: from process start to exit status. Configuration errors leave as one line and status 1.
+"""The entry point of all nodes, from process start to exit status. A configuration error is one line and status 1.
 
 Signals never interrupt what a node is doing. The first SIGINT or SIGTERM ends the spinning; the node then closes its threads,
 files and publishers while the middleware is still there. Further signals change nothing, and closing has a limit: what is not
