@@ -53,10 +53,10 @@ def alive(pid: int) -> bool:
 SLEEPER = """
 import multiprocessing, sys, time
 sys.path.insert(0, {folder!r})
-from contact_curation.pipeline.workers import each
+from contact_curation.pipeline.workers import each, unheard
 from sleeping import nap
 if __name__ == "__main__":
-    list(each(nap, [0, 1], 2, print))
+    list(each(nap, [0, 1], 2, unheard))
 """
 
 
