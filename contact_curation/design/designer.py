@@ -179,7 +179,7 @@ class Designer:
             losses: mean loss of each toss that is known at it, when it was first scored, oldest first.
             scores: gives the reference throws' scores at it and at the theta before; costly, and asked for last.
         """
-        check = self.config.readiness
+        check = self.config.readiness.of_body(self.body)
         if not check.enabled:
             return None
         without_scores = unready_reason(replace(check, least_agreement=-1.0), losses, [np.arange(2.0)] * 2)

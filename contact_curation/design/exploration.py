@@ -8,11 +8,12 @@ before it.
 """
 
 from collections.abc import Sequence
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contact_curation.contact.body import Body
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.design.planner import Plan, Planner
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
@@ -20,13 +21,10 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.accumulated import Accumulated
 
 FLIGHT_STEP = 1.0 / 148.0
-"""[s]"""
-
-LONGEST_FLIGHT = 0.6
-"""[s] from the highest release that is safe a body has long landed."""
+"""[s] For a body of the size of ContactNets' cube under its gravity; others by the time in which they fall their own size."""
 
 VELOCITY_WEIGHT = 0.25
-"""A metre per second weighs as much as this part of the unit sphere of directions."""
+"""A metre per second weighs as much as this part of the unit sphere of directions; likewise by the speed of such a fall."""
 
 
 def impact_features(body: Body, states: Array) -> Array:
@@ -36,7 +34,12 @@ def impact_features(body: Body, states: Array) -> Array:
         body: shape and gravity, as described.
         states: (K, 13) releases in SI units.
     """
-    times = FLIGHT_STEP * np.arange(round(LONGEST_FLIGHT / FLIGHT_STEP))
+    lengths, gravities = body.length_scale / CONTACTNETS_CUBE.length_scale, body.gravity / CONTACTNETS_CUBE.gravity
+    step, weight = FLIGHT_STEP * sqrt(lengths / gravities), VELOCITY_WEIGHT / sqrt(lengths * gravities)
+    landed = (
+        states[:, 9] + np.sqrt(states[:, 9] ** 2 + 2.0 * body.gravity * states[:, 2])
+    ) / body.gravity  # (K,) the centre, too
+    times = step * np.arange(int(np.ceil(landed.max() / step)) + 1)
     turned = quaternions.multiply(states[:, None, 3:7], quaternions.exp(times[None, :, None] * states[:, None, 10:]))
     heights = states[:, None, 2] + times * states[:, None, 9] - 0.5 * body.gravity * times**2
     rotations = quaternions.to_matrix(turned)  # (K, T, 3, 3)
@@ -46,7 +49,7 @@ def impact_features(body: Body, states: Array) -> Array:
     velocities = states[:, 7:10] - np.array([0.0, 0.0, body.gravity]) * times[first][:, None]
     into_body = rotations[at, first].transpose(0, 2, 1)
     down = -into_body[:, :, 2]
-    return np.concatenate([down, VELOCITY_WEIGHT * np.einsum("kij,kj->ki", into_body, velocities)], axis=1)
+    return np.concatenate([down, weight * np.einsum("kij,kj->ki", into_body, velocities)], axis=1)
 
 
 def spread(features: Array, count: int, seen: Array, seed: int) -> NDArray[np.int64]:

@@ -8,13 +8,17 @@ theta learned from would tell nothing: few tosses are fitted well by many thetas
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+
+CUBE_LOSS = 0.15
+"""Largest loss of ContactNets' cube, characteristic units."""
 
 
 @dataclass(frozen=True)
@@ -25,8 +29,9 @@ class ReadinessConfig:
         enabled: whether it is checked at all; without, any theta passes.
         least_tosses: known at it.
         recent: of so many newest tosses the losses are looked at.
-        largest_loss: median of what those had when they were first scored (method.md 1.2), characteristic units; at the true
-            parameters real tosses have 0.02.
+        largest_loss: median of what those had when they were first scored (method.md 1.2), characteristic units; None:
+            m (v / length scale)^2 with v = 33 mm/s, a velocity that no impulse explains: 0.15 for ContactNets' cube, whose real
+            tosses have 0.02 at the true parameters.
         least_agreement: Spearman correlation of the reference throws' information between thetas.
         most_tosses: from so many known tosses on agreement is no longer asked for, the loss still is; 0: always.
     """
@@ -34,7 +39,7 @@ class ReadinessConfig:
     enabled: bool = True
     least_tosses: int = 4
     recent: int = 3
-    largest_loss: float = 0.15
+    largest_loss: float | None = None
     least_agreement: float = 0.5
     most_tosses: int = 6
 
@@ -42,25 +47,31 @@ class ReadinessConfig:
         for name, least in (("least_tosses", 0), ("recent", 1), ("most_tosses", 0)):
             if getattr(self, name) < least:
                 raise InvalidValueError(f"readiness.{name}", getattr(self, name), f"at least {least}")
-        if not self.largest_loss > 0.0:
+        if self.largest_loss is not None and not self.largest_loss > 0.0:
             raise InvalidValueError("readiness.largest_loss", self.largest_loss, "a positive number")
         if not -1.0 <= self.least_agreement <= 1.0:
             raise InvalidValueError("readiness.least_agreement", self.least_agreement, "a correlation")
+
+    def of_body(self, body: Body) -> "ReadinessConfig":
+        """The same with a loss for the body, where its user has set none."""
+        cube = CONTACTNETS_CUBE
+        loss = CUBE_LOSS * body.mass / cube.mass * (cube.length_scale / body.length_scale) ** 2
+        return replace(self, largest_loss=self.largest_loss or loss)
 
 
 def unready_reason(config: ReadinessConfig, losses: Sequence[float], scores: Sequence[Array]) -> str | None:
     """Why theta does not pass the readiness check, in one line; None when it does.
 
     Args:
-        config: when it does.
+        config: when it does (`ReadinessConfig.of_body`).
         losses: mean loss of each known toss when it was first scored, oldest first.
         scores: of the same reference throws at each theta, (R,) each; with less than two thetas nothing can agree.
     """
     if len(losses) < config.least_tosses:
         return f"tosses: found {len(losses)}, expected at least {config.least_tosses}"
-    loss = float(np.median(losses[-config.recent :])) if losses else 0.0
-    if not loss <= config.largest_loss:
-        return f"loss: found a median of {loss:.3g}, expected at most {config.largest_loss:g}"
+    loss, largest = float(np.median(losses[-config.recent :])) if losses else 0.0, config.largest_loss or CUBE_LOSS
+    if not loss <= largest:
+        return f"loss: found a median of {loss:.3g}, expected at most {largest:.3g}"
     if config.most_tosses and len(losses) >= config.most_tosses:
         return None
     if len(scores) < 2:

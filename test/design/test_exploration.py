@@ -1,5 +1,7 @@
 """Exploration throws meet the board in different ways, whatever theta is."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from contact_curation.design.exploration import VELOCITY_WEIGHT, coverage, exploration_plan, impact_features, spread
@@ -30,6 +32,14 @@ def test_impacts_do_not_depend_on_place_and_heading() -> None:
     np.testing.assert_allclose(
         impact_features(CUBE, turned(states, 0.9, (0.2, 0.1))), impact_features(CUBE, states), atol=1e-12
     )
+
+
+def test_a_body_of_another_size_that_is_thrown_alike_meets_the_board_alike() -> None:
+    """Twice the lengths, sqrt(2) the times: speeds grow by sqrt(2), spins shrink by it."""
+    twice = replace(CUBE, vertices=2.0 * CUBE.vertices, inertia=4.0 * CUBE.inertia, length_scale=2.0 * CUBE.length_scale)
+    states = releases(6)
+    scaled = states * np.array([2.0] * 3 + [1.0] * 4 + [np.sqrt(2.0)] * 3 + [np.sqrt(0.5)] * 3)
+    np.testing.assert_allclose(impact_features(twice, scaled), impact_features(CUBE, states), atol=1e-9)
 
 
 def loop_spread(features: Array, count: int, seen: Array) -> list[int]:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.design.readiness import ReadinessConfig, spearman, unready_reason
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
@@ -70,3 +71,10 @@ def test_rank_correlation_asks_for_order_only() -> None:
 def test_settings_that_make_no_sense_are_refused(name: str, value: float) -> None:
     with pytest.raises(InvalidValueError, match=f"readiness.{name}"):
         replace(CONFIG, **{name: value})  # type: ignore[arg-type]
+
+
+def test_the_largest_loss_is_that_of_the_same_velocity_for_any_body() -> None:
+    heavy = replace(CONTACTNETS_CUBE, mass=2.0 * CONTACTNETS_CUBE.mass, length_scale=0.5 * CONTACTNETS_CUBE.length_scale)
+    assert ReadinessConfig().of_body(CONTACTNETS_CUBE).largest_loss == 0.15
+    assert ReadinessConfig().of_body(heavy).largest_loss == pytest.approx(0.15 * 2.0 * 4.0)
+    assert CONFIG.of_body(heavy) == CONFIG
