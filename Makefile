@@ -17,7 +17,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 # Without bytecode every process of the demo and the tests, and there are hundreds, compiles its modules anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow check format bench setup lock clean distclean
+.PHONY: demo test test-slow check format bench figures setup lock clean distclean
 .DELETE_ON_ERROR:
 
 demo: setup
@@ -45,6 +45,10 @@ bench: setup
 	@set -e; for script in $$(find benchmarks -name '[!_]*.py' | sort); do \
 		module=$$(echo $${script%.py} | tr / .); echo "== $$module"; $(PYTHON) -m $$module; \
 	done
+
+# The pictures in docs/images; the dashboard's, too, with DASHBOARD=1.
+figures: setup
+	$(PYTHON) -m test.docs.pictures $(if $(DASHBOARD),--dashboard)
 
 setup: $(DONE)/package
 

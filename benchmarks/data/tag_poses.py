@@ -229,7 +229,7 @@ def _rankings(recorded: Sequence[Recorded], seed: int) -> dict[str, Any]:
         "of both": len(both),
         "starts differ by [frames], mean": round(float(np.mean(starts)), 2),
         "Spearman of log-det": round(float(spearmanr(*scores).statistic), 4),
-        "kept back": reasons,
+        "rejected": reasons,
     }
 
 

@@ -66,7 +66,7 @@ MEASURES = (
     "penetration",
     "friction",
     "friction_from_all",
-    "kept_bad",
+    "selected_bad",
 )
 FIELDS = ("rule", "size", "fault", "share")
 
@@ -179,11 +179,11 @@ def print_why(bench: Bench) -> None:
         edges = ", ".join(f"{values[quarter].min():.2f}" for quarter in quarters)
         print(f"{what:32}" + "".join(f"{said(quarter):9.4f}" for quarter in quarters) + f"   quarters from {edges}")
     names = {toss.toss_id: place for place, toss in enumerate(bench.training)}
-    print(f"\n{'kept at that fit':22}" + "".join(f"{f'k = {size}':>10}" for size in (8, 16, 32)))
+    print(f"\n{'selected at that fit':22}" + "".join(f"{f'k = {size}':>10}" for size in (8, 16, 32)))
     for name, rule in RULES.items():
         if name != "all" and not (name.endswith("static") or rule.by_polytope or rule.redrawn):
-            kept = [np.array([names[one] for one in select(rule, model, bench.training, size, 0)]) for size in (8, 16, 32)]
-            print(f"{name:22}" + "".join(f"{said(places):10.4f}" for places in kept))
+            selected = [np.array([names[one] for one in select(rule, model, bench.training, size, 0)]) for size in (8, 16, 32)]
+            print(f"{name:22}" + "".join(f"{said(places):10.4f}" for places in selected))
 
 
 def traits(bench: Bench) -> dict[str, Array]:

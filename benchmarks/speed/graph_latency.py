@@ -22,7 +22,7 @@ from contact_curation_msgs.msg import TossInformation
 from nav_msgs.msg import Odometry
 
 from contact_curation.nodes.messages.headers import nanoseconds_of
-from contact_curation.nodes.ros.qos import kept
+from contact_curation.nodes.ros.qos import latched
 from contact_curation.session.free_domain import free_domain
 from contact_curation.storage.bags.writer import BagWriter
 from contact_curation.storage.datasets.tagslam_bag import TagslamRig, record
@@ -60,8 +60,8 @@ class Moments:
         self.poses: dict[int, int] = {}
         self.informations: dict[int, int] = {}
         node = graph.listener.node
-        node.create_subscription(Odometry, TOPIC, self._pose, kept(10000))
-        node.create_subscription(TossInformation, "/toss_information", self._information, kept(100))
+        node.create_subscription(Odometry, TOPIC, self._pose, latched(10000))
+        node.create_subscription(TossInformation, "/toss_information", self._information, latched(100))
 
     def _pose(self, message: Any, info: Mapping[str, int]) -> None:
         self.poses[nanoseconds_of(message.header.stamp)] = info["source_timestamp"]

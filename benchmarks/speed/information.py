@@ -35,7 +35,7 @@ WARM_UP = 2000
 
 @dataclass(frozen=True)
 class Timing:
-    """One call over all tosses; the value is the log-det of the kept set over that of greedy selection, where it is known."""
+    """One call over all tosses; the value is the log-det of the selected set over the one of greedy selection, if known."""
 
     what: str
     tosses: int

@@ -28,7 +28,6 @@ import numpy as np
 from contact_curation.stages.records import BufferRecord, load_record
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.stores.information import InformationStore
-from contact_curation.storage.stores.state import StateStore
 from contact_curation.storage.stores.tosses import TossStore
 from test.graph.parts.processes import spawn_node
 
@@ -182,13 +181,16 @@ def lost(folder: Path, session: Session, told: dict[str, Any]) -> Iterator[tuple
         yield known == stored, f"{node} knows {len(known & stored)} of {len(stored)} tosses at the last theta"
     with BagReader(folder / "session.mcap") as bag:
         announced = {one.message.toss_id for one in bag.messages(["/toss"])}
-        kept_back = {one.message.toss_id for one in bag.messages(["/toss_rejected"])} if rejected else set()
+        announced_rejected = {one.message.toss_id for one in bag.messages(["/toss_rejected"])} if rejected else set()
         health = list(bag.messages(["/diagnostics"]))
         poses = [(one.publish_time_ns, one.log_time_ns) for one in bag.raw_messages([POSES])]
         stamps = [one.message.header.stamp for one in bag.messages([POSES])]
         yield not bag.losses, f"the bag is whole {list(bag.losses) or ''}"
     yield announced == stored, f"{len(announced & stored)} of {len(stored)} tosses were recorded as announced"
-    yield kept_back == rejected, f"{len(kept_back & rejected)} of {len(rejected)} rejected motions were recorded as announced"
+    yield (
+        announced_rejected == rejected,
+        f"{len(announced_rejected & rejected)} of {len(rejected)} rejected motions were recorded as announced",
+    )
     times = [stamp.sec * 10**9 + stamp.nanosec for stamp in stamps]
     yield bool(np.all(np.diff(times) > 0)), f"stamps of {len(times)} recorded poses increase"
     yield from _poses_of_lives([sent for sent, _ in poses], session, health)
@@ -222,12 +224,12 @@ def buffers(folder: Path, told: dict[str, Any]) -> Iterator[tuple[bool, str]]:
     summary = told["summary"]
     yield summary["settled"], "the session came to rest"
     yield summary["same"], f"{summary['replay']}"
-    kept = replayed(folder, folder / "replay", len(summary["kept"]), summary["tosses"])
-    yield kept == summary["kept"], f"undisturbed nodes keep the same {len(kept)} tosses in the same order"
+    selected = replayed(folder, folder / "replay", len(summary["selected"]), summary["tosses"])
+    yield selected == summary["selected"], f"undisturbed nodes select the same {len(selected)} tosses in the same order"
 
 
-def replayed(folder: Path, own: Path, kept: int, tosses: int) -> list[str]:
-    """Kept ids of fresh nodes that hear the recorded poses, at the session's last theta."""
+def replayed(folder: Path, own: Path, top: int, tosses: int) -> list[str]:
+    """Selected ids of fresh nodes that hear the recorded poses, at the session's last theta."""
     own.mkdir()
     parameters: dict[str, dict[str, Any]] = {
         "pose_ingest": {},
@@ -245,7 +247,7 @@ def replayed(folder: Path, own: Path, kept: int, tosses: int) -> list[str]:
         while time.monotonic() < end:
             time.sleep(PERIOD)
             found, ranked = _buffer(own)
-            if ranked >= tosses and len(found) == kept:
+            if ranked >= tosses and len(found) == top:
                 time.sleep(2 * PERIOD)
                 return _buffer(own)[0]
         return _buffer(own)[0]
@@ -259,11 +261,10 @@ def replayed(folder: Path, own: Path, kept: int, tosses: int) -> list[str]:
 def _buffer(own: Path) -> tuple[list[str], int]:
     """Selected ids, and how many tosses were ranked."""
     store = own / "curator.sqlite"
-    if not (store.exists() and store.with_name("curator.sqlite.state").exists()):
+    if not store.exists():
         return [], 0
-    with StateStore(store.with_name("curator.sqlite.state")) as states:
-        buffer = load_record(states.load, BufferRecord) or BufferRecord()
     with InformationStore(store) as informations:
+        buffer = load_record(informations.states.load, BufferRecord) or BufferRecord()
         return list(buffer.selected), informations.count(buffer.version) if buffer.version else 0
 
 

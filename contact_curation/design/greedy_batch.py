@@ -230,7 +230,9 @@ def _better(evaluator: CandidateEvaluator, given: Sequence[Accumulated], throw: 
     return judged if better else throw
 
 
-def _judged(evaluator: CandidateEvaluator, base: Releases, moves: Array, config: RefinementConfig, strategy: "CMA") -> Candidates:
+def _judged(
+    evaluator: CandidateEvaluator, base: Releases, moves: Array, config: RefinementConfig, strategy: "CMA"
+) -> Candidates:
     """The moved releases; `moves` (B, 9) that may not be thrown are drawn again, in place, and the last try stands."""
     refusals = list(evaluator.refusals(_moved_releases(base, moves, config)))
     for _ in range(config.tries):

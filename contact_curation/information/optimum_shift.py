@@ -36,7 +36,7 @@ class OptimumShift:
 
     def to_mapping(self) -> dict[str, Any]:
         """As manifests hold it."""
-        return {"off": self.distance, "by_chance": self.at_random}
+        return {"distance": self.distance, "at_random": self.at_random}
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,13 +19,13 @@ from contact_curation.nodes.messages.camera import camera_info_message, detectio
 from contact_curation.nodes.messages.headers import Stamped
 from contact_curation.nodes.messages.tracked import odometry_message, static_transform_message
 from contact_curation.nodes.ros.node_main import StageNode
-from contact_curation.nodes.ros.qos import kept
+from contact_curation.nodes.ros.qos import latched
 from contact_curation.simulation.camera.camera import CameraConfig, CameraView
 from contact_curation.simulation.camera.tag_detection import DetectorConfig, TagDetector
 from contact_curation.simulation.tracker_noise import TrackerNoise, TrackerNoiseConfig
 from contact_curation.storage.datasets.tagslam_bag import TagslamRig
 
-IMAGES_KEPT = 5
+IMAGE_DEPTH = 5
 
 CAMERA_FRAME = "camera"
 
@@ -85,8 +85,8 @@ class TrackedPoses:
         self._body_frame = f"body_{body}"
         self._board = Pose(np.array(rig.board.position), np.array(rig.board.orientation_wxyz))
         self._waiting: deque[tuple[int, Any]] = deque()
-        self._poses = node.create_publisher(Odometry, f"tagslam/odom/{self._body_frame}", kept(history))
-        self._static = node.create_publisher(TFMessage, "/tf_static", kept(1))
+        self._poses = node.create_publisher(Odometry, f"tagslam/odom/{self._body_frame}", latched(history))
+        self._static = node.create_publisher(TFMessage, "/tf_static", latched(1))
         self._static.publish(static_transform_message(Stamped(0, rig.map_frame), rig.board_frame, self._board))
 
     def see(self, true: TrueFrame) -> None:
@@ -142,9 +142,9 @@ class RenderedTags:
         self._seed = seed
         self._view: CameraView | None = None
         self._detector = TagDetector(detector)
-        self._detections = node.create_publisher(AprilTagDetectionArray, "detections", kept(history))
-        self._camera_info = node.create_publisher(CameraInfo, "camera_info", kept(1))
-        self._images = node.create_publisher(ImageMessage, "image", kept(IMAGES_KEPT)) if images else None
+        self._detections = node.create_publisher(AprilTagDetectionArray, "detections", latched(history))
+        self._camera_info = node.create_publisher(CameraInfo, "camera_info", latched(1))
+        self._images = node.create_publisher(ImageMessage, "image", latched(IMAGE_DEPTH)) if images else None
 
     def see(self, true: TrueFrame) -> None:
         self._view = self._view or CameraView(*self._scene)

@@ -23,7 +23,7 @@ from contact_curation.nodes.ros.health import Health, HealthReport, Rate
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.pose_topics import PoseTopics, Received
-from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
+from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Inbox, Latest, Worker
 from contact_curation.stages.ingest import Arrival, IngestJournal
@@ -64,9 +64,9 @@ class PoseIngest(StageNode):
         self._ingest: TossIngest | None = None
         self._worker = Worker(self.fail)
         self._taking = Latest(self._worker, self._take)
-        self._tosses = self.create_publisher(TossMessage, "toss", kept(RESULTS_KEPT))
-        self._rejected = self.create_publisher(TossRejected, "toss_rejected", kept(RESULTS_KEPT))
-        self._tracked = self.create_publisher(Bool, "tracked", kept(1))
+        self._tosses = self.create_publisher(TossMessage, "toss", latched(RESULTS_DEPTH))
+        self._rejected = self.create_publisher(TossRejected, "toss_rejected", latched(RESULTS_DEPTH))
+        self._tracked = self.create_publisher(Bool, "tracked", latched(1))
         self._said_tracked: bool | None = None
         self.create_service(GetTosses, "get_tosses", self._get_tosses)
         self._topics = PoseTopics(self, self._body.name, self._poses, type_name, depth, self._found, self._arrived)

@@ -30,7 +30,7 @@ from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
-from contact_curation.nodes.ros.qos import kept, profile
+from contact_curation.nodes.ros.qos import latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
 from contact_curation.nodes.throw_server import ThrowServer
@@ -43,7 +43,7 @@ from contact_curation.simulation.arm.throw_motion import ThrowPlanner
 from contact_curation.stages.arm import ArmStage
 from contact_curation.stages.simulated_time import AwakeClock, Pace, SimulatedTime, Ticks
 
-TRUTH_KEPT = 2000
+TRUTH_DEPTH = 2000
 """Frames that a slow listener may lag behind."""
 
 BEAT = 0.1
@@ -112,8 +112,8 @@ class SimArm(StageNode):
     def _publish(self, ticks: Ticks) -> None:
         often = profile(50, reliable=True, latched=False)
         self._joints = self.create_publisher(JointState, "/joint_states", often)
-        self._truth = self.create_publisher(Odometry, "ground_truth", profile(TRUTH_KEPT, reliable=True, latched=False))
-        self._begun = self.create_publisher(ThrowMessage, "throw_begun", kept(1))
+        self._truth = self.create_publisher(Odometry, "ground_truth", profile(TRUTH_DEPTH, reliable=True, latched=False))
+        self._begun = self.create_publisher(ThrowMessage, "throw_begun", latched(1))
         self._ticks = ticks
         if ticks.any:
             self._time = self.create_publisher(ClockMessage, "/clock", profile(1, reliable=True, latched=False))

@@ -26,7 +26,7 @@ from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport, Rate
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
-from contact_curation.nodes.ros.qos import kept, profile
+from contact_curation.nodes.ros.qos import latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
 from contact_curation.simulation.camera.camera import CameraConfig
@@ -36,7 +36,7 @@ from contact_curation.storage.datasets.tagslam_bag import TagslamRig
 from contact_curation.storage.inputs.pose_messages import ODOMETRY, measured_pose
 from contact_curation.storage.tag_map_file import read_tag_rig
 
-TRUTH_KEPT = 2000
+TRUTH_DEPTH = 2000
 """Frames of the ground truth that may wait until they are taken."""
 
 THROWS_KNOWN = 2
@@ -58,8 +58,8 @@ class SimCamera(StageNode):
         self._begun: deque[tuple[int, str]] = deque(maxlen=THROWS_KNOWN)
         self._sight = self._declared_sight()
         self._worker = Worker(self.fail)
-        self.create_subscription(ThrowMessage, "throw_begun", self._throw_begun, kept(1))
-        self.create_subscription(Odometry, "ground_truth", self._arrived, profile(TRUTH_KEPT, reliable=True, latched=False))
+        self.create_subscription(ThrowMessage, "throw_begun", self._throw_begun, latched(1))
+        self.create_subscription(Odometry, "ground_truth", self._arrived, profile(TRUTH_DEPTH, reliable=True, latched=False))
         self.create_timer(SILENCE, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         HealthReport(self, self._health)
 

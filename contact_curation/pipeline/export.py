@@ -35,7 +35,7 @@ class ExportJob:
         reading: how they become tosses; as they did when they were ranked.
         manifest_path: of the ranking.
         manifest: what it says.
-        rows: of the kept tosses by their ids, best first.
+        rows: of the selected tosses by their ids, best first.
         per_toss: a bag for each toss.
     """
 
@@ -47,7 +47,7 @@ class ExportJob:
     per_toss: bool = False
 
     @property
-    def kept_manifest(self) -> Manifest:
+    def selected_manifest(self) -> Manifest:
         """The manifest of what is exported alone; how it was made stays."""
         return Manifest(self.manifest.run, tuple(self.rows.values()), self.manifest.diagnostics)
 
@@ -70,7 +70,7 @@ def export_job(inputs: Sequence[Path], reading: ReadingConfig, manifest: Path, *
 
     Raises:
         UnreadableInputError: the manifest is none.
-        InvalidValueError: it kept nothing.
+        InvalidValueError: it selected nothing.
     """
     content = read_manifest(manifest)
     return ExportJob(tuple(inputs), reading, manifest, content, selected_rows(content, manifest), per_toss)
@@ -82,7 +82,7 @@ def to_contactnets(job: ExportJob, folder: Path, advance: Advance) -> Exported:
     inputs = replace(job.reading.inputs, as_stored=level)
     found = found_tosses(job, inputs, advance)
     write_contactnets(found.tosses, job.reading.body, folder, copied=level)
-    write_manifest(job.kept_manifest, folder / "manifest.json")
+    write_manifest(job.selected_manifest, folder / "manifest.json")
     return Exported({toss_id: f"{SUBFOLDER}/{number}.pt" for number, toss_id in enumerate(job.rows)}, found.warnings)
 
 
@@ -90,7 +90,7 @@ def to_lerobot(job: ExportJob, folder: Path, advance: Advance) -> Exported:
     """A LeRobot dataset, and the manifest in its meta/."""
     found = found_tosses(job, job.reading.inputs, advance)
     write_lerobot(found.tosses, job.reading.body.name, folder)
-    write_manifest(job.kept_manifest, folder / "meta" / "curation.json")
+    write_manifest(job.selected_manifest, folder / "meta" / "curation.json")
     return Exported({toss_id: f"episode {number}" for number, toss_id in enumerate(job.rows)}, found.warnings)
 
 
@@ -103,7 +103,7 @@ def to_mcap(job: ExportJob, folder: Path, advance: Advance) -> Exported:
     exports, problems = _exported_bags(job, folder, advance)
     found = {toss_id: one.origin for one in exports for toss_id in one.files}
     check_all_found(job.rows, found, job.manifest_path, problems)
-    write_manifest(job.kept_manifest, folder / "manifest.json")
+    write_manifest(job.selected_manifest, folder / "manifest.json")
     files = {toss_id: file.name for one in exports for toss_id, file in one.files.items()}
     changed = changed_inputs((row, found[toss_id]) for toss_id, row in job.rows.items())
     warnings = (*problems, *(line for one in exports for line in one.warnings), *changed)

@@ -168,7 +168,7 @@ def _of_session(config: SessionConfig, body: Body, folder: SessionFolder) -> dic
     """
     own: dict[str, Parameters] = {name: {"store": str(folder.store(name).absolute())} for name in STORING}
     own["trainer"] |= {"checkpoint": str(folder.checkpoint.absolute())}
-    own["throw_designer"] |= {"auto": True, "max_throws": config.throws, "thrower": "arm"}
+    own["throw_designer"] |= {"auto": True, "max_throws": config.throws or 0, "thrower": "arm"}
     own["sim_arm"] = {"armed": True, "external_heartbeat": False, "state": str((folder.stores / "sim_arm.json").absolute())}
     own["sim_camera"] = {"mode": config.camera}
     if config.rendered:

@@ -29,12 +29,12 @@ from contact_curation.stages.records import (
     Proposal,
     ReferenceScores,
     ThrowRecord,
-    kept_records,
     load_record,
     record_key,
+    stored_records,
 )
 from contact_curation.stages.throw_log import ThrowLog
-from contact_curation.storage.stores.state import StateStore
+from contact_curation.storage.stores.state import States
 
 
 class RankedBuffer(NamedTuple):
@@ -92,7 +92,7 @@ class DesignStage:
         self,
         body: Body,
         config: DesignerConfig,
-        states: StateStore,
+        states: States,
         geometry: ContactGeometry | None = None,
         prior: ReleasePrior = PUBLISHED_PRIOR,
         feasible: Feasible | None = None,
@@ -176,7 +176,7 @@ class DesignStage:
             oldest = next(version for version in self._infos if version != self.version)
             del self._infos[oldest]
         if info.toss_id not in self._stamps and self._states.load(record_key(FirstLoss, info.toss_id)) is None:
-            self._states.save(kept_records(FirstLoss(info.mean_loss), name=info.toss_id))
+            self._states.save(stored_records(FirstLoss(info.mean_loss), name=info.toss_id))
         self._stamps[info.toss_id] = stamp_ns
         self._compare()
         if not self._log.busy:  # else it may be that of the throw under way, whose release nobody has told of yet
@@ -334,5 +334,5 @@ class DesignStage:
         if version not in known.scores:
             scores = {**known.scores, version: tuple(self._design(version).planner.reference_scores().tolist())}
             known = ReferenceScores(dict(list(scores.items())[-2:]))
-            self._states.save(kept_records(known))
+            self._states.save(stored_records(known))
         return [np.array(scores) for scores in known.scores.values()]

@@ -19,15 +19,17 @@ from contact_curation.stages.records import (
     ScorerPosition,
     Stamped,
     TossHeader,
-    kept_records,
     load_record,
+    stored_records,
 )
 from contact_curation.stages.scored_theta import ScoredTheta, scorer_of
 from contact_curation.storage.stores.information import InformationStore
-from contact_curation.storage.stores.state import StateStore
 
 PARAMETERS, MODEL = "parameters", "model"
 """What theta is kept under: its safetensors bytes, and the name of its model."""
+NEXT_PARAMETERS, NEXT_MODEL = "next_parameters", "next_model"
+"""The same of the theta that comes next; empty while there is none."""
+NOTHING_NEXT = {NEXT_PARAMETERS: b"", NEXT_MODEL: b""}
 
 MOST_VERSIONS = 2
 """Older thetas' information is dropped: it can be scored again."""
@@ -54,22 +56,19 @@ class ScoringStage:
     Args:
         body: what is tossed.
         config: how tosses are scored.
-        informations: where results are kept.
-        states: where theta and the place in the stream are kept.
+        informations: where results, theta and the place in the stream are stored.
         theta: where no newer one is kept.
 
     Raises:
         InvalidValueError: the store holds results of the same theta that were made in another way.
     """
 
-    def __init__(
-        self, body: Body, config: ScoringConfig, informations: InformationStore, states: StateStore, theta: ScoredTheta
-    ) -> None:
+    def __init__(self, body: Body, config: ScoringConfig, informations: InformationStore, theta: ScoredTheta) -> None:
         self._body = body
         self._config = config
         self._informations = informations
-        self._states = states
-        stored, model = states.load(PARAMETERS), states.load(MODEL) or theta.model.encode()
+        self._states = informations.states
+        stored, model = self._states.load(PARAMETERS), self._states.load(MODEL) or theta.model.encode()
         known = theta if stored is None else ScoredTheta(model.decode(), stored)
         self._scorer = self._checked(scorer_of(known, body, config))
 
@@ -93,14 +92,36 @@ class ScoringStage:
             InvalidValueError: no theta of such a model, one that the form cannot have, or the store holds results of it that
                 were made in another way.
         """
-        scorer = self._checked(scorer_of(theta, self._body, self._config))
+        try:
+            scorer = self._checked(scorer_of(theta, self._body, self._config))
+        except InvalidValueError:
+            self._states.save(NOTHING_NEXT)
+            raise
         if scorer.version == self.version:
+            self._states.save(NOTHING_NEXT)
             return False
         self._informations.drop_version(scorer.version)
-        self._states.save({PARAMETERS: theta.data, MODEL: theta.model.encode()})
+        self._states.save({PARAMETERS: theta.data, MODEL: theta.model.encode(), **NOTHING_NEXT})
         self._scorer = scorer
         self._informations.keep_newest_versions(MOST_VERSIONS)
         return True
+
+    def postpone(self, theta: ScoredTheta) -> None:
+        """Remembers the theta to go on with once all tosses are scored at the present one; the newest replaces the others.
+
+        While thetas come faster than tosses are scored, each theta that is begun is also finished.
+
+        Raises:
+            InvalidValueError: no theta of such a model, or one that the form cannot have.
+        """
+        scorer_of(theta, self._body, self._config)
+        self._states.save({NEXT_PARAMETERS: theta.data, NEXT_MODEL: theta.model.encode()})
+
+    @property
+    def postponed(self) -> ScoredTheta | None:
+        """The theta to go on with; None while there is none."""
+        data, model = self._states.load(NEXT_PARAMETERS), self._states.load(NEXT_MODEL)
+        return ScoredTheta(model.decode(), data) if data and model else None
 
     def score(self, tosses: Sequence[Toss], frames: Mapping[str, str]) -> Batch:
         """Scores what is not scored yet and keeps the results.
@@ -113,7 +134,7 @@ class ScoringStage:
         results = self._scorer.score(fresh) if fresh else ()
         scored = [(toss, result) for toss, result in zip(fresh, results) if isinstance(result, TossInformation)]
         headers = {toss.toss_id: Stamped(int(toss.stamps_ns[-1]), frames[toss.toss_id]) for toss, _ in scored}
-        records = [kept_records(TossHeader(header), name=toss_id) for toss_id, header in headers.items()]
+        records = [stored_records(TossHeader(header), name=toss_id) for toss_id, header in headers.items()]
         self._states.save({key: data for one in records for key, data in one.items()})
         new = [Announcement(self._informations.add(one).sequence, one, headers[one.toss_id]) for _, one in scored]
         return Batch(tuple(new), tuple(result for result in results if isinstance(result, NotScored)))
@@ -130,11 +151,11 @@ class ScoringStage:
     def announced(self, batch: Sequence[Announcement]) -> None:
         """Remembers that everything up to these was announced."""
         if batch:
-            self._states.save(kept_records(AnnouncedInformation(batch[-1].sequence)))
+            self._states.save(stored_records(AnnouncedInformation(batch[-1].sequence)))
 
     def advance(self, cursor: Cursor) -> None:
         """Remembers that every toss up to the cursor was scored at this theta."""
-        self._states.save(kept_records(ScorerPosition(self.version, cursor)))
+        self._states.save(stored_records(ScorerPosition(self.version, cursor)))
 
     @property
     def last_sequence(self) -> int:

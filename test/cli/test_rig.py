@@ -71,10 +71,10 @@ def test_what_it_says_puts_tosses_right(cli: Cli, leaning: Path, tmp_path: Path)
     assert mended["lean_degrees"]["value"] < 0.05
     assert mended["scale"]["value"] == pytest.approx(1.0, abs=0.003)
     assert mended["settings"] == ""
-    kept_back = cli("rank", leaning, "--top", 2, "--out", tmp_path / "as_recorded.csv")
-    assert "11 tilt at rest" in kept_back.err
+    as_recorded = cli("rank", leaning, "--top", 2, "--out", tmp_path / "as_recorded.csv")
+    assert "11 tilt at rest" in as_recorded.err
     ranked = cli("rank", leaning, "--top", 2, "--out", tmp_path / "apply_calibration.csv", "--json", *settings)
-    assert sum(not row["gated"] for row in ranked.json["tosses"]) >= 11
+    assert sum(not row["rejected"] for row in ranked.json["tosses"]) >= 11
     assert "at rest" not in ranked.out
 
 

@@ -38,8 +38,8 @@ def test_dataset_quality_compares_rules_seed_by_seed(cli: Cli, folder: Path, tmp
     assert [(row["rule"], row["size"], row["seed"]) for row in rows] == [
         (rule, size, seed) for seed in "01" for rule, size in [*((rule, "2") for rule in rules), ("all", "0")]
     ]
-    assert {len(row["kept"].split()) for row in rows if row["size"] == "2"} == {2}
-    assert not any({"8", "9"} & set(row["kept"].split()) for row in rows)
+    assert {len(row["selected"].split()) for row in rows if row["size"] == "2"} == {2}
+    assert not any({"8", "9"} & set(row["selected"].split()) for row in rows)
     by_rule = {(row["rule"], row["seed"]): float(row["friction"]) for row in rows if row["size"] == "2"}
     summary = {(row["rule"], row["measure"]): row for row in table(tmp_path / "summary.csv") if row["size"] == "2"}
     own = summary["log-det", "friction"]
@@ -70,7 +70,7 @@ def test_robustness_says_what_the_gates_caught(cli: Cli, folder: Path, tmp_path:
     rows = table(tmp_path / "rows.csv")
     assert {(row["fault"], row["gated"]) for row in rows} == {("", "True"), ("spike", "True"), ("spike", "False")}
     gated = [row for row in rows if row["fault"] and row["gated"] == "True"]
-    assert {(row["gate_hits"], row["gate_false_alarms"], row["kept_bad"]) for row in gated} == {("1.0", "0.0", "0.0")}
+    assert {(row["gate_hits"], row["gate_false_alarms"], row["selected_bad"]) for row in gated} == {("1.0", "0.0", "0.0")}
 
 
 @pytest.mark.parametrize("experiment", ["theorem", pytest.param("calibration", marks=pytest.mark.slow)])

@@ -10,7 +10,7 @@ import pytest
 from contact_curation_msgs.msg import ThrowReport
 from std_srvs.srv import Trigger
 
-from contact_curation.nodes.ros.qos import RESULTS_KEPT
+from contact_curation.nodes.ros.qos import RESULTS_DEPTH
 from contact_curation.stages.records import ThrowRecord
 from test.cli.commands import write_parameters
 from test.graph.parts.graph import Graph
@@ -36,7 +36,7 @@ class Loop:
         self.graph = graph
         self._theta = write_parameters(graph.folder / "true.json")
         self._throws = throws
-        self.reports: list[ThrowReport] = graph.listener.listen(ThrowReport, "/throw_report", RESULTS_KEPT)
+        self.reports: list[ThrowReport] = graph.listener.listen(ThrowReport, "/throw_report", RESULTS_DEPTH)
         graph.start("pose_ingest")
         graph.start("fisher_scorer", params=self._theta)
         graph.start("curator", top=4)

@@ -108,7 +108,7 @@ def test_the_examples_in_the_documentation_run(
 
 @pytest.mark.slow
 def test_the_first_page_of_the_face_works_as_it_stands(bench: Path) -> None:
-    page = (REPOSITORY / "docs" / "python.md").read_text()
+    page = (REPOSITORY / "docs" / "how-to" / "python.md").read_text()
     code = page.partition("```python\n")[2].partition("```")[0]
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=bench)
     assert done.returncode == 0, done.stderr
@@ -141,7 +141,7 @@ def test_a_ranking_is_that_of_the_command(
     report = cli("rank", golden_bag, "--top", 8, "--out", tmp_path / "command.json", "--no-figure", "--json").json
     for mine in (ranking, cc.rank(golden_bag, top=8, body=body)):
         assert json.loads(json.dumps(mine.document()["tosses"])) == report["tosses"]
-        assert list(mine.selected_ids) == [row["toss_id"] for row in report["tosses"] if row["kept"]]
+        assert list(mine.selected_ids) == [row["toss_id"] for row in report["tosses"] if row["selected"]]
         assert [toss.toss_id for toss in mine.selected] == list(mine.selected_ids)
         assert [toss.digest() for toss in mine.selected] == [tosses.by_id[name].digest() for name in mine.selected_ids]
     ranking.save(tmp_path / "mine.json")

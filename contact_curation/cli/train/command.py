@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import check_outputs
 from contact_curation.cli.options.reading import (
     SHARED_STAGES,
@@ -53,7 +54,7 @@ CHECKPOINT_SECONDS = 30.0
 ONLY_WITH_TOP = ("criterion", "variant", "estimator", "rerank_every", "canary")
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
         "Trains a model on every toss that passes the gates, on those that `rank` selected, or on the best K, which can be "
@@ -64,6 +65,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     _add_model_options(parser)
     _add_toss_options(parser)
     _add_output_options(parser)
+    parser.set_examples(
+        "contact-curation train session.mcap --manifest manifest.parquet --out model.safetensors",
+        "contact-curation train session.mcap --top 16 --protocol exact --out model.safetensors",
+    )
     parser.set_defaults(run=run)
 
 
@@ -249,11 +254,9 @@ def _selection(arguments: argparse.Namespace, ranking: RankingConfig, canary: "S
 
 
 def _check_out(arguments: argparse.Namespace) -> None:
-    if arguments.out.exists() and not (arguments.resume or arguments.overwrite):
-        raise InvalidValueError(
-            "--out", f"a file at {arguments.out}", "--resume to go on with it, or --overwrite to begin anew"
-        )
-    check_outputs(out=arguments.out, metrics=arguments.metrics)
+    overwrite = arguments.resume or arguments.overwrite
+    check_outputs(overwrite=overwrite, remedy="--resume to go on with it, or --overwrite to begin anew", out=arguments.out)
+    check_outputs(overwrite=overwrite, metrics=arguments.metrics)
 
 
 def _begun_or_resumed(arguments: argparse.Namespace, config: "TrainConfig", tosses: LearningTosses) -> "TrainingRun":

@@ -5,7 +5,7 @@ always the same ones, are scored and ranked at the current theta, and compared w
 selection. Only when their places have moved is the whole pool scored.
 
 Each selection is made from nothing. A greedy pick takes a small part of the time that scoring does, so to start from
-the tosses kept before would save little; and as it is, a selection depends on theta alone, not on how theta was reached.
+the tosses selected before would save little; and as it is, a selection depends on theta alone, not on how theta was reached.
 """
 
 from collections.abc import Callable, Sequence
@@ -72,8 +72,8 @@ class RerankingConfig:
     """What is selected, and when again; without an occasion the first selection stays.
 
     Attributes:
-        ranking: how tosses are ranked, and how many are kept.
-        epochs: so many passes over the kept tosses; None for no such occasion.
+        ranking: how tosses are ranked, and how many are selected.
+        epochs: so many passes over the selected tosses; None for no such occasion.
         canary: None for no such occasion.
     """
 
@@ -94,18 +94,18 @@ class Selected:
         gradient_steps: taken until then.
         epochs: complete passes until then.
         trigger: why.
-        kept: ids, best first.
+        toss_ids: ids, best first.
         canaries: ids of the canaries, best first.
         spearman: correlation of the canaries' places with those at the selection before; NaN at the first.
         overlap: share of their first ones that are the same; NaN likewise.
-        retained: share of the kept tosses that were kept before; NaN likewise.
+        retained: share of the selected tosses that were selected before; NaN likewise.
         not_scored: ids of tosses that could not be ranked.
     """
 
     gradient_steps: int
     epochs: int
     trigger: Trigger
-    kept: tuple[str, ...]
+    toss_ids: tuple[str, ...]
     canaries: tuple[str, ...]
     spearman: float = np.nan
     overlap: float = np.nan
@@ -145,11 +145,11 @@ class Reranking:
         canary_ids = {toss.toss_id for toss in self._canaries}
         canaries = self._canary_ranking([info for info in infos if info.toss_id in canary_ids])
         moved = self._moved(canaries)
-        before = self.selected.kept if self.selected else ()
-        kept = ranking.selected_ids
-        retained = len(set(kept) & set(before)) / len(kept) if before else np.nan
+        before = self.selected.toss_ids if self.selected else ()
+        toss_ids = ranking.selected_ids
+        retained = len(set(toss_ids) & set(before)) / len(toss_ids) if before else np.nan
         self.selected = Selected(
-            gradient_steps, epochs, trigger, kept, canaries, moved[0], moved[1], retained, tuple(not_scored)
+            gradient_steps, epochs, trigger, toss_ids, canaries, moved[0], moved[1], retained, tuple(not_scored)
         )
         return self.selected
 

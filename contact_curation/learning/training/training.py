@@ -166,7 +166,7 @@ class Training:
         """Learns from other transitions from here on, in a new epoch.
 
         Args:
-            data: the kept set as it is now.
+            data: the selected set as it is now.
             fresh_budget: whether steps, epochs, patience and the schedule begin anew, and the optimizer forgets; a
                 training that had ended goes on. Without it only the data change.
 

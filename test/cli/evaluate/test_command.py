@@ -66,7 +66,7 @@ def test_held_out_real_tosses_with_a_duplicate_among_the_others_are_told_and_lef
     done = cli("evaluate", true_parameters, contactnets_folder, *QUICK, "--held-out", "400-569", "--json")
     report = done.json
     duplicates = [413, 414, 415, 416, 436, 453, 454, 455, 456, 457, 528, 529, 530, 531, 532, 546, 547]
-    assert sorted(map(int, report["duplicates"])) == duplicates  # docs/data.md
+    assert sorted(map(int, report["duplicates"])) == duplicates  # docs/explanation/data.md
     assert report["tosses"] == 170
     rows = {int(row["toss_id"]): row["position"] for row in report["models"][0]["per_toss"]}
     assert sorted(rows) == list(range(400, 570))
@@ -110,7 +110,7 @@ def test_every_set_that_was_learned_from_in_turn_is_no_judge_and_the_last_one_sa
     out = tmp_path / "reranked.safetensors"
     options = ("--steps", 40, "--held-out", "5,6", "--top", 2, "--criterion", "trace", "--rerank-every", 1, "--json")
     selections = cli("train", folder, "--out", out, *options).json["selections"]
-    ever, last = {toss for one in selections for toss in one["kept"]}, set(selections[-1]["kept"])
+    ever, last = {toss for one in selections for toss in one["toss_ids"]}, set(selections[-1]["toss_ids"])
     assert len(ever) > len(last) == 2
     judged = cli("evaluate", out, folder, *QUICK, "--held-out", ",".join(sorted(ever)))
     line = f"{out}: it learned from {len(ever)} of the {len(ever)} tosses it is judged by"

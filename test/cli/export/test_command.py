@@ -1,4 +1,4 @@
-"""`export`: what a ranking kept, as parts of its recordings, ContactNets' files or a LeRobot dataset; or one line why not."""
+"""`export`: the selected tosses as parts of their recordings, ContactNets' files or a LeRobot dataset; or one line why not."""
 
 import hashlib
 import shutil

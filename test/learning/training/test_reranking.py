@@ -73,7 +73,7 @@ def ids(*numbers: int) -> tuple[str, ...]:
 def test_the_first_selection_is_the_best_of_the_pool(model: Model, tosses: tuple[Toss, ...]) -> None:
     scorer = MadeUpScorer()
     first = Reranking(tosses, scorer, RerankingConfig(TRACE)).select(model)
-    assert (first.trigger, first.kept) == (Trigger.FIRST, ids(*range(39, 29, -1)))
+    assert (first.trigger, first.toss_ids) == (Trigger.FIRST, ids(*range(39, 29, -1)))
     assert sum(scorer.asked) == COUNT
     assert np.isnan([first.spearman, first.overlap, first.retained]).all()
 
@@ -96,14 +96,14 @@ def test_after_n_epochs_the_whole_pool_is_ranked_anew(model: Model, tosses: tupl
     again = reranking.consider(model, 30, 3)
     assert again is not None
     assert (again.trigger, again.gradient_steps, again.epochs) == (Trigger.EPOCHS, 30, 3)
-    assert again.kept == ids(*range(10))
+    assert again.toss_ids == ids(*range(10))
     assert again.spearman == pytest.approx(-1.0)
     assert again.retained == 0.0
     assert reranking.consider(model, 40, 5) is None
     scorer.traces = np.roll(scorer.traces, 4)
     later = reranking.consider(model, 50, 6)
     assert later is not None
-    assert (later.kept, later.retained) == (ids(*range(4, 14)), 0.6)
+    assert (later.toss_ids, later.retained) == (ids(*range(4, 14)), 0.6)
 
 
 def test_canaries_that_kept_their_places_leave_the_selection(model: Model, tosses: tuple[Toss, ...]) -> None:
@@ -127,7 +127,7 @@ def test_canaries_that_moved_have_the_pool_ranked_anew(model: Model, tosses: tup
     assert again is not None
     assert (again.trigger, scorer.asked) == (Trigger.CANARY, [16, COUNT])
     assert again.spearman < 0.9
-    assert [scorer.traces[int(toss_id[-2:])] for toss_id in again.kept] == list(range(40, 30, -1))
+    assert [scorer.traces[int(toss_id[-2:])] for toss_id in again.toss_ids] == list(range(40, 30, -1))
     assert reranking.consider(model, 10, 0) is None
 
 
@@ -186,7 +186,7 @@ def test_tosses_that_cannot_be_scored_are_named_and_not_kept(model: Model, tosse
     scorer.hopeless = set(ids(39, 38))
     first = Reranking(tosses, scorer, RerankingConfig(TRACE)).select(model)
     assert set(first.not_scored) == scorer.hopeless
-    assert first.kept == ids(*range(37, 27, -1))
+    assert first.toss_ids == ids(*range(37, 27, -1))
     scorer.hopeless = {toss.toss_id for toss in tosses}
     with pytest.raises(InvalidValueError, match="tosses to rank: found none"):
         Reranking(tosses, scorer, RerankingConfig(TRACE)).select(model)
@@ -227,7 +227,7 @@ def test_a_polytope_is_ranked_as_the_library_ranks_its_geometry_in_its_own_form(
         expected = curate([one for one in infos if isinstance(one, TossInformation)], RankingConfig(top=3))
         scorer = toss_scorer(ScoringConfig(), "log-det")
         first = Reranking(pool, scorer, RerankingConfig(RankingConfig(top=3))).select(model)
-        assert first.kept == expected.ranking.selected_ids
+        assert first.toss_ids == expected.ranking.selected_ids
 
 
 def test_theta_that_moves_far_moves_the_canaries_of_real_scores() -> None:
@@ -252,7 +252,7 @@ def test_what_needs_no_scores_ranks_as_the_library_does(model: Model, criterion:
     ranking = RankingConfig(criterion, top=3, seed=4)
     expected = curate([one for one in infos if isinstance(one, TossInformation)], ranking)
     scorer = toss_scorer(ScoringConfig(), criterion)
-    assert Reranking(pool, scorer, RerankingConfig(ranking)).select(model).kept == expected.ranking.selected_ids
+    assert Reranking(pool, scorer, RerankingConfig(ranking)).select(model).toss_ids == expected.ranking.selected_ids
 
 
 @pytest.mark.parametrize("kind", ["deep", "deepvertex", "end_to_end"])
@@ -263,5 +263,5 @@ def test_networks_are_ranked_by_what_they_learn(kind: str) -> None:
     config = ScoringConfig(estimator=Estimator.EMPIRICAL)
     scorer = toss_scorer(config, "trace")
     traces = {one.toss_id: one.trace for one in scorer(network, pool) if isinstance(one, TossInformation)}
-    kept = Reranking(pool, scorer, RerankingConfig(RankingConfig("trace", top=1))).select(network).kept
+    kept = Reranking(pool, scorer, RerankingConfig(RankingConfig("trace", top=1))).select(network).toss_ids
     assert kept == tuple(sorted(traces, key=traces.__getitem__, reverse=True)[:1])
