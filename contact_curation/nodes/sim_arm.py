@@ -52,8 +52,8 @@ BEAT = 0.1
 LONGEST_HUSH = 10.0
 """So long the simulation waits for the node's own heartbeat before its absence is taken for a failure [s]."""
 
-BREATH = 1e-3
-"""Given to the other threads after a frame that nothing waits for, or the heartbeat would starve [s]."""
+BREATH, BREATH_FRAMES = 1e-3, 4
+"""Given to the other threads after so many frames that nothing waits for, or the heartbeat would starve [s]."""
 
 IDLE = 0.05
 """Between looks for a goal where simulated time stands still [s]."""
@@ -90,6 +90,7 @@ class SimArm(StageNode):
         self._stage = ArmStage(ArmFeasibility(ThrowPlanner(self._body, arm), limits), self._gate, control, seed)
         self._warnings = ThrottledWarnings(self)
         self._ended, self._wake, self._beaten = False, threading.Event(), threading.Event()
+        self._since_breath = 0
         self._publish(Ticks(clock_hertz))
         if outside:
             self.create_subscription(Empty, "~/heartbeat", lambda _: self._beat(), profile(1, reliable=True, latched=False))
@@ -201,7 +202,9 @@ class SimArm(StageNode):
     def _keep_pace(self, time: float) -> None:
         """Waits until a frame's time has come."""
         ahead = self._pace.ahead(time, self._now())
-        if self._pace.unlimited:
+        self._since_breath += 1
+        if self._pace.unlimited and self._since_breath >= BREATH_FRAMES:
+            self._since_breath = 0
             self._wake.wait(BREATH)
         elif ahead > 0.0:
             self._wake.wait(ahead)

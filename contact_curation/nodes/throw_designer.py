@@ -39,7 +39,7 @@ from contact_curation.storage.stores.state import StateStore
 
 INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
 
-PERIOD = 0.2
+PERIOD = 0.05
 """[s] between looks at whether the next throw is due."""
 
 RESTING = (TrainingStatus.WAITING, TrainingStatus.FAILED)

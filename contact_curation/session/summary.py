@@ -10,6 +10,9 @@ from contact_curation.session.state import SessionState
 from contact_curation.stages.records import ThrowRecord
 
 
+INTERRUPTED = "; interrupted before everything was scored and trained on"
+
+
 @dataclass(frozen=True)
 class ThrowOutcome:
     """A throw and what came of it.

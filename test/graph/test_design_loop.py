@@ -54,7 +54,7 @@ class Loop:
             **SMALL,
             "await_tracker": True,
             "params": self._theta,
-            "canary.enabled": False,
+            "readiness.enabled": False,
             "thrower": "arm",
             "toss_timeout": 20.0,
         }
