@@ -9,7 +9,6 @@ from contact_curation.session.learned import HeldOutSummary, LearnedSummary, lea
 from contact_curation.session.state import SessionState
 from contact_curation.stages.records import ThrowRecord
 
-
 INTERRUPTED = "; interrupted before everything was scored and trained on"
 
 

@@ -314,28 +314,31 @@ def test_it_is_up_to_date_when_the_trainer_rests_on_a_buffer_with_all_tosses_and
     stage = DesignStage(CUBE, CONFIG, states)
     first, second = (info for info in PARTICLE.scorer.score(simulated_tosses(2, 0)) if isinstance(info, TossInformation))
 
+    def up_to_date() -> bool:
+        return stage.is_up_to_date
+
     def ranked(version: str, revision: int, seen: int, newest_ns: int) -> None:
         stage.select(RankedBuffer((first.toss_id,), revision, version, seen, newest_ns))
 
-    assert stage.is_up_to_date  # nothing is known
+    assert up_to_date()  # nothing is known
     stage.add(replace(first, parameters_version="described"), 5)
     ranked("described", 1, 1, 5)
-    assert not stage.is_up_to_date  # the trainer may be about to begin
+    assert not up_to_date()  # the trainer may be about to begin
     stage.rest(TrainerRest(1, 5, ""))
-    assert stage.is_up_to_date  # one toss is too few to learn from
+    assert up_to_date()  # one toss is too few to learn from
     stage.add(replace(second, parameters_version="described"), 9)
     ranked("described", 2, 2, 9)
-    assert not stage.is_up_to_date
+    assert not up_to_date()
     stage.rest(TrainerRest(2, 9, PARTICLE.version))
     stage.renew(TRUE)
-    assert not stage.is_up_to_date  # nothing is scored at it
+    assert not up_to_date()  # nothing is scored at it
     ranked(PARTICLE.version, 3, 1, 9)
     stage.rest(TrainerRest(3, 9, PARTICLE.version))
     stage.add(first, 5)
-    assert not stage.is_up_to_date
+    assert not up_to_date()
     stage.add(second, 9)
-    assert not stage.is_up_to_date  # of the buffer's tosses one is missing
+    assert not up_to_date()  # of the buffer's tosses one is missing
     ranked(PARTICLE.version, 3, 2, 9)
-    assert stage.is_up_to_date
+    assert up_to_date()
     stage.rest(TrainerRest())  # it trains
-    assert not stage.is_up_to_date
+    assert not up_to_date()
