@@ -113,6 +113,12 @@ class PoseTopics:
         """What is subscribed to, by topic."""
         return {topic: offer for topic, (offer, _) in self._subscriptions.items()}
 
+    @property
+    def has_publisher(self) -> bool:
+        """Whether the body's topic is followed, and somebody publishes it."""
+        topic = "" if self.source is None else self.source.body.name
+        return topic in self._subscriptions and self._node.count_publishers(topic) > 0
+
     def follow(self) -> None:
         """Looks at the graph and subscribes to what is new or has changed; cheap, to be called often."""
         try:
