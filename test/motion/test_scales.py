@@ -1,4 +1,4 @@
-"""Bounds follow from the body and its tracker: a 20 mm die, a 400 mm plate, a prism and a brick, at 60 and 250 frames a second."""
+"""Bounds follow from the body and its tracker: a 20 mm die, a 400 mm plate, a prism and a brick, at 60 and 250 Hz."""
 
 from dataclasses import replace
 from functools import cache
@@ -56,8 +56,8 @@ def toss(name: str) -> Toss:
 @pytest.mark.parametrize("share", [0.9, 1.2, -0.9, -1.2])
 def test_a_rest_beside_the_board_is_seen_by_the_size_of_the_body(name: str, share: float) -> None:
     body = BODIES[name].body
-    lift = share * 0.003 / 0.0524 * size_of(body.vertices)
-    reasons = inspect(replace(toss(name), positions=toss(name).positions + [0.0, 0.0, lift]), body, GateConfig())
+    lift = np.array([0.0, 0.0, share * 0.003 / 0.0524 * size_of(body.vertices)])
+    reasons = inspect(replace(toss(name), positions=toss(name).positions + lift), body, GateConfig())
     assert any(line.startswith("height at rest") for line in reasons) is (abs(share) > 1.0), reasons
 
 
