@@ -103,7 +103,8 @@ def cells_of(thrower: ThrownBody, count: int, seed: int) -> Iterator[Cell]:
     """A cell per rate and noise, of the same throws."""
     rng, motions = np.random.default_rng(seed), list[Array]()
     while len(motions) < count:
-        motions.append(thrown(thrower, release(thrower.body, rng)))
+        poses = thrown(thrower, release(thrower.body, rng))
+        motions += [] if poses is None else [poses]
     for rate in RATES:
         frames = [poses[:: round(1.0 / (rate * FINE_PERIOD))] for poses in motions]
         for noise in NOISES:

@@ -239,11 +239,21 @@ def jump_gate(steps: Steps, bounds: GateBounds) -> str:
 
 
 def turn_gate(steps: Steps, bounds: GateBounds) -> str:
-    """The body turns by its angular velocity."""
-    shares = np.abs(steps.turn_offsets) / bounds.jump_spins
-    axis = int(np.argmax(shares.max(axis=0)))
-    bound = float(bounds.jump_spins[axis]) * steps.growth()
-    return _worst("turn beside the angular velocity", np.abs(steps.turn_offsets[:, axis]), bound, "rad/s")
+    """The body turns by its angular velocity, but where a push began a turn and the next one ended it within a step."""
+    allowed = np.maximum(
+        bounds.jump_spins * steps.growth(), np.outer(passing_pushes(steps, bounds), bounds.levers)
+    )  # (T - 1, 3)
+    beyond = np.abs(steps.turn_offsets) - allowed
+    frame, axis = divmod(int(np.argmax(beyond)), 3)
+    offsets = np.where(np.arange(len(beyond)) == frame, np.abs(steps.turn_offsets[:, axis]), 0.0)
+    return _worst("turn beside the angular velocity", offsets, float(allowed[frame, axis]), "rad/s")
+
+
+def passing_pushes(steps: Steps, bounds: GateBounds) -> Array:
+    """(T - 1,) the lesser of the impulses per mass at the beginning and at the end of each step, without a median [m/s]."""
+    rates = np.diff(steps.toss.positions[:, 2]) / steps.dt
+    pushes = np.pad(np.diff(rates) + bounds.gravity * steps.dt[1:], 1)  # (T,) at each frame; none is known at the ends
+    return sqrt(1.0 + bounds.largest_friction**2) * np.maximum(np.minimum(pushes[:-1], pushes[1:]), 0.0)
 
 
 type Gate = Callable[[Steps, GateBounds], str]
