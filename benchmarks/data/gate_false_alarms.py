@@ -6,7 +6,7 @@ as one accepted toss is a false alarm. Accepted tosses are then made bad as in `
 for some, 10 mm of drift, a board off by 3 mm and 2 degrees, tags taken for others, orientations 2 frames late), turned by 90
 degrees in one frame, or made 5 % too large; a fault is found if the checks reject the toss.
 
-    python -m benchmarks.data.gate_false_alarms [--tosses N] [--bodies NAME ...] [--out FILE.csv]        the docs: --tosses 200
+    python -m benchmarks.data.gate_false_alarms [--tosses N] [--bodies NAME ...] [--out FILE.csv]
 """
 
 import argparse
@@ -75,7 +75,7 @@ class Cell:
 def main() -> int:
     """Prints a row per cell; writes them, too, where a file is named."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--tosses", type=int, default=20, help="of each body (default 20)")
+    parser.add_argument("--tosses", type=int, default=100, help="of each body (default 100)")
     parser.add_argument("--seed", type=int, default=0, help="of throws, noise and faults (default 0)")
     parser.add_argument("--bodies", nargs="+", help="names (default all)")
     parser.add_argument("--out", type=Path, help="CSV file to write")
