@@ -44,7 +44,7 @@ REQUIRES = [
         "rosbags>=0.10,<0.12",
         "safetensors>=0.4",
     ),
-    *("scipy>=1.11", "tqdm", "trimesh>=4", "zstandard"),
+    *("scipy>=1.14", "tqdm", "trimesh>=4", "zstandard"),
 ]
 """All that reading, ranking and drawing need for a polytope: no torch, no simulator, no ROS."""
 

@@ -121,4 +121,4 @@ def test_every_package_of_the_ubuntu_list_is_bounded_and_all_that_setup_needs_is
     assert all(">=" in bounds and "<" in bounds for bounds in listed.values()), listed
     setup = setup_module()
     needed = {re.split("[<>=[]", name)[0] for name in [*setup.REQUIRES, *setup.TRAIN, *setup.SIM, *setup.DASHBOARD]}
-    assert needed - set(listed) == {"matplotlib", "PyYAML", "scipy", "tqdm"}  # exec_depend of package.xml
+    assert needed - set(listed) == {"matplotlib", "PyYAML", "tqdm"}  # exec_depend of package.xml
