@@ -56,6 +56,11 @@ class FrameTree:
     def __init__(self) -> None:
         self.links: dict[str, Link] = {}
 
+    @property
+    def frames(self) -> list[str]:
+        """The names of all frames that are known, in order."""
+        return sorted({name for child, link in self.links.items() for name in (child, link.parent) if name})
+
     def take(self, frame_pose: FramePose) -> bool:
         """Learns a pose; False when it comes with an older stamp than the link's newest and is left out.
 

@@ -1,7 +1,7 @@
 """The whole way from measured poses to tosses that may be scored: track, segment, calibrate, gate."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -44,14 +44,24 @@ class TossIngest:
         polytope: the body's shape.
         body: its name.
         source: where the poses come from, e.g. a topic; part of the toss ids.
+        placed: hears every pose on the board, in order; nobody by default.
 
     Attributes:
         counts: how often what happened: "poses", "tosses", "rejected", and kinds of bad poses.
         noise: how much the poses scatter; no part of the state.
     """
 
-    def __init__(self, config: IngestConfig, polytope: Polytope, *, body: str, source: str) -> None:
+    def __init__(
+        self,
+        config: IngestConfig,
+        polytope: Polytope,
+        *,
+        body: str,
+        source: str,
+        placed: Callable[[BodyPose], None] | None = None,
+    ) -> None:
         self.config = config
+        self._placed = placed
         self._polytope = polytope
         self._gates = config.gates.of_tracker(config.segmenter.tracker_noise)
         self._tracker = BodyTracker(config.tracker)
@@ -108,6 +118,8 @@ class TossIngest:
         followed: list[IngestEvent] = []
         for event in events:
             if isinstance(event, BodyPose):
+                if self._placed is not None:
+                    self._placed(event)
                 self.noise.push(event.stamp_ns, event.pose.position)
                 followed += self._segmenter.push(event.stamp_ns, event.pose.position, event.pose.orientation_wxyz)
             elif isinstance(event, ClockJump):
