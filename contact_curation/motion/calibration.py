@@ -47,18 +47,28 @@ class RigCalibration:
         centre: about which poses are turned, amid where bodies come to rest; it stays where it is but for its height, which is
             scaled [m].
         scale: what lengths are multiplied with.
+        height: of the board's surface in poses that were turned and scaled; it is taken away [m].
+        marker_turn: of the tracked body's frame against the described body's, as a rotation vector in it [rad].
+        marker_offset: of the described body's origin from the tracked one, in the described body's frame [m].
     """
 
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     scale: float = 1.0
+    height: float = 0.0
+    marker_turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    marker_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         length = float(np.linalg.norm(self.normal))
         if not (np.shape(self.normal) == (3,) and np.isfinite(length) and self.normal[2] > STEEPEST * length):
             raise InvalidValueError("normal", self.normal, "three numbers that point up by more than across")
-        if not (np.shape(self.centre) == (3,) and np.isfinite(self.centre).all()):
-            raise InvalidValueError("centre", self.centre, "three numbers")
+        for name in ("centre", "marker_turn", "marker_offset"):
+            value = getattr(self, name)
+            if not (np.shape(value) == (3,) and np.isfinite(value).all()):
+                raise InvalidValueError(name, value, "three numbers")
+        if not np.isfinite(self.height):
+            raise InvalidValueError("height", self.height, "a number of metres")
         if not 0.5 <= self.scale <= 2.0:
             raise InvalidValueError("scale", self.scale, "a number from 0.5 to 2")
 
@@ -68,6 +78,11 @@ class RigCalibration:
         normal = np.array(self.normal)
         length = float(np.linalg.norm(normal))
         return normal if abs(length - 1.0) < ROUNDING else normal / length
+
+    @property
+    def has_marker(self) -> bool:
+        """Whether the tracked frame is not the described body's."""
+        return any(self.marker_turn) or any(self.marker_offset)
 
     @property
     def tilt(self) -> float:
@@ -162,12 +177,29 @@ def apply_calibration(toss: Toss, rig: RigCalibration) -> Toss:
     length = float(np.linalg.norm(axis))
     turn = quaternions.exp(axis * (rig.tilt / length if length else 0.0))
     centre = np.array(rig.centre)
-    return replace(
+    surface = np.array([0.0, 0.0, rig.height])
+    levelled = replace(
         toss,
-        positions=centre * [1.0, 1.0, rig.scale] + rig.scale * quaternions.rotate(turn, toss.positions - centre),
+        positions=centre * [1.0, 1.0, rig.scale] + rig.scale * quaternions.rotate(turn, toss.positions - centre) - surface,
         orientations_wxyz=quaternions.multiply(turn, toss.orientations_wxyz),
         linear_velocities=rig.scale * quaternions.rotate(turn, toss.linear_velocities),
-    )  # spins are in the body's frame, which no rig turns
+    )  # spins are in the body's frame, which no board turns
+    return _of_the_described_body(levelled, rig) if rig.has_marker else levelled
+
+
+def _of_the_described_body(toss: Toss, rig: RigCalibration) -> Toss:
+    """A toss of the tracked frame as one of the described body's, which is fixed to it."""
+    turned = quaternions.exp(np.array(rig.marker_turn))
+    orientations = quaternions.multiply(toss.orientations_wxyz, quaternions.conjugate(turned))
+    spins = quaternions.rotate(turned, toss.angular_velocities)
+    return replace(
+        toss,
+        positions=toss.positions + quaternions.rotate(orientations, rig.marker_offset),
+        orientations_wxyz=orientations,
+        linear_velocities=toss.linear_velocities
+        + quaternions.rotate(orientations, np.cross(spins, np.array(rig.marker_offset))),
+        angular_velocities=spins,
+    )
 
 
 def _triple(vector: Array) -> tuple[float, float, float]:
