@@ -17,6 +17,11 @@ from setuptools import Extension, find_packages, setup
 from setuptools.command.build_ext import build_ext
 from setuptools.errors import CompileError
 
+try:
+    from setuptools.command.bdist_wheel import bdist_wheel
+except ImportError:  # that of Ubuntu 24.04, which colcon calls, and which makes no wheels
+    bdist_wheel = object
+
 HERE = Path(__file__).resolve().parent
 MANIFEST = ElementTree.parse(HERE / "package.xml").getroot()
 NAME = MANIFEST.findtext("name", "")
@@ -26,6 +31,31 @@ NODES = [
     "session_recorder",
     "dashboard",
 ]
+
+REQUIRES = [
+    *(
+        "argcomplete",
+        "matplotlib>=3.6",
+        "mcap>=1.1",
+        "numpy>=1.26",
+        "pyarrow>=15",
+        "PyYAML>=6",
+        "rosbags>=0.10,<0.12",
+        "safetensors>=0.4",
+    ),
+    *("scipy>=1.11", "tqdm", "trimesh>=4", "zstandard"),
+]
+"""All that reading, ranking and drawing need for a polytope: no torch, no simulator, no ROS."""
+
+VERSION = MANIFEST.findtext("version", "")
+TRAIN = ["torch>=2.4"]
+SIM = ["cmaes>=0.11", "daqp>=0.5", "mink>=0.0.6", "mujoco>=3.2", "opencv-python-headless>=4.8", "pupil-apriltags>=1.0.4"]
+DASHBOARD = ["rerun-sdk>=0.24"]
+ROS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces", f"contact_curation_msgs=={VERSION}"]
+ROS += ["contact_curation_vendored_apriltag_msgs", "contact_curation_vendored_tf2_msgs"]
+EXTRAS = {"train": TRAIN, "sim": SIM, "dashboard": DASHBOARD, "ros": ROS, "all": [*TRAIN, *SIM, *DASHBOARD, *ROS]}
+"""What more is needed for what: contact_curation/extras.py names them where one is missing. `make wheel` builds the last three
+of `ros` beside this package, because no package index has them."""
 
 KERNEL_FOLDERS = [Path(NAME, "solver", "kernel"), Path(NAME, "contact", "kernel")]
 # Every level gives the same bytes: nothing is fused, reordered or approximated that the source does not write down.
@@ -86,6 +116,14 @@ class BuildKernel(build_ext):
             raise CompileError(f"{ext.name} did not compile; the compiler's message is above")
 
 
+class TagWheel(bdist_wheel):
+    """One wheel for every Python from 3.12 on: the kernel is loaded with ctypes and knows none of them."""
+
+    def get_tag(self) -> tuple[str, str, str]:
+        platform_tag: str = super().get_tag()[2]
+        return "py3", "none", platform_tag
+
+
 # Tests and benchmarks take from here how the kernel is built.
 if __name__ == "__main__":
     setup(
@@ -95,39 +133,22 @@ if __name__ == "__main__":
         license=MANIFEST.findtext("license"),
         maintainer=MANIFEST.findtext("maintainer"),
         maintainer_email=next(MANIFEST.iter("maintainer")).get("email"),
+        project_urls={str(url.get("type")).capitalize(): url.text for url in MANIFEST.iter("url")},
         long_description=(HERE / "README.md").read_text(encoding="utf-8"),
         long_description_content_type="text/markdown",
         python_requires=">=3.12",
         packages=find_packages(include=[NAME, f"{NAME}.*"]),
         package_data={NAME: ["py.typed", "config/*.yaml", "launch/*.py"]},
         ext_modules=kernel_extensions(),
-        cmdclass={"build_ext": BuildKernel},
+        cmdclass={"build_ext": BuildKernel, "bdist_wheel": TagWheel},
         data_files=[
             ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
             (f"share/{NAME}", ["package.xml"]),
             (f"share/{NAME}/launch", sorted(str(path.relative_to(HERE)) for path in HERE.glob(f"{NAME}/launch/*.py"))),
             (f"share/{NAME}/config", sorted(str(path.relative_to(HERE)) for path in HERE.glob(f"{NAME}/config/*.yaml"))),
         ],
-        install_requires=[
-            "cmaes",
-            "daqp",
-            "matplotlib",
-            "mcap",
-            "mink",
-            "mujoco",
-            "numpy>=1.26",
-            "opencv-python-headless",
-            "pupil-apriltags",
-            "pyarrow",
-            "PyYAML",
-            "rerun-sdk",
-            "rosbags",
-            "safetensors",
-            "scipy",
-            "torch",
-            "tqdm",
-            "zstandard",
-        ],
+        install_requires=REQUIRES,
+        extras_require=EXTRAS,
         entry_points={
             "console_scripts": [
                 f"contact-curation = {NAME}.cli.main:main",

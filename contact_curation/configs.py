@@ -5,7 +5,7 @@ A field is described once, in its class's docstring; the options of commands and
 
 import inspect
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from enum import Enum
 from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
@@ -55,14 +55,27 @@ def field_of(config: Any, path: str) -> ConfigField:
     return found[path]
 
 
-def with_field(config: Any, path: str, value: Any) -> Any:
-    """A copy with one field changed.
+def with_fields[Config](config: Config, values: Mapping[str, Any]) -> Config:
+    """A copy with the fields at some paths changed, all at once.
 
     Raises:
-        InvalidValueError: the class does not accept the value.
+        InvalidValueError: the class does not accept the values.
     """
-    name, _, rest = path.partition(".")
-    return replace(config, **{name: with_field(getattr(config, name), rest, value) if rest else value})
+    changed: dict[str, Any] = {}
+    inside: dict[str, dict[str, Any]] = {}
+    for path, value in values.items():
+        name, _, rest = path.partition(".")
+        if rest:
+            inside.setdefault(name, {})[rest] = value
+        else:
+            changed[name] = value
+    changed |= {name: with_fields(getattr(config, name), own) for name, own in inside.items()}
+    return replace(config, **changed)  # type: ignore[type-var]
+
+
+def with_field(config: Any, path: str, value: Any) -> Any:
+    """A copy with one field changed; errors as of `with_fields`."""
+    return with_fields(config, {path: value})
 
 
 def parsed(kind: Any, text: str) -> Any:

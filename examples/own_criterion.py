@@ -3,7 +3,7 @@
     python examples/own_criterion.py session.mcap [more.mcap ...]
 
 A criterion gets the same tosses once per theta, and gives back a score for each. As soon as it is registered, `cc.rank` and the
-nodes know it by its name; docs/criteria.md says what else it can have.
+nodes know it by its name; docs/explanation/criteria.md says what else it can have.
 """
 
 import sys

@@ -1,6 +1,6 @@
 """The parts of the package know only the parts to their left, and each outside library stays in its part.
 
-errors | version < configs | files < geometry | solver < contact | motion < information < learning < design < simulation
+errors | version < configs | extras | files < geometry | solver < contact | motion < information < learning < design < simulation
 | storage | dashboard < pipeline | stages < session < nodes | cli < experiments
 
 The face, `import contact_curation as cc`, imports nothing until a name of it is used; types are an exception. The parts of the
@@ -20,7 +20,7 @@ FOLDER = Path(__file__).resolve().parents[1] / PACKAGE
 
 LAYERS = (
     ("errors", "version"),
-    ("configs", "files"),
+    ("configs", "extras", "files"),
     ("geometry", "solver"),
     ("contact", "motion"),
     ("information",),

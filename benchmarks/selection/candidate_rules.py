@@ -7,7 +7,7 @@ CONTACTNETS_DATA and are put right by what they say of their rig.
     python -m benchmarks.selection.candidate_rules [--candidates NAME ...] [--sizes 8 16 32] [--seeds 10] [--jobs N]
                                          [--out FILE.jsonl] [--table FILE.csv]
 
-random, longest, log-det, representative   as in docs/criteria.md, to compare with
+random, longest, log-det, representative   as in docs/explanation/criteria.md, to compare with
 half-random       half of them by log-det, the others at random
 leverage-drawn    drawn with chances as their leverages, and weighted so that the sum stands for the pool's
 expected          by log-det of what the model expects a release to teach, over executions of it, whatever came of it

@@ -28,7 +28,6 @@ import numpy as np
 from contact_curation.stages.records import BufferRecord, load_record
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.stores.information import InformationStore
-from contact_curation.storage.stores.state import StateStore
 from contact_curation.storage.stores.tosses import TossStore
 from test.graph.parts.processes import spawn_node
 
@@ -259,11 +258,10 @@ def replayed(folder: Path, own: Path, kept: int, tosses: int) -> list[str]:
 def _buffer(own: Path) -> tuple[list[str], int]:
     """Selected ids, and how many tosses were ranked."""
     store = own / "curator.sqlite"
-    if not (store.exists() and store.with_name("curator.sqlite.state").exists()):
+    if not store.exists():
         return [], 0
-    with StateStore(store.with_name("curator.sqlite.state")) as states:
-        buffer = load_record(states.load, BufferRecord) or BufferRecord()
     with InformationStore(store) as informations:
+        buffer = load_record(informations.states.load, BufferRecord) or BufferRecord()
         return list(buffer.selected), informations.count(buffer.version) if buffer.version else 0
 
 

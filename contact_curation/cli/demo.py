@@ -11,6 +11,7 @@ import json
 import os
 import shutil
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Sequence
@@ -18,11 +19,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NoReturn
 
+from contact_curation.cli.main import NAME
 from contact_curation.cli.main import main as command_line
 from contact_curation.errors import ContactCurationError
 from contact_curation.session.config import SessionFolder
 from contact_curation.session.replay import NodesRanking, Recording, rank_by_nodes
-from contact_curation.session.report import verb_output
+from contact_curation.session.supervisor import ProgramFailedError
 from contact_curation.storage.inputs.inputs import is_contactnets
 
 GOLDEN_BAG = Path(__file__).resolve().parents[2] / "bags" / "golden.mcap"
@@ -130,6 +132,19 @@ def _ranked_by_library(recording: Recording, out: Path) -> dict[str, Any]:
     output = verb_output("rank", str(recording.bag), "--top", str(recording.top), "--out", manifest, "--json")
     report: dict[str, Any] = json.loads(output)
     return report
+
+
+def verb_output(*words: str) -> str:
+    """What a command of ours prints on its standard output.
+
+    Raises:
+        ProgramFailedError: it fails; with its error.
+    """
+    command = [sys.executable, "-m", "contact_curation.cli.main", *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise ProgramFailedError(done.stderr.strip().rpartition("\n")[2].removeprefix(f"{NAME}: error: "))
+    return done.stdout
 
 
 def _say(line: str) -> None:

@@ -15,6 +15,7 @@ from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.report import warn
 from contact_curation.cli.stop_signals import endings_as_interrupt
 from contact_curation.errors import ContactCurationError, NothingFoundError
+from contact_curation.extras import says_what_to_install
 from contact_curation.version import __version__
 
 NAME = "contact-curation"
@@ -81,6 +82,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _failed(f"memory: found too little ({error}), expected more; fewer --jobs or inputs at once need less")
 
 
+@says_what_to_install
 def _run(words: list[str]) -> int:
     arguments = build_parser(words).parse_args(words)
     arguments.command = (NAME, *words)

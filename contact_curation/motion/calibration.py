@@ -6,7 +6,7 @@ slow, which free fall alone does not distinguish). Both belong to the rig, are t
 together: the frame is turned until the mean rest is level, and lengths are multiplied by the scale.
 
 A board that is tilted in the tracker's frame looks to a learner like tilted ground under untilted gravity; a length scale that
-is too short looks like a small body. ContactNets' public tosses have both errors (docs/data.md).
+is too short looks like a small body. ContactNets' public tosses have both errors (docs/explanation/data.md).
 """
 
 from collections.abc import Iterable

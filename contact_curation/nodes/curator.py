@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Sequence
-from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,16 +20,16 @@ from contact_curation.nodes.messages.toss_information import information_of
 from contact_curation.nodes.ros.catch_up import CatchUp, Source
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
-from contact_curation.nodes.ros.parameters import declare, declare_config, with_values
+from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.qos import kept
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Latest, Worker
 from contact_curation.stages.buffer_manifest import manifest_of
 from contact_curation.stages.curation import Buffer, CurationConfig, CurationStage
+from contact_curation.stages.parameters import with_parameters
 from contact_curation.stages.records import Cursor
 from contact_curation.storage.manifest.file import write_manifest
 from contact_curation.storage.stores.information import InformationStore
-from contact_curation.storage.stores.state import StateStore
 
 INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
 
@@ -45,8 +44,7 @@ class Curator(StageNode):
         config = declare_config(self, CurationConfig())
         store = Path(declare(self, "store", "buffer.sqlite", "file that the buffer and all information are kept in"))
         self._informations = InformationStore(store)
-        self._states = StateStore(store.with_name(f"{store.name}.state"))
-        self._stage = CurationStage(ranking, config, self._informations, self._states)
+        self._stage = CurationStage(ranking, config, self._informations)
         self._wanted = self._stage.ranking
         if self._wanted != ranking:
             self.get_logger().info(f"{ranking.criterion} needs all tosses: keeps to {self._wanted.criterion}")
@@ -64,7 +62,6 @@ class Curator(StageNode):
     def close(self) -> None:
         self._worker.stop()
         self._informations.close()
-        self._states.close()
 
     def _take(self, messages: Sequence[Any], cursor: Cursor) -> None:
         """On the worker's thread."""
@@ -90,10 +87,8 @@ class Curator(StageNode):
 
     def _parameters_set(self, parameters: list[Parameter]) -> SetParametersResult:
         """Ranks by the new criterion from now on, if it is one; the next ones may come before that is done."""
-        names = {field.name for field in fields(RankingConfig)}
-        changed = {one.name: one.value for one in parameters if one.name in names}
         try:
-            ranking = with_values(self._wanted, changed)
+            ranking = with_parameters(self._wanted, {one.name: one.value for one in parameters})
             self._stage.check(ranking)
         except InvalidValueError as error:
             return SetParametersResult(successful=False, reason=str(error))

@@ -32,7 +32,6 @@ from contact_curation.stages.records import Cursor
 from contact_curation.stages.scored_theta import ScoredTheta, read_scored_theta, theta_of_geometry
 from contact_curation.stages.scoring import Announcement, ScoringStage, checked_body
 from contact_curation.storage.stores.information import InformationStore
-from contact_curation.storage.stores.state import StateStore
 
 TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16)
 
@@ -53,8 +52,7 @@ class FisherScorer(StageNode):
         if parameters:
             theta, self._body = read_scored_theta(Path(parameters), self._body)
         self._informations = InformationStore(store)
-        self._states = StateStore(store.with_name(f"{store.name}.state"))
-        self._stage = ScoringStage(self._body, config, self._informations, self._states, theta)
+        self._stage = ScoringStage(self._body, config, self._informations, theta)
         self._warnings = ThrottledWarnings(self)
         self._publisher = self.create_publisher(TossInformationMessage, "toss_information", kept(RESULTS_KEPT))
         while missed := self._stage.unannounced(LARGEST_PAGE):
@@ -62,13 +60,12 @@ class FisherScorer(StageNode):
         self._worker = Worker(self.fail)
         self.create_service(GetInformation, "get_information", self._get_information)
         self.create_subscription(ModelParameters, "model_parameters", self._parameters_came, kept(1))
-        self._tosses = CatchUp(self, self._worker, TOSSES, self._stage.cursor, self._score)
+        self._tosses = CatchUp(self, self._worker, TOSSES, self._stage.cursor, self._score, self._go_on)
         HealthReport(self, self._health)
 
     def close(self) -> None:
         self._worker.stop()
         self._informations.close()
-        self._states.close()
 
     def _score(self, messages: Sequence[Any], cursor: Cursor) -> None:
         """On the worker's thread."""
@@ -95,12 +92,25 @@ class FisherScorer(StageNode):
         self._worker.do(partial(self._renew, message))
 
     def _renew(self, message: Any) -> None:
-        """On the worker's thread: everything is scored again, if theta is another one."""
+        """On the worker's thread: everything is scored again at another theta, once it is scored at the present one."""
         try:
             check_format(message)
             if message.body != self._body.name:
                 raise InvalidValueError("body of the parameters", message.body, self._body.name)
-            renewed = self._stage.renew(ScoredTheta(message.model, bytes(message.safetensors)))
+            self._stage.postpone(ScoredTheta(message.model, bytes(message.safetensors)))
+        except InvalidValueError as error:
+            self._warnings.note("bad parameters", str(error))
+            return
+        if self._tosses.complete:
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """On the worker's thread, when all tosses are scored at the present theta."""
+        theta = self._stage.postponed
+        if theta is None:
+            return
+        try:
+            renewed = self._stage.renew(theta)
         except InvalidValueError as error:
             self._warnings.note("bad parameters", str(error))
             return

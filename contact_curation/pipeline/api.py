@@ -10,6 +10,7 @@ from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.models.registry import DEFAULT_MODEL, model_entry
 from contact_curation.errors import InvalidValueError
+from contact_curation.extras import says_what_to_install
 from contact_curation.information.network.config import network_config_for
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.scoring import ScoringConfig
@@ -37,6 +38,7 @@ RANKING, SCORING = RankingConfig(), ScoringConfig()
 """The defaults."""
 
 
+@says_what_to_install
 def read(
     inputs: Inputs,
     body: Body = CONTACTNETS_CUBE,
@@ -74,6 +76,7 @@ def read(
         return read_tosses(input_paths(inputs), ReadingConfig(body, config or InputsConfig()), jobs, bar.advance)
 
 
+@says_what_to_install
 def score(
     tosses: Tosses | Inputs,
     *,
@@ -108,6 +111,7 @@ def score(
     return toss_scores(scorer, found.accepted)
 
 
+@says_what_to_install
 def rank(
     tosses: Tosses | Inputs,
     top: int = RANKING.top,
@@ -166,6 +170,7 @@ def rank(
     return ranked
 
 
+@says_what_to_install
 def train(
     tosses: Tosses | Inputs,
     model: str = DEFAULT_MODEL,
@@ -234,6 +239,7 @@ def train(
     return running.model()
 
 
+@says_what_to_install
 def evaluate(
     model: "LearnedModel",
     tosses: Tosses | Inputs,
@@ -277,6 +283,7 @@ def evaluate(
     return evaluate_models(models, judged, evaluation_config(bootstrap=BootstrapConfig(seed=seed)), progress=progress)
 
 
+@says_what_to_install
 def design(
     model: "LearnedModel | Sequence[LearnedModel] | None" = None,
     *,

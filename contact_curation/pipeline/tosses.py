@@ -252,6 +252,19 @@ def read_tosses(
     return Tosses(accepted, rejected, config, tuple(readings), tuple(once.left_out), tuple(warnings), once.taken)
 
 
+def evaluation_tosses(name: str, paths: Sequence[Path], config: ReadingConfig) -> tuple[Toss, ...]:
+    """The tosses of recordings that a model is evaluated on; none without recordings.
+
+    Raises:
+        InvalidValueError: there is no toss in them; `name` is of the parameter or option that gave the recordings.
+    """
+    read = read_tosses(paths, config)
+    if paths and not read.accepted:
+        why = read.warnings[0] if read.warnings else f"no toss in {', '.join(map(str, paths))}{in_brackets(read.reasons)}"
+        raise InvalidValueError(name, why, "recordings of tosses")
+    return read.accepted
+
+
 def input_paths(inputs: Inputs) -> tuple[Path, ...]:
     """The recordings that are meant; a pattern stands for what matches it, by name.
 

@@ -76,6 +76,7 @@ class SessionFolder:
         self.logs = root / "logs"
         self.stores = root / "stores"
         self.figures = root / "figures"
+        self.ranking_figure = self.figures / "ranking.png"
         self.dashboard = self.stores / "dashboard.json"
 
     def store(self, node: str) -> Path:

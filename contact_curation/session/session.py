@@ -9,6 +9,7 @@ from typing import Protocol
 
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
 from contact_curation.motion.toss import Toss
+from contact_curation.pipeline.reading import InputReader, ReadingConfig
 from contact_curation.session.config import SessionConfig, SessionFolder
 from contact_curation.session.events import EventLog
 from contact_curation.session.free_domain import graph_domain
@@ -19,7 +20,6 @@ from contact_curation.session.report import finish_record
 from contact_curation.session.state import SessionState, SessionStores
 from contact_curation.session.summary import SessionSummary, gains, outcome_of, summary_of
 from contact_curation.session.supervisor import Incident, ProgramFailedError, Supervisor
-from contact_curation.storage.inputs.inputs import Problem, open_inputs
 
 ARM = "sim_arm"
 
@@ -114,22 +114,22 @@ def check_recordings(config: SessionConfig) -> None:
     Raises:
         ContactCurationError: one of them cannot be read, or there is no toss in any.
     """
-    found = [_first_toss(path, config) for path in config.held_out]
+    reading = ReadingConfig(config.body(), held_out_inputs(config))
+    found = [_first_toss(path, reading) for path in config.held_out]
     if found and not any(isinstance(one, Toss) for one in found):
         raise InvalidValueError("--held-out", next(str(one) for one in found), "recordings of tosses")
 
 
-def _first_toss(path: Path, config: SessionConfig) -> Toss | Problem | str:
+def _first_toss(path: Path, config: ReadingConfig) -> Toss | str:
     """The first sound toss of a recording, or why there is none."""
-    inputs = open_inputs([path], config.body(), held_out_inputs(config))
-    problems: list[Problem] = []
-    for one in inputs:
-        if isinstance(one, Toss):
-            return one
-        problems += [one] if isinstance(one, Problem) else []
-    if not inputs.summaries:
-        raise ContactCurationError(str(problems[0]))
-    return problems[0] if problems else f"no toss in {path}"
+    reader = InputReader(path, config)
+    first = next(reader.tosses(), None)
+    if first is not None:
+        return first
+    reading = reader.reading()
+    if not reading.complete:
+        raise ContactCurationError(reading.problems[0])
+    return reading.problems[0] if reading.problems else f"no toss in {path}"
 
 
 class Session:

@@ -85,7 +85,7 @@ class SessionStores:
         self._folder = folder
         self._tosses = FollowedTosses(folder.store("pose_ingest"))
         self._throws = FollowedRecord(folder.store("throw_designer"), ThrowLogRecord())
-        self._buffer = FollowedRecord(state_beside(folder.store("curator")), BufferRecord())
+        self._buffer = FollowedRecord(folder.store("curator"), BufferRecord(), in_information_store)
         self._training = FollowedRecord(folder.store("trainer"), TrainingRecord(), in_toss_store)
         self._dashboard = ""
 
@@ -124,7 +124,13 @@ def in_state_store(path: Path, key: str) -> bytes | None:
 def in_toss_store(path: Path, key: str) -> bytes | None:
     """A record of a toss store."""
     with TossStore(path) as store:
-        return store.load_state(key)
+        return store.states.load(key)
+
+
+def in_information_store(path: Path, key: str) -> bytes | None:
+    """A record of an information store."""
+    with InformationStore(path) as store:
+        return store.states.load(key)
 
 
 class FollowedRecord[R]:
@@ -181,11 +187,6 @@ class FollowedTosses:
             while rejected := store.rejected_after(self._last_rejected, PAGE):
                 self.rejected |= {one.rejected.toss.toss_id: tuple(one.rejected.reasons) for one in rejected}
                 self._last_rejected = rejected[-1].sequence
-
-
-def state_beside(path: Path) -> Path:
-    """The state store beside a store."""
-    return path.with_name(f"{path.name}.state")
 
 
 def _count(path: Path, version: str) -> int:

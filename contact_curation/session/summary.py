@@ -5,6 +5,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.tosses import evaluation_tosses
 from contact_curation.session.config import SessionConfig
 from contact_curation.session.node_parameters import held_out_inputs
 from contact_curation.session.state import SessionState
@@ -238,6 +240,7 @@ def _held_out(config: SessionConfig, checkpoint: Path) -> HeldOutSummary | None:
     from contact_curation.storage.checkpoint_file import read_model  # torch takes over a second to import
 
     body = config.body()
-    held_out = HeldOutTosses([str(path) for path in config.held_out], body, held_out_inputs(config))
+    reading = ReadingConfig(body, held_out_inputs(config))
+    held_out = HeldOutTosses(evaluation_tosses("--held-out", config.held_out, reading))
     errors = held_out.errors(read_model(checkpoint, body))
     return HeldOutSummary(errors.position, errors.rotation, errors.loss, len(held_out.tosses))

@@ -25,10 +25,6 @@ from contact_curation.stages.records import (
 )
 from contact_curation.stages.selection import SELECTIONS, Selection, ranking_for, selection_of
 from contact_curation.storage.stores.information import InformationStore
-from contact_curation.storage.stores.state import StateStore
-
-MOST_VERSIONS = 2
-"""The theta that the buffer is ranked at, and one that may take over."""
 
 
 @dataclass(frozen=True)
@@ -94,22 +90,19 @@ class CurationStage:
     Args:
         ranking: criterion and number of tosses; where a stream is not kept whole, log-det stands in for the default criterion.
         config: how they are kept.
-        informations: where everything that came is kept.
-        states: where the place in the stream and the buffer are kept.
+        informations: where everything that came, the place in the stream and the buffer are stored.
 
     Raises:
         InvalidValueError: the criterion is not possible with this selection.
     """
 
-    def __init__(
-        self, ranking: RankingConfig, config: CurationConfig, informations: InformationStore, states: StateStore
-    ) -> None:
+    def __init__(self, ranking: RankingConfig, config: CurationConfig, informations: InformationStore) -> None:
         self._config = config
         self._informations = informations
-        self._states = states
+        self._states = informations.states
         ranking = ranking_for(config.selection, ranking)
         self.check(ranking)
-        position = load_record(states.load, CuratorPosition) or CuratorPosition()
+        position = load_record(self._states.load, CuratorPosition) or CuratorPosition()
         self._newest, known = position.newest, position.versions
         self._selections: dict[str, Selection] = {}
         self._order = list(informations.versions if known is None else known)
@@ -152,11 +145,15 @@ class CurationStage:
         self._states.save(kept_records(TossHeader(Stamped(stamp_ns, frame_id)), name=information.toss_id))
 
     def advance(self, cursor: Cursor) -> None:
-        """Remembers that everything up to the cursor is kept, and forgets older thetas.
+        """Remembers that everything up to the cursor is stored, and forgets thetas that are neither ranked nor the newest.
 
-        Which theta came last is remembered here and no sooner: after a death everything behind the cursor comes once more.
+        The theta that the buffer is ranked at stays until another one covers enough tosses, however many thetas come and go
+        meanwhile. Which theta came last is remembered here and no sooner: after a death everything behind the cursor comes
+        once more.
         """
-        forgotten, self._order = self._order[:-MOST_VERSIONS], self._order[-MOST_VERSIONS:]
+        needed = {self._ranked_version(), *self._order[-1:]}
+        forgotten = [version for version in self._order if version not in needed]
+        self._order = [version for version in self._order if version in needed]
         self._states.save(kept_records(CuratorPosition(cursor, self._newest, tuple(self._order))))
         for version in forgotten:
             del self._selections[version]
@@ -168,7 +165,7 @@ class CurationStage:
         Raises:
             ContactCurationError: the tosses so far cannot be ranked, e.g. because none carries information.
         """
-        selection = self._current()
+        selection = self._selections.get(self._ranked_version())
         candidates = () if selection is None else selection.candidates
         if selection is None or not candidates:
             return None
@@ -199,11 +196,11 @@ class CurationStage:
             selection.add(stored.information)
         return selection
 
-    def _current(self) -> Selection | None:
-        """The selection at the newest theta that covers enough of what is known, newest first."""
-        known = max((selection.seen for selection in self._selections.values()), default=0)
-        newest_first = [self._selections[version] for version in reversed(self._order)]
-        return next((one for one in newest_first if one.seen >= self._config.coverage * known), None)
+    def _ranked_version(self) -> str:
+        """The newest theta at which enough of the known tosses are scored; empty while nothing came."""
+        seen = {version: self._selections[version].seen for version in self._order}
+        known = max(seen.values(), default=0)
+        return next((version for version in reversed(self._order) if seen[version] >= self._config.coverage * known), "")
 
     def _revision(self, curation: Curation, version: str, seen: int) -> int:
         """Goes up by one when the selected tosses, their order, theta or criterion change; lives on disk with them."""

@@ -33,7 +33,7 @@ from contact_curation.stages.records import (
     record_key,
 )
 from contact_curation.stages.throw_log import ThrowLog
-from contact_curation.storage.stores.state import StateStore
+from contact_curation.storage.stores.state import States
 
 THETA = "theta"
 """What its safetensors bytes are kept under."""
@@ -58,7 +58,7 @@ class DesignStage:
         self,
         body: Body,
         config: DesignerConfig,
-        states: StateStore,
+        states: States,
         geometry: ContactGeometry | None = None,
         prior: ReleasePrior = PUBLISHED_PRIOR,
         feasible: Feasible | None = None,

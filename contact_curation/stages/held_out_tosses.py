@@ -1,20 +1,17 @@
-"""Tosses that a trainer holds out: read from recordings when it starts, and how well a model predicts them."""
+"""Tosses that a trainer holds out: how their recordings are read, and how well a model predicts them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from contact_curation.contact.body import Body
 from contact_curation.contact.models.model import Model
-from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.motion.toss import Toss
-from contact_curation.storage.inputs.inputs import InputsConfig, Problem, open_inputs
+from contact_curation.storage.inputs.records import InputsConfig
 
 
 @dataclass(frozen=True)
@@ -65,23 +62,10 @@ class HeldOutErrors(NamedTuple):
 
 
 class HeldOutTosses:
-    """The sound tosses of some recordings; what their gates reject is left out.
+    """Tosses that models are evaluated on; perhaps none."""
 
-    Args:
-        paths: recordings; none for no held-out tosses.
-        body: what was tossed.
-        config: how they are read.
-
-    Raises:
-        InvalidValueError: there is no toss in them.
-    """
-
-    def __init__(self, paths: Sequence[str], body: Body, config: InputsConfig | None = None) -> None:
-        found = list(open_inputs([Path(path) for path in paths], body, config))
-        self.tosses = tuple(one for one in found if isinstance(one, Toss))
-        if paths and not self.tosses:
-            why = next((str(one) for one in found if isinstance(one, Problem)), f"no toss in {', '.join(paths)}")
-            raise InvalidValueError("parameter held_out", why, "recordings of tosses")
+    def __init__(self, tosses: Sequence[Toss]) -> None:
+        self.tosses = tuple(tosses)
 
     def errors(self, model: Model) -> HeldOutErrors:
         """How far the predicted motions are from the measured ones (method.md 1.11)."""

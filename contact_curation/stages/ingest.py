@@ -114,11 +114,10 @@ class IngestJournal:
         self._keep(AnnouncedTosses(max(known.tosses, tosses), max(known.rejected, rejected)))
 
     def _announced(self) -> AnnouncedTosses:
-        return load_record(self._store.load_state, AnnouncedTosses) or AnnouncedTosses()
+        return load_record(self._store.states.load, AnnouncedTosses) or AnnouncedTosses()
 
     def _keep(self, record: AnnouncedTosses | IngestPosition | IngestSnapshot) -> None:
-        for key, data in kept_records(record).items():
-            self._store.save_state(key, data)
+        self._store.states.save(kept_records(record))
 
     def _write_down(self, poses: Sequence[FramePose]) -> None:
         if poses:
@@ -135,12 +134,12 @@ class IngestJournal:
 
     def _restore(self) -> None:
         """Takes up where an earlier run stopped; the tosses that come out once more are in the store already."""
-        position = load_record(self._store.load_state, IngestPosition)
+        position = load_record(self._store.states.load, IngestPosition)
         if position is None or position.configuration != self._configuration:
             self._forget()
             return
         self._newest = dict(position.newest)
-        snapshot = load_record(self._store.load_state, IngestSnapshot)
+        snapshot = load_record(self._store.states.load, IngestSnapshot)
         if snapshot is not None and snapshot.configuration == self._configuration:
             self._ingest.restore(dict(snapshot.ingest))
             self._last = snapshot.after

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import Any
 
-from contact_curation.configs import fields_of, with_field
+from contact_curation.configs import fields_of, with_fields
 
 
 def as_parameter(value: Any) -> Any:
@@ -39,7 +39,5 @@ def with_parameters[Config](config: Config, parameters: Mapping[str, Any], prefi
     Raises:
         InvalidValueError: the config does not accept a value.
     """
-    for field in fields_of(config):
-        if prefix + field.path in parameters:
-            config = with_field(config, field.path, as_field(parameters[prefix + field.path], field.default))
-    return config
+    fields = [field for field in fields_of(config) if prefix + field.path in parameters]
+    return with_fields(config, {field.path: as_field(parameters[prefix + field.path], field.default) for field in fields})

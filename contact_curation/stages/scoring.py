@@ -24,10 +24,12 @@ from contact_curation.stages.records import (
 )
 from contact_curation.stages.scored_theta import ScoredTheta, scorer_of
 from contact_curation.storage.stores.information import InformationStore
-from contact_curation.storage.stores.state import StateStore
 
 PARAMETERS, MODEL = "parameters", "model"
 """What theta is kept under: its safetensors bytes, and the name of its model."""
+NEXT_PARAMETERS, NEXT_MODEL = "next_parameters", "next_model"
+"""The same of the theta that comes next; empty while there is none."""
+NOTHING_NEXT = {NEXT_PARAMETERS: b"", NEXT_MODEL: b""}
 
 MOST_VERSIONS = 2
 """Older thetas' information is dropped: it can be scored again."""
@@ -54,22 +56,19 @@ class ScoringStage:
     Args:
         body: what is tossed.
         config: how tosses are scored.
-        informations: where results are kept.
-        states: where theta and the place in the stream are kept.
+        informations: where results, theta and the place in the stream are stored.
         theta: where no newer one is kept.
 
     Raises:
         InvalidValueError: the store holds results of the same theta that were made in another way.
     """
 
-    def __init__(
-        self, body: Body, config: ScoringConfig, informations: InformationStore, states: StateStore, theta: ScoredTheta
-    ) -> None:
+    def __init__(self, body: Body, config: ScoringConfig, informations: InformationStore, theta: ScoredTheta) -> None:
         self._body = body
         self._config = config
         self._informations = informations
-        self._states = states
-        stored, model = states.load(PARAMETERS), states.load(MODEL) or theta.model.encode()
+        self._states = informations.states
+        stored, model = self._states.load(PARAMETERS), self._states.load(MODEL) or theta.model.encode()
         known = theta if stored is None else ScoredTheta(model.decode(), stored)
         self._scorer = self._checked(scorer_of(known, body, config))
 
@@ -93,14 +92,36 @@ class ScoringStage:
             InvalidValueError: no theta of such a model, one that the form cannot have, or the store holds results of it that
                 were made in another way.
         """
-        scorer = self._checked(scorer_of(theta, self._body, self._config))
+        try:
+            scorer = self._checked(scorer_of(theta, self._body, self._config))
+        except InvalidValueError:
+            self._states.save(NOTHING_NEXT)
+            raise
         if scorer.version == self.version:
+            self._states.save(NOTHING_NEXT)
             return False
         self._informations.drop_version(scorer.version)
-        self._states.save({PARAMETERS: theta.data, MODEL: theta.model.encode()})
+        self._states.save({PARAMETERS: theta.data, MODEL: theta.model.encode(), **NOTHING_NEXT})
         self._scorer = scorer
         self._informations.keep_newest_versions(MOST_VERSIONS)
         return True
+
+    def postpone(self, theta: ScoredTheta) -> None:
+        """Remembers the theta to go on with once all tosses are scored at the present one; the newest replaces the others.
+
+        While thetas come faster than tosses are scored, each theta that is begun is also finished.
+
+        Raises:
+            InvalidValueError: no theta of such a model, or one that the form cannot have.
+        """
+        scorer_of(theta, self._body, self._config)
+        self._states.save({NEXT_PARAMETERS: theta.data, NEXT_MODEL: theta.model.encode()})
+
+    @property
+    def postponed(self) -> ScoredTheta | None:
+        """The theta to go on with; None while there is none."""
+        data, model = self._states.load(NEXT_PARAMETERS), self._states.load(NEXT_MODEL)
+        return ScoredTheta(model.decode(), data) if data and model else None
 
     def score(self, tosses: Sequence[Toss], frames: Mapping[str, str]) -> Batch:
         """Scores what is not scored yet and keeps the results.

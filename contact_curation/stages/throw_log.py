@@ -9,7 +9,7 @@ from dataclasses import replace
 from contact_curation.design.throw import Throw, ThrowReport, ThrowState
 from contact_curation.errors import InvalidValueError
 from contact_curation.stages.records import Proposal, ThrowLogRecord, ThrowRecord, kept_records, kind_of_throw, load_record
-from contact_curation.storage.stores.state import StateStore
+from contact_curation.storage.stores.state import States
 
 LEAD_NS = 50_000_000
 """A motion may seem to begin so much before its throw is released; what begins earlier is how the thrower carried the body."""
@@ -24,7 +24,7 @@ class ThrowLog:
         states: where they are kept.
     """
 
-    def __init__(self, states: StateStore) -> None:
+    def __init__(self, states: States) -> None:
         self._states = states
         self._record = load_record(states.load, ThrowLogRecord) or ThrowLogRecord()
         self._lost, self._busy = self._record.under_way, False

@@ -135,7 +135,7 @@ class TrainingStage:
         self._wanted: SelectedSet | None = None
         self._training: Training | None = None
         self._round = Round()
-        self._record = load_record(tosses.load_state, TrainingRecord)
+        self._record = load_record(tosses.states.load, TrainingRecord)
         if checkpoint.exists():
             self._resume()
         self._note()
@@ -255,8 +255,7 @@ class TrainingStage:
         )
         if record != self._record:
             self._record = record
-            for key, data in kept_records(record).items():
-                self._tosses.save_state(key, data)
+            self._tosses.states.save(kept_records(record))
 
     def _resume(self) -> None:
         """Goes on in the middle of the round; where its tosses or the protocol are others, from its parameters on.

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from contact_curation.session.free_domain import free_domain
-from contact_curation.storage.stores.state import StateStore
+from contact_curation.storage.stores.information import InformationStore
 from test.conftest import REPOSITORY
 
 BLOCK = re.compile(r"^```(sh[^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -75,5 +75,5 @@ def test_the_tutorials_commands_run_as_they_are_written(tmp_path: Path) -> None:
     made = tmp_path / "brick"
     for name in ("manifest.csv", "manifest_2.csv", "motion.png", "brick.safetensors", "next.json"):
         assert (made / name).is_file(), name
-    with StateStore(made / "buffer.sqlite.state") as state:
-        assert len(json.loads(state.load("buffer") or b"{}")["kept"]) == 8
+    with InformationStore(made / "buffer.sqlite") as store:
+        assert len(json.loads(store.states.load("buffer") or b"{}")["kept"]) == 8

@@ -10,7 +10,7 @@ import pytest
 from contact_curation.cli.main import VERBS, build_parser
 from test.conftest import REPOSITORY
 
-PAGES = sorted([REPOSITORY / "README.md", REPOSITORY / "CONTRIBUTING.md", *(REPOSITORY / "docs").glob("*.md")])
+PAGES = sorted([REPOSITORY / "README.md", REPOSITORY / "CONTRIBUTING.md", *(REPOSITORY / "docs").rglob("*.md")])
 COMMAND = re.compile(r"contact-curation ([a-z]+)\b([^\n`]*(?:\\\n[^\n`]*)*)")
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
 

@@ -194,7 +194,7 @@ def test_designed_throws_are_those_of_ten_seeds() -> None:
 
 def test_the_whole_table_of_designed_throws_is_that_of_ten_seeds() -> None:
     throws, counted = 0, 0
-    table = re.search(r"^\| after \|.*?\n\n", (DOCS / "design.md").read_text(), re.DOTALL | re.MULTILINE)
+    table = re.search(r"^\| after \|.*?\n\n", (DOCS / "explanation" / "design.md").read_text(), re.DOTALL | re.MULTILINE)
     assert table
     for line in table[0].strip().splitlines()[2:]:
         after, what, *cells = (cell.strip().replace("**", "") for cell in line.strip("|").split("|"))

@@ -128,9 +128,9 @@ def test_poses_are_taken_after_the_clock_was_set_back(
     first.stop()
     graph.until(lambda: not publisher.get_subscription_count(), LONG, "its end")
     with TossStore(graph.folder / "tosses.sqlite") as store:
-        state = json.loads(store.load_state("newest") or b"{}")
+        state = json.loads(store.states.load("newest") or b"{}")
         hour_on = {topic: stamp_ns + 3600 * 10**9 for topic, stamp_ns in state["newest"].items()}
-        store.save_state("newest", json.dumps({**state, "newest": hour_on}).encode())
+        store.states.save({"newest": json.dumps({**state, "newest": hour_on}).encode()})
     tosses = graph.tosses()
     second = graph.start("pose_ingest", label="again", topic="/odometry", store=graph.folder / "tosses.sqlite")
     graph.until(publisher.get_subscription_count, LONG, "a subscriber")

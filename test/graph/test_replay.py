@@ -1,18 +1,24 @@
 """A recording through four processes gives what the library gives."""
 
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from contact_curation_msgs.msg import ModelParameters
 from contact_curation_msgs.srv import SaveBuffer
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.information.model_version import parameters_version
+from contact_curation.learning.checkpoints.theta_bytes import bytes_of_geometry, geometry_of_bytes
 from contact_curation.motion.calibration import RigCalibration
 from contact_curation.motion.toss import Toss
 from contact_curation.nodes.messages.toss import toss_of
+from contact_curation.nodes.ros.qos import kept
 from contact_curation.storage.inputs.inputs import InputsConfig, open_inputs
 from contact_curation.storage.manifest.file import read_manifest
 from test.graph.parts.graph import Graph
@@ -107,3 +113,36 @@ def test_nodes_that_are_killed_again_and_again_at_random_change_nothing(graph: G
     expected = tosses_of(golden_bag)
     graph.until(lambda: buffers and buffers[-1].tosses_seen == len(expected), LONG, "every toss to be curated")
     assert_same_buffer(buffers[-1], curated(golden_bag, TOP))
+
+
+@pytest.mark.slow
+def test_while_parameters_come_faster_than_tosses_are_scored_no_buffer_ranks_few_of_them(
+    graph: Graph, golden_bag: Path
+) -> None:
+    buffers = graph.buffers()
+    for name, chosen in STAGES.items():
+        graph.start(name, **chosen)
+    graph.start("player", bag=golden_bag, rate=5.0, wait_for=10.0, stay=True)
+    publisher = graph.listener.node.create_publisher(ModelParameters, "/model_parameters", kept(1))
+    expected, sent = tosses_of(golden_bag), 0
+    cube = ContactGeometry.of_body(CONTACTNETS_CUBE)
+    while sent < 5000 and not (buffers and buffers[-1].tosses_seen == len(expected) and sent > 1000):
+        sent += 1
+        theta = bytes_of_geometry(replace(cube, vertices_normal=cube.vertices_normal * (1.0 + 1e-5 * sent)))
+        publisher.publish(
+            ModelParameters(
+                format_version=ModelParameters.FORMAT_VERSION,
+                body="cube",
+                model="polytope",
+                version=str(sent),
+                safetensors=theta,
+            )
+        )
+        time.sleep(0.01)
+    newest = parameters_version(geometry_of_bytes(theta), CONTACTNETS_CUBE)
+    graph.until(
+        lambda: (buffers[-1].tosses_seen, buffers[-1].parameters_version) == (len(expected), newest), LONG, "the newest theta"
+    )
+    seen = [buffer.tosses_seen for buffer in buffers]
+    assert all(now >= 0.9 * before for before, now in zip(accumulate(seen, max), seen[1:], strict=False)), seen
+    assert len({buffer.parameters_version for buffer in buffers}) > 3

@@ -84,7 +84,11 @@ class Hand:
             self.jobs.pop(0)()
 
 
-def following(server: Server, cursor: Cursor = Cursor()) -> tuple[CatchUp, Hand, list[str]]:  # noqa: B008  (immutable)
+def following(
+    server: Server,
+    cursor: Cursor = Cursor(),  # noqa: B008  (immutable)
+    caught_up: Callable[[], None] = lambda: None,
+) -> tuple[CatchUp, Hand, list[str]]:
     hand, taken = Hand(), list[str]()
     request = SimpleNamespace(Request=lambda after_sequence, limit: SimpleNamespace(after_sequence=after_sequence, limit=limit))
     source = Source(object, "topic", request, "service", "items", PAGE)
@@ -94,7 +98,7 @@ def following(server: Server, cursor: Cursor = Cursor()) -> tuple[CatchUp, Hand,
 
     node: Any = server
     worker: Any = hand
-    return CatchUp(node, worker, source, cursor, handle), hand, taken
+    return CatchUp(node, worker, source, cursor, handle, caught_up), hand, taken
 
 
 def expected(first: int, last: int, kind: str = "toss") -> list[str]:
@@ -178,3 +182,22 @@ def test_starting_over_forgets_what_waits_and_takes_everything_once_more() -> No
     hand.work()
     assert taken == expected(1, 3)
     assert catch_up.cursor == Cursor(3, "toss-3")
+
+
+def test_it_is_complete_when_all_that_the_source_holds_was_handled_and_says_so_then() -> None:
+    server = Server(10)
+    told: list[int] = []
+    following_, hand, taken = following(server, caught_up=lambda: told.append(len(taken)))
+    server.tick()
+    assert not following_.complete  # a page is on its way to the worker
+    hand.work()
+    assert following_.complete
+    assert told == [10]
+    server.announce(11)
+    assert not following_.complete
+    hand.work()
+    assert following_.complete
+    following_.restart()
+    assert not following_.complete
+    hand.work()
+    assert (following_.complete, told) == (True, [10, 22])

@@ -108,7 +108,7 @@ def test_the_examples_in_the_documentation_run(
 
 @pytest.mark.slow
 def test_the_first_page_of_the_face_works_as_it_stands(bench: Path) -> None:
-    page = (REPOSITORY / "docs" / "python.md").read_text()
+    page = (REPOSITORY / "docs" / "how-to" / "python.md").read_text()
     code = page.partition("```python\n")[2].partition("```")[0]
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=bench)
     assert done.returncode == 0, done.stderr

@@ -1,7 +1,7 @@
 """Scoring and curating that die and come back; no node is spun."""
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,11 +19,10 @@ from contact_curation.information.scoring import ScoringConfig
 from contact_curation.nodes.messages.curated_buffer import buffer_message
 from contact_curation.stages.curation import CurationConfig, CurationStage
 from contact_curation.stages.records import Cursor
-from contact_curation.stages.scored_theta import theta_of_geometry
+from contact_curation.stages.scored_theta import ScoredTheta, theta_of_geometry
 from contact_curation.stages.scoring import ScoringStage, checked_body
 from contact_curation.stages.selection import StreamingSelection
 from contact_curation.storage.stores.information import InformationStore
-from contact_curation.storage.stores.state import StateStore
 from test.graph.parts.offline import scored
 from test.simulated import simulated_tosses
 
@@ -34,25 +33,22 @@ LARGER = replace(CUBE, vertices_normal=CUBE.vertices_normal * 1.01)
 
 
 @contextmanager
-def stores(folder: Path) -> Iterator[tuple[InformationStore, StateStore]]:
+def store(folder: Path) -> Iterator[InformationStore]:
     folder.mkdir(exist_ok=True)
-    with ExitStack() as stack:
-        yield (
-            stack.enter_context(InformationStore(folder / "information")),
-            stack.enter_context(StateStore(folder / "states")),
-        )
+    with InformationStore(folder / "information") as opened:
+        yield opened
 
 
 @contextmanager
 def scoring(folder: Path) -> Iterator[ScoringStage]:
-    with stores(folder) as (informations, states):
-        yield ScoringStage(CONTACTNETS_CUBE, ScoringConfig(), informations, states, theta_of_geometry(CUBE))
+    with store(folder) as informations:
+        yield ScoringStage(CONTACTNETS_CUBE, ScoringConfig(), informations, theta_of_geometry(CUBE))
 
 
 @contextmanager
 def curating(folder: Path, top: int = 3, config: CurationConfig | None = None) -> Iterator[CurationStage]:
-    with stores(folder) as (informations, states):
-        yield CurationStage(RankingConfig(top=top), config or CurationConfig(), informations, states)
+    with store(folder) as informations:
+        yield CurationStage(RankingConfig(top=top), config or CurationConfig(), informations)
 
 
 def added(stage: CurationStage, informations: list[TossInformation], first_stamp_ns: int = 0) -> None:
@@ -94,12 +90,28 @@ def test_a_new_theta_is_kept_over_a_death_and_begins_anew(tmp_path: Path) -> Non
     assert [one.information.parameters_version for one in again.new] == [stage.version] * 2
 
 
+def test_the_newest_theta_that_waits_is_known_after_a_death_and_waits_no_more_once_it_is_scored_at(tmp_path: Path) -> None:
+    largest = replace(CUBE, vertices_normal=CUBE.vertices_normal * 1.02)
+    with scoring(tmp_path) as stage:
+        assert stage.postponed is None
+        stage.postpone(theta_of_geometry(LARGER))
+        stage.postpone(theta_of_geometry(largest))
+        with pytest.raises(InvalidValueError):
+            stage.postpone(ScoredTheta(theta_of_geometry(CUBE).model, b"nonsense"))
+    with scoring(tmp_path) as stage:
+        waiting = stage.postponed
+        assert waiting is not None
+        assert waiting.data == theta_of_geometry(largest).data
+        assert stage.renew(waiting)
+        assert stage.postponed is None
+
+
 def test_results_made_in_two_ways_do_not_go_into_one_store(tmp_path: Path) -> None:
     with scoring(tmp_path) as stage:
         stage.score(TOSSES[:1], FRAMES)
     other = ScoringConfig(estimator=Estimator.EMPIRICAL)
-    with stores(tmp_path) as (informations, states), pytest.raises(InvalidValueError, match="expected gauss-newton"):
-        ScoringStage(CONTACTNETS_CUBE, other, informations, states, theta_of_geometry(CUBE))
+    with store(tmp_path) as informations, pytest.raises(InvalidValueError, match="expected gauss-newton"):
+        ScoringStage(CONTACTNETS_CUBE, other, informations, theta_of_geometry(CUBE))
 
 
 def test_a_toss_of_another_body_is_refused() -> None:
@@ -172,6 +184,26 @@ def test_thetas_are_never_mixed_and_a_new_one_takes_over_when_it_knows_enough(tm
     assert {one.parameters_version for one in before.candidates} == {old[0].parameters_version}
     assert {one.parameters_version for one in after.candidates} == {new[0].parameters_version}
     assert after.curation.ranking == curate(new, RankingConfig(top=3)).ranking
+
+
+def test_thetas_that_come_faster_than_tosses_are_scored_leave_the_complete_one_ranked(tmp_path: Path) -> None:
+    complete = scored(TOSSES)
+    with curating(tmp_path) as stage:
+        added(stage, complete)
+        stage.advance(Cursor(8, TOSSES[-1].toss_id))
+        for number in range(1, 5):
+            larger = replace(CUBE, vertices_normal=CUBE.vertices_normal * (1.0 + 0.01 * number))
+            added(stage, scored(TOSSES[:4], larger))
+            stage.advance(Cursor(8 + 4 * number, TOSSES[3].toss_id))
+        buffer = stage.buffer()
+    with curating(tmp_path) as stage, store(tmp_path) as informations:
+        again = stage.buffer()
+        assert len(informations.versions) == 2  # what is ranked, and the newest
+    assert buffer is not None
+    assert again is not None
+    assert buffer.candidates[0].parameters_version == complete[0].parameters_version
+    assert buffer.seen == 8
+    assert again.curation.ranking == buffer.curation.ranking
 
 
 def test_a_theta_that_comes_back_is_scored_and_ranked_as_a_new_one(tmp_path: Path) -> None:
@@ -299,8 +331,8 @@ def test_log_det_stands_in_for_the_default_where_tosses_are_let_go_but_not_for_w
 
 def test_a_stream_cannot_keep_to_every_criterion(tmp_path: Path) -> None:
     config = CurationConfig(selection="streaming")
-    with stores(tmp_path) as (informations, states), pytest.raises(InvalidValueError, match="trace or log-det"):
-        CurationStage(RankingConfig(criterion="orthogonal"), config, informations, states)
+    with store(tmp_path) as informations, pytest.raises(InvalidValueError, match="trace or log-det"):
+        CurationStage(RankingConfig(criterion="orthogonal"), config, informations)
 
 
 def test_a_selection_that_there_is_no_more_is_refused_with_those_that_there_are() -> None:

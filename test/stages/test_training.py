@@ -22,7 +22,7 @@ from contact_curation.learning.training.training import Training
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 from contact_curation.pipeline.learned_model import load_model
-from contact_curation.stages.records import TrainingRecord, load_record, record_bytes
+from contact_curation.stages.records import TrainingRecord, kept_records, load_record
 from contact_curation.stages.training import Moment, RoundsConfig, SelectedSet, TrainingStage
 from contact_curation.storage.checkpoint_file import save_checkpoint
 from contact_curation.storage.stores.tosses import TossStore
@@ -129,7 +129,7 @@ def test_the_loop_comes_to_rest_when_no_new_toss_comes(tmp_path: Path, store: To
 
 def noted(store: TossStore) -> TrainingRecord:
     """What a supervisor reads."""
-    record = load_record(store.load_state, TrainingRecord)
+    record = load_record(store.states.load, TrainingRecord)
     assert record is not None
     return record
 
@@ -169,7 +169,7 @@ def test_what_a_supervisor_reads_is_right_again_after_a_kill(tmp_path: Path, sto
     training.follow(chosen(1, 3, 2, 0))
     until_idle(training)
     before = noted(store)
-    store.save_state(TrainingRecord.KEY, record_bytes(replace(before, running=True, gradient_steps=12)))  # of before the end
+    store.states.save(kept_records(replace(before, running=True, gradient_steps=12)))  # of before the end
     again = stage(tmp_path, store)
     assert noted(store) == replace(before, revision=0, tosses_seen=0)  # which buffer there is now it has not heard
     again.follow(chosen(1, 3, 2, 0))

@@ -39,10 +39,10 @@ STORES: dict[str, Callable[[Path], Any]] = {
 }
 
 
-def assert_refused(read: Callable[[Path], object], path: Path, what: str, version: int) -> None:
+def assert_refused(read: Callable[[Path], object], path: Path, what: str, version: int, newest: int = 1) -> None:
     with pytest.raises(NewerVersionError) as caught:
         read(path)
-    assert str(caught.value) == f"{path}: found version {version} of {what}, expected at most 1: update contact_curation"
+    assert str(caught.value) == f"{path}: found version {version} of {what}, expected at most {newest}: update contact_curation"
 
 
 @pytest.fixture
@@ -56,14 +56,34 @@ def test_stores_of_the_previous_release_are_read(previous: Callable[[str], Path]
         (stored,), (kept_aside,) = tosses.after(0, 9), tosses.rejected_after(0, 9)
         assert (stored.toss.digest(), stored.provenance.number) == (toss(1).digest(), 7)
         assert kept_aside.rejected.reasons == rejected(2).reasons
-        assert tosses.load_state("ingest") == b"{}"
+        assert tosses.states.load("ingest") == b"{}"
         assert [pose.position for _, pose in tosses.poses_since()] == [(1.0, 2.0, 3.0)]
     with InformationStore(previous("information.sqlite")) as records:
         for found in records.after(0, 9):
             np.testing.assert_array_equal(found.information.factor, information(found.sequence).factor)
         assert records.count("v1") == 2
+        assert records.states.load("cursor") is None
     with StateStore(previous("state.sqlite")) as states:
         assert states.load("cursor") == b"12"
+
+
+def test_an_information_store_of_the_previous_release_takes_over_the_states_that_stood_beside_it(
+    previous: Callable[[str], Path], tmp_path: Path
+) -> None:
+    path = previous("information.sqlite")
+    copyfile(PREVIOUS / "state.sqlite", tmp_path / "information.sqlite.state")
+    for _ in range(2):
+        with InformationStore(path) as records:
+            assert (records.states.load("cursor"), records.count("v1")) == (b"12", 2)
+    (tmp_path / "information.sqlite.state").unlink()
+    with InformationStore(path) as records:
+        assert records.states.load("cursor") == b"12"
+
+
+def test_states_left_beside_a_new_information_store_are_none_of_its_own(tmp_path: Path) -> None:
+    copyfile(PREVIOUS / "state.sqlite", tmp_path / "new.sqlite.state")
+    with InformationStore(tmp_path / "new.sqlite") as records:
+        assert records.states.all() == []
 
 
 @pytest.mark.parametrize(
@@ -74,10 +94,11 @@ def test_stores_of_a_later_release_are_refused_and_left_alone(tmp_path: Path, na
     path = tmp_path / name
     STORES[name](path).close()
     with sqlite3.connect(path) as newer:
-        newer.execute("PRAGMA user_version = 2")
+        (newest,) = newer.execute("PRAGMA user_version").fetchone()
+        newer.execute(f"PRAGMA user_version = {newest + 1}")
     newer.close()
     before = path.read_bytes()
-    assert_refused(STORES[name], path, what, 2)
+    assert_refused(STORES[name], path, what, newest + 1, newest)
     assert path.read_bytes() == before
 
 

@@ -7,7 +7,7 @@ is made again with the same digits.
 The few transitions that are explained worst may be left out, which ones being part of the fit: least trimmed squares (Rousseeuw
 1984, with concentration steps: Rousseeuw and Van Driessen 2006), where "squares" are losses. Among them are the hard impacts,
 which a rigid body without restitution cannot explain, so that throws that are designed to hit hard pull friction away from the
-truth (docs/learning.md).
+truth (docs/explanation/learning.md).
 """
 
 import math

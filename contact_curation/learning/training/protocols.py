@@ -174,7 +174,7 @@ def _budgeted(usual: ModelDefaults) -> TrainingConfig:
 
 
 ROUND_TRIMMED = 0.005
-"""Share that rounds leave out by default, which learn from designed throws, too (docs/learning.md)."""
+"""Share that rounds leave out by default, which learn from designed throws, too (docs/explanation/learning.md)."""
 
 
 def exact(trimmed: float = 0.0) -> TrainingConfig:

@@ -56,6 +56,7 @@ class CatchUp:
         source: what to follow.
         cursor: where an earlier run stopped; checked against the source before it is believed.
         handle: called on the worker with messages in order, and the cursor behind them.
+        caught_up: called on the worker whenever the source has said that nothing is missing.
     """
 
     def __init__(
@@ -65,11 +66,14 @@ class CatchUp:
         source: Source,
         cursor: Cursor,
         handle: Callable[[Sequence[Any], Cursor], None],
+        caught_up: Callable[[], None] = lambda: None,
     ) -> None:
         self._worker = worker
         self._source = source
         self._handle = handle
-        self._cursor = cursor
+        self._caught_up = caught_up
+        self._cursor = self._handled = cursor
+        self._newest = cursor.sequence
         self._confirmed = cursor.sequence == 0
         self._generation = 0
         self._lock = threading.RLock()
@@ -84,17 +88,23 @@ class CatchUp:
         """Behind the last message that was given to the worker."""
         return self._cursor
 
+    @property
+    def complete(self) -> bool:
+        """Whether everything that is known to be in the source was handled."""
+        return self._handled.sequence >= self._newest
+
     def restart(self) -> None:
         """Takes everything once more, from the first message on; what waits for the worker now is forgotten."""
         with self._lock:
             self._generation += 1
-            self._cursor, self._confirmed = Cursor(), True
+            self._cursor, self._handled, self._confirmed = Cursor(), Cursor(), True
             self._drop_question()
         self._ask()
 
     def _heard(self, message: Any) -> None:
         """A message of the topic: taken when it is the next one, otherwise a reason to ask."""
         with self._lock:
+            self._newest = max(self._newest, message.sequence)
             if self._confirmed and message.sequence == self._cursor.sequence + 1:
                 self._take([message])
                 return
@@ -128,14 +138,15 @@ class CatchUp:
             self._asked = None
             response = future.result()
             messages = list(getattr(response, self._source.field))
+            self._newest = response.last_sequence
             if not self._same_source(messages, response.last_sequence):
-                self._cursor, self._confirmed, more = Cursor(), True, True
+                self._cursor, self._handled, self._confirmed, more = Cursor(), Cursor(), True, True
             else:
                 fresh = [message for message in messages if message.sequence > self._cursor.sequence]
                 self._take(fresh)
                 more = bool(fresh) and self._cursor.sequence < response.last_sequence
-        if more:
-            self._worker.do(self._ask)  # behind the messages of this page, so that pages do not pile up
+        # Behind the messages of this page, so that pages do not pile up.
+        self._worker.do(self._ask if more else self._say_caught_up)
 
     def _same_source(self, messages: Sequence[Any], last_sequence: int) -> bool:
         """Whether the cursor belongs to this source; a new store knows neither its number nor its toss."""
@@ -153,6 +164,11 @@ class CatchUp:
     def _hand_over(self, generation: int, messages: Sequence[Any], cursor: Cursor) -> None:
         if generation == self._generation:
             self._handle(messages, cursor)
+            self._handled = cursor
+
+    def _say_caught_up(self) -> None:
+        if self.complete:
+            self._caught_up()
 
     def _drop_question(self) -> None:
         if self._asked is not None:

@@ -4,17 +4,16 @@ A field that is itself a config gives names with dots (`gates.depth`). A field t
 ROS parameter has one type.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
+from collections.abc import Sequence
 from enum import Enum
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 
-from contact_curation.configs import descriptions_of
+from contact_curation.configs import fields_of
 from contact_curation.errors import InvalidValueError
-from contact_curation.stages.parameters import as_field, as_parameter
+from contact_curation.stages.parameters import as_parameter, with_parameters
 
 
 def declare(
@@ -68,24 +67,9 @@ def declare_config[Config](node: Node, default: Config, prefix: str = "", *, fix
         InvalidValueError: the config does not accept a value.
         rclpy.exceptions.ParameterException: a value has another type.
     """
-    described = descriptions_of(type(default))
     values: dict[str, Any] = {}
-    for field in fields(default):  # type: ignore[arg-type]
-        held, name = getattr(default, field.name), prefix + field.name
-        if is_dataclass(held):
-            values[field.name] = declare_config(node, held, f"{name}.", fixed=fixed)
-        else:
-            choices = [str(member.value) for member in type(held)] if isinstance(held, Enum) else ()
-            plain = declare(node, name, as_parameter(held), described.get(field.name, ""), choices=choices, fixed=fixed)
-            values[field.name] = as_field(plain, held)
-    return replace(default, **values)  # type: ignore[type-var]
-
-
-def with_values[Config](config: Config, values: Mapping[str, Any]) -> Config:
-    """The config with some parameters changed; names without its prefix.
-
-    Raises:
-        InvalidValueError: the config does not accept a value.
-    """
-    changed = {name: as_field(value, getattr(config, name)) for name, value in values.items()}
-    return replace(config, **changed)  # type: ignore[type-var]
+    for field in fields_of(default):
+        choices = [str(member.value) for member in type(field.default)] if isinstance(field.default, Enum) else ()
+        name = prefix + field.path
+        values[name] = declare(node, name, as_parameter(field.default), field.description, choices=choices, fixed=fixed)
+    return with_parameters(default, values, prefix)

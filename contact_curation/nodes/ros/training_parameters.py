@@ -16,6 +16,8 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.training.protocols import ROUND_TRIMMED, TrainingConfig, budgeted, exact
 from contact_curation.nodes.ros.parameters import declare, declare_config
+from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.tosses import evaluation_tosses
 from contact_curation.stages.held_out_tosses import HeldOutConfig, HeldOutTosses
 from contact_curation.storage.parameters_file import Parameters, read_theta
 
@@ -83,7 +85,8 @@ def declared_held_out(node: Node, body: Body) -> HeldOutTosses:
     """
     paths = declare(node, "held_out", [""], "recordings that are never trained on, for the errors of training_status")
     config = declare_config(node, HeldOutConfig())
-    return HeldOutTosses([path for path in paths if path], body, config.inputs)
+    recordings = [Path(path) for path in paths if path]
+    return HeldOutTosses(evaluation_tosses("parameter held_out", recordings, ReadingConfig(body, config.inputs)))
 
 
 def _stored_model(path: Path, body: Body, form: Form) -> Model:

@@ -1,6 +1,7 @@
 """What is known of every toss at the newest parameters: the scorer keeps it before it announces it."""
 
 import json
+import sqlite3
 from collections.abc import Iterator
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -12,12 +13,28 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.storage.stores.record_table import Added, Row, SequencedTable, arrays_from_blob, arrays_to_blob
 from contact_curation.storage.stores.sqlite import Store, StoreSchema
+from contact_curation.storage.stores.state import STATES_TABLE, States, StateStore
+
+
+def _with_states(connection: sqlite3.Connection, path: Path) -> None:
+    """Version 1 had its states in a second file, and lost tosses where the two disagreed."""
+    connection.execute(STATES_TABLE)
+    beside = path.with_name(f"{path.name}.state")
+    if beside.exists():
+        with StateStore(beside) as older:
+            connection.executemany("INSERT INTO states (key, value) VALUES (?, ?)", older.all())
+
 
 SCHEMA = StoreSchema(
     what="an information store",
     application_id=0x696E666F,  # "info"
-    version=1,
-    statements=(SequencedTable.statement("information"), "CREATE INDEX by_version ON information (version, sequence)"),
+    version=2,
+    statements=(
+        SequencedTable.statement("information"),
+        "CREATE INDEX by_version ON information (version, sequence)",
+        STATES_TABLE,
+    ),
+    upgrades={1: _with_states},
 )
 METHOD = ("model", "estimator", "influence_bound", "blocks")
 """What must agree for two records at the same parameters to be comparable."""
@@ -38,6 +55,9 @@ class InformationStore(Store):
     Args:
         path: of the file; made when there is none.
 
+    Attributes:
+        states: what its node must remember beside the records.
+
     Raises:
         UnreadableInputError: the file is no information store, or one of a newer version.
     """
@@ -45,6 +65,7 @@ class InformationStore(Store):
     def __init__(self, path: Path) -> None:
         super().__init__(path, SCHEMA)
         self._table = SequencedTable(self._store, "information")
+        self.states = States(self._store)
 
     def add(self, information: TossInformation) -> Added:
         """Stores a record; one of the same toss and parameters that is stored already stays as it is.

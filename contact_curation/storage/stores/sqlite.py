@@ -1,15 +1,15 @@
 """A SQLite file that outlives its writer's sudden death and lets other processes read while it is written.
 
-Write-ahead log, one transaction per change. With synchronous=NORMAL a commit hands its bytes to the operating system without
-waiting for the disk: the death of a process loses nothing that was committed, because the system has it; only the
-death of the machine can take the last commits, and it leaves the file consistent (sqlite.org/pragma.html#pragma_synchronous).
+Write-ahead log, one transaction per change. With synchronous=FULL a commit waits for the disk: neither the death of a process
+nor that of the machine takes back what was committed, and with it a number that others have seen already
+(sqlite.org/pragma.html#pragma_synchronous).
 """
 
 import sqlite3
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -30,12 +30,14 @@ class StoreSchema:
         application_id: marks files of this kind, 31 bits.
         version: of the tables; a file with a higher one is refused.
         statements: that create the tables.
+        upgrades: by version, what brings a file of that version to the next one, given its connection and path.
     """
 
     what: str
     application_id: int
     version: int
     statements: tuple[str, ...]
+    upgrades: Mapping[int, Callable[[sqlite3.Connection, Path], None]] = field(default_factory=dict)
 
 
 class SqliteStore:
@@ -130,21 +132,28 @@ class SqliteStore:
                         self._connection.execute(statement)
                     self._connection.execute(f"PRAGMA application_id = {schema.application_id}")
                     self._connection.execute(f"PRAGMA user_version = {schema.version}")
-        self._check(schema)
+        version = self._checked_version(schema)
         self._connection.execute("PRAGMA journal_mode = WAL")
-        self._connection.execute("PRAGMA synchronous = NORMAL")
+        self._connection.execute("PRAGMA synchronous = FULL")
+        if version < schema.version:
+            with self.transaction():
+                for older in range(self._checked_version(schema), schema.version):  # unless another process was faster
+                    schema.upgrades[older](self._connection, self.path)
+                    self._connection.execute(f"PRAGMA user_version = {older + 1}")
 
     def _is_new(self) -> bool:
         (tables,) = self._connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
         return int(tables) == 0
 
-    def _check(self, schema: StoreSchema) -> None:
+    def _checked_version(self, schema: StoreSchema) -> int:
+        """The version of the file's tables, which are of this kind and not newer than this release."""
         (application_id,) = self._connection.execute("PRAGMA application_id").fetchone()
         (version,) = self._connection.execute("PRAGMA user_version").fetchone()
         if application_id != schema.application_id:
             found = f"a database of something else (application id {application_id})"
             raise UnreadableInputError(self.path, f"is {found}, expected {schema.what}")
         check_version(self.path, schema.what, version, schema.version)
+        return int(version)
 
 
 class Store:

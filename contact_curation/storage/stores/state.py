@@ -1,20 +1,44 @@
-"""What a node must remember beside its records: small values by name, in a SQLite file that survives a kill."""
+"""What a node must remember beside its records: small values by name, in the file of its records or in one of its own."""
 
 from collections.abc import Mapping
 from pathlib import Path
 
-from contact_curation.storage.stores.sqlite import Store, StoreSchema
+from contact_curation.storage.stores.sqlite import SqliteStore, Store, StoreSchema
 
+STATES_TABLE = "CREATE TABLE states (key TEXT PRIMARY KEY, value BLOB NOT NULL)"
 SCHEMA = StoreSchema(
     what="a state store",
     application_id=0x73746174,  # "stat"
     version=1,
-    statements=("CREATE TABLE states (key TEXT PRIMARY KEY, value BLOB NOT NULL)",),
+    statements=(STATES_TABLE,),
 )
 
 
-class StateStore(Store):
-    """Bytes by name; use it as a context manager.
+class States:
+    """Bytes by name, in a table of a store.
+
+    Args:
+        store: with the table `STATES_TABLE`.
+    """
+
+    def __init__(self, store: SqliteStore) -> None:
+        self._states = store
+
+    def save(self, values: Mapping[str, bytes]) -> None:
+        """Stores all of `values`, or none, in place of what was there under their names."""
+        self._states.execute_many("INSERT OR REPLACE INTO states (key, value) VALUES (?, ?)", list(values.items()))
+
+    def load(self, key: str) -> bytes | None:
+        rows = self._states.rows("SELECT value FROM states WHERE key = ?", (key,))
+        return bytes(rows[0][0]) if rows else None
+
+    def all(self) -> list[tuple[str, bytes]]:
+        """Every name with its value."""
+        return [(str(key), bytes(value)) for key, value in self._states.rows("SELECT key, value FROM states ORDER BY key")]
+
+
+class StateStore(Store, States):
+    """Bytes by name in a SQLite file of their own, which survives a kill; use it as a context manager.
 
     Args:
         path: of the file; made when there is none.
@@ -24,12 +48,5 @@ class StateStore(Store):
     """
 
     def __init__(self, path: Path) -> None:
-        super().__init__(path, SCHEMA)
-
-    def save(self, values: Mapping[str, bytes]) -> None:
-        """Keeps all of `values`, or none, in place of what was there under their names."""
-        self._store.execute_many("INSERT OR REPLACE INTO states (key, value) VALUES (?, ?)", list(values.items()))
-
-    def load(self, key: str) -> bytes | None:
-        rows = self._store.rows("SELECT value FROM states WHERE key = ?", (key,))
-        return bytes(rows[0][0]) if rows else None
+        Store.__init__(self, path, SCHEMA)
+        States.__init__(self, self._store)

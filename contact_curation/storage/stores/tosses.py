@@ -16,6 +16,7 @@ from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.storage.provenance import TossProvenance
 from contact_curation.storage.stores.record_table import Added, Row, SequencedTable, arrays_from_blob, arrays_to_blob
 from contact_curation.storage.stores.sqlite import Store, StoreSchema
+from contact_curation.storage.stores.state import STATES_TABLE, States
 
 ARRAYS = ("stamps_ns", "positions", "orientations_wxyz", "linear_velocities", "angular_velocities")
 NUMBERS = struct.Struct("<7d")
@@ -27,7 +28,7 @@ SCHEMA = StoreSchema(
     statements=(
         SequencedTable.statement("tosses"),
         SequencedTable.statement("rejected"),
-        "CREATE TABLE states (key TEXT PRIMARY KEY, value BLOB NOT NULL)",
+        STATES_TABLE,
         (
             "CREATE TABLE poses (sequence INTEGER PRIMARY KEY AUTOINCREMENT, stamp_ns INTEGER NOT NULL, parent TEXT NOT NULL,"
             " child TEXT NOT NULL, static INTEGER NOT NULL, numbers BLOB NOT NULL)"
@@ -80,6 +81,9 @@ class TossStore(Store):
     Args:
         path: of the file; made when there is none.
 
+    Attributes:
+        states: what the node must remember beside them.
+
     Raises:
         UnreadableInputError: the file is no toss store, or one of a newer version.
     """
@@ -88,6 +92,7 @@ class TossStore(Store):
         super().__init__(path, SCHEMA)
         self._tosses = SequencedTable(self._store, "tosses")
         self._rejected = SequencedTable(self._store, "rejected")
+        self.states = States(self._store)
 
     def add(self, toss: Toss, *, provenance: TossProvenance | None = None) -> Added:
         """Stores a toss; one that is stored already stays as it is.
@@ -137,14 +142,6 @@ class TossStore(Store):
         """Everything done inside becomes permanent together, or not at all."""
         with self._store.transaction():
             yield
-
-    def save_state(self, key: str, value: bytes) -> None:
-        """Keeps `value` under `key`, in place of what was there."""
-        self._store.execute("INSERT OR REPLACE INTO states (key, value) VALUES (?, ?)", (key, value))
-
-    def load_state(self, key: str) -> bytes | None:
-        rows = self._store.rows("SELECT value FROM states WHERE key = ?", (key,))
-        return bytes(rows[0][0]) if rows else None
 
     def append_poses(self, poses: Sequence[JournalPose]) -> int:
         """Adds poses to the journal, every number bit for bit; returns the sequence number of the last pose ever added."""

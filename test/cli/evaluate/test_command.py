@@ -66,7 +66,7 @@ def test_held_out_real_tosses_with_a_duplicate_among_the_others_are_told_and_lef
     done = cli("evaluate", true_parameters, contactnets_folder, *QUICK, "--held-out", "400-569", "--json")
     report = done.json
     duplicates = [413, 414, 415, 416, 436, 453, 454, 455, 456, 457, 528, 529, 530, 531, 532, 546, 547]
-    assert sorted(map(int, report["duplicates"])) == duplicates  # docs/data.md
+    assert sorted(map(int, report["duplicates"])) == duplicates  # docs/explanation/data.md
     assert report["tosses"] == 170
     rows = {int(row["toss_id"]): row["position"] for row in report["models"][0]["per_toss"]}
     assert sorted(rows) == list(range(400, 570))

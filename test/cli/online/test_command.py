@@ -22,8 +22,8 @@ from contact_curation.session.events import EventLog
 from contact_curation.session.free_domain import graph_domain
 from contact_curation.session.graph import graph_environment
 from contact_curation.session.node_parameters import declared_parameters, free_port, held_out_inputs, session_parameters
+from contact_curation.session.offline_ranking import rank_command
 from contact_curation.session.parameter_files import Parameters
-from contact_curation.session.report import rank_command
 from contact_curation.session.session import Session
 from contact_curation.session.state import SessionState, SessionStores
 from contact_curation.session.summary import gains, outcome_of
@@ -190,7 +190,7 @@ fisher_scorer: {ros__parameters: {estimator: empirical, influence_bound: .inf, l
 curator: {ros__parameters: {criterion: trace, prior: 0.01, whiten: false}}
 """
     parameters = parameters_of(tmp_path, text, top=5)
-    words = rank_command(SessionFolder(tmp_path), parameters, None, tmp_path / "ranking.png")
+    words = rank_command(SessionConfig(), SessionFolder(tmp_path), parameters)
     settings = [words[place + 1] for place, word in enumerate(words) if word == "--set"]
     wanted = [
         "segmenter.region_x=-1.0,1.0",
@@ -222,11 +222,10 @@ def test_a_session_is_read_from_its_stores(tmp_path: Path) -> None:
     with InformationStore(folder.store("fisher_scorer")) as informations:
         informations.add(scored)
     buffer = BufferRecord(1, ("a",), scored.parameters_version, "trace", 1)
-    with StateStore(folder.store("curator").with_name("curator.sqlite.state")) as states:
-        states.save(kept_records(buffer))
+    with InformationStore(folder.store("curator")) as curated:
+        curated.states.save(kept_records(buffer))
     with TossStore(folder.store("trainer")) as tosses:
-        for key, data in kept_records(TRAINING).items():
-            tosses.save_state(key, data)
+        tosses.states.save(kept_records(TRAINING))
     write_record(folder.dashboard, ServedDashboard("http://here"))
     seen = stores.look()
     assert [(one.toss_id, one.planned_gain, one.after_ns) for one in seen.throws] == [("toss-0", 2.0, 100), ("", 2.5, 200)]

@@ -29,7 +29,7 @@ with TossStore(Path(sys.argv[1])) as store:
         number += 1
         with store.transaction():
             store.add(toss(number))
-            store.save_state("number", str(number).encode())
+            store.states.save({"number": str(number).encode()})
         print(number, flush=True)
 """
 
@@ -117,27 +117,27 @@ def test_rejected_motions_are_kept_beside_with_their_reasons(path: Path) -> None
 def test_a_transaction_that_fails_leaves_nothing_behind(path: Path) -> None:
     def store_both(store: TossStore) -> None:
         with store.transaction():
-            store.save_state("segmenter", b"after")
+            store.states.save({"segmenter": b"after"})
             store.add(toss(1))
             store.add(toss(1, height=0.3))
 
     with TossStore(path) as store:
-        store.save_state("segmenter", b"before")
+        store.states.save({"segmenter": b"before"})
         with pytest.raises(InvalidValueError, match="other content"):
             store_both(store)
-        assert (store.last_sequence, store.load_state("segmenter")) == (0, b"before")
+        assert (store.last_sequence, store.states.load("segmenter")) == (0, b"before")
         assert store.add(toss(1)).added
 
 
 def test_a_state_is_replaced_as_a_whole(path: Path) -> None:
     with TossStore(path) as store:
-        assert store.load_state("segmenter") is None
-        store.save_state("segmenter", bytes(range(256)))
-        store.save_state("segmenter", b"\x00new")
-        store.save_state("other", b"")
+        assert store.states.load("segmenter") is None
+        store.states.save({"segmenter": bytes(range(256))})
+        store.states.save({"segmenter": b"\x00new"})
+        store.states.save({"other": b""})
     with TossStore(path) as store:
-        assert store.load_state("segmenter") == b"\x00new"
-        assert store.load_state("other") == b""
+        assert store.states.load("segmenter") == b"\x00new"
+        assert store.states.load("other") == b""
 
 
 def pose(number: int) -> JournalPose:
@@ -212,7 +212,7 @@ def test_a_killed_writer_loses_nothing_that_it_had_stored(path: Path, delay: flo
         stored = store.after(0, 100_000)
         assert [found.sequence for found in stored] == list(range(1, len(stored) + 1))
         assert len(announced) <= len(stored) <= len(announced) + 1
-        assert store.load_state("number") == str(len(stored)).encode()
+        assert store.states.load("number") == str(len(stored)).encode()
         assert all(found.toss.digest() == toss(found.sequence).digest() for found in stored)
         assert store.add(toss(len(stored) + 1)).added
 

@@ -7,7 +7,8 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.segmenter_config import SegmenterConfig
-from contact_curation.stages.held_out_tosses import HeldOutTosses
+from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.tosses import evaluation_tosses
 from contact_curation.storage.inputs.inputs import InputsConfig
 from contact_curation.storage.inputs.pose_messages import ODOMETRY
 from test.motion.streams import board_in_map, in_map, noisy, stream
@@ -20,6 +21,6 @@ def test_a_noisy_trackers_recordings_are_held_out_once_they_are_told_to_be(tmp_p
     board = Sent("/tf_static", LOG_OFFSET_NS, transforms([board_in_map()]))
     bag = write_ours(tmp_path / "a.mcap", [board, *recorded("/tagslam/odom/body_cube", ODOMETRY, scattered)])
     with pytest.raises(InvalidValueError, match=r"parameter held_out: found .* say segmenter.tracker_noise="):
-        HeldOutTosses([str(bag)], CONTACTNETS_CUBE)
+        evaluation_tosses("parameter held_out", [bag], ReadingConfig(CONTACTNETS_CUBE))
     told = InputsConfig(segmenter=SegmenterConfig(tracker_noise=5.0))
-    assert len(HeldOutTosses([str(bag)], CONTACTNETS_CUBE, told).tosses) == 2
+    assert len(evaluation_tosses("parameter held_out", [bag], ReadingConfig(CONTACTNETS_CUBE, told))) == 2
