@@ -173,33 +173,39 @@ def apply_calibration(toss: Toss, rig: RigCalibration) -> Toss:
     """The toss as a level rig with a true length scale would have tracked it; unchanged where there is nothing to correct."""
     if rig == NO_CORRECTION:
         return toss
+    positions, orientations = calibrated_poses(toss.positions, toss.orientations_wxyz, rig)
+    velocities = calibrated_vectors(toss.linear_velocities, rig)
+    spins = toss.angular_velocities  # in the body's frame, which no board turns
+    if rig.has_marker:
+        spins = quaternions.rotate(quaternions.exp(rig.marker_turn), spins)
+        velocities = velocities + quaternions.rotate(orientations, np.cross(spins, np.array(rig.marker_offset)))
+    return replace(
+        toss, positions=positions, orientations_wxyz=orientations, linear_velocities=velocities, angular_velocities=spins
+    )
+
+
+def calibrated_poses(positions: Array, orientations_wxyz: Array, rig: RigCalibration) -> tuple[Array, Array]:
+    """Positions (T, 3) and orientations (T, 4) as a level rig with a true length scale and an exact marker would give them."""
+    turn, centre = _levelling(rig), np.array(rig.centre)
+    levelled = centre * [1.0, 1.0, rig.scale] + rig.scale * quaternions.rotate(turn, positions - centre)
+    levelled = levelled - np.array([0.0, 0.0, rig.height])
+    orientations = quaternions.multiply(turn, orientations_wxyz)
+    if rig.has_marker:
+        orientations = quaternions.multiply(orientations, quaternions.conjugate(quaternions.exp(rig.marker_turn)))
+        levelled = levelled + quaternions.rotate(orientations, rig.marker_offset)
+    return levelled, orientations
+
+
+def calibrated_vectors(vectors: Array, rig: RigCalibration) -> Array:
+    """Velocities or accelerations (T, 3) of the tracked origin, turned and scaled."""
+    return vectors if rig == NO_CORRECTION else rig.scale * quaternions.rotate(_levelling(rig), vectors)
+
+
+def _levelling(rig: RigCalibration) -> Array:
+    """(4,) the turn that brings the board's normal upright."""
     axis = np.cross(rig.up, [0.0, 0.0, 1.0])
     length = float(np.linalg.norm(axis))
-    turn = quaternions.exp(axis * (rig.tilt / length if length else 0.0))
-    centre = np.array(rig.centre)
-    surface = np.array([0.0, 0.0, rig.height])
-    levelled = replace(
-        toss,
-        positions=centre * [1.0, 1.0, rig.scale] + rig.scale * quaternions.rotate(turn, toss.positions - centre) - surface,
-        orientations_wxyz=quaternions.multiply(turn, toss.orientations_wxyz),
-        linear_velocities=rig.scale * quaternions.rotate(turn, toss.linear_velocities),
-    )  # spins are in the body's frame, which no board turns
-    return _of_the_described_body(levelled, rig) if rig.has_marker else levelled
-
-
-def _of_the_described_body(toss: Toss, rig: RigCalibration) -> Toss:
-    """A toss of the tracked frame as one of the described body's, which is fixed to it."""
-    turned = quaternions.exp(np.array(rig.marker_turn))
-    orientations = quaternions.multiply(toss.orientations_wxyz, quaternions.conjugate(turned))
-    spins = quaternions.rotate(turned, toss.angular_velocities)
-    return replace(
-        toss,
-        positions=toss.positions + quaternions.rotate(orientations, rig.marker_offset),
-        orientations_wxyz=orientations,
-        linear_velocities=toss.linear_velocities
-        + quaternions.rotate(orientations, np.cross(spins, np.array(rig.marker_offset))),
-        angular_velocities=spins,
-    )
+    return quaternions.exp(axis * (rig.tilt / length if length else 0.0))
 
 
 def _triple(vector: Array) -> tuple[float, float, float]:

@@ -65,7 +65,7 @@ class TossIngest:
         self._polytope = polytope
         self._gates = config.gates.of_tracker(config.segmenter.tracker_noise)
         self._tracker = BodyTracker(config.tracker)
-        self._segmenter = TossSegmenter(config.segmenter, polytope, body=body, source=source)
+        self._segmenter = TossSegmenter(config.segmenter, polytope, body=body, source=source, rig=config.rig)
         self._outcomes: Counter[str] = Counter()
         self.noise = PoseNoise()
 
