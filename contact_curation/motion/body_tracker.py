@@ -19,7 +19,6 @@ from contact_curation.motion.frame_tree import FrameTree, Link, composed
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.toss import NANOSECONDS
 
-
 MOST_LISTED = 8
 """Names of frames in one line."""
 

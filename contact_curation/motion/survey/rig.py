@@ -86,6 +86,7 @@ class RigEstimate:
         marker_place: o [m]; likewise.
         off_flat: (K,) angle of each rest to its face before any correction [rad].
         heights: (K,) of the faces at rest before any correction [m].
+        rest_depths: (K,) of the described origin over the faces that they lie on [m].
         left_over: median residual of the heights after it [m].
     """
 
@@ -100,6 +101,7 @@ class RigEstimate:
     marker_place: tuple[Estimate, Estimate, Estimate]
     off_flat: Array
     heights: Array
+    rest_depths: Array
     left_over: float
 
     @property
@@ -110,7 +112,6 @@ class RigEstimate:
     def needs_none(self) -> bool:
         """Whether the intervals of tilt, height and scale hold 0 and the marker sits where it is described."""
         return all(one.holds_none for one in (*self.tilt, self.height, self.scale)) and not (self.rig.has_marker)
-
 
 
 class _Rests(NamedTuple):
@@ -178,6 +179,7 @@ def estimate_rig(survey: Survey, polytope: Polytope, gravity: float = 9.81) -> R
         marker_place=(place[0], place[1], place[2]),
         off_flat=rests.off,
         heights=rests.places[:, 2] - _support(rests.turns, polytope, np.array([0.0, 0.0, 1.0])),
+        rest_depths=rests.depths,
         left_over=float(np.median(np.abs(heights - height))),
     )
 
@@ -218,7 +220,7 @@ def _support(turns: Array, polytope: Polytope, up: Array) -> Array:
 
 
 def _scale(throws: Sequence[Throw], gravity: float) -> Estimate:
-    """s - 1; the spread of the throws' accelerations along their mean gives the interval."""
+    """S - 1; the spread of the throws' accelerations along their mean gives the interval."""
     accelerations = np.array([throw.acceleration for throw in throws])
     weights = np.array([throw.frames**5.0 for throw in throws])
     off = np.linalg.norm(accelerations - np.median(accelerations, axis=0), axis=1)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
 
-SPAN = 0.075
+SPAN = 0.055
 """Length of a window [s]: free flights of thrown bodies last 0.1 s or longer."""
 
 FEWEST = 6

@@ -116,10 +116,14 @@ class BagTosses:
 
     def of(self, message: BagMessage) -> Iterator[Found]:
         """What became complete with a message."""
-        for measured in self.measured(message):
+        return self.taken(self.measured(message), message.topic)
+
+    def taken(self, found: Iterable[Measured], topic: str) -> Iterator[Found]:
+        """What became complete with the poses in a message of a topic."""
+        for measured in found:
             if isinstance(measured, FramePose):
                 self._frames.update((measured.parent, measured.child))
-            if isinstance(measured, FramePose) and message.topic == self.source.body.name:
+            if isinstance(measured, FramePose) and topic == self.source.body.name:
                 self._parent = measured.parent if self._parent is None else self._parent
                 self._first_ns = measured.stamp_ns if self._first_ns is None else self._first_ns
                 step = 0.0 if self._last_ns is None else (measured.stamp_ns - self._last_ns) / NANOSECONDS
@@ -152,6 +156,11 @@ class BagTosses:
             seen = ", ".join(sorted(name for name in self._frames if name)[:MOST_LISTED]) or "no frame"
             wanted = MOTION if poses else f": found {seen}, expected frames {self.source.body_frame} and {self._board}"
             yield f"found no toss in {poses} poses of {self.source.body.name}{wanted}{CHECK if poses else ''}"
+
+    @property
+    def bad_poses(self) -> tuple[dict[str, int], dict[str, str]]:
+        """How many poses were left out by kind, and why the first of each."""
+        return dict(self._bad_counts), {kind: one.why for kind, one in self._bad.items()}
 
     @property
     def taken_as_on_board(self) -> bool:

@@ -1,0 +1,67 @@
+"""What a diagnosis looks for, causes before what follows from them: of several faults the first one is the verdict.
+
+Another finding is a function `(Evidence) -> Finding | None` and a line here.
+"""
+
+from contact_curation.pipeline.diagnosis.finding import Find
+from contact_curation.pipeline.diagnosis.findings import (
+    body,
+    facts,
+    frames,
+    gravity,
+    orientations,
+    poses,
+    reading,
+    rig,
+    smoothing,
+    stamps,
+    tosses,
+)
+
+FINDINGS: tuple[Find, ...] = (
+    reading.unreadable,
+    reading.without_a_topic,
+    reading.without_a_message,
+    stamps.zero,
+    frames.board_is_not_found,
+    stamps.out_of_order,
+    poses.not_poses,
+    frames.taken_as_on_board,
+    frames.of_another_body,
+    stamps.slow,
+    smoothing.repeated,
+    smoothing.interpolated,
+    gravity.nothing_moves,
+    orientations.inverted,
+    gravity.other_unit,
+    gravity.other_axis,
+    gravity.no_fall,
+    stamps.jitter,
+    smoothing.smoothed,
+    smoothing.rounded,
+    orientations.order,
+    body.other_shape,
+    body.other_size,
+    poses.frames_are_lost,
+    poses.noisy,
+    rig.height,
+    rig.tilt,
+    rig.length_scale,
+    rig.marker,
+    tosses.rejected,
+    tosses.never_at_rest,
+    tosses.none_found,
+    tosses.duplicates,
+    tosses.few,
+    reading.lost,
+    reading.not_whole,
+    facts.topics,
+    facts.frames,
+    facts.stamps,
+    facts.free_fall,
+    facts.board,
+    facts.noise,
+    facts.motions,
+    facts.identifiable,
+)
+"""In the order of causes."""
