@@ -479,7 +479,8 @@ def seconds_for_large(folder: Path) -> tuple[float, float]:
             made,
             stamps_ns=np.concatenate(again),
             logged_ns=np.concatenate(again),
-            poses=np.tile(made.poses, (times, 1)) + 1e-9 * np.random.default_rng(0).standard_normal((times * len(made.poses), 7)),
+            poses=np.tile(made.poses, (times, 1))
+            + 1e-9 * np.random.default_rng(0).standard_normal((times * len(made.poses), 7)),
         ),
     )
     begun = time.perf_counter()

@@ -3,14 +3,15 @@
     r = min over t of (z(t) - z_rest) / (d(t) - d_rest)
 
 z is the height of the origin, d how high the described body's origin is over its lowest corner. A body of r times the described
-size that stands on a corner is r (d - d_rest) higher than at rest, and higher still in the air. The board's height cancels, with
-which a body that is too large is easily confused.
+size that stands on a corner is r (d - d_rest) higher than at rest, and higher still in the air. The board's height cancels,
+with which a body that is too large is easily confused. Rounded corners, and boards that give way, make r some percent too small.
 """
 
 import numpy as np
 
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope
+from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.calibration import calibrated_poses
 from contact_curation.motion.survey.falls import Survey
 from contact_curation.motion.survey.rig import Estimate, RigEstimate
@@ -19,9 +20,6 @@ FEWEST_THROWS = 6
 
 HIGHER = 0.2
 """Of the height at rest: a body that is so much higher over its lowest corner stands on an edge or a corner."""
-
-RANK = 80
-"""Percentile of the throws' ratios: rounded corners and boards that give way make most of them too small, by 6 % in real data."""
 
 SMALLEST_ERROR = 0.02
 """Boards give way and touches fall between frames: no ratio is claimed to be known better (standard deviation)."""
@@ -51,7 +49,15 @@ def size_ratio(survey: Survey, polytope: Polytope, found: RigEstimate) -> Estima
             ratios.append(float((higher / (lever[tumbling] - lever[-1])).min()))
     if len(ratios) < FEWEST_THROWS:
         return None
-    value = float(np.percentile(ratios, RANK))
-    spread = 1.4826 * float(np.median(np.abs(np.array(ratios) - np.median(ratios)))) / np.sqrt(len(ratios))
+    value = _densest(np.sort(ratios))
+    spread = 1.4826 * float(np.median(np.abs(np.array(ratios) - value))) / np.sqrt(len(ratios))
     half = 1.96 * float(np.hypot(1.25 * spread, SMALLEST_ERROR))  # 1.25: of a median
     return Estimate(value, value - half, value + half)
+
+
+def _densest(ratios: Array) -> float:
+    """Amid the shortest interval that holds half of the sorted ratios (K,): some throws never stand on an edge."""
+    half = (len(ratios) + 1) // 2
+    widths = ratios[half - 1 :] - ratios[: len(ratios) - half + 1]
+    at = int(np.argmin(widths))
+    return float(np.median(ratios[at : at + half]))

@@ -97,9 +97,8 @@ def concluded(evidence: Evidence, words: Sequence[str] = ()) -> Diagnosis:
 
 
 def _sound(evidence: Evidence, worst: Finding) -> str:
-    count = len(evidence.tosses)
-    motions = f" of {len(evidence.outcomes)} motions" if evidence.rejected else ""
-    said = f"ok: {count}{motions} are sound tosses of {evidence.body.name}"
+    count = f"{len(evidence.tosses)} of {len(evidence.outcomes)}" if evidence.rejected else f"all {len(evidence.tosses)}"
+    said = f"ok: {count} motions are sound tosses of {evidence.body.name}"
     return f"{said}, but {worst.line}" if worst.severity == Severity.WARNING else said
 
 

@@ -41,7 +41,8 @@ class Finding:
     @property
     def line(self) -> str:
         """What was found and what to do."""
-        return f"{self.what}: {self.remedy}" if self.remedy else self.what
+        between = " " if self.what.endswith("?") else ": "
+        return f"{self.what}{between}{self.remedy}" if self.remedy else self.what
 
 
 type Find = Callable[[Evidence], Finding | None]

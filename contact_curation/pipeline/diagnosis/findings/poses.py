@@ -10,10 +10,10 @@ from contact_curation.pipeline.diagnosis.recording import Recording
 MANY = 0.02
 """Share of bad or missing poses from which on it is worth a line; it is a fault where most motions are rejected."""
 
-KINDS = ("pose", "type", "jump", "camera", "tags", "reprojection", "flip")
-"""Of bad poses that frames and stamps do not explain."""
+BESIDE, QUIET, FAR, OFTEN = 4, 0.002, 0.001, 0.005
+"""Outliers: so many poses on either side that span at most so much [m], further away than that [m], in a share of them."""
 
-LONGEST = 0.5
+LONGEST = 0.2
 """A longer time without poses is a pause [s]."""
 
 
@@ -53,6 +53,25 @@ def frames_are_lost(evidence: Evidence) -> Finding | None:
     what = f"{100.0 * share:.2g} % of the frames are missing between others, at {1.0 / evidence.period:.4g} Hz"
     remedy = "record with a larger queue, or track in fewer, brighter images: a toss with a gap is rejected"
     return Finding(severity, what, remedy)
+
+
+def outliers(evidence: Evidence) -> Finding | None:
+    """Single poses far from where a body that hardly moves is."""
+    jumps, slow = list[float](), 0
+    for series in evidence.survey.series:
+        if len(series) < 4 * BESIDE or evidence.fall is None or not evidence.fall.sound:
+            continue
+        windows = np.lib.stride_tricks.sliding_window_view(series.positions, 2 * BESIDE + 1, axis=0)  # (W, 3, 9)
+        middle = np.median(windows, axis=2)
+        quiet = np.linalg.norm(np.percentile(windows, 80, axis=2) - np.percentile(windows, 20, axis=2), axis=1) < QUIET
+        away = np.linalg.norm(series.positions[BESIDE:-BESIDE] - middle, axis=1)[quiet]
+        slow += len(away)
+        jumps += away[away > max(FAR, 12.0 * evidence.survey.noise)].tolist()
+    if not slow or len(jumps) < OFTEN * slow:
+        return None
+    severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
+    what = f"{100.0 * len(jumps) / slow:.2g} % of the poses of a body that hardly moves are outliers, {1e3 * np.median(jumps):.2g} mm away"
+    return Finding(severity, what, "are tags seen at a slant, or in two images? leave out what fits them badly")
 
 
 def noisy(evidence: Evidence) -> Finding | None:

@@ -40,7 +40,7 @@ def without_a_message(evidence: Evidence) -> Finding | None:
 
 def lost(evidence: Evidence) -> Finding | None:
     """What could not be read of recordings that could."""
-    found = by_recording(evidence, lambda one: "; ".join(one.losses[:3]) if not one.unreadable else "")
+    found = by_recording(evidence, _first_loss)
     return Finding(Severity.WARNING, f"parts were lost: {of_recordings(evidence, found)}") if found else None
 
 
@@ -51,3 +51,10 @@ def not_whole(evidence: Evidence) -> Finding | None:
         return None
     looked = sum(sum(one.counted.values()) or one.poses for one in short)
     return Finding(Severity.FACT, f"looked at the first {looked} messages of {len(short)} long recordings, not at the rest")
+
+
+def _first_loss(one: Recording) -> str:
+    if one.unreadable or not one.losses:
+        return ""
+    more = f" (and {len(one.losses) - 1} more)" if len(one.losses) > 1 else ""
+    return one.losses[0].removeprefix(f"{one.name}: ") + more
