@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from enum import Enum
+from pathlib import Path
 from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 
 from contact_curation.errors import InvalidValueError
@@ -90,7 +91,7 @@ def parsed(kind: Any, text: str) -> Any:
         return None if text == "none" else parsed(next(part for part in get_args(kind) if part is not type(None)), text)
     if kind is bool:
         return _BOOLEANS[text.lower()]
-    if isinstance(kind, type) and issubclass(kind, Enum | int | float | str):
+    if isinstance(kind, type) and issubclass(kind, Enum | int | float | str | Path):
         return kind(text)
     raise TypeError(kind)
 

@@ -48,7 +48,7 @@ def contactnets_folder() -> Path:
 
 @pytest.fixture(scope="session")
 def golden_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The recording that comes with the repository, 24 tosses, 3 of which must be kept back, without its long rests."""
+    """The recording that comes with the repository, 24 tosses, 3 of which must be rejected, without its long rests."""
     from test.shortened import write_shortened  # NumPy and the readers of recordings, which not every test needs
 
     return write_shortened(GOLDEN, "/tagslam/odom/body_cube", tmp_path_factory.mktemp("golden") / GOLDEN.name)

@@ -12,7 +12,7 @@ from test.simulated import FIRST_STAMP_NS, PAUSE_NS, motion_to_rest, release_sta
 from test.tag_scene import scene
 
 CORNER_NOISE = 0.005
-"""[px] So little that no toss is kept back for it."""
+"""[px] So little that no toss is rejected for it."""
 
 
 class TaggedImage(NamedTuple):

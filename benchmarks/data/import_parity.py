@@ -1,4 +1,4 @@
-"""Ranks ContactNets' tosses from their files and from the bag that `import contactnets` makes of them: are the kept sets one?
+"""Ranks ContactNets' tosses from their files and from the bag that `import contactnets` writes: are the same tosses selected?
 
     python -m benchmarks.data.import_parity [--json]
 
@@ -41,7 +41,7 @@ from contact_curation.storage.datasets.contactnets import read_contactnets
 from contact_curation.storage.datasets.tagslam_bag import import_contactnets
 from contact_curation.storage.inputs.inputs import open_inputs
 
-KEPT = 32
+TOP = 32
 SAME_SCORE = 1e-6
 """Scores that differ less are equal (relative to the largest); stamps are rounded to nanoseconds."""
 
@@ -71,14 +71,14 @@ class Velocities:
 
 @dataclass(frozen=True)
 class Parity:
-    """Two rankings' kept sets.
+    """Two rankings' selected sets.
 
     Attributes:
         estimator: of the information.
         criterion: of the ranking.
         compared: what the bag's is compared with.
-        common: tosses that both keep, of `KEPT`.
-        same_order: whether the kept tosses are in the same order.
+        common: tosses that both select, of `TOP`.
+        same_order: whether the selected tosses are in the same order.
         ties_only: whether all places that differ are swaps of equal scores.
         first_other: the first place that differs, None if none does.
         score_difference: largest relative difference of two scores of one toss.
@@ -174,7 +174,7 @@ def parities(tosses: Sources) -> list[Parity]:
     for estimator in Estimator:
         pools = {name: scored(getattr(tosses, name), estimator) for name in ("files", "turned", "bag")}
         for criterion in criterion_names():
-            config = RankingConfig(criterion, top=KEPT, certificate_steps=0)
+            config = RankingConfig(criterion, top=TOP, certificate_steps=0)
             rankings = {name: rank_particles([pool], config) for name, pool in pools.items()}
             rows += [
                 parity(rankings["bag"], rankings[name], estimator, criterion, label)
@@ -198,7 +198,7 @@ def parity(ours: Ranking, theirs: Ranking, estimator: Estimator, criterion: str,
     largest = max(abs(score) for score in scores.values())
     off = max(abs(entry.score - scores[entry.toss_id]) for entry in ours.entries) / largest
     common = len(set(ours.selected_ids) & set(theirs.selected_ids))
-    ties = all(abs(scores[one] - scores[another]) <= SAME_SCORE * largest for one, another in pairs) and common == KEPT
+    ties = all(abs(scores[one] - scores[another]) <= SAME_SCORE * largest for one, another in pairs) and common == TOP
     return Parity(estimator.value, criterion, compared, common, other is None, ties, other, off)
 
 
@@ -211,7 +211,7 @@ def print_tables(velocities: Velocities, rows: Sequence[Parity]) -> None:
         print(f"  {name:8} " + "  ".join(f"{value:.1e}" for value in getattr(velocities, name)))
     print(f"  {100.0 * velocities.within:.2f} % of the frames within 1e-6 in both\n")
     head = f"{'the bag against':19} {'estimator':13} {'criterion':11}"
-    print(f"{head} kept by both, of {KEPT}   order         largest difference of a score")
+    print(f"{head} selected by both, of {TOP}   order         largest difference of a score")
     for row in sorted(rows, key=lambda one: one.compared, reverse=True):
         order = "same" if row.same_order else "ties" if row.ties_only else f"other from {row.first_other}"
         print(

@@ -1,13 +1,16 @@
-"""Held-out error while a real recording plays through five processes: what is kept is trained on, and ranks again.
+"""Held-out error while a real recording plays through five processes: the selected tosses are trained on, and ranks again.
 
 ContactNets' tosses 0 to 399 are played as one bag; 400 to 569 are held out, and training tosses that are duplicates of held-out
 ones are left out. Scorer and trainer begin at the same random theta (method.md 1.1), so that nobody knows the cube beforehand.
 
-    python -m benchmarks.learning.online_training [--criteria log-det longest random] [--seeds 3] [--top 16] [--rate 20]
-                                         [--figure docs/images/online_training.png] [--json]
+    python -m benchmarks.learning.online_training [--criteria representative longest random] [--seeds 2] [--top 16] [--rate 20]
+                                         [--rows docs/results/online_training.csv] [--json]
+
+`make figures` draws the rows.
 """
 
 import argparse
+import csv
 import json
 import os
 import sys
@@ -25,7 +28,6 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
-from contact_curation.dashboard.figures.learning_curves import Curve, save_learning_curves
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
 from contact_curation.learning.evaluation.held_out import toss_number
 from contact_curation.motion.toss import Toss
@@ -35,7 +37,9 @@ from contact_curation.storage.datasets.tagslam_bag import import_contactnets
 from contact_curation.storage.inputs.inputs import open_inputs
 from test.graph.parts.graph import Graph, until
 
-POSITION, ROTATION, LOSS = "position error [% of width]", "rotation error [deg]", "held-out loss"
+POSITION, ROTATION, LOSS = "position", "rotation", "loss"
+COLUMNS = ("rule", "seed", "tosses", POSITION, ROTATION, LOSS)
+TRUE_CUBE = "true cube"
 
 
 @dataclass(frozen=True)
@@ -59,10 +63,10 @@ class Run:
     loss: tuple[float, ...]
     rounds: int
 
-    def curve(self) -> Curve:
-        errors = {POSITION: self.position, ROTATION: self.rotation, LOSS: self.loss}
-        places = np.array((0, *self.tosses[1:]))  # untrained it was from the start
-        return Curve(places, {name: np.array(values) for name, values in errors.items()})
+    def rows(self) -> list[tuple[str, int, int, float, float, float]]:
+        """As `COLUMNS` say; untrained it was from the start."""
+        places = (0, *self.tosses[1:])
+        return [(self.criterion, self.seed, *row) for row in zip(places, self.position, self.rotation, self.loss, strict=True)]
 
 
 def folders(source: Path, into: Path) -> tuple[Path, Path]:
@@ -154,13 +158,13 @@ def print_table(runs: Sequence[Run], level: dict[str, float]) -> None:
 
 
 def main() -> int:
-    """Prints a table, or JSON, and draws a figure where one is wanted."""
+    """Prints a table, or JSON, and writes rows where they are wanted."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--criteria", nargs="+", default=["log-det", "longest", "random"])
-    parser.add_argument("--seeds", type=int, default=3, help="how many (default 3)")
-    parser.add_argument("--top", type=int, default=16, help="tosses kept (default 16)")
+    parser.add_argument("--criteria", nargs="+", default=["representative", "longest", "random"])
+    parser.add_argument("--seeds", type=int, default=2, help="how many (default 2)")
+    parser.add_argument("--top", type=int, default=16, help="tosses selected (default 16)")
     parser.add_argument("--rate", type=float, default=20.0, help="times real time (default 20)")
-    parser.add_argument("--figure", type=Path, help="PNG file")
+    parser.add_argument("--rows", type=Path, help="CSV file")
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     arguments = parser.parse_args()
     source = contactnets_folder()
@@ -174,10 +178,11 @@ def main() -> int:
         cases = [(criterion, seed) for seed in range(arguments.seeds) for criterion in arguments.criteria]
         runs = [played(bag, held_out, *case, arguments.top, arguments.rate) for case in cases]
         level = floors(held_out)
-    if arguments.figure:
-        by_criterion = {name: [run.curve() for run in runs if run.criterion == name] for name in arguments.criteria}
-        title = f"{arguments.top} kept tosses, trained on while a recording plays ({arguments.seeds} random initialisations)"
-        save_learning_curves(by_criterion, title, arguments.figure, level)
+    if arguments.rows:
+        with arguments.rows.open("w", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerows([COLUMNS, *(row for run in runs for row in run.rows())])
+            writer.writerow((TRUE_CUBE, 0, 0, *(level[name] for name in COLUMNS[3:])))
     if arguments.json:
         print(json.dumps({"true_cube": level, "runs": [asdict(run) for run in runs]}, indent=1))
     else:

@@ -2,7 +2,7 @@
 
 A polytope learns to the optimum from what each keeps of four fifths of the training tosses, selected three times as re-ranked
 rules do, and is judged by the last fifth; a seed is a fifth and an initialisation. The tosses are found through
-CONTACTNETS_DATA and are put right by what they say of their rig.
+CONTACTNETS_DATA and are corrected by their rig calibration.
 
     python -m benchmarks.selection.candidate_rules [--candidates NAME ...] [--sizes 8 16 32] [--seeds 10] [--jobs N]
                                          [--out FILE.jsonl] [--table FILE.csv]
@@ -43,7 +43,7 @@ from contact_curation.information.scoring import ScoringConfig
 from contact_curation.information.subspace import pool_subspace
 from contact_curation.learning.fits.exact_fit import optimum
 from contact_curation.learning.fits.held_fit import fit_held
-from contact_curation.learning.training.curated import kept_transitions, toss_scorer
+from contact_curation.learning.training.curated import selected_transitions, toss_scorer
 from contact_curation.learning.training.reranking import EXACT_SELECTIONS
 from contact_curation.motion.calibration import calibration_of
 from contact_curation.motion.toss import Toss
@@ -85,7 +85,7 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """What is kept of a pool.
+    """The selection from a pool.
 
     Attributes:
         ids: of tosses.
@@ -103,7 +103,7 @@ class Situation:
     Attributes:
         models: at what was learned so far, one of each initialisation.
         tosses: of the pool.
-        trial: how many are to be kept, and the seed of what is random.
+        trial: how many are to be selected, and the seed of what is random.
     """
 
     models: tuple[PolytopeModel, ...]
@@ -160,12 +160,12 @@ def by_expected(situation: Situation) -> Choice:
 
 def by_block(situation: Situation) -> Choice:
     """So many by each block alone, none twice."""
-    infos, kept = situation.infos(situation.models[0]), list[str]()
+    infos, chosen = situation.infos(situation.models[0]), list[str]()
     shares = np.diff(np.round(np.linspace(0, situation.trial.size, len(BLOCKS) + 1)).astype(int))
     for names, share in zip(BLOCKS, shares, strict=True):
-        left = [_of_blocks(info, names) for info in infos if info.toss_id not in kept]
-        kept += _by_log_det(left, int(share))
-    return Choice(tuple(kept))
+        left = [_of_blocks(info, names) for info in infos if info.toss_id not in chosen]
+        chosen += _by_log_det(left, int(share))
+    return Choice(tuple(chosen))
 
 
 CANDIDATES: dict[str, Chooser] = {
@@ -217,23 +217,23 @@ def run_trial(tosses: tuple[Toss, ...], reference: ContactGeometry, trial: Trial
     torch.set_num_threads(1)
     bench = fold_bench(tosses, reference, trial.seed)
     pool = pool_of_cell(Cell("random", trial.size, trial.seed), bench).tosses
-    choice = kept(trial, bench, pool)
-    start, data = bench.initial_polytope(trial.seed), kept_transitions(pool, choice.ids, bench.body.length_scale)
+    choice = chosen_by(trial, bench, pool)
+    start, data = bench.initial_polytope(trial.seed), selected_transitions(pool, choice.ids, bench.body.length_scale)
     if trial.rule in TRIMMED:
         model = optimum(start, data, ONE_THREAD, TRIMMED[trial.rule]).model
     else:
         model = fit_held(start, data, FIT, weights=_weights(choice, data.toss_ids)).model
-    return {**judged(model, bench), "count": len(choice.ids), "kept": " ".join(choice.ids)}
+    return {**judged(model, bench), "count": len(choice.ids), "selected": " ".join(choice.ids)}
 
 
-def kept(trial: Trial, bench: Bench, pool: tuple[Toss, ...]) -> Choice:
+def chosen_by(trial: Trial, bench: Bench, pool: tuple[Toss, ...]) -> Choice:
     """What is selected last, each time at what the set before taught."""
     count = PARTICLES if trial.rule == "particles" else 1
     starts = tuple(bench.initial_polytope(trial.seed + 1000 * number) for number in range(count))
     models, choose = starts, CANDIDATES[trial.rule]
     choice = choose(Situation(models, pool, trial))
     for number in range(EXACT_SELECTIONS - 1):
-        data = kept_transitions(pool, choice.ids, bench.body.length_scale)
+        data = selected_transitions(pool, choice.ids, bench.body.length_scale)
         weights = _weights(choice, data.toss_ids)
         pairs = zip(models, starts, strict=True)
         models = tuple(fit_held(one, data, FIT, start if number else None, weights).model for one, start in pairs)
@@ -244,11 +244,11 @@ def kept(trial: Trial, bench: Bench, pool: tuple[Toss, ...]) -> Choice:
 
 
 def with_places(rows: Sequence[Row], tosses: Sequence[Toss], values: Mapping[str, Array]) -> list[Row]:
-    """With where the kept tosses stand among all by each trait, from 0, the least, to 1, the most; means over them."""
+    """With where the selected tosses stand among all by each trait, from 0, the least, to 1, the most; means over them."""
     ids = [toss.toss_id for toss in tosses]
     places = {trait: dict(zip(ids, (rankdata(found) - 1.0) / (len(ids) - 1.0), strict=True)) for trait, found in values.items()}
     return [
-        {**row, **{trait: float(np.mean([place[one] for one in row["kept"].split()])) for trait, place in places.items()}}
+        {**row, **{trait: float(np.mean([place[one] for one in row["selected"].split()])) for trait, place in places.items()}}
         for row in rows
     ]
 

@@ -1,4 +1,4 @@
-"""Ranks ContactNets' real tosses at the true cube and at noisy ones: how much the kept sets know, and how well that is proven.
+"""Ranks ContactNets' real tosses at the true cube and at noisy ones: what the selected sets know, and how well that is proven.
 
 The judge is the Gauss-Newton information at the true parameters, whitened so that an average toss is 1 in every direction
 (method.md 2.3). Each design ranks with its own information; "both" averages two noisy initialisations (method.md 2.4). Streams
@@ -47,7 +47,7 @@ class Design:
     criterion: str
     designed_at: str
     estimator: str
-    kept: int
+    size: int
     d_efficiency: float
     e_efficiency: float
     d_efficiency_per_frame: float
@@ -60,7 +60,7 @@ class Streamed:
 
     selector: str
     estimator: str
-    kept: int
+    size: int
     lowest: float
     mean: float
     highest: float
@@ -125,26 +125,26 @@ def initialisation(seed: int) -> ContactGeometry:
 def designs(pools: Mapping[tuple[str, Estimator], Pool], judge: Pool) -> list[Design]:
     """All designs at all sizes; the random one is the mean over some seeds."""
     rows = []
-    for kept in SIZES:
-        chances = [design([judge], judge, RankingConfig("random", top=kept, seed=seed), "-", "-") for seed in SEEDS]
+    for size in SIZES:
+        chances = [design([judge], judge, RankingConfig("random", top=size, seed=seed), "-", "-") for seed in SEEDS]
         means = {
             name: float(np.mean([getattr(row, name) for row in chances]))
             for name in ("d_efficiency", "e_efficiency", "d_efficiency_per_frame")
         }
-        rows.append(Design("random", "-", "-", kept, **means, certified=None))
-        rows.append(design([judge], judge, RankingConfig("longest", top=kept), "-", "-"))
+        rows.append(Design("random", "-", "-", size, **means, certified=None))
+        rows.append(design([judge], judge, RankingConfig("longest", top=size), "-", "-"))
         for estimator in Estimator:
             own = {name: [pools[name, estimator]] for name in ("init0", "init1", "truth")}
             own["both"] = [pools["init0", estimator], pools["init1", estimator]]
             for name, particles in own.items():
                 for criterion in ("trace", "leverage", "orthogonal", "min-eig", "log-det"):
-                    config = RankingConfig(criterion, top=kept)
+                    config = RankingConfig(criterion, top=size)
                     rows.append(design(particles, judge, config, name, estimator.value))
     return rows
 
 
 def design(particles: Sequence[Pool], judge: Pool, config: RankingConfig, name: str, estimator: str) -> Design:
-    """What the judge says of a ranking's kept set."""
+    """What the judge says of a ranking's selected set."""
     ranking = rank_particles(particles, config)
     subspace = identifiable_subspace(judge.fisher)
     per_toss = efficiency(judge, subspace, ranking.selected_ids)
@@ -159,14 +159,14 @@ def streams(pool: Pool, estimator: Estimator) -> list[Streamed]:
     prior, rows = log_det_prior(pool, RankingConfig().prior), []
     orders = [np.random.default_rng(seed).permutation(len(pool)) for seed in STREAMS]
     nothing = Accumulated.prior_only(prior.coordinates)
-    for kept in SIZES:
-        greedy = rank_particles([pool], RankingConfig("log-det", top=kept))
-        values = {"first k": [nothing.joined(pool.stacked(order[:kept])).log_det for order in orders]}
-        values["exchanges"] = [streamed_value(SwapStreaming(prior, kept), pool, order) for order in orders]
+    for size in SIZES:
+        greedy = rank_particles([pool], RankingConfig("log-det", top=size))
+        values = {"first k": [nothing.joined(pool.stacked(order[:size])).log_det for order in orders]}
+        values["exchanges"] = [streamed_value(SwapStreaming(prior, size), pool, order) for order in orders]
         best = sum(entry.marginal_gain for entry in greedy.entries if entry.selected)
         for name, each in values.items():
             shares = np.array(each) / best
-            rows.append(Streamed(name, estimator.value, kept, float(shares.min()), float(shares.mean()), float(shares.max())))
+            rows.append(Streamed(name, estimator.value, size, float(shares.min()), float(shares.mean()), float(shares.max())))
     return rows
 
 
@@ -186,15 +186,15 @@ def sufficient(pool: Pool, criterion: str) -> Sufficient:
 
 def print_tables(rows: Sequence[Design], streamed: Sequence[Streamed], enough: Sequence[Sufficient]) -> None:
     """For people."""
-    print("D-efficiency (E-efficiency; per frame; certified) of the kept set\n")
-    print(f"{'criterion':11} {'designed at':11} {'estimator':13} " + "".join(f"{f'k = {kept}':27}" for kept in SIZES))
+    print("D-efficiency (E-efficiency; per frame; certified) of the selected set\n")
+    print(f"{'criterion':11} {'designed at':11} {'estimator':13} " + "".join(f"{f'k = {size}':27}" for size in SIZES))
     for name in dict.fromkeys((row.criterion, row.designed_at, row.estimator) for row in rows):
         cells = [row for row in rows if (row.criterion, row.designed_at, row.estimator) == name]
         print(f"{name[0]:11} {name[1]:11} {name[2]:13} " + "".join(f"{cell(row):27}" for row in cells))
     print("\nlog-det of a streamed set over greedy's: mean (lowest to highest) of", len(STREAMS), "random orders")
     for stream in streamed:
         spread = f"{stream.mean:.3f} ({stream.lowest:.3f} to {stream.highest:.3f})"
-        print(f"{stream.selector:15} {stream.estimator:13} k = {stream.kept:<3} {spread}")
+        print(f"{stream.selector:15} {stream.estimator:13} k = {stream.size:<3} {spread}")
     print("\ntosses that are within epsilon of the pool")
     for row in enough:
         print(f"{row.criterion:9} " + "  ".join(f"{epsilon}: {count}" for epsilon, count in row.tosses.items()))

@@ -29,7 +29,7 @@ from contact_curation.storage.inputs.inputs import open_inputs
 CRITERIA = ("log-det", "leverage", "min-eig")
 """Those that look at factors."""
 
-KEPT = 32
+TOP = 32
 ROWS, WAYS = 24, (("float32", 24), ("float32", 20), ("float32", 16), ("float32", 8), ("float64", 52))
 """The default's rows, in double precision the reference; and what is compared with it."""
 
@@ -43,7 +43,7 @@ class Effect:
         criterion: of the ranking.
         numbers: dtype of the factors' numbers.
         rows: kept of each factor.
-        kept_in_common: share of the 32 kept.
+        selected_in_common: share of the 32 selected tosses.
         moved: how many of all tosses stand in another place.
     """
 
@@ -51,7 +51,7 @@ class Effect:
     criterion: str
     numbers: str
     rows: int
-    kept_in_common: float
+    selected_in_common: float
     moved: int
 
 
@@ -68,9 +68,11 @@ def main() -> int:
     if arguments.json:
         print(json.dumps({"effects": [asdict(effect) for effect in effects]}, indent=2))
         return 0
-    print(f"{'estimator':<13}{'criterion':<10}{'numbers':<9}rows  kept in common  moved of {len(tosses)}")
+    print(f"{'estimator':<13}{'criterion':<10}{'numbers':<9}rows  selected in common  moved of {len(tosses)}")
     for one in effects:
-        print(f"{one.estimator:<13}{one.criterion:<10}{one.numbers:<9}{one.rows:>4}{one.kept_in_common:>16.0%}{one.moved:>14}")
+        print(
+            f"{one.estimator:<13}{one.criterion:<10}{one.numbers:<9}{one.rows:>4}{one.selected_in_common:>16.0%}{one.moved:>14}"
+        )
     return 0
 
 
@@ -78,12 +80,12 @@ def effects_on(tosses: Sequence[Toss], estimator: Estimator) -> Iterator[Effect]
     """The effects on rankings at the true cube."""
     full = scored(tosses, estimator)
     for criterion in CRITERIA:
-        config = RankingConfig(criterion, top=KEPT, certificate_steps=0)
+        config = RankingConfig(criterion, top=TOP, certificate_steps=0)
         reference = rank(compressed(full, "float64", ROWS), config)
         for numbers, rows in WAYS:
             found = rank(compressed(full, numbers, rows), config)
             moved = sum(one != other for one, other in zip(found.ids, reference.ids, strict=True))
-            yield Effect(estimator.value, criterion, numbers, rows, top_overlap(found, reference, KEPT), moved)
+            yield Effect(estimator.value, criterion, numbers, rows, top_overlap(found, reference, TOP), moved)
 
 
 def scored(tosses: Sequence[Toss], estimator: Estimator) -> list[TossInformation]:

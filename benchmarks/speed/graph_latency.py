@@ -21,8 +21,9 @@ import numpy as np
 from contact_curation_msgs.msg import TossInformation
 from nav_msgs.msg import Odometry
 
+from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.nodes.messages.headers import nanoseconds_of
-from contact_curation.nodes.ros.qos import kept
+from contact_curation.nodes.ros.qos import latched
 from contact_curation.session.free_domain import free_domain
 from contact_curation.storage.bags.writer import BagWriter
 from contact_curation.storage.datasets.tagslam_bag import TagslamRig, record
@@ -60,8 +61,8 @@ class Moments:
         self.poses: dict[int, int] = {}
         self.informations: dict[int, int] = {}
         node = graph.listener.node
-        node.create_subscription(Odometry, TOPIC, self._pose, kept(10000))
-        node.create_subscription(TossInformation, "/toss_information", self._information, kept(100))
+        node.create_subscription(Odometry, TOPIC, self._pose, latched(10000))
+        node.create_subscription(TossInformation, "/toss_information", self._information, latched(100))
 
     def _pose(self, message: Any, info: Mapping[str, int]) -> None:
         self.poses[nanoseconds_of(message.header.stamp)] = info["source_timestamp"]
@@ -79,7 +80,7 @@ def measured(count: int, rate: float) -> Latency:
     with TemporaryDirectory() as folder:
         bag = Path(folder) / "tosses.mcap"
         with BagWriter(bag) as writer:
-            record(writer, "cube", simulated_tosses(count, SEED, RIG_NOISE), TagslamRig(pause=PAUSE))
+            record(writer, CONTACTNETS_CUBE, simulated_tosses(count, SEED, RIG_NOISE), TagslamRig(pause=PAUSE))
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         with free_domain() as domain, Graph(Path(folder), domain) as graph:
             moments = Moments(graph)

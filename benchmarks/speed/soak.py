@@ -40,7 +40,7 @@ BUDGETS = """
   ros__parameters:
     design: {pool: 48, reference: 32}
     refinement: {generations: 4}
-    canary: {least_agreement: -1.0}
+    readiness: {least_agreement: -1.0}
     toss_timeout: 3.0
     retry_period: 0.5
 """
@@ -181,13 +181,16 @@ def lost(folder: Path, session: Session, told: dict[str, Any]) -> Iterator[tuple
         yield known == stored, f"{node} knows {len(known & stored)} of {len(stored)} tosses at the last theta"
     with BagReader(folder / "session.mcap") as bag:
         announced = {one.message.toss_id for one in bag.messages(["/toss"])}
-        kept_back = {one.message.toss_id for one in bag.messages(["/toss_rejected"])} if rejected else set()
+        announced_rejected = {one.message.toss_id for one in bag.messages(["/toss_rejected"])} if rejected else set()
         health = list(bag.messages(["/diagnostics"]))
         poses = [(one.publish_time_ns, one.log_time_ns) for one in bag.raw_messages([POSES])]
         stamps = [one.message.header.stamp for one in bag.messages([POSES])]
         yield not bag.losses, f"the bag is whole {list(bag.losses) or ''}"
     yield announced == stored, f"{len(announced & stored)} of {len(stored)} tosses were recorded as announced"
-    yield kept_back == rejected, f"{len(kept_back & rejected)} of {len(rejected)} rejected motions were recorded as announced"
+    yield (
+        announced_rejected == rejected,
+        f"{len(announced_rejected & rejected)} of {len(rejected)} rejected motions were recorded as announced",
+    )
     times = [stamp.sec * 10**9 + stamp.nanosec for stamp in stamps]
     yield bool(np.all(np.diff(times) > 0)), f"stamps of {len(times)} recorded poses increase"
     yield from _poses_of_lives([sent for sent, _ in poses], session, health)
@@ -221,12 +224,12 @@ def buffers(folder: Path, told: dict[str, Any]) -> Iterator[tuple[bool, str]]:
     summary = told["summary"]
     yield summary["settled"], "the session came to rest"
     yield summary["same"], f"{summary['replay']}"
-    kept = replayed(folder, folder / "replay", len(summary["kept"]), summary["tosses"])
-    yield kept == summary["kept"], f"undisturbed nodes keep the same {len(kept)} tosses in the same order"
+    selected = replayed(folder, folder / "replay", len(summary["selected"]), summary["tosses"])
+    yield selected == summary["selected"], f"undisturbed nodes select the same {len(selected)} tosses in the same order"
 
 
-def replayed(folder: Path, own: Path, kept: int, tosses: int) -> list[str]:
-    """Kept ids of fresh nodes that hear the recorded poses, at the session's last theta."""
+def replayed(folder: Path, own: Path, top: int, tosses: int) -> list[str]:
+    """Selected ids of fresh nodes that hear the recorded poses, at the session's last theta."""
     own.mkdir()
     parameters: dict[str, dict[str, Any]] = {
         "pose_ingest": {},
@@ -244,7 +247,7 @@ def replayed(folder: Path, own: Path, kept: int, tosses: int) -> list[str]:
         while time.monotonic() < end:
             time.sleep(PERIOD)
             found, ranked = _buffer(own)
-            if ranked >= tosses and len(found) == kept:
+            if ranked >= tosses and len(found) == top:
                 time.sleep(2 * PERIOD)
                 return _buffer(own)[0]
         return _buffer(own)[0]

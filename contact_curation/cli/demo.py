@@ -104,11 +104,11 @@ def show(recording: Recording, out: Path, folder: Path) -> None:
     expected = _ranked_by_library(recording, out)
     print(f"2. The nodes rank it: {recording.bag.name} replayed at {recording.rate:g} times its speed, on DDS.")
     (out / "nodes").mkdir(exist_ok=True)
-    selected = [row["toss_id"] for row in expected["tosses"] if row["kept"]]
+    selected = [row["toss_id"] for row in expected["tosses"] if row["selected"]]
     found = rank_by_nodes(recording, len(expected["tosses"]), selected, out / "nodes", folder, _say)
     print("3. What came out.")
     _print_ranking(found, expected)
-    rejected = {row["toss_id"]: tuple(row["reasons"]) for row in expected["tosses"] if row["gated"]}
+    rejected = {row["toss_id"]: tuple(row["reasons"]) for row in expected["tosses"] if row["rejected"]}
     if list(found.selected) != selected or found.rejected != rejected:
         raise DemoFailedError(f"nodes and library disagree: found {found.selected}, expected {selected}; see {out / 'nodes'}")
     print(f"\nNodes and library agree: the same {len(selected)} tosses in the same order, the same {len(rejected)} rejected.")

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from contact_curation.cli.options.output_paths import check_outputs
+from contact_curation.cli.options.one_line_parser import OneLineParser
+from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
 from contact_curation.cli.options.reading import (
     SHARED_STAGES,
     add_body_option,
@@ -33,7 +34,7 @@ CANDIDATES = ("forecast", "safety", "noise", "placement")
 STAGES = ("design", *CANDIDATES, "refinement", "loss", *SHARED_STAGES)
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
         "Chooses throws together: from a pool of safe releases, greedily by the log-det that each is expected to add to what "
@@ -64,13 +65,18 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--baseline", choices=BASELINES, help="paper: a normal in raw coordinates, best by trace; prior: at random"
     )
     ways.add_argument(
-        "--warm-up", action="store_true", help="different first impacts instead of information, for an unknown theta"
+        "--exploration-throws", action="store_true", help="different first impacts instead of information, for an unknown theta"
     )
     group.add_argument("--arm", action="store_true", help="only throws that the simulated arm can make")
     add_settings(parser, STAGES)
     group = parser.add_argument_group("output")
     group.add_argument("--out", type=PathEndingIn(".json"), required=True, metavar="THROWS.json", help="the throws")
+    add_overwrite_option(group)
     add_json_option(parser)
+    parser.set_examples(
+        "contact-curation design --params model.safetensors --known session.mcap --throws 8 --out throws.json",
+        "contact-curation design --body brick.yaml --exploration-throws --throws 4 --out first_throws.json",
+    )
     parser.set_defaults(run=run)
 
 
@@ -93,7 +99,7 @@ def run(arguments: argparse.Namespace) -> int:
         ContactCurationError: a file cannot be used, nothing safe can be thrown, or `--out` cannot be written.
     """
     load_kernel()  # information is predicted by rollouts
-    check_outputs(out=arguments.out)
+    check_outputs(overwrite=arguments.overwrite, out=arguments.out)
     task, reading = design_task(arguments)
     known, seen = _known(arguments, reading)
     examples, warnings = _read(arguments.prior, reading)
@@ -125,7 +131,7 @@ def design_task(arguments: argparse.Namespace) -> tuple[DesignTask, ReadingConfi
         thetas=thetas or (described_polytope(body),),
         config=replace(stages["design"], candidates=candidates, refinement=stages["refinement"]),
         loss=stages["loss"],
-        method=EXPLORATION if arguments.warm_up else arguments.baseline or METHODS[0],
+        method=EXPLORATION if arguments.exploration_throws else arguments.baseline or METHODS[0],
         arm=arguments.arm,
         seed=arguments.seed,
         name=arguments.name,

@@ -4,7 +4,8 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from contact_curation.cli.options.output_paths import check_outputs
+from contact_curation.cli.options.one_line_parser import OneLineParser
+from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
 from contact_curation.cli.options.reading import (
     SHARED_STAGES,
     add_held_out_option,
@@ -27,7 +28,7 @@ from contact_curation.solver.compiled import load_kernel
 STAGES = (*SHARED_STAGES, "loss", "sweeps", "bootstrap", "known")
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
         "Rolls the model out from the first measured state of each toss that it did not learn from, and says how far it is "
@@ -43,8 +44,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--no-gate", action="store_true", help="take what the gates would reject, too")
     output = parser.add_argument_group("output")
     output.add_argument("--figure", type=PathEndingIn(".png"), metavar="FILE.png", help="predicted against measured motion")
+    add_overwrite_option(output)
     add_fields(output, BootstrapConfig(), "seed", told={"seed": "of the bootstrap"})
     add_json_option(parser)
+    parser.set_examples(
+        "contact-curation evaluate model.safetensors test.mcap --figure motion.png",
+        "contact-curation evaluate model.safetensors test.mcap --against random.safetensors",
+    )
     parser.set_defaults(run=run)
 
 
@@ -59,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     from contact_curation.pipeline.learned_model import load_model
 
     load_kernel()  # nothing else rolls out: better said before tosses are read
-    check_outputs(figure=arguments.figure)
+    check_outputs(overwrite=arguments.overwrite, figure=arguments.figure)
     body = chosen_body(arguments)
     defaults = {"loss": DEFAULT_LOSS, "sweeps": DEFAULT_LIMITS, "bootstrap": BootstrapConfig(), "known": KnownConfig()}
     stages = stages_of(arguments, defaults)

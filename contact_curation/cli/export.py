@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.reading import SHARED_STAGES, add_reading_options, chosen_body, inputs_of, stages_of
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import add_json_option, print_json, warn
@@ -13,11 +14,11 @@ from contact_curation.pipeline.wording import counted
 KINDS = ("mcap", "contactnets", "lerobot")
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Writes the tosses that a ranking kept: as parts of their recordings, as ContactNets' files, or as a LeRobot dataset. "
-        "Inputs and options are those that were ranked; no input is changed."
+        "Writes the tosses that a ranking selected: as parts of their recordings, as ContactNets' files, or as a LeRobot "
+        "dataset. Inputs and options are those that were ranked; no input is changed."
     )
     add_reading_options(parser, SHARED_STAGES)
     parser.add_argument("--manifest", type=Path, required=True, metavar="FILE", help="what `contact-curation rank` wrote")
@@ -25,6 +26,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="a folder that is empty or not there yet")
     parser.add_argument("--per-toss", action="store_true", help="of format mcap: a file per toss, not per recording")
     add_json_option(parser)
+    parser.set_examples(
+        "contact-curation export session.mcap --manifest manifest.parquet --format mcap --out selected",
+        "contact-curation export session.mcap --manifest manifest.parquet --format lerobot --out dataset",
+    )
     parser.set_defaults(run=run)
 
 
@@ -33,10 +38,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     Raises:
         UnreadableInputError: the manifest is none.
-        InvalidValueError: a kept toss is in no input, the folder is not empty, or the format cannot hold the tosses.
+        InvalidValueError: a selected toss is in no input, the folder is not empty, or the format cannot hold the tosses.
     """
     from contact_curation.files import staged_folder
-    from contact_curation.pipeline.export import FORMATS, export_job
+    from contact_curation.pipeline.export import export_job, export_tosses
 
     if arguments.per_toss and arguments.format != "mcap":
         raise InvalidValueError("--per-toss", f"--format {arguments.format}", "--format mcap")
@@ -45,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
     with staged_folder(arguments.out) as folder:
         job = export_job(arguments.inputs, reading, arguments.manifest, per_toss=arguments.per_toss)
         with Progress("reading", "tosses") as progress:
-            exported = FORMATS[arguments.format](job, folder, progress.advance)
+            exported = export_tosses(arguments.format, job, folder, progress.advance)
     warn(exported.warnings)
     if arguments.json:
         tosses = [

@@ -5,13 +5,15 @@ from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
+from contact_curation.cli.options.one_line_parser import OneLineParser
+from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
 from contact_curation.cli.options.reading import add_body_option, chosen_body
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.errors import InvalidValueError
 from contact_curation.pipeline.division import spans_of
 
 
-def add_options(verb: argparse.ArgumentParser) -> None:
+def add_options(verb: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     verb.description = "Writes public data as the bag that a rig would have recorded of it, for `rank` and the nodes to read."
     sources = verb.add_subparsers(title="data", metavar="DATA", required=True)
@@ -23,9 +25,15 @@ def add_options(verb: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("input", type=Path, metavar="DIR", help="folder of N.pt files, or one file")
     parser.add_argument("--out", type=Path, required=True, metavar="BAG.mcap", help="the bag; without .mcap a folder")
+    add_overwrite_option(parser)
     parser.add_argument("--tosses", metavar="NUMBERS", help="only the files of these numbers: 0-399, or 3,7-9 (default all)")
     add_body_option(parser)
     add_json_option(parser)
+    for each in (verb, parser):
+        each.set_examples(
+            "contact-curation import contactnets contactnets/tosses_processed --out tosses.mcap",
+            "contact-curation import contactnets tosses_processed --tosses 0-399 --out learning.mcap",
+        )
     parser.set_defaults(run=run)
 
 
@@ -33,6 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Writes the bag and says what went into it."""
     from contact_curation.storage.datasets.tagslam_bag import import_contactnets
 
+    check_outputs(overwrite=arguments.overwrite, out=arguments.out)
     chosen = None if arguments.tosses is None else _chosen(arguments.tosses)
     report = import_contactnets(arguments.input, arguments.out, chosen_body(arguments), chosen=chosen)
     warn([*(f"skipped {line}" for line in report.skipped), *report.inexact])

@@ -1,4 +1,4 @@
-"""The door of the command line: finds the verb, runs it, and turns errors into one line and an exit status.
+"""The entry point of the command line: finds the verb, runs it, and turns errors into one line and an exit status.
 
 0 done, 1 an error, 2 bad usage, 130 interrupted by Ctrl-C or SIGTERM.
 """
@@ -34,13 +34,13 @@ VERBS = {
     "simulate": ("cli.simulate", "throws made in the simulated world, as the bag that a rig would have recorded"),
     "reproduce": ("experiments.reproduce", "an experiment over many trainings: tables and figures"),
     "online": ("cli.online.command", "the whole graph, closed to a loop: design, throw, track, score, curate, train"),
-    "export": ("cli.export", "what a ranking kept, as MCAP, ContactNets' files or a LeRobot dataset"),
+    "export": ("cli.export", "the tosses that a ranking selected, as MCAP, ContactNets' files or a LeRobot dataset"),
     "play": ("cli.play", "a bag as live topics"),
 }
 """By their names: the module of contact_curation, which has `add_options` and `run`, and what it does."""
 
 
-def build_parser(words: Sequence[str]) -> argparse.ArgumentParser:
+def build_parser(words: Sequence[str]) -> OneLineParser:
     """The parser of a command line; only the verbs among its `words` are imported, so that help comes at once."""
     parser = OneLineParser(
         prog=NAME,
@@ -53,7 +53,16 @@ def build_parser(words: Sequence[str]) -> argparse.ArgumentParser:
         own = verbs.add_parser(verb, help=purpose)
         if verb in words:
             import_module(f"contact_curation.{module}").add_options(own)
+    parser.add_letters()
     return parser
+
+
+def _complete(parser: argparse.ArgumentParser) -> None:
+    """Answers a shell that asks how a command line may go on (docs/commands.md), and ends; does nothing otherwise."""
+    if "_ARGCOMPLETE" in os.environ:
+        import argcomplete
+
+        argcomplete.autocomplete(parser)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -84,7 +93,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 @says_what_to_install
 def _run(words: list[str]) -> int:
-    arguments = build_parser(words).parse_args(words)
+    parser = build_parser(words or os.environ.get("COMP_LINE", "").split())
+    _complete(parser)
+    arguments = parser.parse_args(words)
     arguments.command = (NAME, *words)
     status: int = arguments.run(arguments)
     sys.stdout.flush()

@@ -8,13 +8,14 @@ import sys
 from pathlib import Path
 from typing import Any, Never
 
+from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.types import number_from_zero, positive_number
 from contact_curation.errors import InvalidValueError
 
 ROS_NAME = re.compile(r"~?/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
         "Publishes a bag's messages at the times they were recorded. The node's services pause, resume and seek."
@@ -30,6 +31,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--start-paused", action="store_true", help="wait for the resume service")
     parser.add_argument("--as-fast-as-possible", action="store_true", help="do not wait between messages")
+    parser.set_examples(
+        "contact-curation play session.mcap --rate 2",
+        "contact-curation play session.mcap --topics /tf /tf_static --remap /tf:=/cell_1/tf --loop",
+    )
     parser.set_defaults(run=run)
 
 

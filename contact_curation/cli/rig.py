@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.reading import add_reading_options, chosen_body, inputs_of, stages_of
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import add_json_option, print_json, warn
@@ -21,16 +22,20 @@ BOOTSTRAP = BootstrapConfig(resamples=500)
 """Over tosses."""
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
         "Says by recorded tosses alone how the board lies in the frame of the poses, and how long the tracker's metre is: "
         "bodies come to rest flat on the board, and fall by their gravity. No gate is applied, since a rig that is far off "
-        "would have every toss kept back. The last line is what other verbs take to put tosses right. Intervals are 95 %, by "
+        "would have every toss rejected. The last line is what other verbs take to put tosses right. Intervals are 95 %, by "
         "the bootstrap over tosses."
     )
     add_reading_options(parser, ("poses", "segmenter", "rig"))
     add_json_option(parser)
+    parser.set_examples(
+        "contact-curation rig session.mcap --body brick.yaml",
+        "contact-curation rig day1.mcap day2.mcap --json",
+    )
     parser.set_defaults(run=run)
 
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, fields, replace
 from itertools import batched, pairwise
 from pathlib import Path
 
+from contact_curation.cli.options.one_line_parser import OneLineParser
+from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
 from contact_curation.cli.options.reading import add_reading_options, chosen_body, inputs_of, stages_of
 from contact_curation.cli.options.settings import add_fields, with_options
 from contact_curation.cli.options.types import PathEndingIn
@@ -29,7 +31,7 @@ BATCH = 64
 """Tosses scored in one call."""
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
         "Writes what the loss says of every transition of every toss. No gate is applied. A transition whose "
@@ -41,7 +43,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     add_fields(parser, LossConfig(), "cone")
     parser.add_argument("--out", type=PathEndingIn(".npz"), required=True, metavar="FILE.npz", help="the arrays")
+    add_overwrite_option(parser)
     add_json_option(parser)
+    parser.set_examples(
+        "contact-curation score session.mcap --params theta.json --out scores.npz",
+        "contact-curation score session.mcap --params model.safetensors --cone polyhedral --out scores.npz",
+    )
     parser.set_defaults(run=run)
 
 
@@ -76,6 +83,7 @@ class Tally:
 def run(arguments: argparse.Namespace) -> int:
     """Scores all inputs and says how it went."""
     load_kernel()  # better said before tosses are read
+    check_outputs(overwrite=arguments.overwrite, out=arguments.out)
     body = chosen_body(arguments)
     theta = polytope_of(arguments.params, body)
     stages = stages_of(arguments, {"loss": with_options(LossConfig(), arguments, "cone")})

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from contact_curation.cli.options.one_line_parser import OneLineParser
+from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
 from contact_curation.cli.options.reading import add_body_option, chosen_body
 from contact_curation.cli.options.settings import add_settings, with_settings
 from contact_curation.cli.options.types import natural_number
@@ -27,7 +29,7 @@ EARLIEST, HOUR = 1_600_000_000, 3600
 """[s] since 1970, and long: two bytes of hours reach to the year 2028."""
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
         "Makes throws in MuJoCo and writes what a tracker would have seen as the bag of a TagSLAM rig, for `rank` and the "
@@ -35,6 +37,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("throws", type=Path, metavar="THROWS.json", help="what `contact-curation design` wrote")
     parser.add_argument("--out", type=Path, required=True, metavar="BAG.mcap", help="the bag; without .mcap a folder")
+    add_overwrite_option(parser)
     add_body_option(parser)
     parser.add_argument(
         "--execution-noise",
@@ -44,6 +47,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=natural_number, default=0, metavar="N", help="of that noise (default 0)")
     add_settings(parser, STAGES)
     add_json_option(parser)
+    parser.set_examples(
+        "contact-curation simulate throws.json --out thrown.mcap",
+        "contact-curation simulate throws.json --body brick.yaml --execution-noise --seed 1 --out thrown.mcap",
+    )
     parser.set_defaults(run=run)
 
 
@@ -59,6 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
     from contact_curation.storage.datasets.tagslam_bag import TagslamRig, record
     from contact_curation.storage.throws_file import read_throws
 
+    check_outputs(overwrite=arguments.overwrite, out=arguments.out)
     thrower = _thrower(arguments)
     throws = read_throws(arguments.throws)
     for throw in throws:
@@ -67,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     rules = SegmenterConfig(frame_period=thrower.config.frame_period)
     rig = TagslamRig(rules=rules, epoch_ns=_made_up_time(throws, arguments))
     with Progress("throwing", "throws", len(throws)) as progress, BagWriter(arguments.out) as bag:
-        count, frames = record(bag, thrower.body.name, thrower.tosses(throws, progress.advance), rig)
+        count, frames = record(bag, thrower.body, thrower.tosses(throws, progress.advance), rig)
         if not count:
             raise UnreadableInputError(arguments.throws, f"found no throw that comes to rest: {thrower.left_out[0]}")
     warn([f"left out: {line}" for line in thrower.left_out])

@@ -1,15 +1,21 @@
 """How everything is drawn: colours that people tell apart whatever colours they see, and how a figure becomes a file.
 
 The colours are those of Okabe and Ito ("Color Universal Design", 2008), and greys for what is there anyway. Their yellow is
-left out: it is hardly seen on white.
+left out: it is hardly seen on white. Each panel says in its title what is seen in it, its legend stands above it, and its ticks
+are plain numbers. matplotlib is imported when something is drawn.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import log10
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from contact_curation.errors import InvalidValueError
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 
@@ -58,3 +64,86 @@ def save_figure(figure: "Figure", path: Path) -> Path:
     except OSError as error:
         raise InvalidValueError("file of the figure", path, f"a place where a PNG can be written ({error.strerror})") from error
     return path
+
+
+STYLE = {
+    "font.size": 11,
+    "text.parse_math": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.titlesize": 12,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "legend.frameon": False,
+}
+"""Of every figure, as matplotlib calls it. Names of files and parameters are text, never formulas."""
+
+TITLE_ABOVE_LEGEND, TICK_SIZE, LEGEND_SIZE = 24.0, 10.0, 10.0
+"""[points]"""
+
+FEW_DECADES, SOME_DECADES, MANY_DECADES = 0.45, 1.3, 2.6
+"""Below these a logarithmic axis shows round steps, 1-2-3-5 and 1-2-5 of each decade; above them the decades alone."""
+
+PLAIN_FROM, PLAIN_TO = 1e-3, 1e5
+"""Numbers between these are shown without a power of ten."""
+
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+@contextmanager
+def new_figure(width: float, height: float, dots: int) -> "Iterator[Figure]":
+    """A figure to draw into within the context, in the style of all figures.
+
+    Args:
+        width, height: [inch].
+        dots: per inch.
+    """
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with rc_context(STYLE):
+        figure = Figure(figsize=(width, height), dpi=dots, layout="constrained")
+        FigureCanvasAgg(figure)
+        yield figure
+
+
+def entitle(axes: "Axes", message: str, columns: int = 0) -> None:
+    """Writes what a panel says above it, and between both its legend, in so many columns, where it covers nothing.
+
+    Args:
+        axes: with everything drawn into it.
+        message: one line, or a few.
+        columns: of the legend; 0: there is none.
+    """
+    axes.tick_params(labelsize=TICK_SIZE)
+    axes.set_title(message, pad=TITLE_ABOVE_LEGEND if columns else 6.0)
+    if columns:
+        place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2, "borderpad": 0.1}
+        axes.legend(ncols=columns, fontsize=LEGEND_SIZE, columnspacing=1.4, handlelength=1.8, **place)
+
+
+def logarithmic(axis: "Axis") -> None:
+    """Gives an axis, once everything is drawn, the ticks of a logarithmic one, in plain numbers."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+
+    axis.axes.set(**{f"{axis.axis_name}scale": "log"})  # type: ignore[attr-defined]
+    low, high = axis.get_view_interval()
+    decades = float(log10(high / low))
+    if decades < FEW_DECADES:
+        axis.set_major_locator(MaxNLocator(5))
+        axis.set_minor_locator(NullLocator())
+    else:
+        steps = (1.0, 2.0, 3.0, 5.0) if decades < SOME_DECADES else (1.0, 2.0, 5.0) if decades < MANY_DECADES else (1.0,)
+        axis.set_major_locator(LogLocator(subs=steps, numticks=12))
+    axis.set_major_formatter(FuncFormatter(plain_number))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def plain_number(value: float, _place: int | None = None) -> str:
+    """A number as a tick shows it, without formulas: 0.02, 300, 2·10⁶."""
+    if value == 0.0 or PLAIN_FROM <= abs(value) < PLAIN_TO:
+        return f"{value:.6g}"
+    mantissa, power = f"{value:.3e}".split("e")
+    shown, ten = f"{float(mantissa):g}", f"10{str(int(power)).translate(SUPERSCRIPTS)}"
+    return {"1": ten, "-1": f"-{ten}"}.get(shown, f"{shown}·{ten}")

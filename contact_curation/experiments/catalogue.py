@@ -37,7 +37,7 @@ class ExperimentConfig:
 
     Attributes:
         rules: compared; of `designed-throws` ways of choosing throws.
-        sizes: of the kept sets, or of the tosses that are fitted to, or numbers of throws.
+        sizes: of the selected sets, or of the tosses that are fitted to, or numbers of throws.
         seeds: how many, from 0 on.
         model, protocol, steps: as in `Cell`.
         shares: of bad tosses, beside none.

@@ -1,4 +1,4 @@
-"""One cell of an experiment: which tosses are kept by which rule, how a model learns from them; the key of its row of results.
+"""One cell of an experiment: which rule selects which tosses, and how a model learns from them; the key of its row of results.
 
 A cell and the tosses determine its row to the last digit, so that an experiment can stop anywhere and go on.
 """
@@ -31,7 +31,7 @@ class Cell:
 
     Attributes:
         rule: one of `RULES`.
-        size: how many tosses are kept, or `ALL`.
+        size: how many tosses are selected, or `ALL`.
         seed: of the pool, the initial parameters and all else that is random: the same for all rules.
         model: what learns.
         protocol: how; networks have no exact one.

@@ -1,8 +1,8 @@
-"""A cell becomes a row: a pool is drawn and gated, tosses are kept, a model learns from them and is judged by held-out motion.
+"""Runs a cell and gives its row: draws and gates a pool, selects tosses, trains a model and evaluates it on held-out motion.
 
 Every seed draws four fifths of the training tosses and one set of initial parameters, for all rules alike: rules are compared
-by the differences that each seed makes. What a rule kept is what its model learns from, from the initial parameters on; what
-was learned on the way, from the sets before the last selection, only tells where tosses are scored.
+by the differences that each seed makes. A model learns from the tosses that its rule selected, from the initial parameters on.
+Parameters that were learned before the last selection only say at which theta tosses are scored.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ from contact_curation.information.record import TossInformation
 from contact_curation.learning.evaluation.evaluation import MEASURES, EvaluationConfig, evaluate_model, predicted_motions
 from contact_curation.learning.evaluation.motion_errors import MotionErrors
 from contact_curation.learning.fits.held_fit import HeldFitConfig, fit_held
-from contact_curation.learning.training.curated import CuratedTraining, kept_transitions, toss_scorer
+from contact_curation.learning.training.curated import CuratedTraining, selected_transitions, toss_scorer
 from contact_curation.learning.training.data import rows_of
 from contact_curation.learning.training.progress import TrainingState
 from contact_curation.learning.training.protocols import TrainingConfig, budgeted, published
@@ -49,7 +49,7 @@ FIT = HeldFitConfig(loss=ONE_THREAD)
 DRAWN = 0.8
 """Share of the training tosses in a seed's pool."""
 
-CANARIES = StalenessConfig()
+STALENESS = StalenessConfig()
 """When a set is selected again in the budgeted protocol: when these have moved."""
 
 EPOCHS = 20
@@ -72,7 +72,7 @@ class Bench:
 
     Attributes:
         body: as described.
-        training: tosses that may be kept; no duplicate of a held-out one.
+        training: tosses that may be selected; no duplicate of a held-out one.
         held_out: tosses that judge.
         gates: that a pool passes.
     """
@@ -113,7 +113,7 @@ class GatedPool(NamedTuple):
     Attributes:
         tosses: that are left.
         bad: ids of those that have a fault, before the gates.
-        hits, false_alarms: share of the bad, and of the good ones, that the gates kept back; NaN of none.
+        hits, false_alarms: share of the bad, and of the good ones, that the gates rejected; NaN of none.
     """
 
     tosses: tuple[Toss, ...]
@@ -125,7 +125,7 @@ class GatedPool(NamedTuple):
 class Learned(NamedTuple):
     """What a cell's training gave: the ids that it learned from, and the model."""
 
-    kept: tuple[str, ...]
+    selected: tuple[str, ...]
     model: Model
 
 
@@ -142,15 +142,15 @@ def run_cell(cell: Cell, bench: Bench) -> Row:
     if cell.size > len(pool.tosses):
         raise NoResultError(cell, f"found {len(pool.tosses)} tosses in the pool, expected at least {cell.size}")
     learned = _learn_exactly(cell, bench, pool.tosses) if cell.protocol == Protocol.EXACT else _learn(cell, bench, pool.tosses)
-    kept = [toss for toss in pool.tosses if toss.toss_id in set(learned.kept)]
+    selected = [toss for toss in pool.tosses if toss.toss_id in set(learned.selected)]
     return {
         **judged(learned.model, bench),
-        "kept_seconds": float(np.mean([toss.duration for toss in kept])),
-        "kept_frames": float(sum(toss.frames for toss in kept)),
-        "kept_bad": float(np.mean([toss.toss_id in pool.bad for toss in kept])),
+        "selected_seconds": float(np.mean([toss.duration for toss in selected])),
+        "selected_frames": float(sum(toss.frames for toss in selected)),
+        "selected_bad": float(np.mean([toss.toss_id in pool.bad for toss in selected])),
         "gate_hits": pool.hits,
         "gate_false_alarms": pool.false_alarms,
-        "kept": " ".join(learned.kept),
+        "selected": " ".join(learned.selected),
     }
 
 
@@ -180,47 +180,47 @@ def select(rule: Rule, model: Model, tosses: Sequence[Toss], size: int, seed: in
 
 def _learn_exactly(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> Learned:
     """To the optimum, from the initial parameters, of what was selected last."""
-    kept = _kept_exactly(cell, bench, tosses)
-    return Learned(kept, fit_held(bench.initial_polytope(cell.seed), _data(bench, tosses, kept), FIT).model)
+    selected = _selected_exactly(cell, bench, tosses)
+    return Learned(selected, fit_held(bench.initial_polytope(cell.seed), _data(bench, tosses, selected), FIT).model)
 
 
-def _kept_exactly(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> tuple[str, ...]:
+def _selected_exactly(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> tuple[str, ...]:
     """Some rounds of selection, each at what the last set taught a polytope."""
     start = bench.initial_polytope(cell.seed)
     model, rule = start, RULES[cell.rule]
     size = len(tosses) if cell.size == ALL else cell.size
-    kept = select(rule, model, tosses, size, cell.seed)
+    selected = select(rule, model, tosses, size, cell.seed)
     for _ in range(EXACT_SELECTIONS - 1 if rule.reranked else 0):
-        model = fit_held(model, _data(bench, tosses, kept), FIT, None if model is start else start).model
-        before, kept = kept, select(rule, model, tosses, size, cell.seed)
-        if set(kept) == set(before):
+        model = fit_held(model, _data(bench, tosses, selected), FIT, None if model is start else start).model
+        before, selected = selected, select(rule, model, tosses, size, cell.seed)
+        if set(selected) == set(before):
             break
-    return kept
+    return selected
 
 
 def _learn(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> Learned:
-    """Along gradient steps, the set selected again on the way, as `train --top K` does with `--canary` or `--rerank-every`."""
+    """Trains step by step and selects again on the way, as `train --top K` with `--rerank-when-stale` or `--rerank-every`."""
     kind, config = cell.model, _protocol(cell)
     watched, tosses = _watched(tosses) if config.patience else ((), tosses)
     noise, shuffles = np.random.SeedSequence(cell.seed).generate_state(2)
     everything = rows_of(transitions_of(bench.training, bench.body.length_scale))
     model = model_class(kind).initial(bench.body, config.form, everything, np.random.default_rng(noise))
-    reranking, kept = _first_selection(cell, bench, tosses, model)
+    reranking, selected = _first_selection(cell, bench, tosses, model)
     held = transitions_of(watched, bench.body.length_scale) if watched else None
-    training = Training(model, _data(bench, tosses, kept), held, config, int(shuffles))
+    training = Training(model, _data(bench, tosses, selected), held, config, int(shuffles))
     curated = CuratedTraining(training, tosses, reranking)
     progress = training.progress
     occasions = 0
     while progress.state is TrainingState.RUNNING:
-        progress = curated.advance(CANARIES.steps)
-        due = progress.epochs // EPOCHS if cell.protocol == Protocol.PUBLISHED else progress.gradient_steps // CANARIES.steps
+        progress = curated.advance(STALENESS.steps)
+        due = progress.epochs // EPOCHS if cell.protocol == Protocol.PUBLISHED else progress.gradient_steps // STALENESS.steps
         if RULES[cell.rule].redrawn and due > occasions and progress.state is TrainingState.RUNNING:
             occasions = due
-            kept = select(RULES[cell.rule], model, tosses, len(kept), _draw(cell.seed, progress.gradient_steps))
-            training.replace_data(_data(bench, tosses, kept))
+            selected = select(RULES[cell.rule], model, tosses, len(selected), _draw(cell.seed, progress.gradient_steps))
+            training.replace_data(_data(bench, tosses, selected))
     if progress.state is TrainingState.FAILED:
         raise NoResultError(cell, progress.reason)
-    return Learned(curated.selections[-1].kept if curated.selections else kept, training.trained())
+    return Learned(curated.selections[-1].toss_ids if curated.selections else selected, training.trained())
 
 
 def _draw(seed: int, gradient_steps: int) -> int:
@@ -234,12 +234,12 @@ def _first_selection(
     """What selects again later, if anything does, and the ids of the first set."""
     rule = RULES[cell.rule]
     if rule.by_polytope:
-        return None, _kept_exactly(cell, bench, tosses)
+        return None, _selected_exactly(cell, bench, tosses)
     size = len(tosses) if cell.size == ALL else cell.size
-    again = {"epochs": EPOCHS} if cell.protocol == Protocol.PUBLISHED else {"canary": CANARIES}
+    again = {"epochs": EPOCHS} if cell.protocol == Protocol.PUBLISHED else {"staleness": STALENESS}
     ranking = RerankingConfig(rule.ranking(size, cell.seed), **(again if rule.reranked else {}))
     reranking = Reranking(tosses, toss_scorer(replace(rule.scoring(), loss=ONE_THREAD), rule.criterion), ranking)
-    return reranking, reranking.select(model).kept
+    return reranking, reranking.select(model).toss_ids
 
 
 def _watched(tosses: tuple[Toss, ...]) -> tuple[tuple[Toss, ...], tuple[Toss, ...]]:
@@ -255,8 +255,8 @@ def _protocol(cell: Cell) -> TrainingConfig:
     return replace(budgeted(kind), steps=cell.steps, loss=ONE_THREAD, evaluation_steps=cell.steps)
 
 
-def _data(bench: Bench, tosses: Sequence[Toss], kept: Sequence[str]) -> Transitions:
-    return kept_transitions(tosses, kept, bench.body.length_scale)
+def _data(bench: Bench, tosses: Sequence[Toss], selected: Sequence[str]) -> Transitions:
+    return selected_transitions(tosses, selected, bench.body.length_scale)
 
 
 def judged(model: Model, bench: Bench) -> Row:

@@ -38,7 +38,7 @@ class Ledger:
         for document in others:
             if not {"key", "rows"} <= document.keys():
                 raise UnreadableInputError(path, "a line has no key and rows, expected the file that `reproduce` wrote")
-            self._rows[document["key"]] = tuple(document["rows"])
+            self._rows[document["key"]] = tuple(_row(values) for values in document["rows"])
 
     def __contains__(self, key: str) -> bool:
         return key in self._rows
@@ -58,6 +58,11 @@ class Ledger:
                 file.write(json.dumps(document) + "\n")
         except OSError as error:
             raise InvalidValueError("--out", self._path, f"a folder that can be written ({error.strerror})") from error
+
+
+def _row(values: Mapping[str, Any]) -> Row:
+    """A row by its names of today: what is `selected` was `kept` in version 0.1."""
+    return {f"selected{name[4:]}" if name.partition("_")[0] == "kept" else name: value for name, value in values.items()}
 
 
 def _whole_lines(path: Path) -> list[str]:

@@ -3,8 +3,9 @@
 import os
 from pathlib import Path
 
+from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.reading import SHARED_STAGES, add_held_out_option, add_reading_options
-from contact_curation.cli.options.types import Arguments, Parser, natural_number, number_from_zero, positive_integer
+from contact_curation.cli.options.types import Arguments, natural_number, number_from_zero, positive_integer
 from contact_curation.cli.report import add_json_option
 from contact_curation.errors import InvalidValueError
 from contact_curation.experiments.rules import BUDGET, PUBLIC_HELD_OUT
@@ -14,7 +15,7 @@ PUBLIC_DATA, TOSSES = "CONTACTNETS_DATA", "tosses_processed"
 """Where ContactNets' tosses are."""
 
 
-def add_options(parser: Parser) -> None:
+def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
         "Runs an experiment cell by cell: a rule keeps some tosses, a model learns from them, held-out motion judges it. Every "
@@ -29,10 +30,12 @@ def add_options(parser: Parser) -> None:
     group = parser.add_argument_group("what is run (defaults: docs/results.md)")
     add_held_out_option(group, f"default {PUBLIC_HELD_OUT}")
     group.add_argument(
-        "--as-recorded", action="store_true", help="do not put tosses right by what they say of their rig (docs/results.md)"
+        "--as-recorded",
+        action="store_true",
+        help="do not apply the rig calibration that is estimated from the tosses (docs/results.md)",
     )
     group.add_argument("--rules", nargs="+", metavar="RULE", help="that are compared")
-    group.add_argument("--sizes", nargs="+", type=natural_number, metavar="K", help="of the kept sets; 0 for all")
+    group.add_argument("--sizes", nargs="+", type=natural_number, metavar="K", help="of the selected sets; 0 for all")
     group.add_argument("--seeds", type=positive_integer, metavar="N", help="how many")
     group.add_argument("--model", default="polytope", help="what learns (default polytope)")
     group.add_argument(
@@ -46,6 +49,10 @@ def add_options(parser: Parser) -> None:
     group.add_argument("--quick", action="store_true", help="sets of two tosses and two seeds, to see that it works")
     group.add_argument("--jobs", type=positive_integer, default=1, metavar="N", help="cells at once (default 1)")
     add_json_option(parser)
+    parser.set_examples(
+        "contact-curation reproduce dataset-quality --out results --quick",
+        "contact-curation reproduce robustness tosses.mcap --seeds 3 --jobs 2 --out results",
+    )
     parser.set_defaults(run=run)
 
 

@@ -15,7 +15,7 @@ BUDGET = 400
 
 @dataclass(frozen=True)
 class Rule:
-    """How tosses are kept.
+    """How tosses are selected.
 
     Attributes:
         criterion, variant: as in `RankingConfig`.

@@ -2,7 +2,7 @@
 
 import csv
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import StringIO
 from pathlib import Path
 
@@ -22,18 +22,18 @@ ERRORS = {
     "position": "position error [% of width]",
     "rotation": "rotation error [deg]",
     "penetration": "penetration [% of width]",
-    "vertices": "vertices from the body as described [mm RMS]",
-    "vertices_from_all": "vertices from those of all tosses [mm RMS]",
-    "friction_from_all": "friction from that of all tosses",
+    "vertices": "vertices off the described body [mm RMS]",
+    "vertices_from_all": "vertices off the full-data fit [mm RMS]",
+    "friction_from_all": "friction off the full-data fit",
 }
 RIGID = ("rigid_position", "rigid_rotation", "rigid_penetration")
 """Errors of a polytope whose friction acts at the vertices of the gaps."""
 
-KEPT = ("kept_seconds", "kept_frames", "kept_bad", "gate_hits", "gate_false_alarms", "not_finite")
-LEARNED = (*ERRORS, *RIGID, "position_median", "rotation_median", "friction", *KEPT)
+SELECTED = ("selected_seconds", "selected_frames", "selected_bad", "gate_hits", "gate_false_alarms", "not_finite")
+LEARNED = (*ERRORS, *RIGID, "position_median", "rotation_median", "friction", *SELECTED)
 THROWN = {
     **{name: ERRORS[name] for name in ("position", "rotation", "penetration", "vertices")},
-    "friction_from_described": "friction from the body as described",
+    "friction_from_described": "friction off the described body",
 }
 TAUGHT = (
     *RIGID,
@@ -47,6 +47,10 @@ TAUGHT = (
     "realised",
     "not_finite",
 )
+SIZES = "selected tosses"
+ALL = "all tosses"
+"""What the level of a panel is."""
+
 RATIOS = {"sandwich": "sandwich", "cramer_rao": "Cramér-Rao", "naive": "naive"}
 
 
@@ -59,6 +63,7 @@ class Layout:
         measures: told of each.
         panels: draws them.
         places: what stands along the figure's horizontal axis.
+        title: what the figure shows.
         baselines: rules that groups are compared with.
     """
 
@@ -66,6 +71,7 @@ class Layout:
     measures: tuple[str, ...]
     panels: Callable[[Sequence[Summary]], list[Panel]]
     places: str
+    title: str
     baselines: tuple[str, ...] = BASELINES
 
 
@@ -76,8 +82,21 @@ def write_tables(experiment: Experiment, rows: Sequence[Row], folder: Path) -> t
     paths = (folder / "rows.csv", folder / "summary.csv", folder / "figure.png")
     write_atomically(paths[0], _csv(rows))
     write_atomically(paths[1], _csv([summary.as_row() for summary in summaries]))
-    save_experiment_figure(layout.panels(summaries), f"{experiment.value}: medians over seeds", layout.places, paths[2])
+    save_results_figure(experiment, summaries, paths[2])
     return paths
+
+
+def save_results_figure(experiment: Experiment, summaries: Sequence[Summary], path: Path) -> None:
+    """Draws what an experiment's rows say together into a PNG file.
+
+    Raises:
+        InvalidValueError: there is nothing to draw, or the file cannot be written.
+    """
+    layout = LAYOUTS[experiment]
+    counts = sorted({summary.seeds for summary in summaries})
+    seeds = f"{counts[0]} to {counts[-1]}" if len(counts) > 1 else f"{counts[0]}" if counts else "no"
+    title = f"{layout.title}: medians over {seeds} seeds with 95 % intervals"
+    save_experiment_figure(layout.panels(summaries), title, layout.places, path)
 
 
 def _csv(rows: Sequence[Mapping[str, float | str]]) -> bytes:
@@ -98,7 +117,7 @@ def _over_sizes(summaries: Sequence[Summary], measures: Mapping[str, str]) -> li
         lines = _series([summary for summary in own if dict(summary.group)["size"]], _line_name, "size")
         if lines:
             level = whole[0] if whole else None
-            panels.append(Panel(label, lines, logarithmic=measure != "penetration", level=level))
+            panels.append(Panel(label, lines, logarithmic=measure != "penetration", level=level, level_name=ALL))
     return panels
 
 
@@ -108,7 +127,7 @@ def _quality(summaries: Sequence[Summary]) -> list[Panel]:
 
 def _theorem(summaries: Sequence[Summary]) -> list[Panel]:
     names = {"epsilon": "epsilon", "smallest": "smallest eigenvalue", "largest": "largest eigenvalue"}
-    return _over_sizes(summaries, names)
+    return [replace(panel, aim=float("eigenvalue" in panel.measure)) for panel in _over_sizes(summaries, names)]
 
 
 def _line_name(summary: Summary) -> str:
@@ -127,16 +146,16 @@ def _throws(summaries: Sequence[Summary]) -> list[Panel]:
 
 
 def _robustness(summaries: Sequence[Summary]) -> list[Panel]:
-    """Gated pools: the clean one, then every fault; and how many of the kept are bad without the gates."""
-    names = {**ERRORS, "kept_bad": "share of bad tosses among the kept"}
+    """Gated pools: the clean one, then every fault; and how many of the selected are bad without the gates."""
+    names = {**ERRORS, "selected_bad": "bad among the selected [share]"}
     panels = []
     for measure, label in names.items():
-        gated = measure != "kept_bad"
+        gated = measure != "selected_bad"
         own = [s for s in summaries if s.measure == measure and (bool(dict(s.group)["gated"]) is gated or not _fault(s))]
         own = [s for s in own if gated or _fault(s)]
         lines = _series(own, lambda summary: str(dict(summary.group)["rule"]), _fault_name)
         if lines:
-            panels.append(Panel(label if gated else f"{label}, no gates", lines))
+            panels.append(Panel(label if gated else f"{label}, no gates", lines, logarithmic="vertices" in measure))
     return panels
 
 
@@ -152,7 +171,9 @@ def _fault_name(summary: Summary) -> str:
 def _calibration(summaries: Sequence[Summary]) -> list[Panel]:
     own = [summary for summary in summaries if summary.measure in RATIOS]
     lines = _series(own, lambda summary: RATIOS[summary.measure], lambda summary: str(dict(summary.group)["parameters"]))
-    return [Panel("standard deviation found over the one said", lines, logarithmic=True, level=1.0)]
+    return [
+        Panel("standard deviation found / predicted", lines, logarithmic=True, level=1.0, level_name="as predicted", aim=1.0)
+    ]
 
 
 def _series(
@@ -174,17 +195,31 @@ def _one_series(name: str, own: Sequence[Summary], place: str | Callable[[Summar
 
 
 LAYOUTS: dict[Experiment, Layout] = {
-    Experiment.DATASET_QUALITY: Layout(LEARNING, LEARNED, _quality, "tosses kept (dotted: all)"),
-    Experiment.FUNCTIONALS: Layout(LEARNING, LEARNED, _quality, "tosses kept"),
-    Experiment.ROBUSTNESS: Layout(LEARNING, LEARNED, _robustness, "fault and share of bad tosses in the pool"),
-    Experiment.DESIGNED_THROWS: Layout(
-        ("model", "protocol", "steps", "rule", "throws"), (*THROWN, *TAUGHT), _throws, "throws", (RANDOM, RAW)
+    Experiment.DATASET_QUALITY: Layout(LEARNING, LEARNED, _quality, SIZES, "Errors after learning from selected tosses"),
+    Experiment.FUNCTIONALS: Layout(LEARNING, LEARNED, _quality, SIZES, "Errors by the criterion that selects"),
+    Experiment.ROBUSTNESS: Layout(
+        LEARNING, LEARNED, _robustness, "fault and share of bad tosses in the pool", "Errors after learning from a faulty pool"
     ),
-    Experiment.THEOREM: Layout(("rule", "weights", "size"), ("smallest", "largest", "epsilon"), _theorem, "tosses kept"),
+    Experiment.DESIGNED_THROWS: Layout(
+        ("model", "protocol", "steps", "rule", "throws"),
+        (*THROWN, *TAUGHT),
+        _throws,
+        "throws",
+        "Errors after learning from throws",
+        (RANDOM, RAW),
+    ),
+    Experiment.THEOREM: Layout(
+        ("rule", "weights", "size"),
+        ("smallest", "largest", "epsilon"),
+        _theorem,
+        SIZES,
+        "Information of the selected set against the pool's",
+    ),
     Experiment.CALIBRATION: Layout(
         ("size", "parameters", "unit"),
         ("found", *(name + end for name in RATIOS for end in ("", "_within"))),
         _calibration,
         "parameters",
+        "Standard deviations found against those predicted",
     ),
 }

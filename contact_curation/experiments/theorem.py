@@ -1,7 +1,7 @@
 """The paper's theorem over k: how near the information of k tosses is to the pool's (method.md 1.9, E11 to E14).
 
-Three weights of the kept tosses' information: 1, the plain sum; K / k; and, for tosses that are drawn with probabilities that
-grow with their leverage, one over that probability (Horvitz and Thompson 1952).
+Three weights of the selected tosses' information: 1, the plain sum; K / k; and, for tosses that are drawn with probabilities
+that grow with their leverage, one over that probability (Horvitz and Thompson 1952).
 """
 
 import json
@@ -68,9 +68,9 @@ def _scored(cell: TheoremCell, bench: Bench) -> Pool:
 
 
 def _rows(cell: TheoremCell, pool: Pool, subspace: IdentifiableSubspace, size: int) -> Iterator[Row]:
-    kept = rank_particles([pool], RULES[cell.rule].ranking(size, cell.seed)).selected_ids
-    yield _row(size, "plain", spectral_distance(pool, subspace, kept))
-    yield _row(size, "rescaled", spectral_distance(pool, subspace, kept, len(pool) / len(kept)))
+    selected = rank_particles([pool], RULES[cell.rule].ranking(size, cell.seed)).selected_ids
+    yield _row(size, "plain", spectral_distance(pool, subspace, selected))
+    yield _row(size, "rescaled", spectral_distance(pool, subspace, selected, len(pool) / len(selected)))
     if cell.rule == "random":
         chances = _chances(pool, size)
         drawn = np.flatnonzero(np.random.default_rng([cell.seed, size]).random(len(pool)) < chances)

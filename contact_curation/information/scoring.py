@@ -26,7 +26,7 @@ from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
 
 STORED = np.float32
-"""Of a factor's numbers, the most of what stays of a toss: half the room, and no kept set of the real tosses changes by it
+"""Of a factor's numbers, the most of what stays of a toss: half the room, and no selected set of the real tosses changes by it
 (`benchmarks.selection.rank_compression`). Rounded once, here, so that whoever ranks, in any process, ranks the same numbers."""
 
 

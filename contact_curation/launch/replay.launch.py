@@ -32,7 +32,9 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument("bag", default_value="", description="recording to play; empty: poses come live"),
         DeclareLaunchArgument("rate", default_value="1.0", description="recorded seconds a second"),
         DeclareLaunchArgument("folder", default_value=".", description="folder that the stores are kept in"),
-        DeclareLaunchArgument("train", default_value="false", description="train on what is kept, and rank by what is learned"),
+        DeclareLaunchArgument(
+            "train", default_value="false", description="train on the selected tosses, and rank with the trained parameters"
+        ),
         DeclareLaunchArgument("params_file", default_value=default_file, description="parameters of the nodes"),
     ]
     bag = ParameterValue(LaunchConfiguration("bag"), value_type=str)  # a bag named 123 is no number

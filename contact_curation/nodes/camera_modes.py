@@ -12,19 +12,20 @@ from tf2_msgs.msg import TFMessage
 
 from contact_curation.contact.body import Body
 from contact_curation.geometry.poses import Pose
+from contact_curation.geometry.quaternions import IDENTITY
 from contact_curation.geometry.tag_rig import TagRig
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.messages.camera import camera_info_message, detections_message, image_message
 from contact_curation.nodes.messages.headers import Stamped
 from contact_curation.nodes.messages.tracked import odometry_message, static_transform_message
 from contact_curation.nodes.ros.node_main import StageNode
-from contact_curation.nodes.ros.qos import kept
+from contact_curation.nodes.ros.qos import latched
 from contact_curation.simulation.camera.camera import CameraConfig, CameraView
 from contact_curation.simulation.camera.tag_detection import DetectorConfig, TagDetector
 from contact_curation.simulation.tracker_noise import TrackerNoise, TrackerNoiseConfig
 from contact_curation.storage.datasets.tagslam_bag import TagslamRig
 
-IMAGES_KEPT = 5
+IMAGE_DEPTH = 5
 
 CAMERA_FRAME = "camera"
 
@@ -59,7 +60,7 @@ class TrackedPoses:
 
     Args:
         node: that publishes.
-        body: its name.
+        body: whose tracked frame the poses are of.
         rig: frames, the board in the map, deviations.
         noise: the tracker's faults.
         seed: of them.
@@ -67,20 +68,22 @@ class TrackedPoses:
     """
 
     def __init__(
-        self, node: StageNode, body: str, rig: TagslamRig, noise: TrackerNoiseConfig, seed: int, *, history: int
+        self, node: StageNode, body: Body, rig: TagslamRig, noise: TrackerNoiseConfig, seed: int, *, history: int
     ) -> None:
         self._noise = TrackerNoise(noise, seed)
         self._latency_ns = round(noise.latency * NANOSECONDS)
         self._rig = rig
-        self._body_frame = f"body_{body}"
+        self._body_frame = f"body_{body.name}"
         self._board = Pose(np.array(rig.board.position), np.array(rig.board.orientation_wxyz))
+        self._tracked = Pose(-body.center_of_mass, IDENTITY) if body.center_of_mass.any() else None
         self._waiting: deque[tuple[int, Any]] = deque()
-        self._poses = node.create_publisher(Odometry, f"tagslam/odom/{self._body_frame}", kept(history))
-        self._static = node.create_publisher(TFMessage, "/tf_static", kept(1))
+        self._poses = node.create_publisher(Odometry, f"tagslam/odom/{self._body_frame}", latched(history))
+        self._static = node.create_publisher(TFMessage, "/tf_static", latched(1))
         self._static.publish(static_transform_message(Stamped(0, rig.map_frame), rig.board_frame, self._board))
 
     def see(self, true: TrueFrame) -> None:
-        pose = self._noise.seen(true.stamp_ns, true.pose)
+        tracked = true.pose.compose(self._tracked) if self._tracked else true.pose
+        pose = self._noise.seen(true.stamp_ns, tracked)
         if pose is not None:
             stamped, deviations = Stamped(true.stamp_ns, self._rig.map_frame), self._deviations
             message = odometry_message(stamped, self._body_frame, self._board.compose(pose), deviations)
@@ -132,9 +135,9 @@ class RenderedTags:
         self._seed = seed
         self._view: CameraView | None = None
         self._detector = TagDetector(detector)
-        self._detections = node.create_publisher(AprilTagDetectionArray, "detections", kept(history))
-        self._camera_info = node.create_publisher(CameraInfo, "camera_info", kept(1))
-        self._images = node.create_publisher(ImageMessage, "image", kept(IMAGES_KEPT)) if images else None
+        self._detections = node.create_publisher(AprilTagDetectionArray, "detections", latched(history))
+        self._camera_info = node.create_publisher(CameraInfo, "camera_info", latched(1))
+        self._images = node.create_publisher(ImageMessage, "image", latched(IMAGE_DEPTH)) if images else None
 
     def see(self, true: TrueFrame) -> None:
         self._view = self._view or CameraView(*self._scene)

@@ -1,4 +1,4 @@
-"""curator: scored tosses in, the kept set out."""
+"""curator: scored tosses in, the selected set out."""
 
 import sys
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from contact_curation.nodes.ros.catch_up import CatchUp, Source
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
-from contact_curation.nodes.ros.qos import kept
+from contact_curation.nodes.ros.qos import latched
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Latest, Worker
 from contact_curation.stages.buffer_manifest import manifest_of
@@ -29,6 +29,7 @@ from contact_curation.stages.curation import Buffer, CurationConfig, CurationSta
 from contact_curation.stages.parameters import with_parameters
 from contact_curation.stages.records import Cursor
 from contact_curation.storage.manifest.file import write_manifest
+from contact_curation.storage.outputs import check_replaceable
 from contact_curation.storage.stores.information import InformationStore
 
 INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
@@ -39,7 +40,7 @@ class Curator(StageNode):
 
     def __init__(self) -> None:
         super().__init__("curator")
-        self._body = declare(self, "body", "cube", "name of the body whose tosses are kept")
+        self._body = declare(self, "body", "cube", "name of the body whose tosses are selected")
         ranking = declare_config(self, RankingConfig(), fixed=False)
         config = declare_config(self, CurationConfig())
         store = Path(declare(self, "store", "buffer.sqlite", "file that the buffer and all information are kept in"))
@@ -50,7 +51,7 @@ class Curator(StageNode):
             self.get_logger().info(f"{ranking.criterion} needs all tosses: keeps to {self._wanted.criterion}")
         self._warnings = ThrottledWarnings(self)
         self._buffer: Buffer | None = None
-        self._publisher = self.create_publisher(CuratedBuffer, "curated_buffer", kept(1))
+        self._publisher = self.create_publisher(CuratedBuffer, "curated_buffer", latched(1))
         self._worker = Worker(self.fail)
         self._curating = Latest(self._worker, self._curate)
         self.create_service(SaveBuffer, "save_buffer", self._save)
@@ -108,21 +109,22 @@ class Curator(StageNode):
             response.message = "found no scored toss, expected at least one"
             return response
         try:
+            check_replaceable("path", Path(request.path), "a new name, or that of an earlier manifest")
             write_manifest(manifest_of(buffer, self._stage.last_stamp_ns), Path(request.path))
         except ContactCurationError as error:
             response.message = str(error)
             return response
         response.success, response.path = True, str(Path(request.path).absolute())
         response.tosses = len(buffer.curation.ranking.selected_ids)
-        response.message = f"{response.tosses} of {buffer.seen} tosses kept"
+        response.message = f"{response.tosses} of {buffer.seen} tosses selected"
         return response
 
     def _health(self) -> Health:
         buffer = self._buffer
-        kept_now = 0 if buffer is None else len(buffer.curation.ranking.selected_ids)
+        selected_now = 0 if buffer is None else len(buffer.curation.ranking.selected_ids)
         seen = 0 if buffer is None else buffer.seen
-        values = {"kept": kept_now, "seen": seen, "queue": self._worker.waiting, **self._warnings.counts}
-        return Health(f"{kept_now} of {seen} tosses kept", values)
+        values = {"selected": selected_now, "seen": seen, "queue": self._worker.waiting, **self._warnings.counts}
+        return Health(f"{selected_now} of {seen} tosses selected", values)
 
 
 def main() -> int:

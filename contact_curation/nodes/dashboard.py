@@ -1,8 +1,8 @@
 """dashboard: listens to everything and shows it in a browser. It can never slow the graph.
 
 Callbacks only put messages in a bounded queue; one worker translates, computes and writes. What overflows is dropped, counted
-by topic, and shown; tosses and information are asked for again once there is nothing else to do. Of kept sets and thetas the
-newest is drawn, and no other.
+by topic, and shown; tosses and information are asked for again once there is nothing else to do. Only the
+newest selected set and the newest theta are drawn.
 """
 
 import sys
@@ -28,7 +28,7 @@ from contact_curation.dashboard.live.session import LiveSession
 from contact_curation.errors import ContactCurationError
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.messages.headers import check_format, nanoseconds_of
-from contact_curation.nodes.messages.shown import first_theta, healths_of, kept_set_of, theta_of, throw_made_of, training_of
+from contact_curation.nodes.messages.shown import first_theta, healths_of, selected_set_of, theta_of, throw_made_of, training_of
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.toss_information import information_of
 from contact_curation.nodes.ros.body_parameter import declared_body
@@ -37,11 +37,12 @@ from contact_curation.nodes.ros.follow import HELD, Follow
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
-from contact_curation.nodes.ros.qos import kept, profile
+from contact_curation.nodes.ros.qos import latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Latest, Worker
 from contact_curation.stages.records import ServedDashboard, write_record
 from contact_curation.stages.scoring import checked_body
+from contact_curation.storage.outputs import check_replaceable
 
 TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16)
 INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
@@ -81,8 +82,8 @@ class Dashboard(StageNode):
         self._listen(TossRejected, "toss_rejected", self._take_rejected)
         self._listen(TrainingStatus, "training_status", self._take_training)
         self._listen(ThrowReport, "throw_report", self._take_throw)
-        self.create_subscription(CuratedBuffer, "curated_buffer", self._buffer_came, kept(1))
-        self.create_subscription(ModelParameters, "model_parameters", self._parameters_came, kept(1))
+        self.create_subscription(CuratedBuffer, "curated_buffer", self._buffer_came, latched(1))
+        self.create_subscription(ModelParameters, "model_parameters", self._parameters_came, latched(1))
         lossy = profile(100, reliable=False, latched=False)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._health_came, lossy)
         self.create_timer(PERIOD, self._health_page.want, clock=self._steady)
@@ -101,7 +102,7 @@ class Dashboard(StageNode):
         def heard(message: Any) -> None:
             self._offer(lambda messages: take(messages[0]), topic, [message])
 
-        self.create_subscription(kind, topic, heard, kept(HELD))
+        self.create_subscription(kind, topic, heard, latched(HELD))
 
     def _offer(self, take: Callable[[list[Any]], None], topic: str, messages: list[Any]) -> bool:
         """Queues messages of a topic for the worker, or drops them."""
@@ -161,10 +162,10 @@ class Dashboard(StageNode):
         self._session.show_motion()
 
     def _draw_ranking(self) -> None:
-        """The newest kept set only, and again while information that it was chosen from is still coming."""
+        """The newest selected set only, and again while information that it was chosen from is still coming."""
         message, self._buffer = self._buffer, None
         if message is not None:
-            self._session.set_selected(kept_set_of(message), nanoseconds_of(message.header.stamp))
+            self._session.set_selected(selected_set_of(message), nanoseconds_of(message.header.stamp))
             self._revision, self._pending = message.revision, True
         if self._pending:
             self._pending = not self._session.show_ranking()
@@ -197,6 +198,8 @@ def declared_serving(node: StageNode) -> ServingConfig:
         InvalidValueError: nowhere.
     """
     recording = declare(node, "recording", "", ".rrd file that the session is written to; empty: none")
+    if recording:
+        check_replaceable("parameter recording", Path(recording), "a new name, or that of an earlier dashboard's file")
     return ServingConfig(
         web_port=declare(node, "web_port", 9090, "port of the page to open in a browser; 0: none is served"),
         grpc_port=declare(node, "grpc_port", 9876, "port of the data that the page shows"),

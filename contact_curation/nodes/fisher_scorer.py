@@ -25,7 +25,7 @@ from contact_curation.nodes.ros.catch_up import CatchUp, Source
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
-from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
+from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
 from contact_curation.stages.records import Cursor
@@ -54,12 +54,12 @@ class FisherScorer(StageNode):
         self._informations = InformationStore(store)
         self._stage = ScoringStage(self._body, config, self._informations, theta)
         self._warnings = ThrottledWarnings(self)
-        self._publisher = self.create_publisher(TossInformationMessage, "toss_information", kept(RESULTS_KEPT))
+        self._publisher = self.create_publisher(TossInformationMessage, "toss_information", latched(RESULTS_DEPTH))
         while missed := self._stage.unannounced(LARGEST_PAGE):
             self._announce(missed)
         self._worker = Worker(self.fail)
         self.create_service(GetInformation, "get_information", self._get_information)
-        self.create_subscription(ModelParameters, "model_parameters", self._parameters_came, kept(1))
+        self.create_subscription(ModelParameters, "model_parameters", self._parameters_came, latched(1))
         self._tosses = CatchUp(self, self._worker, TOSSES, self._stage.cursor, self._score, self._go_on)
         HealthReport(self, self._health)
 

@@ -22,7 +22,7 @@ from contact_curation.nodes.ros.health import Health, HealthReport, Rate
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.pose_topics import PoseTopics, Received
-from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
+from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Inbox, Latest, Worker
 from contact_curation.stages.ingest import Arrival, IngestJournal
@@ -63,8 +63,8 @@ class PoseIngest(StageNode):
         self._ingest: TossIngest | None = None
         self._worker = Worker(self.fail)
         self._taking = Latest(self._worker, self._take)
-        self._tosses = self.create_publisher(TossMessage, "toss", kept(RESULTS_KEPT))
-        self._rejected = self.create_publisher(TossRejected, "toss_rejected", kept(RESULTS_KEPT))
+        self._tosses = self.create_publisher(TossMessage, "toss", latched(RESULTS_DEPTH))
+        self._rejected = self.create_publisher(TossRejected, "toss_rejected", latched(RESULTS_DEPTH))
         self.create_service(GetTosses, "get_tosses", self._get_tosses)
         self._topics = PoseTopics(self, self._body.name, self._poses, type_name, depth, self._found, self._arrived)
         self.create_timer(LOOK_PERIOD, self._topics.follow, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -136,8 +136,8 @@ class PoseIngest(StageNode):
         }  # fmt: skip
         if self._ingest is not None:
             values["noise"] = f"{self._ingest.noise.multiple:.1f}"
-            if rate and (complaint := self._ingest.noise_complaint()):
-                return Health(complaint, values, warning=True)
+            if rate and (text := self._ingest.noise_warning()):
+                return Health(text, values, warning=True)
         if self._topics.source is None:
             return Health(f"waiting for poses: {self._topics.waiting_for or 'none yet'}", values, warning=True)
         return Health(f"{rate:.0f} messages/s from {self._topics.source.body.name}", values, warning=rate == 0.0)
@@ -152,9 +152,7 @@ def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> Inge
             segmenter = with_recorded_rules(segmenter, reader.note(RULES_NOTE))
     gates = declare_config(node, replace(GateConfig(), gravity=body.gravity), "gates.")
     gates = gates.of_body(gates.gravity, body.friction)
-    return IngestConfig(
-        poses.tracker(body.name, poses.board_frame), segmenter, gates, declare_config(node, NO_CORRECTION, "rig.")
-    )
+    return IngestConfig(poses.tracker(body, poses.board_frame), segmenter, gates, declare_config(node, NO_CORRECTION, "rig."))
 
 
 def main() -> int:

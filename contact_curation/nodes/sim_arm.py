@@ -39,7 +39,7 @@ from contact_curation.simulation.arm.throw_motion import ThrowPlanner
 from contact_curation.stages.arm import ArmStage
 from contact_curation.stages.simulated_time import AwakeClock, Pace, SimulatedTime, Ticks
 
-TRUTH_KEPT = 2000
+TRUTH_DEPTH = 2000
 """Frames that a slow listener may lag behind."""
 
 BEAT = 0.1
@@ -101,7 +101,7 @@ class SimArm(StageNode):
     def _publish(self, ticks: Ticks) -> None:
         often = profile(50, reliable=True, latched=False)
         self._joints = self.create_publisher(JointState, "/joint_states", often)
-        self._truth = self.create_publisher(Odometry, "ground_truth", profile(TRUTH_KEPT, reliable=True, latched=False))
+        self._truth = self.create_publisher(Odometry, "ground_truth", profile(TRUTH_DEPTH, reliable=True, latched=False))
         self._ticks = ticks
         if ticks.any:
             self._time = self.create_publisher(ClockMessage, "/clock", profile(1, reliable=True, latched=False))

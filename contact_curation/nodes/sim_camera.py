@@ -32,7 +32,7 @@ from contact_curation.storage.datasets.tagslam_bag import TagslamRig
 from contact_curation.storage.inputs.pose_messages import ODOMETRY, measured_pose
 from contact_curation.storage.tag_map_file import read_tag_rig
 
-TRUTH_KEPT = 2000
+TRUTH_DEPTH = 2000
 """Frames of the ground truth that may wait until they are taken."""
 
 SILENCE = 0.2
@@ -50,7 +50,7 @@ class SimCamera(StageNode):
         self._received, self._told, self._before = Rate(), 0, 0
         self._sight = self._declared_sight()
         self._worker = Worker(self.fail)
-        self.create_subscription(Odometry, "ground_truth", self._arrived, profile(TRUTH_KEPT, reliable=True, latched=False))
+        self.create_subscription(Odometry, "ground_truth", self._arrived, profile(TRUTH_DEPTH, reliable=True, latched=False))
         self.create_timer(SILENCE, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         HealthReport(self, self._health)
 
@@ -70,11 +70,11 @@ class SimCamera(StageNode):
         noise = declare_config(self, TrackerNoiseConfig(), "noise.")
         camera, detector = declare_config(self, CameraConfig(), "camera."), declare_config(self, DetectorConfig(), "detector.")
         if mode == "poses":
-            return TrackedPoses(self, self._body.name, TagslamRig(board_frame=board_frame), noise, seed, history=history)
+            return TrackedPoses(self, self._body, TagslamRig(board_frame=board_frame), noise, seed, history=history)
         if tag_map:
             rig = read_tag_rig(Path(tag_map), self._body_frame, board_frame)
         else:
-            rig = rig_of(self._body.polytope, self._body_frame, board_frame)
+            rig = rig_of(self._body.tracked_polytope, self._body_frame, board_frame)
         return RenderedTags(self, self._body, rig, camera, detector, seed, history=history, images=images)
 
     def _arrived(self, message: Any) -> None:

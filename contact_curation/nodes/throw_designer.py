@@ -25,7 +25,7 @@ from contact_curation.nodes.ros.design_parameters import declared_design, declar
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare
-from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
+from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
 from contact_curation.nodes.throw_goals import Outcome, ThrowGoals
@@ -73,9 +73,9 @@ class ThrowDesigner(StageNode):
         self._goals = ThrowGoals(self, self._told, loop.goal_timeout)
         self._worker = Worker(self.fail)
         self.create_service(ProposeThrow, "propose_throw", self._propose)
-        self.create_subscription(ModelParameters, "model_parameters", self._parameters_came, kept(1))
-        self.create_subscription(CuratedBuffer, "curated_buffer", self._buffer_came, kept(1))
-        self.create_subscription(TossRejected, "toss_rejected", self._rejected_came, kept(RESULTS_KEPT))
+        self.create_subscription(ModelParameters, "model_parameters", self._parameters_came, latched(1))
+        self.create_subscription(CuratedBuffer, "curated_buffer", self._buffer_came, latched(1))
+        self.create_subscription(TossRejected, "toss_rejected", self._rejected_came, latched(RESULTS_DEPTH))
         self._information = CatchUp(self, self._worker, INFORMATION, Cursor(), self._take)
         self.create_timer(PERIOD, self._look, clock=self._steady)
         HealthReport(self, self._health)

@@ -7,7 +7,7 @@ from rclpy.node import Node
 
 from contact_curation.design.throw import ThrowReport
 from contact_curation.nodes.messages.throw_report import report_message
-from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
+from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
 
 
 class ThrowReports:
@@ -19,7 +19,7 @@ class ThrowReports:
     """
 
     def __init__(self, node: Node, board_frame: str) -> None:
-        self._publisher = node.create_publisher(ThrowReportMessage, "throw_report", kept(RESULTS_KEPT))
+        self._publisher = node.create_publisher(ThrowReportMessage, "throw_report", latched(RESULTS_DEPTH))
         self._board_frame = board_frame
         self._told: dict[str, tuple[str, str, str]] = {}
 

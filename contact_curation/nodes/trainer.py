@@ -20,7 +20,7 @@ from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
-from contact_curation.nodes.ros.qos import kept
+from contact_curation.nodes.ros.qos import latched
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.training_parameters import declared_first_model, declared_held_out, declared_protocol
 from contact_curation.nodes.ros.worker import Latest, Worker
@@ -29,7 +29,7 @@ from contact_curation.stages.scoring import checked_body
 from contact_curation.stages.training import Moment, RoundsConfig, SelectedSet, TrainingStage
 from contact_curation.storage.stores.tosses import TossStore
 
-STATUSES_KEPT = 64
+STATUS_DEPTH = 64
 """Moments of the training that a late listener still gets."""
 
 
@@ -59,12 +59,12 @@ class Trainer(StageNode):
         )
         self._warnings = ThrottledWarnings(self)
         self._stamped = Stamped(0, "")
-        self._model_parameters = self.create_publisher(ModelParameters, "model_parameters", kept(1))
-        self._status = self.create_publisher(TrainingStatus, "training_status", kept(STATUSES_KEPT))
+        self._model_parameters = self.create_publisher(ModelParameters, "model_parameters", latched(1))
+        self._status = self.create_publisher(TrainingStatus, "training_status", latched(STATUS_DEPTH))
         self._worker = Worker(self.fail)
         self._training = Latest(self._worker, self._train)
         self._fetch = TossFetch(self, self._worker, lambda: self._stage.missing, self._fetched)
-        self.create_subscription(CuratedBuffer, "curated_buffer", self._buffer_came, kept(1))
+        self.create_subscription(CuratedBuffer, "curated_buffer", self._buffer_came, latched(1))
         self._worker.do(self._announce_again)
         HealthReport(self, self._health)
 

@@ -12,6 +12,7 @@ from contact_curation.pipeline.workers import Advance, unheard
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.datasets.contactnets import SUBFOLDER
 from contact_curation.storage.export.contactnets import write_contactnets
+from contact_curation.storage.export.data_card import CARD, data_card
 from contact_curation.storage.export.lerobot import write_lerobot
 from contact_curation.storage.export.mcap import BagExport, export_bag
 from contact_curation.storage.export.selected import (
@@ -35,7 +36,7 @@ class ExportJob:
         reading: how they become tosses; as they did when they were ranked.
         manifest_path: of the ranking.
         manifest: what it says.
-        rows: of the kept tosses by their ids, best first.
+        rows: of the selected tosses by their ids, best first.
         per_toss: a bag for each toss.
     """
 
@@ -47,7 +48,7 @@ class ExportJob:
     per_toss: bool = False
 
     @property
-    def kept_manifest(self) -> Manifest:
+    def selected_manifest(self) -> Manifest:
         """The manifest of what is exported alone; how it was made stays."""
         return Manifest(self.manifest.run, tuple(self.rows.values()), self.manifest.diagnostics)
 
@@ -70,7 +71,7 @@ def export_job(inputs: Sequence[Path], reading: ReadingConfig, manifest: Path, *
 
     Raises:
         UnreadableInputError: the manifest is none.
-        InvalidValueError: it kept nothing.
+        InvalidValueError: it selected nothing.
     """
     content = read_manifest(manifest)
     return ExportJob(tuple(inputs), reading, manifest, content, selected_rows(content, manifest), per_toss)
@@ -78,11 +79,11 @@ def export_job(inputs: Sequence[Path], reading: ReadingConfig, manifest: Path, *
 
 def to_contactnets(job: ExportJob, folder: Path, advance: Advance) -> Exported:
     """tosses_processed/N.pt and manifest.json, the N-th row of which is N.pt."""
-    level = job.reading.inputs.rig == NO_CORRECTION  # what is put right is no file's content any more
+    level = job.reading.inputs.rig == NO_CORRECTION  # corrected tosses are not the content of any file
     inputs = replace(job.reading.inputs, as_stored=level)
     found = found_tosses(job, inputs, advance)
     write_contactnets(found.tosses, job.reading.body, folder, copied=level)
-    write_manifest(job.kept_manifest, folder / "manifest.json")
+    write_manifest(job.selected_manifest, folder / "manifest.json")
     return Exported({toss_id: f"{SUBFOLDER}/{number}.pt" for number, toss_id in enumerate(job.rows)}, found.warnings)
 
 
@@ -90,7 +91,7 @@ def to_lerobot(job: ExportJob, folder: Path, advance: Advance) -> Exported:
     """A LeRobot dataset, and the manifest in its meta/."""
     found = found_tosses(job, job.reading.inputs, advance)
     write_lerobot(found.tosses, job.reading.body.name, folder)
-    write_manifest(job.kept_manifest, folder / "meta" / "curation.json")
+    write_manifest(job.selected_manifest, folder / "meta" / "curation.json")
     return Exported({toss_id: f"episode {number}" for number, toss_id in enumerate(job.rows)}, found.warnings)
 
 
@@ -103,7 +104,7 @@ def to_mcap(job: ExportJob, folder: Path, advance: Advance) -> Exported:
     exports, problems = _exported_bags(job, folder, advance)
     found = {toss_id: one.origin for one in exports for toss_id in one.files}
     check_all_found(job.rows, found, job.manifest_path, problems)
-    write_manifest(job.kept_manifest, folder / "manifest.json")
+    write_manifest(job.selected_manifest, folder / "manifest.json")
     files = {toss_id: file.name for one in exports for toss_id, file in one.files.items()}
     changed = changed_inputs((row, found[toss_id]) for toss_id, row in job.rows.items())
     warnings = (*problems, *(line for one in exports for line in one.warnings), *changed)
@@ -115,6 +116,17 @@ FORMATS: Mapping[str, Callable[[ExportJob, Path, Advance], Exported]] = {
     "contactnets": to_contactnets,
     "lerobot": to_lerobot,
 }
+
+
+def export_tosses(form: str, job: ExportJob, folder: Path, advance: Advance) -> Exported:
+    """The selected tosses in one of `FORMATS`, and a data card that says what they are.
+
+    Raises:
+        ContactCurationError: a selected toss is in no input, or the format cannot hold the tosses.
+    """
+    exported = FORMATS[form](job, folder, advance)
+    (folder / CARD).write_text(data_card(form, job.reading.body, job.manifest), encoding="utf-8")
+    return exported
 
 
 def found_tosses(job: ExportJob, inputs: InputsConfig, advance: Advance = unheard) -> SelectedTosses:

@@ -75,7 +75,7 @@ def load_model(path: str | Path, body: Body | None = None) -> LearnedModel:
         UnreadableInputError: the file holds no model, or one for another body.
         InvalidValueError: a JSON file without a body.
 
-    Example:
+    Examples:
         >>> model = cc.load_model("model.safetensors")
         >>> model.kind
         'polytope'
@@ -117,4 +117,4 @@ def _selected(notes: dict[str, str], name: str) -> tuple[frozenset[str], ...]:
         selections = selections_of(notes["selections"]) if "selections" in notes else ()
     except MALFORMED as error:
         raise UnreadableInputError(name, f"says not what was selected ({type(error).__name__}: {error})") from error
-    return tuple(frozenset(one.kept) for one in selections)
+    return tuple(frozenset(one.toss_ids) for one in selections)

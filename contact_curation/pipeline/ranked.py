@@ -169,7 +169,7 @@ class RankedTosses:
 def _outcome(row: ManifestRow) -> str:
     if row.rank is None:
         return row.reasons[0].partition(":")[0]
-    return SELECTED if row.kept else NOT_SELECTED
+    return SELECTED if row.selected else NOT_SELECTED
 
 
 def _lines(ranked: RankedTosses) -> Iterator[str]:
@@ -184,7 +184,7 @@ def _lines(ranked: RankedTosses) -> Iterator[str]:
 def _html(ranked: RankedTosses) -> str:
     """The best tosses, as a table."""
     cells = [
-        (row.rank, row.toss_id, f"{row.score:.4g}", f"{row.marginal_gain:.4g}", f"{row.duration:.2f}", _selected(row.kept))
+        (row.rank, row.toss_id, f"{row.score:.4g}", f"{row.marginal_gain:.4g}", f"{row.duration:.2f}", _selected(row.selected))
         for row in ranked.ranked_rows[:LISTED]
     ]
     head = "".join(f"<th>{name}</th>" for name in ("rank", "toss", "score", "gain", "time [s]", "selected"))
@@ -199,7 +199,8 @@ def _table(ranked: RankedTosses) -> Iterator[str]:
     yield f"{'rank':>4}  {'toss':<{width}}  {'score':>10}  {'gain':>10}  {'trace':>10}  {'time [s]':>8}  frames  selected"
     for row in rows:
         numbers = "  ".join(f"{value:>10.4g}" for value in (row.score, row.marginal_gain, row.trace))
-        yield f"{row.rank:>4}  {row.toss_id:<{width}}  {numbers}  {row.duration:>8.2f}  {row.frames:>6}  {_selected(row.kept)}"
+        seen = f"{row.duration:>8.2f}  {row.frames:>6}"
+        yield f"{row.rank:>4}  {row.toss_id:<{width}}  {numbers}  {seen}  {_selected(row.selected)}"
 
 
 def _selected(selected: bool) -> str:

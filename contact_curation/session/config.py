@@ -1,6 +1,7 @@
 """What is asked of a session, and where its things lie."""
 
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
@@ -14,21 +15,21 @@ class SessionConfig:
     """What is asked for; None where it is left to the nodes.
 
     Attributes:
-        throws: ends after so many; 0: goes on.
-        camera: what the simulated camera tells.
-        dashboard: whether it is served.
-        stay: whether the dashboard is served until Ctrl-C, when the throws are over.
-        record: folder that keeps the session; None for none.
+        throws: end after so many throws (default: go on until Ctrl-C).
+        camera: what the simulated camera sends: tracked poses, or images with tags.
+        dashboard: serve the dashboard to a browser; its address is printed.
+        stay: serve the dashboard until Ctrl-C, also when the throws are over.
+        record: keep the session in this folder: bag, model, report, logs.
         body_file: describes the body; None for ContactNets' cube.
-        top: how many tosses are selected.
-        criterion: by which.
-        seed: of all that is random.
-        rate: simulated seconds a second; 0: as fast as possible.
-        held_out: recordings that the model is evaluated on.
-        params_file: parameters of the nodes.
+        top: how many tosses are selected (default 32).
+        criterion: by what the best tosses are selected (default representative).
+        seed: of everything random (default 0).
+        rate: simulated seconds a second; 0: as fast as possible (default 1).
+        held_out: recordings that are never trained on, to evaluate the model on (default none).
+        params_file: parameters of the nodes, a file like contact_curation/config/nodes.yaml.
     """
 
-    throws: int = 0
+    throws: int | None = None
     camera: str = CAMERAS[0]
     dashboard: bool = False
     stay: bool = False
@@ -40,6 +41,16 @@ class SessionConfig:
     rate: float | None = None
     held_out: tuple[Path, ...] = ()
     params_file: Path | None = None
+
+    def __post_init__(self) -> None:
+        least = {"throws": (self.throws, 1), "top": (self.top, 1), "seed": (self.seed, 0)}
+        for name, (value, bound) in least.items():
+            if value is not None and value < bound:
+                raise InvalidValueError(name, value, f"a whole number of at least {bound}")
+        if self.rate is not None and not 0.0 <= self.rate < inf:
+            raise InvalidValueError("rate", self.rate, "a number of at least 0")
+        if self.camera not in CAMERAS:
+            raise InvalidValueError("camera", self.camera, f"one of {', '.join(CAMERAS)}")
 
     @property
     def rendered(self) -> bool:

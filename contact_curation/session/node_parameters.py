@@ -75,7 +75,7 @@ def held_out_inputs(config: SessionConfig) -> InputsConfig:
 def write_tag_map(config: SessionConfig, body: Body, folder: SessionFolder, parameters: Mapping[str, Parameters]) -> None:
     """The tags that a rendering camera sees, for whoever reads its detections."""
     if config.rendered:
-        rig = rig_of(body.polytope, f"body_{body.name}", _value(parameters, "sim_camera", "board_frame"))
+        rig = rig_of(body.tracked_polytope, f"body_{body.name}", _value(parameters, "sim_camera", "board_frame"))
         write_atomically(folder.tag_map, tag_rig_yaml(rig).encode())
 
 
@@ -168,7 +168,7 @@ def _of_session(config: SessionConfig, body: Body, folder: SessionFolder) -> dic
     """
     own: dict[str, Parameters] = {name: {"store": str(folder.store(name).absolute())} for name in STORING}
     own["trainer"] |= {"checkpoint": str(folder.checkpoint.absolute())}
-    own["throw_designer"] |= {"auto": True, "max_throws": config.throws, "thrower": "arm"}
+    own["throw_designer"] |= {"auto": True, "max_throws": config.throws or 0, "thrower": "arm"}
     own["sim_arm"] = {"armed": True, "external_heartbeat": False, "state": str((folder.stores / "sim_arm.json").absolute())}
     own["sim_camera"] = {"mode": config.camera}
     if config.rendered:

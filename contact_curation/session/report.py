@@ -136,7 +136,7 @@ def _replayed(
 
 def _ranking(rows: Sequence[ManifestRow]) -> list[ReportedToss]:
     return [
-        ReportedToss(row.rank, row.toss_id, row.score, row.marginal_gain, row.trace, row.kept)
+        ReportedToss(row.rank, row.toss_id, row.score, row.marginal_gain, row.trace, row.selected)
         for row in rows
         if row.rank is not None
     ]

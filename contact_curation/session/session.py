@@ -151,7 +151,7 @@ class Session:
         events: EventLog,
         say: Callable[[str], None],
     ) -> None:
-        self._config = config
+        self._wanted = config.throws or 0
         self._toss_timeout = float(parameters["throw_designer"]["toss_timeout"]) + AT_REST
         self._stores = SessionStores(folder)
         self._events = events
@@ -173,7 +173,7 @@ class Session:
             supervisor.look()
             self._look()
             throws = len(self.state.throws)
-            if throws < self._config.throws and standstill.found(throws, time.monotonic(), self.state.no_throw):
+            if throws < self._wanted and standstill.found(throws, time.monotonic(), self.state.no_throw):
                 self._say("no throw for long: the arm, which may have stopped itself, is started again")
                 supervisor.kill(ARM)
         self._tell_of_throws(everything=True)
@@ -187,7 +187,7 @@ class Session:
     def _is_over(self) -> bool:
         """Whether all throws were made, and nothing is to come of them any more."""
         waited = time.monotonic() - self._changed
-        if not self._config.throws or len(self.state.throws) < self._config.throws or waited < AT_REST:
+        if not self._wanted or len(self.state.throws) < self._wanted or waited < AT_REST:
             return False
         awaits_motion = self.state.awaits_motion and waited < self._toss_timeout
         awaits_gain = self.state.awaits_gain and waited < GAIN_PATIENCE
@@ -230,7 +230,7 @@ class Session:
             toss=throw.toss_id,
             outcome=outcome,
         )
-        of = f" of {self._config.throws}" if self._config.throws else ""
+        of = f" of {self._wanted}" if self._wanted else ""
         self._say(f"throw {place + 1:3d}{of}  {gains(throw):<34}  {outcome}  ({self._events.seconds:.0f} s)")
 
 

@@ -118,7 +118,6 @@ class SessionSummary:
     def document(self) -> dict[str, Any]:
         """All of it, as JSON has it."""
         content = asdict(self)
-        content["kept"] = content.pop("selected")
         replay = content.pop("replay") or {}
         optional = {**replay, **{name: content.pop(name) for name in ("folder", "report")}}
         return content | {name: value for name, value in optional.items() if value != ""}
@@ -183,7 +182,7 @@ def summary_of(
     scored = [throw for throw in state.throws if throw.realised_gain is not None]
     return SessionSummary(
         throws=tuple(_throw(state, place) for place in range(len(state.throws))),
-        wanted=config.throws,
+        wanted=config.throws or 0,
         designed=sum(throw.exploration is None for throw in state.throws),
         planned_gain=sum(throw.planned_gain or 0.0 for throw in scored),
         realised_gain=sum(throw.realised_gain or 0.0 for throw in scored),

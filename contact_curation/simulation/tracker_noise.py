@@ -1,7 +1,7 @@
 """What a tracker makes of true poses: white noise, outliers, losses, and a delay.
 
 The white noise has the size of the real tosses' second differences in the air: 0.022 mm and 0.024 degrees per axis
-(method.md 3; the tests hold it against them). The other faults are off by default: of the real rig only the kept tosses are
+(method.md 3; the tests hold it against them). The other faults are off by default: of the real rig only the selected tosses are
 known. What is said of an instant hangs on the seed and its stamp alone, so that a tracker that is started again says the same
 of it.
 """

@@ -20,8 +20,8 @@ from contact_curation.stages.records import (
     Cursor,
     Stamped,
     TossHeader,
-    kept_records,
     load_record,
+    stored_records,
 )
 from contact_curation.stages.selection import SELECTIONS, Selection, ranking_for, selection_of
 from contact_curation.storage.stores.information import InformationStore
@@ -33,19 +33,19 @@ class CurationConfig:
 
     Attributes:
         selection: exact: ranks all tosses; streaming: bounded memory, criteria trace and log-det only.
-        warm_up: tosses that a streaming log-det takes its prior from.
+        prior_tosses: tosses that a streaming log-det takes its prior from.
         coverage: a new theta takes over once this share of the known tosses is scored at it.
     """
 
     selection: str = SELECTIONS[0]
-    warm_up: int = 64
+    prior_tosses: int = 64
     coverage: float = 0.9
 
     def __post_init__(self) -> None:
         if self.selection not in SELECTIONS:
             raise InvalidValueError("selection", self.selection, f"one of {', '.join(SELECTIONS)}")
-        if self.warm_up < 1:
-            raise InvalidValueError("warm_up", self.warm_up, "at least 1 toss")
+        if self.prior_tosses < 1:
+            raise InvalidValueError("prior_tosses", self.prior_tosses, "at least 1 toss")
         if not 0.0 < self.coverage <= 1.0:
             raise InvalidValueError("coverage", self.coverage, "a share in (0, 1]")
 
@@ -88,7 +88,7 @@ class CurationStage:
     """Keeps the best tosses of one body.
 
     Args:
-        ranking: criterion and number of tosses; where a stream is not kept whole, log-det stands in for the default criterion.
+        ranking: criterion and number of tosses; log-det replaces the default criterion where a stream is not stored whole.
         config: how they are kept.
         informations: where everything that came, the place in the stream and the buffer are stored.
 
@@ -142,7 +142,7 @@ class CurationStage:
         self._selections[version].add(information)
         if stamp_ns > self._newest.stamp_ns:
             self._newest = Stamped(stamp_ns, frame_id)
-        self._states.save(kept_records(TossHeader(Stamped(stamp_ns, frame_id)), name=information.toss_id))
+        self._states.save(stored_records(TossHeader(Stamped(stamp_ns, frame_id)), name=information.toss_id))
 
     def advance(self, cursor: Cursor) -> None:
         """Remembers that everything up to the cursor is stored, and forgets thetas that are neither ranked nor the newest.
@@ -154,7 +154,7 @@ class CurationStage:
         needed = {self._ranked_version(), *self._order[-1:]}
         forgotten = [version for version in self._order if version not in needed]
         self._order = [version for version in self._order if version in needed]
-        self._states.save(kept_records(CuratorPosition(cursor, self._newest, tuple(self._order))))
+        self._states.save(stored_records(CuratorPosition(cursor, self._newest, tuple(self._order))))
         for version in forgotten:
             del self._selections[version]
             self._informations.drop_version(version)
@@ -187,7 +187,7 @@ class CurationStage:
         return 0 if header is None else header.stamped.stamp_ns
 
     def _fresh(self, ranking: RankingConfig) -> Selection:
-        return selection_of(self._config.selection, ranking, self._config.warm_up)
+        return selection_of(self._config.selection, ranking, self._config.prior_tosses)
 
     def _of_stored(self, ranking: RankingConfig, version: str) -> Selection:
         """A selection of what is stored at a theta."""
@@ -209,7 +209,7 @@ class CurationStage:
         if replace(record, seen=before.seen) != before:
             record = replace(record, revision=before.revision + 1)
         if record != before:
-            self._states.save(kept_records(record))
+            self._states.save(stored_records(record))
         return record.revision
 
 

@@ -28,9 +28,9 @@ from contact_curation.stages.records import (
     Proposal,
     ReferenceScores,
     ThrowRecord,
-    kept_records,
     load_record,
     record_key,
+    stored_records,
 )
 from contact_curation.stages.throw_log import ThrowLog
 from contact_curation.storage.stores.state import States
@@ -129,7 +129,7 @@ class DesignStage:
             oldest = next(version for version in self._infos if version != self.version)
             del self._infos[oldest]
         if info.toss_id not in self._stamps and self._states.load(record_key(FirstLoss, info.toss_id)) is None:
-            self._states.save(kept_records(FirstLoss(info.mean_loss), name=info.toss_id))
+            self._states.save(stored_records(FirstLoss(info.mean_loss), name=info.toss_id))
         self._stamps[info.toss_id] = stamp_ns
         if not self._log.busy:  # else it may be that of the throw under way, whose release nobody has told of yet
             self._match(info.toss_id)
@@ -222,7 +222,7 @@ class DesignStage:
     def _measure(self) -> None:
         """Measures what the last throw taught, if it was designed and its toss is scored at a theta that is known here.
 
-        Where that is not the theta of the plan, what was to be expected is predicted anew: only gains at one theta compare.
+        Where that is not the theta of the plan, the expected gain is predicted again: only gains at one theta compare.
         """
         last = self.throws[-1] if self.throws else None
         if last is None or last.exploration is not None or not last.toss_id or last.realised is not None:
@@ -278,5 +278,5 @@ class DesignStage:
         if version not in known.scores:
             scores = {**known.scores, version: tuple(self._design(version).planner.reference_scores().tolist())}
             known = ReferenceScores(dict(list(scores.items())[-2:]))
-            self._states.save(kept_records(known))
+            self._states.save(stored_records(known))
         return [np.array(scores) for scores in known.scores.values()]

@@ -14,7 +14,7 @@ from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.ingest import IngestEvent, TossIngest
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
-from contact_curation.stages.records import AnnouncedTosses, IngestPosition, IngestSnapshot, kept_records, load_record
+from contact_curation.stages.records import AnnouncedTosses, IngestPosition, IngestSnapshot, load_record, stored_records
 from contact_curation.storage.provenance import TossProvenance
 from contact_curation.storage.stores.tosses import JournalPose, StoredRejected, StoredToss, TossStore
 
@@ -117,7 +117,7 @@ class IngestJournal:
         return load_record(self._store.states.load, AnnouncedTosses) or AnnouncedTosses()
 
     def _keep(self, record: AnnouncedTosses | IngestPosition | IngestSnapshot) -> None:
-        self._store.states.save(kept_records(record))
+        self._store.states.save(stored_records(record))
 
     def _write_down(self, poses: Sequence[FramePose]) -> None:
         if poses:

@@ -342,7 +342,7 @@ def load_record[R](load: Callable[[str], bytes | None], kind: type[R], name: str
     return None if data is None else record_of(kind, data, f"state {key!r}")
 
 
-def kept_records(*records: Any, name: str = "") -> dict[str, bytes]:
+def stored_records(*records: Any, name: str = "") -> dict[str, bytes]:
     """Records as a state store saves them, together."""
     return {record_key(type(record), name): record_bytes(record) for record in records}
 

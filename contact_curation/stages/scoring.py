@@ -19,8 +19,8 @@ from contact_curation.stages.records import (
     ScorerPosition,
     Stamped,
     TossHeader,
-    kept_records,
     load_record,
+    stored_records,
 )
 from contact_curation.stages.scored_theta import ScoredTheta, scorer_of
 from contact_curation.storage.stores.information import InformationStore
@@ -134,7 +134,7 @@ class ScoringStage:
         results = self._scorer.score(fresh) if fresh else ()
         scored = [(toss, result) for toss, result in zip(fresh, results) if isinstance(result, TossInformation)]
         headers = {toss.toss_id: Stamped(int(toss.stamps_ns[-1]), frames[toss.toss_id]) for toss, _ in scored}
-        records = [kept_records(TossHeader(header), name=toss_id) for toss_id, header in headers.items()]
+        records = [stored_records(TossHeader(header), name=toss_id) for toss_id, header in headers.items()]
         self._states.save({key: data for one in records for key, data in one.items()})
         new = [Announcement(self._informations.add(one).sequence, one, headers[one.toss_id]) for _, one in scored]
         return Batch(tuple(new), tuple(result for result in results if isinstance(result, NotScored)))
@@ -151,11 +151,11 @@ class ScoringStage:
     def announced(self, batch: Sequence[Announcement]) -> None:
         """Remembers that everything up to these was announced."""
         if batch:
-            self._states.save(kept_records(AnnouncedInformation(batch[-1].sequence)))
+            self._states.save(stored_records(AnnouncedInformation(batch[-1].sequence)))
 
     def advance(self, cursor: Cursor) -> None:
         """Remembers that every toss up to the cursor was scored at this theta."""
-        self._states.save(kept_records(ScorerPosition(self.version, cursor)))
+        self._states.save(stored_records(ScorerPosition(self.version, cursor)))
 
     @property
     def last_sequence(self) -> int:

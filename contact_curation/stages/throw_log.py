@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from contact_curation.design.throw import Throw, ThrowReport, ThrowState
 from contact_curation.errors import InvalidValueError
-from contact_curation.stages.records import Proposal, ThrowLogRecord, ThrowRecord, kept_records, kind_of_throw, load_record
+from contact_curation.stages.records import Proposal, ThrowLogRecord, ThrowRecord, kind_of_throw, load_record, stored_records
 from contact_curation.storage.stores.state import States
 
 LEAD_NS = 50_000_000
@@ -104,7 +104,7 @@ class ThrowLog:
 
     def _save(self, record: ThrowLogRecord) -> None:
         self._record = record
-        self._states.save(kept_records(record))
+        self._states.save(stored_records(record))
 
 
 def _unmade(proposal: Proposal, state: ThrowState, detail: str) -> ThrowReport:

@@ -21,7 +21,7 @@ from contact_curation.learning.training.protocols import TrainingConfig
 from contact_curation.learning.training.training import Training
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
-from contact_curation.stages.records import TrainingRecord, kept_records, load_record, record_bytes, record_of
+from contact_curation.stages.records import TrainingRecord, load_record, record_bytes, record_of, stored_records
 from contact_curation.storage.checkpoint_file import read_model, read_notes, resume_training, save_checkpoint
 from contact_curation.storage.stores.tosses import TossStore
 
@@ -255,7 +255,7 @@ class TrainingStage:
         )
         if record != self._record:
             self._record = record
-            self._tosses.states.save(kept_records(record))
+            self._tosses.states.save(stored_records(record))
 
     def _resume(self) -> None:
         """Goes on in the middle of the round; where its tosses or the protocol are others, from its parameters on.

@@ -81,7 +81,7 @@ def test_every_view_of_a_running_session_is_filled(graph: Graph, tmp_path: Path)
         "ranking",
         "spectrum",
         "throws",
-        "gated",
+        "rejected",
         "health",
     ):
         assert written.rows(f"/{entity}"), entity

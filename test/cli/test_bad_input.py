@@ -265,4 +265,4 @@ def test_everything_gated_is_an_error_that_says_by_what_and_the_manifest_lists_i
     assert done.status == 1
     assert "depth in the board" in done.err_lines[-1]
     assert out.exists()
-    assert np.all([line.count('"gated": true') for line in out.read_text().splitlines() if '"toss_id"' in line])
+    assert np.all([line.count('"rejected": true') for line in out.read_text().splitlines() if '"toss_id"' in line])

@@ -4,6 +4,7 @@ import argparse
 import errno
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -14,11 +15,12 @@ from pathlib import Path
 import pytest
 
 from contact_curation.cli import main as door
+from contact_curation.cli.options.one_line_parser import examples_of
 from contact_curation.cli.rank import command as rank
 from contact_curation.errors import InvalidValueError
 from test.cli.commands import Cli
 
-HEAVY = ("numpy", "torch", "matplotlib", "rosbags", "mcap", "pyarrow", "scipy", "rclpy")
+HEAVY = ("argcomplete", "numpy", "torch", "matplotlib", "rosbags", "mcap", "pyarrow", "scipy", "rclpy")
 
 
 def python(code: str, *words: str) -> subprocess.CompletedProcess[str]:
@@ -80,8 +82,57 @@ def test_bad_usage_is_one_line_that_says_where_help_is_and_exit_status_2(cli: Cl
 def test_an_option_that_no_verb_has_names_the_verb_and_the_option_that_was_meant(cli: Cli) -> None:
     done = cli("rank", "a.mcap", "--criterium", "trace")
     assert done.status == 2
-    assert done.err.startswith("contact-curation rank: error: found --criterium trace, expected")
-    assert "did you mean --criterion?" in done.err
+    assert done.err.startswith("contact-curation rank: error: unknown option --criterium: did you mean --criterion?")
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("train", "a.mcap", "-o", "m.safetensors", "--canary"), "unknown option --canary: did you mean --rerank-when-stale?"),
+        (("design", "a.mcap", "-o", "t.json", "--warm-up"), "unknown option --warm-up: did you mean --exploration-throws?"),
+        (("rnak", "a.mcap"), "VERB: unknown rnak: did you mean rank?"),
+        (("rank", "a.mcap", "-c", "logdet"), "unknown logdet: did you mean log-det?"),
+        (("rank", "a.mcap", "--model", "deep-vertex"), "unknown deep-vertex: did you mean deepvertex?"),
+        (("rank", "a.mcap", "--estimator", "gaussnewton"), "unknown gaussnewton: did you mean gauss-newton?"),
+        (("rank", "a.mcap", "--model", "sphere"), "unknown sphere: expected one of deep, deepvertex, end_to_end, polytope"),
+        (("reproduce", "robustnes", "--out", "a"), "unknown robustnes: did you mean robustness?"),
+    ],
+)
+def test_an_unknown_word_is_refused_with_the_one_that_was_meant(cli: Cli, words: Sequence[str], says: str) -> None:
+    done = cli(*words)
+    assert done.status == 2
+    assert says in done.err
+
+
+def test_a_letter_is_the_option_that_it_stands_for_in_every_verb() -> None:
+    parser = door.build_parser(["rank"])
+    short = parser.parse_args(["rank", "a", "-k", "4", "-c", "trace", "-j2", "-b", "b.yaml", "-o", "m.csv", "-p", "t.json"])
+    long = ["--top", "4", "--criterion", "trace", "--jobs", "2", "--body", "b.yaml", "--out", "m.csv", "--params", "t.json"]
+    assert short == parser.parse_args(["rank", "a", *long])
+
+
+@pytest.mark.parametrize("verb", door.VERBS)
+def test_the_help_of_a_verb_ends_with_two_commands_that_can_be_typed(verb: str) -> None:
+    parser = door.build_parser([verb])
+    action = next(one for one in parser._actions if isinstance(one, argparse._SubParsersAction))
+    commands = list(examples_of(action.choices[verb]))
+    assert len(commands) >= 2
+    for command in commands:
+        name, *words = shlex.split(command.replace("*", "all"))
+        assert (name, words[0]) == ("contact-curation", verb)
+        parser.parse_args(words)
+
+
+@pytest.mark.parametrize(
+    ("line", "answer"),
+    [("contact-curation ra", ["rank"]), ("contact-curation rank a.mcap --crit", ["--criterion"])],
+)
+def test_a_shell_completes_verbs_and_options(line: str, answer: list[str], tmp_path: Path) -> None:
+    asked = {"_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line))}
+    written = {"_ARGCOMPLETE_STDOUT_FILENAME": str(tmp_path / "out"), "_ARGCOMPLETE_SUPPRESS_SPACE": "1"}
+    command = [sys.executable, "-m", "contact_curation.cli.main"]
+    subprocess.run(command, env={**os.environ, **asked, **written}, check=True)
+    assert (tmp_path / "out").read_text().split() == answer
 
 
 def test_an_option_cut_short_is_not_guessed(cli: Cli) -> None:

@@ -66,8 +66,8 @@ def test_five_throws_with_nodes_killed_on_the_way_give_the_ranking_that_their_ba
     assert told["held_out"]["tosses"] == 21
     by_hand = ["rank", str(folder / "session.mcap"), "--params", str(folder / "checkpoint.safetensors"), "--top", "3", "--json"]
     done = subprocess.run([*ONLINE[:3], *by_hand], capture_output=True, check=True)
-    ranked = sorted((row for row in json.loads(done.stdout)["tosses"] if row["kept"]), key=lambda row: int(row["rank"]))
-    assert [row["toss_id"] for row in ranked] == told["kept"]
+    ranked = sorted((row for row in json.loads(done.stdout)["tosses"] if row["selected"]), key=lambda row: int(row["rank"]))
+    assert [row["toss_id"] for row in ranked] == told["selected"]
     for name in ("report.html", "manifest.parquet", "session.json", "session.rrd", "figures/gains.png", "logs/curator.log"):
         assert (folder / name).exists(), name
     with BagReader(folder / "session.mcap") as bag:

@@ -44,7 +44,7 @@ def test_held_out_tosses_and_their_duplicates_are_not_in_the_pool(cli: Cli, fold
     assert {toss_id: row["reasons"] for toss_id, row in others.items()} == {
         "2": ["held out"], "3": ["held out"], "7": ["duplicate of a held-out toss: 2"],
     }  # fmt: skip
-    assert not any(row["kept"] or row["trace"] for row in others.values())
+    assert not any(row["selected"] or row["trace"] for row in others.values())
     assert report["outcomes"] == {"selected": 2, "not selected": 0, "held out": 2, "duplicate of a held-out toss": 1}
 
 
@@ -52,10 +52,10 @@ def test_a_toss_is_held_out_by_its_place_in_a_recording_and_kept_back_ones_count
     whole = cli("rank", golden, "--no-figure", "--json").json
     some = cli("rank", golden, "--no-figure", "--json", "--held-out", "0-9").json
     rows = sorted(some["tosses"], key=lambda row: row["first_stamp_ns"])
-    gated = {row["toss_id"] for row in whole["tosses"] if row["gated"]}
+    rejected = {row["toss_id"] for row in whole["tosses"] if row["rejected"]}
     for row in rows[:10]:
-        assert row["toss_id"] in gated or row["reasons"] == ["held out"]
-    assert all(row["rank"] or row["toss_id"] in gated for row in rows[10:])
+        assert row["toss_id"] in rejected or row["reasons"] == ["held out"]
+    assert all(row["rank"] or row["toss_id"] in rejected for row in rows[10:])
     said = cli("rank", golden, "--no-figure", "--held-out", "0-9").out
     assert f"rejected: {some['outcomes']['held out']} (held out)" in said
 

@@ -83,8 +83,8 @@ def test_orthogonal_takes_the_exact_scores(cli: Cli, folder: Path) -> None:
     rough = ranked(cli, folder, "deepvertex", *words, "--set", "network.sketch.leading=0", "--set", "network.sketch.random=1")
     fine = ranked(cli, folder, "deepvertex", *words)
     assert [row["score"] for row in rough["tosses"]] == pytest.approx([row["score"] for row in fine["tosses"]], rel=1e-12)
-    assert rough["diagnostics"]["kept_gram"] == pytest.approx(fine["diagnostics"]["kept_gram"], rel=1e-9)
-    assert fine["diagnostics"]["kept_gram"]["largest"] > 0.0
+    assert rough["diagnostics"]["selected_gram"] == pytest.approx(fine["diagnostics"]["selected_gram"], rel=1e-9)
+    assert fine["diagnostics"]["selected_gram"]["largest"] > 0.0
 
 
 def test_a_bound_from_the_pool_and_several_thetas_and_processes_go_together(cli: Cli, folder: Path) -> None:

@@ -18,7 +18,7 @@ def manifest(cli: Cli, folder: Path, tmp_path: Path) -> Path:
 
 
 def selected_ids(manifest: Path) -> list[str]:
-    return [row["toss_id"] for row in json.loads(manifest.read_text())["tosses"] if row["kept"]]
+    return [row["toss_id"] for row in json.loads(manifest.read_text())["tosses"] if row["selected"]]
 
 
 def test_the_kept_tosses_of_a_manifest_are_trained_on(cli: Cli, folder: Path, tmp_path: Path, manifest: Path) -> None:
@@ -70,7 +70,7 @@ def test_what_was_selected_is_told(cli: Cli, folder: Path, tmp_path: Path) -> No
     told = [one for one in events(tmp_path / "a.jsonl") if one["event"] == "selection"]
     assert [one["trigger"] for one in told] == ["first"] + ["epochs"] * (len(told) - 1)
     assert len(told) > 2
-    assert all(len(one["kept"]) == 2 and set(one["kept"]) <= set("01234") for one in told)
+    assert all(len(one["toss_ids"]) == 2 and set(one["toss_ids"]) <= set("01234") for one in told)
 
 
 def test_an_exact_training_selects_again_at_its_optimum_and_learns_from_the_last_set_alone(
@@ -81,8 +81,8 @@ def test_an_exact_training_selects_again_at_its_optimum_and_learns_from_the_last
     triggers = [one["trigger"] for one in done["selections"]]
     assert triggers[:2] == ["first", "optimum"]
     assert 2 <= len(triggers) <= 3
-    assert done["training_tosses"] == sorted(done["selections"][-1]["kept"])
-    for option in (("--canary",), ("--rerank-every", 2)):
+    assert done["training_tosses"] == sorted(done["selections"][-1]["toss_ids"])
+    for option in (("--rerank-when-stale",), ("--rerank-every", 2)):
         refused = cli("train", folder, "--out", tmp_path / "c.safetensors", *exact, "--top", 2, *option)
         assert refused.status == 1
         assert f"{option[0]}: found --protocol exact, which selects again at each optimum" in refused.err

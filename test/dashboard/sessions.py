@@ -53,7 +53,7 @@ def scored(count: int, seed: int = 3) -> Scored:
 
 
 def selected_set(curation: Curation, top: int, seen: int, version: str) -> SelectedSet:
-    """The kept set of a ranking, as a curator says it."""
+    """The selected set of a ranking, as a curator says it."""
     entries = [entry for entry in curation.ranking.entries if entry.selected]
     ids, gains = tuple(entry.toss_id for entry in entries), tuple(float(entry.marginal_gain) for entry in entries)
     return SelectedSet(curation.ranking.criterion, top, ids, gains, version, seen)

@@ -76,4 +76,4 @@ def test_the_tutorials_commands_run_as_they_are_written(tmp_path: Path) -> None:
     for name in ("manifest.csv", "manifest_2.csv", "motion.png", "brick.safetensors", "next.json"):
         assert (made / name).is_file(), name
     with InformationStore(made / "buffer.sqlite") as store:
-        assert len(json.loads(store.states.load("buffer") or b"{}")["kept"]) == 8
+        assert len(json.loads(store.states.load("buffer") or b"{}")["selected"]) == 8

@@ -102,7 +102,7 @@ def of_seeds(found: Rows, said: Said, rule: str, seeds: int) -> dict[int, float]
 )
 def test_medians_are_those_of_ten_seeds(heading: str, name: str) -> None:
     found, counted = rows(name), 0
-    for said in tables(section(heading), ("kept", "rule")):
+    for said in tables(section(heading), ("selected", "rule")):
         check(said, of_seeds(found, said, said.rule, 10).values(), 10)
         counted += 1
     assert counted > 50
@@ -110,7 +110,7 @@ def test_medians_are_those_of_ten_seeds(heading: str, name: str) -> None:
 
 def test_differences_are_those_of_twenty_seeds() -> None:
     found, counted = rows("dataset_quality"), 0
-    for said in tables(section("Dataset quality"), ("kept", "less")):
+    for said in tables(section("Dataset quality"), ("selected", "less")):
         ours, theirs = (of_seeds(found, said, rule, 20) for rule in ("representative", said.rule))
         check(said, [ours[seed] - theirs[seed] for seed in ours], 20)
         counted += 1
@@ -124,7 +124,7 @@ def test_networks_are_those_of_five_seeds() -> None:
         own = [row for row in found if row["model"] == model]
         part = re.search(rf"^`{model}`:\n(.*?)(?=^`|^Differences)", text, re.DOTALL | re.MULTILINE)
         assert part, model
-        for said in tables(part[1], ("kept", "rule")):
+        for said in tables(part[1], ("selected", "rule")):
             check(said, of_seeds(own, said, said.rule, 5).values(), 5)
             counted += 1
     assert counted == 3 * 6 * 3 * 3
@@ -136,7 +136,7 @@ def test_networks_of_the_published_protocol_are_those_of_five_seeds(model: str, 
     text = section("Networks").partition("**In the published protocol**")[2]
     part = re.search(rf"^`{model}`:\n(.*?)(?=^`|^Differences)", text, re.DOTALL | re.MULTILINE)
     assert part, model
-    for said in tables(part[1], ("kept", "rule")):
+    for said in tables(part[1], ("selected", "rule")):
         check(said, of_seeds(found, said, said.rule, 5).values(), 5)
         counted += 1
     assert counted == 3 * rules * 3
@@ -169,7 +169,7 @@ def test_bad_tosses_cost_what_the_page_says() -> None:
 THROWN = {
     "random": "random, fitted prior",
     "raw": "random, the paper's normal",
-    "warm-up": "warm-up only: each meets the board in another way",
+    "exploration": "exploration only: each meets the board in another way",
     "designed": "designed, from throw 6 to 8 on",
 }
 """Rules, as the table of docs/results.md calls them."""

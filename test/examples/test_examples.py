@@ -64,13 +64,13 @@ def test_a_live_topic_is_curated_in_forty_lines(golden_bag: Path, curator: Any) 
     from contact_curation_msgs.msg import Toss as TossMessage
 
     from contact_curation.nodes.messages.toss import toss_message
-    from contact_curation.nodes.ros.qos import kept
+    from contact_curation.nodes.ros.qos import latched
     from test.graph.parts.graph import Listener
 
     process, domain = curator
     tosses = cc.read(golden_bag)
     listener = Listener(domain)
-    publisher = listener.node.create_publisher(TossMessage, "toss", kept(100))
+    publisher = listener.node.create_publisher(TossMessage, "toss", latched(100))
     for sequence, toss in enumerate(tosses.accepted[:6], start=1):
         publisher.publish(toss_message(toss, sequence, "board"))
     last = next(line for line in process.stdout if line.startswith("6 tosses"))

@@ -24,7 +24,7 @@ def budgeted(rule: str, steps: int, seed: int = 0) -> Row:
 
 
 def kept(row: Row) -> set[str]:
-    return set(str(row["kept"]).split())
+    return set(str(row["selected"]).split())
 
 
 def test_redrawn_tosses_are_others_at_every_look_of_the_same_size_and_follow_from_the_seed() -> None:

@@ -38,8 +38,8 @@ def test_dataset_quality_compares_rules_seed_by_seed(cli: Cli, folder: Path, tmp
     assert [(row["rule"], row["size"], row["seed"]) for row in rows] == [
         (rule, size, seed) for seed in "01" for rule, size in [*((rule, "2") for rule in rules), ("all", "0")]
     ]
-    assert {len(row["kept"].split()) for row in rows if row["size"] == "2"} == {2}
-    assert not any({"8", "9"} & set(row["kept"].split()) for row in rows)
+    assert {len(row["selected"].split()) for row in rows if row["size"] == "2"} == {2}
+    assert not any({"8", "9"} & set(row["selected"].split()) for row in rows)
     by_rule = {(row["rule"], row["seed"]): float(row["friction"]) for row in rows if row["size"] == "2"}
     summary = {(row["rule"], row["measure"]): row for row in table(tmp_path / "summary.csv") if row["size"] == "2"}
     own = summary["log-det", "friction"]
@@ -70,7 +70,7 @@ def test_robustness_says_what_the_gates_caught(cli: Cli, folder: Path, tmp_path:
     rows = table(tmp_path / "rows.csv")
     assert {(row["fault"], row["gated"]) for row in rows} == {("", "True"), ("spike", "True"), ("spike", "False")}
     gated = [row for row in rows if row["fault"] and row["gated"] == "True"]
-    assert {(row["gate_hits"], row["gate_false_alarms"], row["kept_bad"]) for row in gated} == {("1.0", "0.0", "0.0")}
+    assert {(row["gate_hits"], row["gate_false_alarms"], row["selected_bad"]) for row in gated} == {("1.0", "0.0", "0.0")}
 
 
 @pytest.mark.parametrize("experiment", ["theorem", pytest.param("calibration", marks=pytest.mark.slow)])
@@ -113,7 +113,7 @@ def test_ways_of_choosing_throws_are_compared_throw_by_throw(cli: Cli, folder: P
 
 @pytest.mark.slow
 def test_throws_are_the_same_in_processes_of_their_own(cli: Cli, folder: Path, tmp_path: Path) -> None:
-    words = ("reproduce", "designed-throws", folder, *SMALL, "--rules", "warm-up", "designed", "--out")
+    words = ("reproduce", "designed-throws", folder, *SMALL, "--rules", "exploration", "designed", "--out")
     assert cli(*words, tmp_path / "one").status == 0
     assert cli(*words, tmp_path / "two", "--jobs", 2).status == 0
     assert (tmp_path / "one" / "rows.csv").read_bytes() == (tmp_path / "two" / "rows.csv").read_bytes()
@@ -122,7 +122,7 @@ def test_throws_are_the_same_in_processes_of_their_own(cli: Cli, folder: Path, t
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (("--rules", "longest"), "rule of designed-throws: found longest, expected one of random, raw, warm-up, designed"),
+        (("--rules", "longest"), "rule of designed-throws: found longest, expected one of random, raw, exploration, designed"),
         (("--model", "deep"), "model of designed-throws: found deep, expected one of polytope"),
         (("--protocol", "published"), "protocol of designed-throws: found published, expected one of exact, budgeted"),
     ],

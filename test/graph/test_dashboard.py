@@ -14,7 +14,7 @@ from contact_curation_msgs.msg import CuratedBuffer, TossInformation, TossReject
 from nav_msgs.msg import Odometry
 
 from contact_curation.nodes.messages.headers import nanoseconds_of
-from contact_curation.nodes.ros.qos import kept
+from contact_curation.nodes.ros.qos import latched
 from test.dashboard.live.test_serving import free_port
 from test.dashboard.recorded import Recorded
 from test.graph.parts.graph import Graph
@@ -88,7 +88,7 @@ def test_a_dashboard_that_starts_late_fills_every_view(graph: Graph, golden_bag:
         assert written.rows(f"/{entity}"), entity
     for curve in ("epsilon/epsilon", "known/worst", "errors/position", "losses/held_out", "gains/planned", "gains/realised"):
         assert written.scalars(f"/{curve}"), curve
-    assert len(written.texts("/gated")) == 3
+    assert len(written.texts("/rejected")) == 3
     assert "planned to add 1.50 nats" in written.texts("/throws")[-1]
     for name in NODES:
         assert f"| {name} | " in written.texts("/health")[-1]
@@ -108,7 +108,7 @@ def test_a_dashboard_that_starts_late_asks_again_for_what_it_had_to_drop_at_firs
 def test_a_flood_is_dropped_counted_and_shown_and_the_node_goes_on(graph: Graph) -> None:
     diagnostics, path = graph.diagnostics(), graph.folder / "flood.rrd"
     node = graph.start("dashboard", recording=path, web_port=0, queue=1)
-    publisher = graph.listener.node.create_publisher(TossRejected, "/toss_rejected", kept(FLOOD))
+    publisher = graph.listener.node.create_publisher(TossRejected, "/toss_rejected", latched(FLOOD))
     graph.until(publisher.get_subscription_count, LONG, "the dashboard to listen")
     for number in range(FLOOD):
         publisher.publish(rejected(number))
@@ -123,7 +123,7 @@ def test_a_flood_is_dropped_counted_and_shown_and_the_node_goes_on(graph: Graph)
     time.sleep(1.5)
     assert node.stop() == 0, node.log()
     written = Recorded(path)
-    lines = written.texts("/gated")
+    lines = written.texts("/rejected")
     assert len(lines) + lost == FLOOD + 1
     assert lines[-1].startswith(f"{1_600_000_100 + FLOOD}.000")
     assert f"behind: {lost} of toss_rejected" in written.texts("/health")[-1]
@@ -151,8 +151,8 @@ class Moments:
         self._poses: dict[int, int] = {}
         self._informations: dict[int, int] = {}
         node = graph.listener.node
-        node.create_subscription(Odometry, "/tagslam/odom/body_cube", self._pose, kept(10000))
-        node.create_subscription(TossInformation, "/toss_information", self._information, kept(100))
+        node.create_subscription(Odometry, "/tagslam/odom/body_cube", self._pose, latched(10000))
+        node.create_subscription(TossInformation, "/toss_information", self._information, latched(100))
 
     def _pose(self, message: Any, info: Any) -> None:
         self._poses[nanoseconds_of(message.header.stamp)] = info["source_timestamp"]

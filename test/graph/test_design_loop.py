@@ -10,7 +10,7 @@ import pytest
 from contact_curation_msgs.msg import ThrowReport
 from std_srvs.srv import Trigger
 
-from contact_curation.nodes.ros.qos import RESULTS_KEPT
+from contact_curation.nodes.ros.qos import RESULTS_DEPTH
 from contact_curation.stages.records import ThrowRecord
 from test.cli.commands import write_parameters
 from test.graph.parts.graph import Graph
@@ -36,7 +36,7 @@ class Loop:
         self.graph = graph
         self._theta = write_parameters(graph.folder / "true.json")
         self._throws = throws
-        self.reports: list[ThrowReport] = graph.listener.listen(ThrowReport, "/throw_report", RESULTS_KEPT)
+        self.reports: list[ThrowReport] = graph.listener.listen(ThrowReport, "/throw_report", RESULTS_DEPTH)
         graph.start("pose_ingest")
         graph.start("fisher_scorer", params=self._theta)
         graph.start("curator", top=4)
@@ -50,7 +50,7 @@ class Loop:
         return self.arm
 
     def started_designer(self) -> NodeProcess:
-        settings = {**SMALL, "params": self._theta, "canary.enabled": False, "thrower": "arm", "toss_timeout": 20.0}
+        settings = {**SMALL, "params": self._theta, "readiness.enabled": False, "thrower": "arm", "toss_timeout": 20.0}
         store, label = self.graph.folder / "throws.sqlite", f"designer{len(self.graph.processes)}"
         self.designer = self.graph.start(
             "throw_designer", label=label, store=store, auto=True, max_throws=self._throws, retry_period=0.3, **settings

@@ -18,7 +18,7 @@ from contact_curation.information.ranker import RankingConfig
 from contact_curation.learning.checkpoints.theta_bytes import bytes_of_geometry
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.toss_information import information_of
-from contact_curation.nodes.ros.qos import kept
+from contact_curation.nodes.ros.qos import latched
 from test.graph.parts.graph import Graph
 from test.graph.parts.offline import assert_same_buffer, curated, scored, tosses_of
 
@@ -56,7 +56,7 @@ def test_scorer_and_curator_that_come_late_and_a_new_theta_and_criterion(graph: 
 
     cube = ContactGeometry.of_body(CONTACTNETS_CUBE)
     theta = replace(cube, vertices_normal=cube.vertices_normal * 1.005, tangents=cube.tangents * 1.2)
-    parameters = graph.listener.node.create_publisher(ModelParameters, "/model_parameters", kept(1))
+    parameters = graph.listener.node.create_publisher(ModelParameters, "/model_parameters", latched(1))
     published = ModelParameters(body="cube", model="polytope", version="theta", safetensors=bytes_of_geometry(theta))
     parameters.publish(published)
     new = curated(golden_bag, TOP, theta)

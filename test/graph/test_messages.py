@@ -26,7 +26,7 @@ from contact_curation.learning.checkpoints.stored_model import model_bytes
 from contact_curation.learning.checkpoints.theta_bytes import bytes_of_geometry, geometry_of_bytes
 from contact_curation.motion.toss import Rejected
 from contact_curation.nodes.messages.headers import Stamped, check_format, stamped_of
-from contact_curation.nodes.messages.shown import kept_set_of, theta_of, training_of
+from contact_curation.nodes.messages.shown import selected_set_of, theta_of, training_of
 from contact_curation.nodes.messages.throw import throw_message, throw_of
 from contact_curation.nodes.messages.throw_report import report_of
 from contact_curation.nodes.messages.toss import rejected_message, toss_message, toss_of
@@ -61,7 +61,7 @@ NEWER = 2
         (Throw(), throw_of),
         (ThrowReport(), report_of),
         (ModelParameters(), lambda message: theta_of(message, CONTACTNETS_CUBE)),
-        (CuratedBuffer(), kept_set_of),
+        (CuratedBuffer(), selected_set_of),
         (TrainingStatus(), training_of),
         (TossRejected(), check_format),
     ],

@@ -12,7 +12,7 @@ from nav_msgs.msg import Odometry
 from tf2_msgs.msg import TFMessage
 
 from contact_curation.motion.pose_stream import FramePose
-from contact_curation.nodes.ros.qos import kept, profile
+from contact_curation.nodes.ros.qos import latched, profile
 from contact_curation.storage.stores.tosses import TossStore
 from test.conftest import GOLDEN
 from test.graph.parts.graph import Graph
@@ -62,7 +62,7 @@ def test_every_type_of_pose_topic_gives_the_same_tosses(
     tracker = Tracker(graph.listener, rig)
     kinds: dict[str, tuple[type, Any]] = {
         "/odometry": (Odometry, BEST_EFFORT),
-        "/pose": (PoseStamped, kept(10)),
+        "/pose": (PoseStamped, latched(10)),
         "/poses": (PoseArray, profile(1000, reliable=True, latched=False)),
         "/tf": (TFMessage, profile(1000, reliable=True, latched=False)),
     }
@@ -84,8 +84,8 @@ def test_every_type_of_pose_topic_gives_the_same_tosses(
 @pytest.mark.slow
 def test_a_rig_that_keeps_silent_holds_up_the_poses_for_a_while_only(graph: Graph) -> None:
     node = graph.listener.node
-    node.create_publisher(TFMessage, "/tf_static", kept(1))
-    poses = node.create_publisher(Odometry, "/odometry", kept(10))
+    node.create_publisher(TFMessage, "/tf_static", latched(1))
+    poses = node.create_publisher(Odometry, "/odometry", latched(10))
     graph.start("pose_ingest", topic="/odometry")
     graph.until(poses.get_subscription_count, LONG, "a subscriber of the poses")
 
@@ -96,7 +96,7 @@ def test_bad_poses_are_counted_and_said_once_and_cost_no_toss(
     tosses, diagnostics = graph.tosses(), graph.diagnostics()
     graph.start("pose_ingest", topic="/odometry")
     tracker = Tracker(graph.listener, rig)
-    publisher = tracker.topic(Odometry, "/odometry", kept(10))
+    publisher = tracker.topic(Odometry, "/odometry", latched(10))
     broken = []
     for place, one in enumerate(poses):
         broken.append(one)
@@ -146,7 +146,7 @@ def test_a_clock_that_jumps_back_ends_the_toss_and_the_same_tosses_come_once(
     tosses, rejected = graph.tosses(), graph.rejected()
     graph.start("pose_ingest", topic="/odometry")
     tracker = Tracker(graph.listener, rig)
-    publisher = tracker.topic(Odometry, "/odometry", kept(10))
+    publisher = tracker.topic(Odometry, "/odometry", latched(10))
     expected = tosses_in((*rig, *poses), "/odometry")
     middle = int(expected[1].stamps_ns[expected[1].frames // 2])
     publish([publisher], [one for one in poses if one.stamp_ns < middle])

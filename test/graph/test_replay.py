@@ -18,7 +18,7 @@ from contact_curation.learning.checkpoints.theta_bytes import bytes_of_geometry,
 from contact_curation.motion.calibration import RigCalibration
 from contact_curation.motion.toss import Toss
 from contact_curation.nodes.messages.toss import toss_of
-from contact_curation.nodes.ros.qos import kept
+from contact_curation.nodes.ros.qos import latched
 from contact_curation.storage.inputs.inputs import InputsConfig, open_inputs
 from contact_curation.storage.manifest.file import read_manifest
 from test.graph.parts.graph import Graph
@@ -123,7 +123,7 @@ def test_while_parameters_come_faster_than_tosses_are_scored_no_buffer_ranks_few
     for name, chosen in STAGES.items():
         graph.start(name, **chosen)
     graph.start("player", bag=golden_bag, rate=5.0, wait_for=10.0, stay=True)
-    publisher = graph.listener.node.create_publisher(ModelParameters, "/model_parameters", kept(1))
+    publisher = graph.listener.node.create_publisher(ModelParameters, "/model_parameters", latched(1))
     expected, sent = tosses_of(golden_bag), 0
     cube = ContactGeometry.of_body(CONTACTNETS_CUBE)
     while sent < 5000 and not (buffers and buffers[-1].tosses_seen == len(expected) and sent > 1000):

@@ -8,7 +8,7 @@ from rclpy.qos import QoSProfile
 from tf2_msgs.msg import TFMessage
 
 from contact_curation.nodes.ros.pose_topics import LOOKS_FOR_THE_RIG, PoseTopics
-from contact_curation.nodes.ros.qos import kept, profile
+from contact_curation.nodes.ros.qos import latched, profile
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 
 POSES, RIG = "/poses", "/tf_static"
@@ -51,7 +51,7 @@ def followed(graph: Any) -> PoseTopics:
 
 
 def test_poses_wait_for_the_rig_that_its_publishers_keep() -> None:
-    graph = GraphOf({POSES: LIVE, RIG: kept(1)})
+    graph = GraphOf({POSES: LIVE, RIG: latched(1)})
     topics = followed(graph)
     topics.follow()
     assert set(graph.callbacks) == {RIG}
@@ -61,7 +61,7 @@ def test_poses_wait_for_the_rig_that_its_publishers_keep() -> None:
 
 
 def test_a_rig_that_keeps_silent_is_waited_for_so_many_looks_and_no_more() -> None:
-    graph = GraphOf({POSES: LIVE, RIG: kept(1)})
+    graph = GraphOf({POSES: LIVE, RIG: latched(1)})
     topics = followed(graph)
     for _ in range(LOOKS_FOR_THE_RIG):
         topics.follow()
@@ -75,7 +75,7 @@ def test_a_rig_that_is_found_later_than_the_poses_still_comes_first() -> None:
     topics = followed(graph)
     topics.follow()
     assert set(graph.callbacks) == set()
-    graph.offers[RIG] = kept(1)
+    graph.offers[RIG] = latched(1)
     topics.follow()
     assert set(graph.callbacks) == {RIG}
     graph.callbacks[RIG](TFMessage(), {"source_timestamp": 1})

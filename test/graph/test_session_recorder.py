@@ -10,7 +10,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from std_msgs.msg import Float64MultiArray, String
 
 from contact_curation.nodes.ros.message_definition import definition_text
-from contact_curation.nodes.ros.qos import kept, profile
+from contact_curation.nodes.ros.qos import latched, profile
 from contact_curation.storage.bags.reader import BagReader
 from test.graph.parts.graph import Graph, until
 
@@ -61,8 +61,8 @@ def recorded(path: Path, topic: str) -> list[Any]:
 def test_everything_is_recorded_and_a_kill_costs_nothing_that_was_latched(graph: Graph) -> None:
     bag = graph.folder / "session.mcap"
     node = graph.listener.node
-    toss = node.create_publisher(Toss, "toss", kept(256))
-    poses = node.create_publisher(Odometry, "tagslam/odom/body_cube", kept(4096))
+    toss = node.create_publisher(Toss, "toss", latched(256))
+    poses = node.create_publisher(Odometry, "tagslam/odom/body_cube", latched(4096))
     truth = node.create_publisher(String, "truth", profile(100, reliable=True, latched=False))
     rough = node.create_publisher(Float64MultiArray, "rough", profile(100, reliable=False, latched=False))
     publishers = toss, poses, truth, rough

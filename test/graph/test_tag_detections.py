@@ -13,7 +13,7 @@ from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.nodes.messages.camera import camera_info_message, detections_message
 from contact_curation.nodes.messages.headers import Stamped
 from contact_curation.nodes.messages.toss import toss_of
-from contact_curation.nodes.ros.qos import kept, profile
+from contact_curation.nodes.ros.qos import latched, profile
 from contact_curation.simulation.camera.tag_detection import Detection
 from contact_curation.storage.inputs.inputs import InputsConfig, open_inputs
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig
@@ -45,7 +45,7 @@ def test_detections_that_are_published_and_those_in_a_bag_give_the_same_tosses(g
     tosses, rejected, diagnostics = graph.tosses(), graph.rejected(), graph.diagnostics()
     graph.start("pose_ingest", tag_map=SHIPPED)
     node = graph.listener.node
-    detections = node.create_publisher(AprilTagDetectionArray, "/detections", kept(2000))
+    detections = node.create_publisher(AprilTagDetectionArray, "/detections", latched(2000))
     camera = node.create_publisher(CameraInfo, "/camera_info", profile(5, reliable=False, latched=False))
     until(lambda: detections.get_subscription_count() and camera.get_subscription_count(), LONG, "a subscriber")
     publish(detections, images[:50])  # before the camera is known: they wait
@@ -64,8 +64,8 @@ def test_a_restarted_node_needs_no_second_camera_info_of_a_latched_camera(graph:
     images = list(tagged_tosses(2))
     tosses = graph.tosses()
     node = graph.listener.node
-    detections = node.create_publisher(AprilTagDetectionArray, "/detections", kept(2000))
-    camera = node.create_publisher(CameraInfo, "/camera_info", kept(1))
+    detections = node.create_publisher(AprilTagDetectionArray, "/detections", latched(2000))
+    camera = node.create_publisher(CameraInfo, "/camera_info", latched(1))
     camera.publish(camera_info_message(Stamped(0, "camera"), CAMERA.pinhole))
     first = graph.start("pose_ingest", tag_map=SHIPPED)
     half = len(images) * 3 // 4

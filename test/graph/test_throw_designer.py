@@ -18,7 +18,7 @@ from contact_curation.design.predicted_information import Particle
 from contact_curation.nodes import throw_goals
 from contact_curation.nodes.messages.headers import time_message
 from contact_curation.nodes.messages.throw import throw_of
-from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
+from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
 from contact_curation.stages.records import ThrowLogRecord, ThrowRecord, load_record
 from contact_curation.storage.stores.state import StateStore
 from test.cli.commands import write_parameters
@@ -42,7 +42,7 @@ def started(graph: Graph, **changed: Any) -> Any:
 
 
 def trusted(graph: Graph) -> dict[str, Any]:
-    return {"params": write_parameters(graph.folder / "true.json"), "canary.enabled": False}
+    return {"params": write_parameters(graph.folder / "true.json"), "readiness.enabled": False}
 
 
 def made(folder: Path) -> tuple[ThrowRecord, ...]:
@@ -56,7 +56,7 @@ def counted(heard: list[Any], kind: str) -> int:
 
 
 def reported(graph: Graph) -> list[Any]:
-    return graph.listener.listen(ThrowReport, "/throw_report", RESULTS_KEPT)
+    return graph.listener.listen(ThrowReport, "/throw_report", RESULTS_DEPTH)
 
 
 def test_a_throw_is_proposed_without_being_made_and_the_same_seed_proposes_it_again(graph: Graph) -> None:
@@ -78,12 +78,12 @@ def test_a_throw_is_proposed_without_being_made_and_the_same_seed_proposes_it_ag
 
 
 @pytest.mark.slow
-def test_without_a_theta_that_it_can_use_throws_warm_up(graph: Graph) -> None:
-    publisher = graph.listener.node.create_publisher(ModelParameters, "/model_parameters", kept(1))
+def test_without_a_theta_that_it_can_use_makes_exploration_throws(graph: Graph) -> None:
+    publisher = graph.listener.node.create_publisher(ModelParameters, "/model_parameters", latched(1))
     publisher.publish(ModelParameters(body="cube", model="deep", safetensors=b"nothing"))
     heard = graph.diagnostics()
     started(graph)
-    graph.until(lambda: counted(heard, "bad parameters") == 1, LONG, "a complaint")
+    graph.until(lambda: counted(heard, "bad parameters") == 1, LONG, "a warning")
     request = ProposeThrow.Request(body="cube", seed=1)
     first = graph.listener.call(ProposeThrow, "propose_throw", request, LONG)
     assert first.success
@@ -124,7 +124,7 @@ def test_a_throw_whose_motion_is_rejected_is_followed_by_the_next_at_once(graph:
     thrower = Thrower(graph.listener)
     thrower.silent.set()
     reports = reported(graph)
-    publisher = graph.listener.node.create_publisher(TossRejected, "/toss_rejected", kept(RESULTS_KEPT))
+    publisher = graph.listener.node.create_publisher(TossRejected, "/toss_rejected", latched(RESULTS_DEPTH))
     started(graph, auto=True, max_throws=2, toss_timeout=10.0 * LONG, **trusted(graph))
     graph.until(lambda: len(made(graph.folder)) == 1, LONG, "a first throw")
     stamp = time_message(made(graph.folder)[0].released_ns)

@@ -1,4 +1,4 @@
-"""A kept set is measured against its pool: spectrum, efficiencies, shares (method.md 1.9, 2.2, 2.3)."""
+"""A selected set is measured against its pool: spectrum, efficiencies, shares (method.md 1.9, 2.2, 2.3)."""
 
 from collections.abc import Sequence
 
@@ -27,7 +27,7 @@ KEPT = ("toss-0003", "toss-0010", "toss-0020", "toss-0080")
 
 
 def relative_spectrum(kept: Sequence[str], weights: Sequence[float]) -> Array:
-    """Generalised eigenvalues of the weighted kept set against the pool."""
+    """Generalised eigenvalues of the weighted selected set against the pool."""
     by_id = {info.toss_id: info for info in INFOS}
     subset = sum(weight * by_id[toss_id].fisher() for toss_id, weight in zip(kept, weights, strict=True))
     return np.asarray(eigh(subset, sum(info.fisher() for info in INFOS), eigvals_only=True))

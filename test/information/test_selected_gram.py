@@ -1,4 +1,4 @@
-"""The kept set's eigenvalues are those of its information, however many parameters there are."""
+"""The selected set's eigenvalues are those of its information, however many parameters there are."""
 
 import numpy as np
 import pytest

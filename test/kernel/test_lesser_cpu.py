@@ -49,9 +49,9 @@ def test_the_same_tosses_are_selected_in_the_same_order(lesser: dict[str, str], 
         path = tmp_path / f"{name}.json"
         run(environment, "rank", GOLDEN, "--criterion", criterion, "--top", "8", "--out", path)
         tosses.append(json.loads(path.read_text())["tosses"])
-    own, other = ([{key: toss[key] for key in ("toss_id", "rank", "kept")} for toss in each] for each in tosses)
+    own, other = ([{key: toss[key] for key in ("toss_id", "rank", "selected")} for toss in each] for each in tosses)
     assert own == other
-    assert sum(bool(toss["kept"]) for toss in own) == 8
+    assert sum(bool(toss["selected"]) for toss in own) == 8
 
 
 def test_the_same_parameters_are_learned_to_one_in_a_thousand_million(lesser: dict[str, str], tmp_path: Path) -> None:

@@ -141,7 +141,7 @@ def test_a_ranking_is_that_of_the_command(
     report = cli("rank", golden_bag, "--top", 8, "--out", tmp_path / "command.json", "--no-figure", "--json").json
     for mine in (ranking, cc.rank(golden_bag, top=8, body=body)):
         assert json.loads(json.dumps(mine.document()["tosses"])) == report["tosses"]
-        assert list(mine.selected_ids) == [row["toss_id"] for row in report["tosses"] if row["kept"]]
+        assert list(mine.selected_ids) == [row["toss_id"] for row in report["tosses"] if row["selected"]]
         assert [toss.toss_id for toss in mine.selected] == list(mine.selected_ids)
         assert [toss.digest() for toss in mine.selected] == [tosses.by_id[name].digest() for name in mine.selected_ids]
     ranking.save(tmp_path / "mine.json")

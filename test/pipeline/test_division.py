@@ -47,7 +47,7 @@ def test_a_file_without_ids_is_refused(tmp_path: Path, content: bytes, why: str)
 
 def test_a_manifest_holds_out_what_it_kept(cli: Cli, golden: Path, tmp_path: Path) -> None:
     report = cli("rank", golden, "--top", 3, "--out", tmp_path / "m.csv", "--no-figure", "--json").json
-    kept = frozenset(row["toss_id"] for row in report["tosses"] if row["kept"])
+    kept = frozenset(row["toss_id"] for row in report["tosses"] if row["selected"])
     assert held_out_rule(str(tmp_path / "m.csv")) == HeldOutRule(ids=kept)
     (tmp_path / "other.csv").write_text("a,b\n1,2\n")
     with pytest.raises(ContactCurationError, match="is no manifest"):

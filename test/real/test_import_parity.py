@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.data.import_parity import KEPT, Parity, compared_velocities, parities, sources
+from benchmarks.data.import_parity import TOP, Parity, compared_velocities, parities, sources
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.information.ranker import criterion_names
 
@@ -28,7 +28,7 @@ def test_the_bag_ranks_as_the_files_turned_back_do_by_every_criterion_and_estima
     rows = [row for row in rankings if row.compared == "files, turned back"]
     assert {(row.criterion, row.estimator) for row in rows} == set(product(criterion_names(), map(str, Estimator)))
     for row in rows:
-        assert row.common == KEPT, row
+        assert row.common == TOP, row
         assert row.same_order or (row.criterion == "trace" and row.ties_only), row
         assert row.score_difference < SCORES_DIFFER.get(row.criterion, 1e-5), row
 
@@ -38,5 +38,5 @@ def test_the_files_as_they_are_keep_the_same_tosses_where_the_tilt_has_no_direct
     """Elsewhere they do not: their yaw turns each toss's tilt of the board its own way."""
     rows = [row for row in rankings if row.compared == "files"]
     for row in rows:
-        assert row.common == KEPT or row.criterion not in NO_DIRECTION, row
-    assert any(row.common < KEPT for row in rows), "or the docstring is wrong"
+        assert row.common == TOP or row.criterion not in NO_DIRECTION, row
+    assert any(row.common < TOP for row in rows), "or the docstring is wrong"

@@ -152,7 +152,7 @@ def test_log_det_takes_a_copy_only_where_it_beats_every_other_toss(
 ) -> None:
     """method.md 6.9 as it is true of tosses of many rows.
 
-    It says that no copy is picked before the kept tosses span everything. Three real tosses do, and a second look at what a
+    It says that no copy is picked before the selected tosses span everything. Three real tosses do, and a second look at what a
     good toss knows can then beat a first look at a poor one: of 32 picks up to 3 are the toss or one of its 32 copies.
     """
     everything = scored_pool(real_tosses, estimator)
@@ -205,7 +205,7 @@ def offered(selector: Selector, pool: Pool, seed: int) -> Selector:
     return selector
 
 
-def kept_value(pool: Pool, selector: Selector) -> float:
+def selected_value(pool: Pool, selector: Selector) -> float:
     return value(pool, tuple(info.toss_id for info in selector.selected))
 
 
@@ -220,7 +220,7 @@ def test_exchanges_come_out_where_greedy_does(real_tosses: Tosses, estimator: Es
     """
     pool, orders = scored_pool(real_tosses, estimator), range(20)
     prior, greedy = prior_of(pool), value(pool, by("log-det", pool, top).selected_ids)
-    swapped = [kept_value(pool, offered(SwapStreaming(prior, top), pool, seed)) / greedy for seed in orders]
+    swapped = [selected_value(pool, offered(SwapStreaming(prior, top), pool, seed)) / greedy for seed in orders]
     permutations = [np.random.default_rng(seed).permutation(len(pool))[:top] for seed in orders]
     first = [value(pool, tuple(pool.ids[i] for i in permutation)) / greedy for permutation in permutations]
     assert min(swapped) > 0.98
@@ -231,7 +231,7 @@ def test_what_a_curator_keeps_of_a_stream_is_near_what_it_keeps_of_everything(re
     """Although the prior of the stream is that of its first 64 tosses."""
     pool, config = scored_pool(real_tosses, Estimator.GAUSS_NEWTON), RankingConfig("log-det", top=16)
     greedy = value(pool, rank(pool.infos, config).selected_ids)
-    selection = StreamingSelection(config, warm_up=64)
+    selection = StreamingSelection(config, prior_tosses=64)
     for index in np.random.default_rng(0).permutation(len(pool)):
         selection.add(pool.infos[index])
     assert (selection.seen, len(selection.candidates)) == (570, 16)

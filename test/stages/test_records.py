@@ -23,11 +23,11 @@ from contact_curation.stages.records import (
     TossHeader,
     TrainingRecord,
     UsedTime,
-    kept_records,
     load_record,
     read_record,
     record_bytes,
     record_of,
+    stored_records,
     write_record,
 )
 from contact_curation.storage.stores.state import StateStore
@@ -56,7 +56,7 @@ def test_a_record_is_read_back_as_it_was(record: object) -> None:
 def test_throws_are_read_back_bit_for_bit(tmp_path: Path) -> None:
     log = ThrowLogRecord(3, Proposal(THROW, "few tosses"), (MADE, LOST), "releases: found 0")
     with StateStore(tmp_path / "throws.sqlite") as states:
-        states.save(kept_records(log))
+        states.save(stored_records(log))
         again = load_record(states.load, ThrowLogRecord)
     assert again is not None
     assert record_bytes(again) == record_bytes(log)

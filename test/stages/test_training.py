@@ -22,7 +22,7 @@ from contact_curation.learning.training.training import Training
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 from contact_curation.pipeline.learned_model import load_model
-from contact_curation.stages.records import TrainingRecord, kept_records, load_record
+from contact_curation.stages.records import TrainingRecord, load_record, stored_records
 from contact_curation.stages.training import Moment, RoundsConfig, SelectedSet, TrainingStage
 from contact_curation.storage.checkpoint_file import save_checkpoint
 from contact_curation.storage.stores.tosses import TossStore
@@ -169,7 +169,7 @@ def test_what_a_supervisor_reads_is_right_again_after_a_kill(tmp_path: Path, sto
     training.follow(chosen(1, 3, 2, 0))
     until_idle(training)
     before = noted(store)
-    store.states.save(kept_records(replace(before, running=True, gradient_steps=12)))  # of before the end
+    store.states.save(stored_records(replace(before, running=True, gradient_steps=12)))  # of before the end
     again = stage(tmp_path, store)
     assert noted(store) == replace(before, revision=0, tosses_seen=0)  # which buffer there is now it has not heard
     again.follow(chosen(1, 3, 2, 0))

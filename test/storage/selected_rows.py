@@ -8,5 +8,5 @@ from test.storage.manifest.test_manifest import RANKED
 
 
 def row(toss_id: str, **changes: Any) -> ManifestRow:
-    """A kept toss's, with changes."""
+    """A selected toss's, with changes."""
     return replace(RANKED, toss_id=toss_id, **changes)

@@ -6,6 +6,7 @@ previous_release/ holds a file of each format as version 0.1.0 wrote it, from th
 import json
 import sqlite3
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from shutil import copyfile
 from typing import Any
@@ -16,6 +17,8 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import NewerVersionError, UnreadableInputError
 from contact_curation.learning.checkpoints import safetensors_bytes
+from contact_curation.learning.checkpoints.selection_document import selections_of
+from contact_curation.learning.training.reranking import Trigger
 from contact_curation.storage.checkpoint_file import read_model, read_notes, resume_training
 from contact_curation.storage.manifest.file import read_manifest, write_manifest
 from contact_curation.storage.parameters_file import read_parameters
@@ -53,9 +56,9 @@ def previous(tmp_path: Path) -> Callable[[str], Path]:
 
 def test_stores_of_the_previous_release_are_read(previous: Callable[[str], Path]) -> None:
     with TossStore(previous("tosses.sqlite")) as tosses:
-        (stored,), (kept_aside,) = tosses.after(0, 9), tosses.rejected_after(0, 9)
+        (stored,), (rejected_motion,) = tosses.after(0, 9), tosses.rejected_after(0, 9)
         assert (stored.toss.digest(), stored.provenance.number) == (toss(1).digest(), 7)
-        assert kept_aside.rejected.reasons == rejected(2).reasons
+        assert rejected_motion.rejected.reasons == rejected(2).reasons
         assert tosses.states.load("ingest") == b"{}"
         assert [pose.position for _, pose in tosses.poses_since()] == [(1.0, 2.0, 3.0)]
     with InformationStore(previous("information.sqlite")) as records:
@@ -107,6 +110,19 @@ def test_manifests_of_the_previous_release_are_read(ending: str) -> None:
     assert_equal(read_manifest(PREVIOUS / f"manifest{ending}"), MANIFEST)
 
 
+def test_diagnostics_of_the_previous_release_are_read_by_their_names_of_today(tmp_path: Path) -> None:
+    shift, gram = {"distance": 0.5, "at_random": 1.0}, {"largest": 2.0}
+    path = tmp_path / "manifest.json"
+    write_manifest(replace(MANIFEST, diagnostics={"optimum_shift": shift, "selected_gram": gram}), path)
+    names = {"optimum_shift": "answer", "distance": "off", "at_random": "by_chance", "selected_gram": "kept_gram"}
+    text = path.read_text()
+    for name, was in names.items():
+        assert f'"{name}"' in text
+        text = text.replace(f'"{name}"', f'"{was}"')
+    path.write_text(text.replace('_manifest": 2', '_manifest": 1'))
+    assert read_manifest(path).diagnostics == {"optimum_shift": shift, "selected_gram": gram}
+
+
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_manifests_of_a_later_release_are_refused_whatever_their_rows_hold(
     tmp_path: Path, ending: str, monkeypatch: pytest.MonkeyPatch
@@ -117,15 +133,15 @@ def test_manifests_of_a_later_release_are_refused_whatever_their_rows_hold(
         write_manifest(MANIFEST, path)
     if ending != ".parquet":
         path.write_text(path.read_text().replace("cube-2-ab", "cube-2-ab,1,2").replace("mean_loss", "average_loss"))
-    assert_refused(read_manifest, path, "a manifest", 3)
+    assert_refused(read_manifest, path, "a manifest", 3, newest=2)
 
 
 @pytest.mark.parametrize("version", ['"1"', "0", "true", "null", "1.5"])
 def test_what_is_no_version_is_refused_in_a_line(tmp_path: Path, version: str) -> None:
     path = tmp_path / "manifest.json"
     write_manifest(MANIFEST, path)
-    path.write_text(path.read_text().replace('"contact_curation_manifest": 1', f'"contact_curation_manifest": {version}'))
-    with pytest.raises(UnreadableInputError, match=r"manifest\.json: found version .* of a manifest, expected 1 to 1"):
+    path.write_text(path.read_text().replace('"contact_curation_manifest": 2', f'"contact_curation_manifest": {version}'))
+    with pytest.raises(UnreadableInputError, match=r"manifest\.json: found version .* of a manifest, expected 1 to 2"):
         read_manifest(path)
 
 
@@ -158,6 +174,13 @@ def test_checkpoints_of_the_previous_release_are_read(previous: Callable[[str], 
     assert resume_training(path, tracked_transitions(), None, CUBE).progress.gradient_steps == 2
     assert read_notes(path) == {"buffer": "4"}
     assert read_model(previous("model.safetensors"), CUBE).settings() == read_model(path, CUBE).settings()
+
+
+def test_selections_in_checkpoints_of_the_previous_release_are_read() -> None:
+    numbers = {"gradient_steps": 3, "epochs": 1, "trigger": "canary", "spearman": 0.5, "overlap": 0.25, "retained": None}
+    entry = {**numbers, "kept": ["a", "b"], "canaries": ["c"], "not_scored": []}
+    (found,) = selections_of(json.dumps([entry]))
+    assert (found.toss_ids, found.monitored, found.trigger) == (("a", "b"), ("c",), Trigger.STALE)
 
 
 def test_checkpoints_of_a_later_release_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

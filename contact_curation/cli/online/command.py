@@ -6,6 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from contact_curation.cli.online.options import add_online_options, session_config
+from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.report import print_json
 from contact_curation.cli.stop_signals import StopSignals
 from contact_curation.session.config import SessionFolder
@@ -15,13 +16,17 @@ from contact_curation.session.supervisor import ProgramFailedError
 from contact_curation.solver.compiled import load_kernel
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
         "Starts the nodes as processes, keeps them running, and closes the loop with a simulated arm and camera. Ctrl-C and "
         "SIGTERM end it in order; with --throws it ends by itself, once the tosses are scored and trained on."
     )
     add_online_options(parser)
+    parser.set_examples(
+        "contact-curation online --throws 12 --dashboard --record session",
+        "contact-curation online --throws 4 --camera rendered --body brick.yaml",
+    )
     parser.set_defaults(run=run)
 
 

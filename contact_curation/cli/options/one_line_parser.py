@@ -1,18 +1,51 @@
-"""Bad usage as one line: what was found, what was expected, and where the options are listed."""
+"""The parser of all verbs: bad usage is one line with the name that was perhaps meant, and the help ends with examples."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
 from typing import Any, Never
 
+from contact_curation.errors import did_you_mean
+
 BAD_USAGE = 2
+
+LETTERS = {
+    "--body": "-b",
+    "--criterion": "-c",
+    "--jobs": "-j",
+    "--model": "-m",
+    "--out": "-o",
+    "--params": "-p",
+    "--throws": "-n",
+    "--top": "-k",
+}
+"""The letters that stand for options, the same ones in all verbs."""
+
+RENAMED = {"--canary": "--rerank-when-stale", "--warm-up": "--exploration-throws"}
+"""Options of version 0.1 by their names then, and now."""
+
+EXAMPLES = "examples:"
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """Takes options by their whole names only, so that a new option never changes what an old command means."""
+    """Takes options by their whole names or letters only, so that a new option never changes what an old command means."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **{"allow_abbrev": False, **kwargs})
+        super().__init__(*args, **{"allow_abbrev": False, "formatter_class": _HelpLines, **kwargs})
+
+    def set_examples(self, *commands: str) -> None:
+        """Ends the help with commands that do something useful, one a line."""
+        self.epilog = "\n".join([EXAMPLES, *(f"  {command}" for command in commands)])
+
+    def add_letters(self) -> None:
+        """Gives options their letters, here and in the parsers below; called once, when all options are there."""
+        for action in self._actions:
+            for letter in (LETTERS[name] for name in action.option_strings if name in LETTERS):
+                action.option_strings = [letter, *action.option_strings]
+                self._option_string_actions[letter] = action
+            if isinstance(action, argparse._SubParsersAction):
+                for below in action.choices.values():
+                    below.add_letters()
 
     def error(self, message: str) -> Never:
         """Ends with exit status 2."""
@@ -23,10 +56,37 @@ class OneLineParser(argparse.ArgumentParser):
         """As argparse does, but each verb's own parser says what it does not know, with the option that was perhaps meant."""
         known, unknown = super().parse_known_args(args, namespace)
         if unknown:
-            self.error(f"found {' '.join(unknown)}, expected options and inputs of {self.prog}{self._perhaps(unknown)}")
+            self.error(self._unknown(unknown))
         return known, unknown
 
-    def _perhaps(self, unknown: Sequence[str]) -> str:
-        options = [name for action in self._actions for name in action.option_strings]
-        near = [name for word in unknown for name in get_close_matches(word.partition("=")[0], options, 1)]
-        return f"; did you mean {near[0]}?" if near else ""
+    def _unknown(self, words: Sequence[str]) -> str:
+        options = [name for action in self._actions for name in action.option_strings if name.startswith("--")]
+        name = next((word.partition("=")[0] for word in words if word.startswith("-")), "")
+        if not name:
+            return f"found {' '.join(words)} after the last input, expected options before it or nothing"
+        near = [RENAMED[name]] if RENAMED.get(name) in options else get_close_matches(name, options, 1)
+        return f"unknown option {name}" + (f": did you mean {near[0]}?" if near else f": {self.prog} --help lists its options")
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """As argparse does, but with the word that was perhaps meant."""
+        if action.choices is not None and value not in action.choices:
+            raise argparse.ArgumentError(action, f"unknown {value}: {did_you_mean(str(value), map(str, action.choices))}")
+
+
+class _HelpLines(argparse.HelpFormatter):
+    """Names of an option in one row, then its value once; examples stay as they are."""
+
+    def _format_action_invocation(self, action: argparse.Action) -> str:
+        if not action.option_strings or action.nargs == 0:
+            return super()._format_action_invocation(action)
+        value = self._format_args(action, self._get_default_metavar_for_optional(action))
+        return f"{', '.join(action.option_strings)} {value}"
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        return text if text.startswith(EXAMPLES) else super()._fill_text(text, width, indent)
+
+
+def examples_of(parser: argparse.ArgumentParser) -> Iterator[str]:
+    """The commands that a parser's help ends with."""
+    lines = (parser.epilog or "").splitlines()
+    return (line.strip() for line in lines[1:] if lines[0] == EXAMPLES)

@@ -1,21 +1,43 @@
-"""Outputs that could never be written are said before hours of work, not after them."""
+"""Outputs that could never be written, or must not be, are said before hours of work, not after them."""
 
+import argparse
 import os
 from pathlib import Path
 
 from contact_curation.errors import InvalidValueError
+from contact_curation.storage.outputs import check_replaceable
+
+NEW_NAME = "a new name, or --overwrite to replace it"
 
 
-def check_outputs(**paths: Path | None) -> None:
+def add_overwrite_option(group: argparse._ActionsContainer) -> None:
+    """Adds `--overwrite`, for what `check_outputs` would refuse to replace."""
+    group.add_argument(
+        "--overwrite",
+        action="store_true",
+        help="replace any file that is there (without it only an earlier manifest, figure, score or throws file)",
+    )
+
+
+def check_outputs(*, overwrite: bool, remedy: str = NEW_NAME, **paths: Path | None) -> None:
     """Looks whether files can be written; by their options, `figure` for `--figure`, None for those that were not given.
 
+    Args:
+        overwrite: whether any file may be replaced; otherwise the rule of `storage.outputs` holds.
+        remedy: what to do where one may not.
+        paths: by the names of their options.
+
     Raises:
-        InvalidValueError: one is a folder, its folder is not there, or it may not be written.
+        InvalidValueError: one is a folder, its folder is not there, it may not be written, or must not be replaced.
     """
     for name, path in paths.items():
-        why = "" if path is None else _obstacle(path)
+        if path is None:
+            continue
+        why = _obstacle(path)
         if why:
             raise InvalidValueError(f"--{name}", path, f"a path that can be written ({why})")
+        if not overwrite:
+            check_replaceable(f"--{name}", path, remedy)
 
 
 def _obstacle(path: Path) -> str:

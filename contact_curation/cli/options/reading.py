@@ -63,13 +63,23 @@ def add_reading_options(parser: argparse.ArgumentParser, stages: tuple[str, ...]
     parser.add_argument(
         "inputs",
         nargs="+" if needed else "*",
-        type=Path,
+        action=_Inputs,
         metavar="INPUT",
-        help="MCAP file, rosbag2 folder or its storage file, ROS 1 bag, folder of ContactNets .pt files or one of them",
+        help="MCAP file, rosbag2 folder or its storage file, ROS 1 bag, folder of ContactNets .pt files or one of them; or a "
+        "pattern such as 'bags/*.mcap'",
     )
     add_body_option(parser)
     add_pose_options(parser)
     add_settings(parser, stages)
+
+
+class _Inputs(argparse.Action):
+    """Recordings; a pattern stands for what matches it."""
+
+    def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: Any = None) -> None:
+        from contact_curation.pipeline.tosses import input_paths
+
+        setattr(namespace, self.dest, list(input_paths(values)))
 
 
 def add_pose_options(parser: argparse.ArgumentParser) -> None:

@@ -9,9 +9,9 @@ import dataclasses
 import re
 from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
-from typing import Any, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
-from contact_curation.configs import ConfigField, field_of, kind_in_words, parsed, with_field
+from contact_curation.configs import ConfigField, field_of, kind_in_words, parsed, with_field, with_fields
 from contact_curation.errors import ContactCurationError, InvalidValueError
 
 EXAMPLES = ("gates.depth=0.01", "segmenter.settle_time=0.5", "simulation.longest=6")
@@ -83,10 +83,13 @@ def add_fields(
     *paths: str,
     choices: Mapping[str, Sequence[str]] | None = None,
     told: Mapping[str, str] | None = None,
+    also: Mapping[str, Sequence[str]] | None = None,
+    shown: Mapping[str, str] | None = None,
 ) -> None:
     """Adds an option for each of some fields of a config: the class gives its help and its default, and judges its values.
 
-    What is not given is None, and `with_options` leaves it as the config has it.
+    A field that is true or false becomes a switch, one of several values an option that takes several. What is not given is
+    None, and `with_options` leaves it as the config has it.
 
     Args:
         group: of options.
@@ -94,20 +97,29 @@ def add_fields(
         paths: of fields; the last name of one is the option's.
         choices: by path, words that are accepted where the type does not say.
         told: by path, help in place of the class's.
+        also: by path, further names of the option.
+        shown: by path, what stands for a value in the help.
     """
     for path in paths:
         field = field_of(config, path)
         name = path.rpartition(".")[2]
-        accepted = (choices or {}).get(path) or _choices(field.kind)
+        words = (f"--{name.replace('_', '-')}", *(also or {}).get(path, ()))
         text = (told or {}).get(path) or OF_CODE.sub("", field.description).rstrip(".").replace("%", "%%")
-        unsaid = field.default in (None, "") or "(default" in text
+        if field.kind is bool:
+            group.add_argument(*words, dest=name, action="store_true", default=None, help=text)
+            continue
+        accepted = (choices or {}).get(path) or _choices(field.kind)
+        unsaid = field.default in (None, "", ()) or "(default" in text
+        several: dict[str, Any] = {"nargs": "+", "action": "extend"} if _is_sequence(field.kind) else {}
+        shape = "N" if int in (field.kind, *get_args(field.kind)) else name.rpartition("_")[2].upper()
         group.add_argument(
-            f"--{name.replace('_', '-')}",
+            *words,
             dest=name,
             type=str if accepted else _judged_by(config, field),
             choices=accepted or None,
-            metavar=None if accepted else "N" if field.kind is int else name.rpartition("_")[2].upper(),
+            metavar=None if accepted else (shown or {}).get(path, shape),
             help=text if unsaid else f"{text} (default {_plain(field.default)})",
+            **several,
         )
 
 
@@ -117,24 +129,31 @@ def with_options(config: Any, arguments: argparse.Namespace, *paths: str) -> Any
     Raises:
         InvalidValueError: the class does not accept them together.
     """
+    values = {}
     for path in paths:
         given = getattr(arguments, path.rpartition(".")[2])
         if given is not None:
             kind = field_of(config, path).kind
-            config = with_field(config, path, parsed(kind, given) if isinstance(given, str) else given)
-    return config
+            values[path] = parsed(kind, given) if isinstance(given, str) else tuple(given) if _is_sequence(kind) else given
+    return with_fields(config, values)
+
+
+def _is_sequence(kind: Any) -> bool:
+    """Whether a field takes any number of values."""
+    return get_origin(kind) is tuple and Ellipsis in get_args(kind)
 
 
 def _judged_by(config: Any, field: ConfigField) -> Callable[[str], Any]:
     """Reads an option's value, and asks the config's class."""
+    kind = get_args(field.kind)[0] if _is_sequence(field.kind) else field.kind
 
     def value(text: str) -> Any:
         try:
-            found = parsed(field.kind, text)
-            with_field(config, field.path, found)
+            found = parsed(kind, text)
+            with_field(config, field.path, (found,) if _is_sequence(field.kind) else found)
         except (InvalidValueError, ValueError, KeyError, TypeError) as error:
             why = str(error).partition(", expected ")[2] if isinstance(error, InvalidValueError) else ""
-            raise argparse.ArgumentTypeError(f"found {text}, expected {why or kind_in_words(field.kind)}") from error
+            raise argparse.ArgumentTypeError(f"found {text}, expected {why or kind_in_words(kind)}") from error
         return found
 
     return value

@@ -4,7 +4,8 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from contact_curation.cli.options.output_paths import check_outputs
+from contact_curation.cli.options.one_line_parser import OneLineParser
+from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
 from contact_curation.cli.options.reading import (
     SHARED_STAGES,
     add_held_out_option,
@@ -43,7 +44,7 @@ RANKING = ("criterion", "variant", "top", "seed")
 SCORING = ("estimator", "influence_bound")
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
         "Scores every toss that passes the gates and is not held out, ranks them, and says what to think of the result. An "
@@ -56,6 +57,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_fields(parser.add_argument_group("how they are ranked"), RankingConfig(), *RANKING, choices=CHOICES, told=TOLD)
     _add_output_options(parser)
     add_dashboard_options(parser)
+    parser.set_examples(
+        "contact-curation rank session.mcap --top 8 --out manifest.parquet",
+        "contact-curation rank bags/*.mcap --body brick.yaml --criterion log-det --held-out 0.2 --out manifest.csv",
+    )
     parser.set_defaults(run=run)
 
 
@@ -91,6 +96,7 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
     figures = group.add_mutually_exclusive_group()
     figures.add_argument("--figure", type=PathEndingIn(".png"), metavar="FILE.png", help="(default: beside the manifest)")
     figures.add_argument("--no-figure", action="store_true", help="draw none")
+    add_overwrite_option(group)
     group.add_argument(
         "--jobs", type=positive_integer, metavar="N", help="read so many inputs at once (default: one per processor)"
     )
@@ -104,7 +110,7 @@ def run(arguments: argparse.Namespace) -> int:
         ContactCurationError: nothing could be ranked, or an output cannot be written.
     """
     figure = _figure(arguments)
-    check_outputs(out=arguments.out, figure=figure, recording=arguments.recording)
+    check_outputs(overwrite=arguments.overwrite, out=arguments.out, figure=figure, recording=arguments.recording)
     config = rank_config(arguments)
     dashboard = dashboard_of(arguments, config)
     try:

@@ -66,17 +66,17 @@ class RankDashboard:
         """Writes the ranking; while the factors of the pool can be read."""
         from contact_curation.dashboard.live.ranked import show_ranked
 
-        kept = _kept_set(pool, curation, self._config.ranking.top)
+        selected = _selected_set(pool, curation, self._config.ranking.top)
         show_ranked(
             screen=self._screen,
             body=self._config.pool.reading.body,
-            theta=_theta(self._config, kept.version),
+            theta=_theta(self._config, selected.version),
             loss=self._config.pool.scoring.loss,
             pool=pool_of([toss.informations[0] for toss in pool.rankable]),
-            selected=kept,
+            selected=selected,
             # Read once more: of tosses that stream nothing but their information stays.
-            tosses=read_tosses(self._inputs, self._config.pool.reading, only=kept.toss_ids).by_id,
-            rejected=_kept_back(pool),
+            tosses=read_tosses(self._inputs, self._config.pool.reading, only=selected.toss_ids).by_id,
+            rejected=_rejected(pool),
         )
 
     def end(self) -> None:
@@ -113,7 +113,7 @@ def _theta(config: RankConfig, version: str) -> "ShownTheta":
     return ShownTheta(version, model=theta.model())
 
 
-def _kept_set(pool: TossPool, curation: Curation, top: int) -> "SelectedSet":
+def _selected_set(pool: TossPool, curation: Curation, top: int) -> "SelectedSet":
     from contact_curation.dashboard.evidence import SelectedSet
 
     entries = [entry for entry in curation.ranking.entries if entry.selected]
@@ -129,7 +129,7 @@ def _kept_set(pool: TossPool, curation: Curation, top: int) -> "SelectedSet":
     )
 
 
-def _kept_back(pool: TossPool) -> "list[RejectedMotion]":
+def _rejected(pool: TossPool) -> "list[RejectedMotion]":
     from contact_curation.dashboard.live.ranked import RejectedMotion
 
     return [RejectedMotion(toss.seen.toss_id, toss.seen.frames, toss.reasons) for toss in pool.tosses if toss.reasons]

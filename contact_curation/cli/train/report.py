@@ -97,9 +97,9 @@ def _print_selections(selections: tuple[Selected, ...]) -> None:
 
 
 def _selection_line(one: Selected) -> str:
-    kept = f"{counted_tosses(len(one.kept))} selected"
+    count = f"{counted_tosses(len(one.toss_ids))} selected"
     if one.trigger is Trigger.FIRST:
-        return f"{kept} before the first step"
-    why = {Trigger.EPOCHS: "after so many epochs", Trigger.OPTIMUM: "at the optimum"}.get(one.trigger, "since canaries moved")
+        return f"{count} before the first step"
+    why = {Trigger.EPOCHS: "after so many epochs", Trigger.OPTIMUM: "at the optimum"}.get(one.trigger, "since ranks changed")
     moved = f"Spearman {one.spearman:.2f}, overlap {100.0 * one.overlap:.0f} %"
-    return f"{kept} again after step {one.gradient_steps}, {why} ({moved}); {100.0 * one.retained:.0f} % were selected before"
+    return f"{count} again after step {one.gradient_steps}, {why} ({moved}); {100.0 * one.retained:.0f} % were selected before"

@@ -1,20 +1,38 @@
 """Held-out errors while tosses come in: one panel per error, one colour per way of choosing what is trained on.
 
-Thin lines are single runs, thick ones their median. matplotlib is imported when a picture is drawn.
+Thin lines are single runs, thick ones their median. Each panel says what the medians end at.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from contact_curation.dashboard.style import BLACK, BLUE, GREEN, LEVEL, ORANGE, PURPLE, SKY_BLUE, VERMILION, save_figure
+from contact_curation.dashboard.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    LEVEL,
+    ORANGE,
+    PURPLE,
+    SKY_BLUE,
+    VERMILION,
+    Colour,
+    entitle,
+    logarithmic,
+    new_figure,
+    save_figure,
+)
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, SKY_BLUE, ORANGE, BLACK)
-WIDTH, HEIGHT, DOTS = 14.0, 5.0, 110
+WIDTH, HEIGHT, DOTS = 14.0, 5.2, 110
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,24 +64,29 @@ def save_learning_curves(
     """
     if not runs or not all(runs.values()):
         raise InvalidValueError("learning curves", "none", "at least one of each kind")
-    from matplotlib.figure import Figure
-
     names = list(next(iter(runs.values()))[0].errors)
-    figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DOTS, layout="constrained")
-    figure.suptitle(title)
-    panels = figure.subplots(1, len(names), squeeze=False)[0]
-    for panel, name in zip(panels, names):
-        for colour, (label, curves) in zip(COLOURS, runs.items()):
-            for curve in curves:
-                panel.step(curve.tosses, curve.errors[name], where="post", color=colour.web, alpha=0.25, linewidth=1.0)
-            places, middle = _median(curves, name)
-            panel.step(places, middle, where="post", color=colour.web, linewidth=2.4, label=label)
-        if floors and name in floors:
-            panel.axhline(floors[name], color=LEVEL.web, linestyle=":", label="true cube")
-        panel.set(yscale="log", xlabel="tosses recorded", ylabel=name)
-        panel.grid(alpha=0.3, which="both")
-    panels[0].legend(frameon=False)
-    save_figure(figure, path)
+    with new_figure(WIDTH, HEIGHT, DOTS) as figure:
+        figure.suptitle(title, fontsize=13)
+        panels = figure.subplots(1, len(names), squeeze=False)[0]
+        for panel, name in zip(panels, names):
+            ends = [_draw(panel, colour, label, curves, name) for colour, (label, curves) in zip(COLOURS, runs.items())]
+            if floors and name in floors:
+                panel.axhline(floors[name], color=LEVEL.web, linestyle=":", label="true cube")
+            panel.set(xlabel="tosses recorded", ylabel=name)
+            logarithmic(panel.yaxis)
+            panel.grid(alpha=0.3)
+            reached = f"{min(ends):.3g} to {max(ends):.3g}" if f"{min(ends):.3g}" != f"{max(ends):.3g}" else f"{ends[0]:.3g}"
+            entitle(panel, f"{name.partition(' [')[0].capitalize()} ends at {reached}", columns=len(runs) + 1)
+        save_figure(figure, path)
+
+
+def _draw(panel: "Axes", colour: Colour, label: str, curves: Sequence[Curve], name: str) -> float:
+    """Single runs thin, their median thick; returns what the median ends at."""
+    for curve in curves:
+        panel.step(curve.tosses, curve.errors[name], where="post", color=colour.web, alpha=0.25, linewidth=1.0)
+    places, middle = _median(curves, name)
+    panel.step(places, middle, where="post", color=colour.web, linewidth=2.4, label=label)
+    return float(middle[-1])
 
 
 def _median(curves: Sequence[Curve], name: str) -> tuple[Array, Array]:

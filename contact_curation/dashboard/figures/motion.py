@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from contact_curation.dashboard.style import BLUE, INK, PALE, VERMILION, save_figure
+from contact_curation.dashboard.style import BLUE, INK, PALE, TICK_SIZE, VERMILION, new_figure, save_figure
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
@@ -90,14 +90,7 @@ def save_motion_figure(picture: MotionPicture, path: Path) -> None:
     Raises:
         InvalidValueError: `path` cannot be written.
     """
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    with rc_context({"font.size": 12, "text.parse_math": False, "axes.spines.top": False, "axes.spines.right": False}):
-        height = TITLE_HEIGHT + ROW_HEIGHT * len(picture.tosses)
-        figure = Figure(figsize=(WIDTH, height), dpi=DOTS, layout="constrained")
-        FigureCanvasAgg(figure)
+    with new_figure(WIDTH, TITLE_HEIGHT + ROW_HEIGHT * len(picture.tosses), DOTS) as figure:
         figure.suptitle(_shown(picture.title), fontsize=15, x=0.02, ha="left")
         rows: Any = np.atleast_1d(figure.subfigures(len(picture.tosses), 1))
         for row, toss in zip(rows, picture.tosses, strict=True):
@@ -106,8 +99,10 @@ def save_motion_figure(picture: MotionPicture, path: Path) -> None:
             _draw_heights(axes[0], picture.models, toss)
             _draw_paths(axes[1], picture.models, toss)
             _draw_side(axes[2], picture.models, toss)
+            for own in axes:
+                own.tick_params(labelsize=TICK_SIZE)
         lines = rows[0].axes[0].get_lines()
-        figure.legend(handles=lines, frameon=False, loc="upper right", ncols=len(lines))
+        figure.legend(handles=lines, loc="upper right", ncols=len(lines))
         save_figure(figure, path)
 
 
@@ -126,7 +121,6 @@ def _draw_heights(axes: "Axes", models: Sequence[str], toss: PicturedToss) -> No
     for track, name, colour, line in _lines(models, toss):
         axes.plot(toss.times, track.positions_mm[:, 2], line, color=colour, linewidth=1.8, label=name)
     axes.set(title="Height of the centre", xlabel="time since release [s]", ylabel="height [mm]")
-    axes.set_ylim(bottom=0.0)
 
 
 def _draw_paths(axes: "Axes", models: Sequence[str], toss: PicturedToss) -> None:

@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from contact_curation.dashboard.style import BLUE, GREEN, INK, PALE, VERMILION, save_figure
+from contact_curation.dashboard.style import (
+    BLUE,
+    GREEN,
+    INK,
+    PALE,
+    VERMILION,
+    entitle,
+    logarithmic,
+    new_figure,
+    save_figure,
+)
 from contact_curation.geometry.quaternions import Array
 
 if TYPE_CHECKING:
@@ -134,61 +144,79 @@ def save_figures(data: ReportData, folder: Path) -> dict[str, Path]:
 
 def learning_figure(data: ReportData) -> "Figure":
     """A panel per error, over the throws that had been scored."""
-    figure = _figure(3.2)
-    panels = figure.subplots(1, len(data.errors), squeeze=False)[0]
-    for panel, (name, values) in zip(panels, data.errors.items()):
-        panel.plot(data.throws_then, values, color=BLUE.web, marker="o", markersize=4)
-        panel.set(yscale="log", xlabel="throws scored", ylabel=name)
-        panel.grid(alpha=0.3, which="both")
+    with new_figure(WIDTH, 3.4, DOTS) as figure:
+        panels = figure.subplots(1, len(data.errors), squeeze=False)[0]
+        for panel, (name, values) in zip(panels, data.errors.items()):
+            panel.plot(data.throws_then, values, color=BLUE.web, marker="o", markersize=4)
+            panel.set(xlabel="throws scored", ylabel=name)
+            panel.xaxis.get_major_locator().set_params(integer=True)
+            if np.nanmin(values) > 0.0:
+                logarithmic(panel.yaxis)
+            panel.grid(alpha=0.3)
+            entitle(panel, f"{name.partition(' [')[0].capitalize()}: from {values[0]:.3g} to {values[-1]:.3g}")
     return figure
 
 
 def gains_figure(data: ReportData) -> "Figure":
     """Two bars per designed throw; exploration throws are marked."""
-    figure = _figure(3.2)
-    panel = figure.subplots()
-    places = np.array([throw.number for throw in data.throws], dtype=float)
-    for shift, colour, label, values in (
-        (-0.2, PALE.web, "planned", [throw.planned for throw in data.throws]),
-        (0.2, BLUE.web, "realised", [throw.realised for throw in data.throws]),
-    ):
-        panel.bar(places + shift, [value or 0.0 for value in values], width=0.4, color=colour, label=label)
-    exploration = [throw.number for throw in data.throws if throw.planned is None]
-    panel.plot(
-        exploration, [0.0] * len(exploration), linestyle="", marker="^", color=VERMILION.web, label="exploration", clip_on=False
-    )
-    panel.set(xlabel="throw", ylabel="gain in log-det [nats]")
-    panel.legend(frameon=False)
-    panel.grid(alpha=0.3, axis="y")
+    with new_figure(WIDTH, 3.4, DOTS) as figure:
+        panel = figure.subplots()
+        places = np.array([throw.number for throw in data.throws], dtype=float)
+        for shift, colour, label, values in (
+            (-0.2, PALE.web, "planned", [throw.planned for throw in data.throws]),
+            (0.2, BLUE.web, "realised", [throw.realised for throw in data.throws]),
+        ):
+            panel.bar(places + shift, [value or 0.0 for value in values], width=0.4, color=colour, label=label)
+        exploration = [throw.number for throw in data.throws if throw.planned is None]
+        if exploration:
+            heights, style = [0.0] * len(exploration), {"linestyle": "", "marker": "^", "color": VERMILION.web}
+            panel.plot(exploration, heights, label="exploration: nothing planned", clip_on=False, **style)
+        panel.set(xlabel="throw", ylabel="gain in log-det [nats]", xlim=(0.3, places.max() + 0.7))
+        panel.xaxis.get_major_locator().set_params(integer=True)
+        panel.grid(alpha=0.3, axis="y")
+        entitle(panel, _gains_message(data.throws), columns=3)
     return figure
+
+
+def _gains_message(throws: Sequence[ReportedThrow]) -> str:
+    ratios = [throw.realised / throw.planned for throw in throws if throw.planned and throw.realised is not None]
+    designed = sum(throw.planned is not None for throw in throws)
+    made = f"{designed} of {len(throws)} throws are designed"
+    return f"{made}; they gain {np.median(ratios):.2f} of what was planned (median)" if ratios else made
 
 
 def spectrum_figure(data: ReportData) -> "Figure":
     """Eigenvalues of the selected set's information per toss, relative to the pool's."""
-    figure = _figure(3.2)
-    panel = figure.subplots()
-    panel.plot(np.arange(1, data.spectrum.size + 1), np.sort(data.spectrum)[::-1], color=BLUE.web, marker="o", markersize=4)
-    panel.axhline(1.0, color=INK.web, linestyle=":", label="as the pool")
-    ratio = "information per toss,\nselected set / pool"
-    panel.set(xlabel="direction of theta", ylabel=ratio, title=f"epsilon {data.epsilon:.3g}")
-    panel.legend(frameon=False)
-    panel.grid(alpha=0.3)
+    with new_figure(WIDTH, 3.4, DOTS) as figure:
+        panel = figure.subplots()
+        values = np.sort(data.spectrum)
+        panel.plot(np.arange(1, values.size + 1), values, color=BLUE.web, marker="o", markersize=4, label="selected tosses")
+        panel.axhline(1.0, color=INK.web, linestyle="--", label="all tosses")
+        panel.set(xlabel="direction of the parameters, weakest first", ylabel="information per toss,\nall tosses = 1")
+        panel.xaxis.get_major_locator().set_params(integer=True)
+        panel.grid(alpha=0.3)
+        weakest = f"Weakest direction: {values[0]:.2g} of the average information per toss"
+        entitle(panel, f"{weakest} (ε = {data.epsilon:.3g})", columns=2)
     return figure
 
 
 def nodes_figure(data: ReportData) -> "Figure":
     """When each node ran, and when it was started again."""
     nodes = list(dict.fromkeys(event.node for event in data.events))
-    figure = _figure(0.9 + 0.28 * len(nodes))
-    panel = figure.subplots()
-    for row, node in enumerate(nodes):
-        for begin, end in _runs([event for event in data.events if event.node == node], data.seconds):
-            panel.barh(row, end - begin, left=begin, height=0.5, color=GREEN.web)
-        deaths = [event.seconds for event in data.events if event.node == node and event.event == "died"]
-        panel.plot(deaths, [row] * len(deaths), linestyle="", marker="x", color=INK.web, markersize=8, markeredgewidth=2)
-    panel.set(yticks=range(len(nodes)), yticklabels=nodes, xlabel="time [s]", xlim=(0.0, max(data.seconds, 1.0)))
-    panel.invert_yaxis()
-    panel.grid(alpha=0.3, axis="x")
+    with new_figure(WIDTH, 1.3 + 0.28 * len(nodes), DOTS) as figure:
+        panel = figure.subplots()
+        for row, node in enumerate(nodes):
+            for begin, end in _runs([event for event in data.events if event.node == node], data.seconds):
+                panel.barh(row, end - begin, left=begin, height=0.5, color=GREEN.web, label="" if row else "runs")
+        died = [(event.seconds, nodes.index(event.node)) for event in data.events if event.event == "died"]
+        if died:
+            marks = {"linestyle": "", "marker": "x", "color": INK.web, "markersize": 8, "markeredgewidth": 2}
+            panel.plot(*zip(*died), label="died", **marks)
+        panel.set(yticks=range(len(nodes)), yticklabels=nodes, xlabel="time [s]", xlim=(0.0, max(data.seconds, 1.0)))
+        panel.invert_yaxis()
+        panel.grid(alpha=0.3, axis="x")
+        count = "No node died" if not died else f"Nodes died {len(died)} times" if len(died) > 1 else "One node died"
+        entitle(panel, count)
     return figure
 
 
@@ -203,9 +231,3 @@ def _runs(events: Sequence[ReportedEvent], end: float) -> list[tuple[float, floa
         else:
             began = event.seconds
     return runs + ([(began, end)] if began is not None else [])
-
-
-def _figure(height: float) -> "Figure":
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(WIDTH, height), dpi=DOTS, layout="constrained")

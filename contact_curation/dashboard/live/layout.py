@@ -113,7 +113,7 @@ def _throws() -> rrb.TextDocumentView:
 
 
 def _gated() -> rrb.TextLogView:
-    return rrb.TextLogView(origin=ranking_view.GATED, name="Rejected by the gates", columns=COLUMNS)
+    return rrb.TextLogView(origin=ranking_view.REJECTED, name="Rejected by the gates", columns=COLUMNS)
 
 
 def _health() -> rrb.TextDocumentView:

@@ -82,7 +82,7 @@ def short_id(toss_id: str) -> str:
     return f"{seconds}.{nanoseconds // 1_000_000:03d}"
 
 
-GATED = "gated"
+REJECTED = "rejected"
 
 
 class GateView:
@@ -98,4 +98,4 @@ class GateView:
     def show(self, toss_id: str, frames: int, reasons: Sequence[str]) -> None:
         """Writes a motion and why it is no toss to learn from."""
         text = f"{short_id(toss_id)}, {frames} frames: {'; '.join(reasons)}"
-        self._screen.log(GATED, rr.TextLog(text, level=rr.TextLogLevel.WARN))
+        self._screen.log(REJECTED, rr.TextLog(text, level=rr.TextLogLevel.WARN))

@@ -30,8 +30,8 @@ class RankingConfig:
     """How tosses are ranked.
 
     Attributes:
-        criterion: name of a registered one; log-det stands in for representative where a stream is not kept whole.
-        top: k, how many tosses are kept.
+        criterion: name of a registered one; log-det stands in for representative where a stream is not stored whole.
+        top: k, how many tosses are selected.
         seed: of the random criterion.
         prior: delta: the prior information A0 is this share of the pool's mean toss (method.md 1.6).
         normalisation: which trace: one of `NORMALISATIONS`.
@@ -107,7 +107,7 @@ class Criterion:
         unit: of scores and gains; empty for a plain number.
         select: selects from the same tosses scored at one theta or at several (method.md 2.4), a pool for each.
         needs: what it reads.
-        stream: starts to select from a stream that is not kept whole, given the first tosses where it needs a prior;
+        stream: starts to select from a stream that is not stored whole, given the first tosses where it needs a prior;
             None for a criterion that needs the whole pool.
         certified: whether its selections carry a certificate.
         choices: fields of `RankingConfig` that only it reads, with the values they may have.

@@ -86,7 +86,7 @@ def _rank_warning(state: "_Particles", prior: float) -> tuple[str, ...]:
     rank, directions = state.rank(prior)
     if rank >= directions:
         return ()
-    return (f"the kept tosses' information has rank {rank} of {directions}: their smallest eigenvalue is the prior's",)
+    return (f"the selected tosses' information has rank {rank} of {directions}: their smallest eigenvalue is the prior's",)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ class CuratedTraining:
     """A training and, where there is one, the selection that it learns from.
 
     Args:
-        training: learns from the kept tosses of the last selection.
+        training: learns from the selected tosses of the last selection.
         pool: what is selected from.
         reranking: has made a selection; None for a training on tosses that stay.
         selections: all that were made until now.
@@ -75,22 +75,22 @@ class CuratedTraining:
         return arrived and len(self.selections) < EXACT_SELECTIONS
 
     def _reselect(self, reranking: Reranking, progress: Progress, running: bool) -> None:
-        """What an occasion changes: a selection more, and other data where other tosses are kept."""
+        """What an occasion changes: a selection more, and other data where other tosses are selected."""
         before = reranking.selected
         select = reranking.consider if running else reranking.at_optimum
         selected = select(self.training.model, progress.gradient_steps, progress.epochs)
         if selected is None:
             return
         self.selections += (selected,)
-        if before is None or set(selected.kept) != set(before.kept):
+        if before is None or set(selected.toss_ids) != set(before.toss_ids):
             length_scale = self.training.model.body.length_scale
-            data = kept_transitions(self._pool, selected.kept, length_scale)
+            data = selected_transitions(self._pool, selected.toss_ids, length_scale)
             self.training.replace_data(data, fresh_budget=not running)
 
 
-def kept_transitions(pool: Sequence[Toss], kept: Sequence[str], length_scale: float) -> Transitions:
-    """The transitions of the kept tosses, in the order of the pool: equal sets, equal transitions."""
-    wanted = set(kept)
+def selected_transitions(pool: Sequence[Toss], selected: Sequence[str], length_scale: float) -> Transitions:
+    """The transitions of the selected tosses, in the order of the pool: equal sets, equal transitions."""
+    wanted = set(selected)
     return transitions_of([toss for toss in pool if toss.toss_id in wanted], length_scale)
 
 

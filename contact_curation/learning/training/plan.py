@@ -22,7 +22,7 @@ from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes, d
 from contact_curation.learning.checkpoints.selection_document import document_of_selections, selections_of
 from contact_curation.learning.checkpoints.stored_model import MALFORMED, notes_of_bytes
 from contact_curation.learning.fits.exact_fit import theta_0
-from contact_curation.learning.training.curated import CuratedTraining, kept_transitions, toss_scorer
+from contact_curation.learning.training.curated import CuratedTraining, selected_transitions, toss_scorer
 from contact_curation.learning.training.data import rows_of
 from contact_curation.learning.training.protocols import TrainingConfig
 from contact_curation.learning.training.reranking import Reranking, RerankingConfig, Selected
@@ -100,7 +100,7 @@ def begin(plan: TrainingPlan) -> CuratedTraining:
     )  # fmt: skip
     reranking = _reranking(plan)
     first = reranking.select(theta_0(model) if plan.protocol.exact else model) if reranking else None
-    data = kept_transitions(plan.tosses, first.kept, plan.length_scale) if first else everything
+    data = selected_transitions(plan.tosses, first.toss_ids, plan.length_scale) if first else everything
     training = Training(model, data, plan.held_out_transitions, plan.protocol, int(shuffles))
     return CuratedTraining(training, plan.tosses, reranking, (first,) if first else ())
 
@@ -131,8 +131,8 @@ def resume(plan: TrainingPlan, data: bytes, source: Path | str) -> CuratedTraini
         raise UnreadableInputError(source, f"says not what was selected ({type(error).__name__}: {error})") from error
     last = selections[-1] if selections else None
     reranking = _reranking(plan, last)
-    ids = last.kept if last else [toss.toss_id for toss in plan.tosses]
-    transitions = kept_transitions(plan.tosses, ids, plan.length_scale)
+    ids = last.toss_ids if last else [toss.toss_id for toss in plan.tosses]
+    transitions = selected_transitions(plan.tosses, ids, plan.length_scale)
     body = plan.start.body if plan.start else plan.body
     training = training_of_bytes(data, source, transitions, plan.held_out_transitions, body)
     return CuratedTraining(training, plan.tosses, reranking, selections)

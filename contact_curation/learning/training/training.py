@@ -166,8 +166,8 @@ class Training:
         """Learns from other transitions from here on, in a new epoch.
 
         Args:
-            data: the kept set as it is now.
-            fresh_budget: whether steps, epochs, patience and the schedule begin anew, and the optimizer forgets; a
+            data: the selected set as it is now.
+            fresh_budget: whether steps, epochs, patience and the schedule start over, and the optimizer forgets; a
                 training that had ended goes on. Without it only the data change.
 
         Raises:

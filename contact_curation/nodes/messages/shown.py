@@ -56,7 +56,7 @@ def _shown(version: str, model: str, data: bytes, body: Body) -> ShownTheta:
     return ShownTheta(version, model=model_of_bytes(data, "model_parameters", body))
 
 
-def kept_set_of(message: Any) -> SelectedSet:
+def selected_set_of(message: Any) -> SelectedSet:
     """The selected set that a CuratedBuffer carries.
 
     Raises:

@@ -2,7 +2,7 @@
 
 What a node publishes it has stored, numbered from 1. The topic is quick, the service complete: whoever comes late, was killed,
 or finds a number missing asks the service for what follows the last one it has. Asking once a second as well costs little
-and also finds what was stored and never announced. A store that was made anew counts from 1 again: then everything is taken.
+and also finds what was stored and never announced. A re-created store counts from 1 again: then everything is taken.
 """
 
 import threading
@@ -15,7 +15,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 
-from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
+from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
 from contact_curation.nodes.ros.worker import Worker
 from contact_curation.stages.records import Cursor
 
@@ -80,7 +80,7 @@ class CatchUp:
         self._asked: Future | None = None
         self._silent = 0
         self._client = node.create_client(source.service, source.service_name)
-        node.create_subscription(source.message, source.topic, self._heard, kept(RESULTS_KEPT))
+        node.create_subscription(source.message, source.topic, self._heard, latched(RESULTS_DEPTH))
         node.create_timer(PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     @property

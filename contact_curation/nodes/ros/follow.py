@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from contact_curation.nodes.ros.catch_up import PATIENCE, PERIOD, Source
-from contact_curation.nodes.ros.qos import kept
+from contact_curation.nodes.ros.qos import latched
 
 HELD = 4096
 """Messages of a topic that the middleware holds until a callback takes them; far more than nodes keep for late listeners."""
@@ -45,7 +45,7 @@ class Follow:
         self._asked: Future[Any] | None = None
         self._silent = 0
         self._client = node.create_client(source.service, source.service_name)
-        node.create_subscription(source.message, source.topic, self._heard, kept(HELD))
+        node.create_subscription(source.message, source.topic, self._heard, latched(HELD))
         node.create_timer(PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _heard(self, message: Any) -> None:
@@ -73,7 +73,7 @@ class Follow:
         response: Any = future.result()
         start = response.last_sequence - self._newest if self._newest is not None else 0
         messages = list(getattr(response, self._source.field))
-        if response.last_sequence < self._taken:  # a store that was made anew
+        if response.last_sequence < self._taken:  # the store was re-created
             self._taken = 0
         elif self._taken < start:
             self._taken = start

@@ -6,11 +6,11 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 from contact_curation.storage.bags.records import OfferedQos
 
-RESULTS_KEPT = 256
+RESULTS_DEPTH = 256
 """Results that a late listener still gets from the topic; services give all of them."""
 
 
-def kept(depth: int) -> QoSProfile:
+def latched(depth: int) -> QoSProfile:
     """Reliable, and the last `depth` messages are there for whoever comes late."""
     return profile(depth, reliable=True, latched=True)
 

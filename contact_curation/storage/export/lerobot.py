@@ -119,7 +119,7 @@ CHUNKS_SIZE, DATA_FILES_MB, VIDEO_FILES_MB = 1000, 100, 200
 LARGEST_RATE_ERROR = 0.01
 
 PREFIX = "curation/"
-SAID_OTHERWISE = ("kept", "gated", "reasons", "frames")
+SAID_OTHERWISE = ("selected", "rejected", "reasons", "frames")
 """Of a manifest's row: of selected tosses alike, or LeRobot's `length`."""
 
 EVIDENCE = tuple(field for field in fields(ManifestRow) if field.name not in SAID_OTHERWISE)

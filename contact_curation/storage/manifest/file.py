@@ -25,7 +25,13 @@ from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 from contact_curation.storage.provenance import InputProvenance, RunProvenance
 
 FORMAT = "contact_curation_manifest"
-VERSION = 1
+VERSION = 2
+FIRST_NAMES = {"kept": "selected", "gated": "rejected", "kept_gram": "selected_gram", "answer": "optimum_shift"}
+"""What version 1 called columns and diagnostics, and their names now."""
+
+FIRST_SHIFT_NAMES = {"off": "distance", "by_chance": "at_random"}
+"""The same for what it called `answer`."""
+
 ROWS = "tosses"
 NOT_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
 """JSON has no such numbers: they are written as these strings."""
@@ -58,8 +64,12 @@ def from_json(data: bytes) -> Parsed:
 
 
 def row_of(values: Mapping[str, Any]) -> ManifestRow:
-    """A row of its values by name."""
-    return ManifestRow(**{**values, "reasons": tuple(values["reasons"])})
+    """A row of its values by name, or by the names of version 1."""
+    return ManifestRow(**{**_renamed(values, FIRST_NAMES), "reasons": tuple(values["reasons"])})
+
+
+def _renamed(values: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
+    return {names.get(name, name): value for name, value in values.items()}
 
 
 def _with_strings(value: Any) -> Any:
@@ -136,9 +146,10 @@ def _csv_rows(head: Mapping[str, Any], lines: list[str]) -> Iterator[ManifestRow
 
 
 def _row(cells: dict[str, str]) -> ManifestRow:
-    if set(cells) != set(COLUMNS) or None in cells.values():
+    named = _renamed(cells, FIRST_NAMES)
+    if set(named) != set(COLUMNS) or None in named.values():
         raise ValueError(f"its columns are {', '.join(map(str, cells))}")
-    return row_of({field.name: READERS[field.type](cells[field.name]) for field in fields(ManifestRow)})
+    return row_of({field.name: READERS[field.type](named[field.name]) for field in fields(ManifestRow)})
 
 
 def _cell(value: object) -> str:
@@ -238,7 +249,10 @@ def manifest_of(head: Mapping[str, Any], rows: Iterable[ManifestRow]) -> Manifes
     run = {field.name: head[field.name] for field in fields(RunProvenance)}
     inputs = tuple(InputProvenance(**{**entry, "losses": tuple(entry["losses"])}) for entry in head["inputs"])
     run.update(command=tuple(head["command"]), inputs=inputs, influence_bound=_with_numbers(head["influence_bound"]))
-    return Manifest(RunProvenance(**run), tuple(rows), _with_numbers(head["diagnostics"]))
+    diagnostics = _renamed(_with_numbers(head["diagnostics"]), FIRST_NAMES)
+    if "optimum_shift" in diagnostics:
+        diagnostics["optimum_shift"] = _renamed(diagnostics["optimum_shift"], FIRST_SHIFT_NAMES)
+    return Manifest(RunProvenance(**run), tuple(rows), diagnostics)
 
 
 def _why(error: Exception) -> str:

@@ -16,9 +16,9 @@ class ManifestRow:
 
     Attributes:
         toss_id: unique in the manifest.
-        kept: selected, as one of the top k.
-        gated: rejected by a gate, before it was scored.
-        reasons: why it was gated or not scored, one line each.
+        selected: whether it is one of the top k.
+        rejected: whether a gate rejected it, before it was scored.
+        reasons: why it was rejected or not scored, one line each.
         rank: place in the ranking, from 1; None when it was not ranked.
         score: of the toss alone, by the criterion; None when it was not ranked.
         marginal_gain: what it added when it was picked, or would add to the selected ones; None when it was not ranked.
@@ -36,8 +36,8 @@ class ManifestRow:
     """
 
     toss_id: str
-    kept: bool
-    gated: bool
+    selected: bool
+    rejected: bool
     reasons: tuple[str, ...]
     rank: int | None
     score: float | None
@@ -55,9 +55,11 @@ class ManifestRow:
     last_stamp_ns: int
 
     def __post_init__(self) -> None:
-        if self.kept and (self.gated or self.rank is None):
-            raise InvalidValueError(f"kept of toss {self.toss_id}", "True", "False for a toss that is gated or has no rank")
-        if (self.gated or self.rank is None) and not self.reasons:
+        if self.selected and (self.rejected or self.rank is None):
+            raise InvalidValueError(
+                f"selected of toss {self.toss_id}", "True", "False for a toss that is rejected or has no rank"
+            )
+        if (self.rejected or self.rank is None) and not self.reasons:
             raise InvalidValueError(f"reasons of toss {self.toss_id}", "none", "at least one for a toss that was not ranked")
 
 
@@ -83,4 +85,4 @@ class Manifest:
     @cached_property
     def selected(self) -> tuple[ManifestRow, ...]:
         """The selected tosses, best first."""
-        return tuple(sorted((row for row in self.rows if row.kept), key=lambda row: row.rank or 0))
+        return tuple(sorted((row for row in self.rows if row.selected), key=lambda row: row.rank or 0))

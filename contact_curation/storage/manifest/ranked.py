@@ -66,9 +66,9 @@ def evidence_of(curation: Curation) -> dict[str, Diagnostic]:
         "spectrum": curation.spectrum.tolist(),
         "efficiency": asdict(curation.efficiency),
         "frame_efficiency": asdict(curation.frame_efficiency),
-        "answer": curation.optimum_shift.to_mapping(),
+        "optimum_shift": curation.optimum_shift.to_mapping(),
         "certificate": asdict(certificate) if certificate else None,
-        "kept_gram": asdict(curation.selected_gram) if curation.selected_gram else None,
+        "selected_gram": asdict(curation.selected_gram) if curation.selected_gram else None,
         "block_shares": {share.name: share.share for share in curation.block_shares},
         "warnings": list(curation.warnings),
     }
@@ -80,8 +80,8 @@ def _row(toss: PoolToss, entry: RankedToss | None) -> ManifestRow:
     information = next((one for one in toss.scores if isinstance(one, TossInformation)), None)
     return ManifestRow(
         toss_id=seen.toss_id,
-        kept=entry.selected if entry else False,
-        gated=bool(seen.reasons),
+        selected=entry.selected if entry else False,
+        rejected=bool(seen.reasons),
         reasons=toss.reasons,
         rank=entry.rank if entry else None,
         score=entry.score if entry else None,

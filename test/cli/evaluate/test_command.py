@@ -110,7 +110,7 @@ def test_every_set_that_was_learned_from_in_turn_is_no_judge_and_the_last_one_sa
     out = tmp_path / "reranked.safetensors"
     options = ("--steps", 40, "--held-out", "5,6", "--top", 2, "--criterion", "trace", "--rerank-every", 1, "--json")
     selections = cli("train", folder, "--out", out, *options).json["selections"]
-    ever, last = {toss for one in selections for toss in one["kept"]}, set(selections[-1]["kept"])
+    ever, last = {toss for one in selections for toss in one["toss_ids"]}, set(selections[-1]["toss_ids"])
     assert len(ever) > len(last) == 2
     judged = cli("evaluate", out, folder, *QUICK, "--held-out", ",".join(sorted(ever)))
     line = f"{out}: it learned from {len(ever)} of the {len(ever)} tosses it is judged by"

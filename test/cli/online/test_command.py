@@ -35,7 +35,7 @@ from contact_curation.stages.records import (
     ThrowLogRecord,
     ThrowRecord,
     TrainingRecord,
-    kept_records,
+    stored_records,
     write_record,
 )
 from contact_curation.storage.inputs.inputs import InputsConfig
@@ -217,15 +217,15 @@ def test_a_session_is_read_from_its_stores(tmp_path: Path) -> None:
         tosses.add(first)
         tosses.add_rejected(bad)
     with StateStore(folder.store("throw_designer")) as states:
-        states.save(kept_records(ThrowLogRecord(2, None, (THROW, UNSEEN), "releases: found 0")))
+        states.save(stored_records(ThrowLogRecord(2, None, (THROW, UNSEEN), "releases: found 0")))
     scored = information(1)
     with InformationStore(folder.store("fisher_scorer")) as informations:
         informations.add(scored)
     buffer = BufferRecord(1, ("a",), scored.parameters_version, "trace", 1)
     with InformationStore(folder.store("curator")) as curated:
-        curated.states.save(kept_records(buffer))
+        curated.states.save(stored_records(buffer))
     with TossStore(folder.store("trainer")) as tosses:
-        tosses.states.save(kept_records(TRAINING))
+        tosses.states.save(stored_records(TRAINING))
     write_record(folder.dashboard, ServedDashboard("http://here"))
     seen = stores.look()
     assert [(one.toss_id, one.planned_gain, one.after_ns) for one in seen.throws] == [("toss-0", 2.0, 100), ("", 2.5, 200)]
@@ -301,7 +301,7 @@ def test_a_session_says_once_where_the_dashboard_is_and_why_there_is_no_throw(tm
         log = ThrowLogRecord(1, None, (THROW,), "")
         for reason in ("", "releases: found 0", "releases: found 0", "", "releases: found 0", "the kernel"):
             with StateStore(folder.store("throw_designer")) as states:
-                states.save(kept_records(replace(log, no_throw=reason)))
+                states.save(stored_records(replace(log, no_throw=reason)))
             session._look()
     assert said == [
         "dashboard: http://here",

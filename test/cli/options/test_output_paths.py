@@ -14,6 +14,7 @@ from contact_curation.cli.train import command as train
 from contact_curation.errors import InvalidValueError
 from contact_curation.files import write_atomically
 from contact_curation.storage.bags.writer import BagWriter
+from contact_curation.storage.manifest.file import read_manifest
 from test.cli.commands import Cli
 
 
@@ -73,6 +74,53 @@ def test_a_file_that_cannot_be_written_is_one_line_before_any_work(
     done = cli(verb, *needed[verb], option, path)
     assert (done.status, done.out, len(done.err_lines)) == (1, "", 1)
     assert done.err.startswith(f"contact-curation: error: {option}: found {path}, expected a path that can be written (")
+
+
+@pytest.mark.parametrize(
+    ("verb", "option", "name"),
+    [
+        ("rank", "--out", "notes.csv"),
+        ("rank", "--figure", "photo.png"),
+        ("evaluate", "--figure", "photo.png"),
+        ("score", "--out", "data.npz"),
+        ("simulate", "--out", "session.mcap"),
+        ("import", "--out", "session.mcap"),
+        ("design", "--out", "settings.json"),
+        ("train", "--metrics", "data.jsonl"),
+    ],
+)
+@pytest.mark.usefixtures("no_work")
+def test_a_file_that_cannot_be_made_again_is_never_replaced_in_silence(
+    cli: Cli, golden: Path, true_parameters: Path, tmp_path: Path, verb: str, option: str, name: str
+) -> None:
+    needed = {
+        "rank": (golden,),
+        "evaluate": (true_parameters, golden),
+        "score": (golden, "--params", true_parameters),
+        "simulate": (tmp_path / "throws.json",),
+        "import": ("contactnets", tmp_path),
+        "train": (golden, "--out", tmp_path / "c.safetensors"),
+        "design": ("--throws", "1000"),
+    }
+    path = tmp_path / name
+    path.write_text("years of work")
+    done = cli(verb, *needed[verb], option, path)
+    expected = f"contact-curation: error: {option}: found a file at {path}, expected a new name, or --overwrite to replace it\n"
+    assert (done.status, done.out, done.err) == (1, "", expected)
+    assert path.read_text() == "years of work"
+
+
+@pytest.mark.parametrize("ending", [".parquet", ".csv", ".json"])
+def test_a_manifest_is_made_again_under_its_name_and_a_bag_only_where_it_is_said(
+    cli: Cli, golden: Path, tmp_path: Path, ending: str
+) -> None:
+    manifest = tmp_path / f"manifest{ending}"
+    for top in ("4", "5"):
+        assert cli("rank", golden, "--top", top, "--out", manifest, "--criterion", "longest").status == 0
+    assert len(read_manifest(manifest).selected) == 5
+    bag = tmp_path / "session.mcap"
+    bag.write_bytes(b"years of work")
+    assert cli("import", "contactnets", tmp_path / "none", "--out", bag, "--overwrite").err.count("expected a new name") == 0
 
 
 @places

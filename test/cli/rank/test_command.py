@@ -23,14 +23,14 @@ from contact_curation.storage.manifest.file import read_manifest
 from test.cli.commands import Cli, write_parameters
 from test.storage.inputs.test_inputs import cut_short, mcap_file
 
-GLITCHES = {"displacement beside the velocity", "gap", "lowest corner of the toss"}
+FAULTS = {"displacement beside the velocity", "gap", "lowest corner of the toss"}
 
 
 def ids(report: Any) -> list[str]:
     return [row["toss_id"] for row in report["tosses"] if row["rank"] is not None]
 
 
-def test_it_is_the_ranking_of_the_library_and_the_glitches_are_kept_back(cli: Cli, golden: Path) -> None:
+def test_it_is_the_ranking_of_the_library_and_the_faulty_tosses_are_rejected(cli: Cli, golden: Path) -> None:
     report = cli("rank", golden, "--top", "8", "--json").json
     items = list(open_inputs([golden], CONTACTNETS_CUBE))
     scorer = Scorer(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE, ScoringConfig())
@@ -38,17 +38,17 @@ def test_it_is_the_ranking_of_the_library_and_the_glitches_are_kept_back(cli: Cl
     expected = curate([one for one in infos if isinstance(one, TossInformation)], RankingConfig(top=8))
     assert ids(report) == list(expected.ranking.ids)
     assert [row["score"] for row in report["tosses"][:21]] == [entry.score for entry in expected.ranking.entries]
-    gated = {row["toss_id"]: row["reasons"] for row in report["tosses"] if row["gated"]}
-    assert gated == {item.toss.toss_id: list(item.reasons) for item in items if isinstance(item, Rejected)}
-    assert {reasons[0].partition(":")[0] for reasons in gated.values()} == GLITCHES
-    assert report["outcomes"] == {"selected": 8, "not selected": 13, **dict.fromkeys(sorted(GLITCHES), 1)}
+    rejected = {row["toss_id"]: row["reasons"] for row in report["tosses"] if row["rejected"]}
+    assert rejected == {item.toss.toss_id: list(item.reasons) for item in items if isinstance(item, Rejected)}
+    assert {reasons[0].partition(":")[0] for reasons in rejected.values()} == FAULTS
+    assert report["outcomes"] == {"selected": 8, "not selected": 13, **dict.fromkeys(sorted(FAULTS), 1)}
     assert report["diagnostics"]["epsilon"] == expected.epsilon
     assert report["diagnostics"]["sufficient_k"] == expected.sufficient_k
-    assert report["diagnostics"]["answer"] == expected.optimum_shift.to_mapping()
+    assert report["diagnostics"]["optimum_shift"] == expected.optimum_shift.to_mapping()
     assert report["diagnostics"]["certificate"] is None
     proven = cli("rank", golden, "--top", "8", "--criterion", "log-det", "--json").json["diagnostics"]
     assert 0.0 < proven["certificate"]["subset"] <= 1.0
-    assert report["diagnostics"]["answer"]["off"] < proven["answer"]["off"]
+    assert report["diagnostics"]["optimum_shift"]["distance"] < proven["optimum_shift"]["distance"]
 
 
 @pytest.mark.parametrize("ending", ["parquet", "csv", "json"])
@@ -108,7 +108,7 @@ def test_every_criterion_and_estimator_ranks_every_sound_toss(cli: Cli, golden: 
     report = cli("rank", golden, "--criterion", criterion, "--estimator", estimator, "--top", "4", "--json").json
     assert len(ids(report)) == len(set(ids(report))) == 21
     assert (report["criterion"], report["estimator"]) == (criterion, estimator)
-    assert [row["kept"] for row in report["tosses"]] == [True] * 4 + [False] * 20
+    assert [row["selected"] for row in report["tosses"]] == [True] * 4 + [False] * 20
     if criterion == "longest":
         durations = [row["duration"] for row in report["tosses"][:21]]
         assert durations == sorted(durations, reverse=True)
@@ -122,10 +122,10 @@ def test_the_seed_decides_the_random_ranking(cli: Cli, golden: Path) -> None:
     assert first == again != other
 
 
-def test_without_the_gate_a_glitch_is_scored_and_motions_without_rest_are_still_no_tosses(cli: Cli, golden: Path) -> None:
+def test_without_the_gate_a_faulty_toss_is_scored_and_motions_without_rest_are_still_no_tosses(cli: Cli, golden: Path) -> None:
     report = cli("rank", golden, "--no-gate", "--json").json
     assert len(ids(report)) == 22
-    assert {row["reasons"][0].partition(":")[0] for row in report["tosses"] if row["gated"]} == GLITCHES - {
+    assert {row["reasons"][0].partition(":")[0] for row in report["tosses"] if row["rejected"]} == FAULTS - {
         "displacement beside the velocity"
     }
 

@@ -22,7 +22,7 @@ def test_a_recording_shows_what_is_known_down_the_ranking(cli: Cli, golden: Path
     written = Recorded(path)
     (page,) = written.texts("/ranking")
     assert f"{TOP} of 21 tosses selected" in page
-    assert len(written.texts("/gated")) == 3
+    assert len(written.texts("/rejected")) == 3
     assert len(written.scalars("/epsilon/epsilon")) == TOP
     worst = written.scalars("/known/worst")
     assert len(worst) == TOP + 1

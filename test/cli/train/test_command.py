@@ -60,9 +60,9 @@ def test_exactly_a_polytope_is_trained_at_once_and_a_network_is_refused(cli: Cli
     assert "model to train exactly: found a deep, expected a polytope in the physical form" in refused.err
 
 
-def test_numbers_in_a_recording_count_what_was_kept_back(cli: Cli, golden: Path, tmp_path: Path) -> None:
-    items = list(open_inputs([golden], CONTACTNETS_CUBE))  # 24, of which 5, 12 and 19 are kept back
-    in_order = [item.toss_id if isinstance(item, Toss) else "kept back" for item in items]
+def test_numbers_in_a_recording_count_what_was_rejected(cli: Cli, golden: Path, tmp_path: Path) -> None:
+    items = list(open_inputs([golden], CONTACTNETS_CUBE))  # 24, of which 5, 12 and 19 are rejected
+    in_order = [item.toss_id if isinstance(item, Toss) else "rejected" for item in items]
     held_out = cli("train", golden, "--out", tmp_path / "a.safetensors", "--steps", 1, "--held-out", "6,19-21", "--json")
     assert held_out.json["held_out_tosses"] == sorted(in_order[place] for place in (6, 20, 21))
     refused = cli("train", golden, "--out", tmp_path / "b.safetensors", "--held-out", "12")
@@ -144,7 +144,7 @@ def test_a_held_out_motion_under_another_heading_is_not_trained_on(cli: Cli, fol
     ("options", "line"),
     [
         (("--criterion", "trace"), "--criterion: found no --top"),
-        (("--canary",), "--canary: found no --top"),
+        (("--rerank-when-stale",), "--rerank-when-stale: found no --top"),
         (("--rerank-every", "2"), "--rerank-every: found no --top"),
         (("--held-out", "90-99"), "--held-out: found none of 7 tosses"),
         (("--held-out", "0-99"), "tosses to learn from: found none of 7: 7 are held out"),
@@ -170,7 +170,7 @@ def test_what_cannot_be_done_is_one_line(cli: Cli, folder: Path, tmp_path: Path,
         ("a.mcap", "--out", "a.safetensors", "--steps", "0"),
         ("a.mcap", "--out", "a.safetensors", "--top", "3", "--manifest", "m.csv"),
         ("a.mcap", "--out", "a.safetensors", "--resume", "--overwrite"),
-        ("a.mcap", "--out", "a.safetensors", "--top", "3", "--canary", "--rerank-every", "2"),
+        ("a.mcap", "--out", "a.safetensors", "--top", "3", "--rerank-when-stale", "--rerank-every", "2"),
         ("a.mcap", "--out", "a.safetensors", "--metrics", "a.csv"),
     ],
 )

@@ -23,7 +23,7 @@ def picture(count: int = 40, selected: int = 8) -> RankingPicture:
         spectrum=rng.uniform(0.01, 0.5, 52),
         epsilon=0.99,
         shares={"vertices_normal": (0.8, 0.7), "friction": (0.2, 0.3)},
-        outcomes=(("kept", selected), ("ranked, not kept", count - selected), ("impulse outside the friction cone", 3)),
+        outcomes=(("selected", selected), ("ranked, not selected", count - selected), ("impulse outside the friction cone", 3)),
     )
 
 
@@ -53,7 +53,7 @@ UNUSUAL = {
     "no spectrum": replace(picture(), spectrum=np.zeros(0)),
 }
 OTHERS = {
-    "all kept": picture(5, 5),
+    "all selected": picture(5, 5),
     "equal": replace(picture(), scores=np.ones(40)),
     "no gains": replace(picture(), scores=np.zeros(40), gains=np.zeros(40)),
     "negative": replace(picture(), scores=np.linspace(3.0, -3.0, 40)),

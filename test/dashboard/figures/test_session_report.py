@@ -16,7 +16,7 @@ STORY = ReportData(
     facts=[("throws", "2 made"), ("restarts", "curator 1")],
     throws=[
         ReportedThrow(1, "exploration", None, None, "rejected: gap"),
-        ReportedThrow(2, "designed", 3.25, 2.125, "kept, rank 1 of 1"),
+        ReportedThrow(2, "designed", 3.25, 2.125, "selected, rank 1 of 1"),
     ],
     ranking=[ReportedToss(1, "cube-1", 12.5, 12.5, 80.0, True), ReportedToss(2, "cube-2", 7.0, 1.0, 60.0, False)],
     rejected=[("cube-0", ["gap: found 3 < 4", "lowest corner"])],
@@ -45,7 +45,7 @@ def test_the_page_tells_everything_and_loads_nothing(tmp_path: Path) -> None:
         "2 made",
         "3.25",
         "2.125",
-        "kept, rank 1 of 1",
+        "selected, rank 1 of 1",
         "cube-2",
         "gap: found 3 &lt; 4; lowest corner",
         "signal SIGKILL",

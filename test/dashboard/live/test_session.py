@@ -88,8 +88,8 @@ def test_the_spectrum_is_drawn_by_its_logarithm(session: Recorded, made: Scored)
 
 
 def test_gated_motions_throws_and_health_are_told(session: Recorded) -> None:
-    assert session.texts("/gated") == ["1600000500.000, 33 frames: found a jump, expected none"]
-    assert session.times("/gated", "toss") == [COUNT]
+    assert session.texts("/rejected") == ["1600000500.000, 33 frames: found a jump, expected none"]
+    assert session.times("/rejected", "toss") == [COUNT]
     assert "designed | commanded" in session.texts("/throws")[0]
     assert "no throw is under way" in session.texts("/throws")[-1]
     (health,) = session.texts("/health")

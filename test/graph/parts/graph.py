@@ -16,7 +16,7 @@ from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
-from contact_curation.nodes.ros.qos import kept, profile
+from contact_curation.nodes.ros.qos import latched, profile
 from test.graph.parts.processes import NodeProcess, spawn_node
 
 STORES = {
@@ -52,7 +52,7 @@ class Listener:
     def listen(self, kind: Any, topic: str, depth: int = 1000) -> list[Any]:
         """Hears a topic of the graph from now on; what was kept for late subscribers too."""
         heard = self.heard.setdefault(topic, [])
-        self.node.create_subscription(kind, topic, heard.append, kept(depth))
+        self.node.create_subscription(kind, topic, heard.append, latched(depth))
         return heard
 
     def call(self, kind: Any, name: str, request: Any, seconds: float = 30.0) -> Any:

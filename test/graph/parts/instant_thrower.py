@@ -21,7 +21,7 @@ from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.messages.headers import Stamped
 from contact_curation.nodes.messages.throw import throw_message, throw_of
 from contact_curation.nodes.messages.toss_information import information_message
-from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
+from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
 from contact_curation.simulation.thrown_toss import executed_throw, thrown_toss
 from test.graph.parts.graph import Listener
 
@@ -46,7 +46,7 @@ class Thrower:
         self.refuse = False
         self.silent = threading.Event()
         node = listener.node
-        self._publisher = node.create_publisher(TossInformationMessage, "toss_information", kept(RESULTS_KEPT))
+        self._publisher = node.create_publisher(TossInformationMessage, "toss_information", latched(RESULTS_DEPTH))
         node.create_service(GetInformation, "get_information", self._get)
         self.server = ActionServer(
             node,

@@ -7,7 +7,7 @@ from contact_curation_msgs.msg import ThrowReport, TrainingStatus
 
 from contact_curation.nodes.messages.headers import Stamped, header_message
 from contact_curation.nodes.messages.throw import throw_message
-from contact_curation.nodes.ros.qos import RESULTS_KEPT, kept
+from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
 from test.dashboard.sessions import throw_of
 from test.graph.parts.graph import Graph
 from test.graph.parts.offline import tosses_of
@@ -30,8 +30,8 @@ class Storyteller:
     def __init__(self, graph: Graph, bag: Path) -> None:
         node = graph.listener.node
         self._tosses = tosses_of(bag)
-        self._statuses = node.create_publisher(TrainingStatus, "/training_status", kept(64))
-        self._reports = node.create_publisher(ThrowReport, "/throw_report", kept(RESULTS_KEPT))
+        self._statuses = node.create_publisher(TrainingStatus, "/training_status", latched(64))
+        self._reports = node.create_publisher(ThrowReport, "/throw_report", latched(RESULTS_DEPTH))
 
     def tell(self, round_number: int = 1) -> None:
         """A round of training, a throw that was scored, and one that is under way."""

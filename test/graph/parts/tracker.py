@@ -12,7 +12,7 @@ from tf2_msgs.msg import TFMessage
 
 from contact_curation.motion.pose_stream import FramePose
 from contact_curation.nodes.messages.headers import Stamped, header_message
-from contact_curation.nodes.ros.qos import kept
+from contact_curation.nodes.ros.qos import latched
 from test.graph.parts.graph import Listener, until
 
 PERIOD = 0.001
@@ -51,8 +51,8 @@ class Tracker:
 
     def __init__(self, listener: Listener, board: Sequence[FramePose]) -> None:
         self._node = listener.node
-        latched = self._node.create_publisher(TFMessage, "/tf_static", kept(10))
-        latched.publish(TFMessage(transforms=[message_of(TFMessage, one).transforms[0] for one in board]))
+        frames = self._node.create_publisher(TFMessage, "/tf_static", latched(10))
+        frames.publish(TFMessage(transforms=[message_of(TFMessage, one).transforms[0] for one in board]))
 
     def topic(self, kind: type, name: str, qos: QoSProfile, subscribers: int = 1) -> Publisher:
         """A topic to publish on, once as many as are expected listen."""

@@ -45,7 +45,7 @@ def test_no_bound_is_above_what_it_bounds(kept: list[int], seed: int, parameters
 
 
 def test_bounds_are_close_once_much_is_known() -> None:
-    """So that few tosses of a step have to be looked at closely: of 38 tosses beside 32 kept ones less than half."""
+    """So that few tosses of a step have to be looked at closely: of 38 tosses beside 32 selected ones less than half."""
     errors = expected_error(pool_of_tosses(2))
     kept = list(range(32))
     sums, others = errors.sums(kept), np.arange(32, 70)

@@ -21,7 +21,7 @@ def by_log_det(infos: Sequence[TossInformation], top: int, prior: Array | None =
     return rank(infos, RankingConfig("log-det", top=top, certificate_steps=certificate_steps), prior=prior)
 
 
-def kept_gains(ranking: Ranking) -> list[float]:
+def selected_gains(ranking: Ranking) -> list[float]:
     return [entry.marginal_gain for entry in ranking.entries if entry.selected]
 
 
@@ -33,7 +33,7 @@ def test_lazy_greedy_finds_what_naive_greedy_finds(seed: int, count: int, rows: 
     expected = naive_greedy(infos, prior, 12)
     found = by_log_det(infos, 12, prior)
     assert list(found.selected_ids) == [toss_id for toss_id, _ in expected]
-    np.testing.assert_allclose(kept_gains(found), [gain for _, gain in expected], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(selected_gains(found), [gain for _, gain in expected], rtol=1e-6, atol=1e-9)
 
 
 def test_the_default_prior_is_a_thousandth_of_the_mean_toss() -> None:
@@ -41,12 +41,12 @@ def test_the_default_prior_is_a_thousandth_of_the_mean_toss() -> None:
     expected = naive_greedy(infos, 1e-3 * mean_toss(infos), 10)
     found = by_log_det(infos, 10)
     assert list(found.selected_ids) == [toss_id for toss_id, _ in expected]
-    np.testing.assert_allclose(kept_gains(found), [gain for _, gain in expected], rtol=1e-8)
+    np.testing.assert_allclose(selected_gains(found), [gain for _, gain in expected], rtol=1e-8)
 
 
 def test_gains_never_grow_from_pick_to_pick() -> None:
     for seed in range(10):
-        gains = kept_gains(by_log_det(tosses(60, 8, 5, seed), 40))
+        gains = selected_gains(by_log_det(tosses(60, 8, 5, seed), 40))
         assert (np.diff(gains) <= 1e-9).all()
 
 

@@ -1,4 +1,4 @@
-"""The smallest eigenvalue is that of the whole kept set, and the pruned search finds what a full search finds."""
+"""The smallest eigenvalue is that of the whole selected set, and the pruned search finds what a full search finds."""
 
 from collections.abc import Sequence
 
@@ -77,7 +77,7 @@ def test_scores_and_gains_are_smallest_eigenvalues_of_sets() -> None:
 def test_a_set_of_too_low_rank_is_reported() -> None:
     infos = [toss(f"{k}", np.eye(6)[k : k + 1]) for k in range(6)]
     few = rank(infos, RankingConfig("min-eig", top=4))
-    assert few.diagnostics == ("the kept tosses' information has rank 4 of 6: their smallest eigenvalue is the prior's",)
+    assert few.diagnostics == ("the selected tosses' information has rank 4 of 6: their smallest eigenvalue is the prior's",)
     assert rank(infos, RankingConfig("min-eig", top=6)).diagnostics == ()
 
 

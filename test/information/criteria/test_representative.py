@@ -128,7 +128,7 @@ def test_units_of_the_parameters_change_nothing() -> None:
 
 
 def test_where_no_toss_says_anything_it_chooses_for_what_tosses_know() -> None:
-    """tr (sum F)^-1 is then all there is: the kept set knows more than any of some random sets of as many."""
+    """tr (sum F)^-1 is then all there is: the selected set knows more than any of some random sets of as many."""
     silent = [replace(info, score_sum=np.zeros(4)) for info in tosses(60, 4, 3, seed=8)]
     ranking = rank(silent, RankingConfig("representative", top=8))
     random = [rank(silent, RankingConfig("random", top=8, seed=seed)).selected_ids for seed in range(5)]

@@ -35,8 +35,8 @@ def tosses() -> tuple[Toss, ...]:
 def plan(tosses: tuple[Toss, ...]) -> TrainingPlan:
     """It trains on 3 of 6 tosses, which it selects again on both occasions."""
     protocol = replace(budgeted("polytope"), steps=STEPS, evaluation_steps=6)
-    canary = StalenessConfig(tosses=6, steps=5, spearman=1.0, overlap=1.0)
-    selection = RerankingConfig(RankingConfig("trace", top=3), epochs=2, canary=canary)
+    staleness = StalenessConfig(tosses=6, steps=5, spearman=1.0, overlap=1.0)
+    selection = RerankingConfig(RankingConfig("trace", top=3), epochs=2, staleness=staleness)
     return TrainingPlan("polytope", CONTACTNETS_CUBE, protocol, tosses[:6], tosses[6:], seed=4, selection=selection)
 
 
@@ -44,9 +44,9 @@ def test_the_kept_tosses_and_nothing_else_are_trained_on(plan: TrainingPlan) -> 
     curated = begin(plan)
     while curated.training.progress.state is TrainingState.RUNNING:
         curated.advance(1)
-        assert set(curated.training.data.toss_ids) == set(curated.selections[-1].kept)
+        assert set(curated.training.data.toss_ids) == set(curated.selections[-1].toss_ids)
     assert {one.trigger for one in curated.selections} == set(Trigger) - {Trigger.OPTIMUM}
-    assert len({frozenset(one.kept) for one in curated.selections}) > 1
+    assert len({frozenset(one.toss_ids) for one in curated.selections}) > 1
     assert curated.training.progress.gradient_steps == STEPS
 
 
@@ -59,7 +59,7 @@ def test_an_exact_training_ends_however_many_steps_it_may_take(plan: TrainingPla
         cut.advance(1)
     assert 1 <= len(whole.selections) <= most
     assert whole.selections == cut.selections
-    kept = [frozenset(one.kept) for one in whole.selections]
+    kept = [frozenset(one.toss_ids) for one in whole.selections]
     assert all(one != other for one, other in pairwise(kept[:-1]))  # the last may find that nothing changes
     assert whole.advance(10**9).state is TrainingState.CONVERGED
     assert whole.selections == cut.selections

@@ -1,4 +1,4 @@
-"""Kept tosses as ContactNets' files: rows as in the public ones, whichever way the toss came here."""
+"""Selected tosses as ContactNets' files: rows as in the public ones, whichever way the toss came here."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -86,8 +86,8 @@ def test_real_tosses_that_were_imported_to_a_bag_come_back_but_for_their_random_
     exported = [one for one in read_contactnets(tmp_path) if isinstance(one, Toss)]
     assert len(exported) == len(found) >= 0.8 * report.tosses
     compared = 0
-    for ours, kept_toss in zip(exported, tosses):
-        original = read_contactnets_toss(contactnets_folder / f"{kept_toss.origin.number}.pt")
+    for ours, selected_toss in zip(exported, tosses):
+        original = read_contactnets_toss(contactnets_folder / f"{selected_toss.origin.number}.pt")
         if original.frames != ours.frames:
             continue  # some public tosses run on after the cube lay still (method.md 1.0)
         between = quaternions.multiply(original.orientations_wxyz, quaternions.conjugate(ours.orientations_wxyz))

@@ -1,4 +1,4 @@
-"""Kept tosses as a LeRobot dataset v3.0: the files, types and numbers that LeRobot's own writer makes and its reader wants.
+"""Selected tosses as a LeRobot dataset v3.0: the files, types and numbers that LeRobot's own writer makes and its reader wants.
 
 `test/packaging/test_lerobot_reader.py` reads one with LeRobot itself.
 """
@@ -26,7 +26,7 @@ EPISODES = "meta/episodes/chunk-000/file-000.parquet"
 DATA = "data/chunk-000/file-000.parquet"
 
 
-def kept_tosses() -> list[SelectedToss]:
+def selected_tosses() -> list[SelectedToss]:
     tosses = [replace(synthetic_toss(height), toss_id=f"toss-{place}") for place, height in enumerate(HEIGHTS)]
     return [
         SelectedToss(toss, row(toss.toss_id, rank=place + 1, score=None if place else 0.5), TossProvenance("a.mcap"))
@@ -37,7 +37,7 @@ def kept_tosses() -> list[SelectedToss]:
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("dataset")
-    write_lerobot(kept_tosses(), "cube", folder)
+    write_lerobot(selected_tosses(), "cube", folder)
     return folder
 
 
@@ -51,14 +51,14 @@ def test_the_files_lie_where_info_says(dataset: Path) -> None:
     assert files == sorted([DATA, EPISODES, "meta/info.json", "meta/stats.json", "meta/tasks.parquet"])
     assert info["data_path"].format(chunk_index=0, file_index=0) == DATA
     assert (info["codebase_version"], info["fps"], info["video_path"]) == ("v3.0", 148, None)
-    frames = sum(one.toss.frames for one in kept_tosses())
+    frames = sum(one.toss.frames for one in selected_tosses())
     assert (info["total_episodes"], info["total_frames"], info["total_tasks"]) == (3, frames, 1)
     assert info["splits"] == {"train": "0:3"}
     assert info["features"] == FEATURES
 
 
 def test_frames_are_poses_and_twists_with_lerobots_columns_a_row_group_per_toss(dataset: Path) -> None:
-    file, tosses = pq.ParquetFile(dataset / DATA), [one.toss for one in kept_tosses()]
+    file, tosses = pq.ParquetFile(dataset / DATA), [one.toss for one in selected_tosses()]
     assert file.schema_arrow.field("observation.state").type == pa.list_(pa.float32(), 13)
     assert [file.schema_arrow.field(name).type for name in ("timestamp", "index")] == [pa.float32(), pa.int64()]
     assert [file.metadata.row_group(place).num_rows for place in range(file.num_row_groups)] == [one.frames for one in tosses]
@@ -79,7 +79,7 @@ def test_frames_are_poses_and_twists_with_lerobots_columns_a_row_group_per_toss(
 
 def test_episodes_say_where_their_frames_are_and_what_the_ranking_says_of_them(dataset: Path) -> None:
     rows = pq.read_table(dataset / EPISODES).to_pylist()
-    ends = np.cumsum([one.toss.frames for one in kept_tosses()]).tolist()
+    ends = np.cumsum([one.toss.frames for one in selected_tosses()]).tolist()
     assert [one["dataset_to_index"] for one in rows] == ends
     assert [one["dataset_from_index"] for one in rows] == [0, *ends[:-1]]
     assert [one["length"] for one in rows] == np.diff([0, *ends]).tolist()
@@ -90,7 +90,7 @@ def test_episodes_say_where_their_frames_are_and_what_the_ranking_says_of_them(d
     assert [one["curation/score"] for one in rows] == [0.5, None, None]
     assert rows[0]["curation/last_stamp_ns"] == 2**63 - 1
     left_out = {field.name for field in fields(ManifestRow)} - {field.name for field in EVIDENCE}
-    assert left_out == {"kept", "gated", "reasons", "frames"}
+    assert left_out == {"selected", "rejected", "reasons", "frames"}
 
 
 def test_statistics_are_those_of_the_frames_per_episode_and_over_all(dataset: Path) -> None:
@@ -120,7 +120,7 @@ def test_tasks_are_indexed_by_their_names_as_pandas_has_it(dataset: Path) -> Non
 
 
 def test_tosses_of_different_frame_rates_are_no_dataset(tmp_path: Path) -> None:
-    first, second, _ = kept_tosses()
+    first, second, _ = selected_tosses()
     slow = SelectedToss(replace(second.toss, frame_period=1.0 / 60.0), second.row, second.origin)
     with pytest.raises(InvalidValueError, match="frame rate of toss toss-1: found 60 Hz, expected about 148 Hz, one for all"):
         write_lerobot([first, slow], "cube", tmp_path)

@@ -1,4 +1,4 @@
-"""The kept rows of a manifest, best first."""
+"""The selected rows of a manifest, best first."""
 
 from pathlib import Path
 
@@ -11,8 +11,8 @@ from test.storage.manifest.test_manifest import RUN
 from test.storage.selected_rows import row
 
 
-def test_a_manifest_that_kept_nothing_is_an_error() -> None:
-    manifest = Manifest(RUN, (row("a", kept=False),))
+def test_a_manifest_that_selected_nothing_is_an_error() -> None:
+    manifest = Manifest(RUN, (row("a", selected=False),))
     with pytest.raises(InvalidValueError, match=r"selected tosses of m.csv: found none of 1, expected at least one"):
         selected_rows(manifest, Path("m.csv"))
 

@@ -31,8 +31,8 @@ RUN = RunProvenance(
 )
 RANKED = ManifestRow(
     toss_id="cube-1-ab",
-    kept=True,
-    gated=False,
+    selected=True,
+    rejected=False,
     reasons=(),
     rank=1,
     score=0.1 + 0.2,
@@ -52,12 +52,12 @@ RANKED = ManifestRow(
 GATED = replace(
     RANKED,
     toss_id="cube-2-ab",
-    kept=False,
-    gated=True,
+    selected=False,
+    rejected=True,
     reasons=('jump: found 0.3 m, expected less, "really"', "flips;\nµ"),
     **dict.fromkeys(("rank", "score", "marginal_gain", "trace", "mean_loss", "transitions", "not_scored")),  # type: ignore[arg-type]
 )
-BESIDES = replace(RANKED, toss_id="cube-3-ab", kept=False, rank=2, score=-math.inf, mean_loss=math.inf, topic="")
+BESIDES = replace(RANKED, toss_id="cube-3-ab", selected=False, rank=2, score=-math.inf, mean_loss=math.inf, topic="")
 DIAGNOSTICS: dict[str, Any] = {
     "epsilon": 0.25,
     "bound": math.inf,
@@ -107,7 +107,7 @@ def test_any_text_and_number_comes_back_from_every_format(
 @pytest.mark.parametrize("ending", ENDINGS)
 @pytest.mark.parametrize("word", ["NaN", "Infinity", "-Infinity", "null", "nan", "true", ""])
 def test_words_that_mean_numbers_elsewhere_stay_text(tmp_path: Path, ending: str, word: str) -> None:
-    row = replace(RANKED, toss_id=word, topic=word, input=word, mean_loss=None, kept=False, reasons=(word,))
+    row = replace(RANKED, toss_id=word, topic=word, input=word, mean_loss=None, selected=False, reasons=(word,))
     manifest = Manifest(replace(RUN, model=word, command=(word,)), (row,))
     write_manifest(manifest, tmp_path / f"m{ending}")
     assert_equal(read_manifest(tmp_path / f"m{ending}"), manifest)
@@ -142,8 +142,8 @@ def test_kept_tosses_come_best_first() -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [{"gated": True}, {"rank": None}, {"kept": False, "gated": True}, {"kept": False, "rank": None}],
-    ids=["kept though gated", "kept without rank", "gated without reason", "not ranked without reason"],
+    [{"rejected": True}, {"rank": None}, {"selected": False, "rejected": True}, {"selected": False, "rank": None}],
+    ids=["selected though rejected", "selected without rank", "rejected without reason", "not ranked without reason"],
 )
 def test_rows_that_contradict_themselves_are_refused(changes: dict[str, Any]) -> None:
     with pytest.raises(InvalidValueError):
@@ -185,8 +185,8 @@ def test_a_cut_manifest_is_refused_wherever_it_is_cut(tmp_path: Path, ending: st
 def test_a_manifest_of_a_newer_version_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "m.json"
     write_manifest(MANIFEST, path)
-    path.write_text(path.read_text().replace('"contact_curation_manifest": 1', '"contact_curation_manifest": 2'))
-    with pytest.raises(UnreadableInputError, match="version 2"):
+    path.write_text(path.read_text().replace('"contact_curation_manifest": 2', '"contact_curation_manifest": 3'))
+    with pytest.raises(UnreadableInputError, match="version 3"):
         read_manifest(path)
 
 

@@ -89,14 +89,14 @@ def test_an_empty_store_has_no_sequence(path: Path) -> None:
         assert not store.contains(toss(1).toss_id)
 
 
-@pytest.mark.parametrize("kept_back_first", [True, False])
-def test_a_toss_that_was_kept_back_once_is_a_toss_as_soon_as_it_comes_whole(path: Path, kept_back_first: bool) -> None:
+@pytest.mark.parametrize("rejected_first", [True, False])
+def test_a_toss_that_was_kept_back_once_is_a_toss_as_soon_as_it_comes_whole(path: Path, rejected_first: bool) -> None:
     """As `storage.inputs.inputs` has it for recordings: what was rejected under an id hides no toss of that id."""
     with TossStore(path) as store:
-        if kept_back_first:
+        if rejected_first:
             store.add_rejected(rejected(4))
         assert store.add(toss(4, frames=9)) == Added(1, True)
-        if not kept_back_first:
+        if not rejected_first:
             store.add_rejected(rejected(4))
         assert store.contains(toss(4).toss_id)
         assert [one.toss.frames for one in store.after(0, 5)] == [9]

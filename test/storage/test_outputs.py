@@ -1,0 +1,37 @@
+"""What can be made again is replaced, and nothing else."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from contact_curation.design.throw import Throw
+from contact_curation.errors import InvalidValueError
+from contact_curation.storage.outputs import check_replaceable
+from contact_curation.storage.throws_file import write_throws
+
+REMEDY = "a new name, or --overwrite to replace it"
+
+
+@pytest.mark.parametrize("name", ["bag.mcap", "model.safetensors", "notes.csv", "data.json", "photo.png", "data.parquet"])
+def test_what_is_not_ours_to_make_again_is_refused(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(b"years of work")
+    with pytest.raises(InvalidValueError, match=f"^--out: found a file at {path}, expected {REMEDY}$"):
+        check_replaceable("--out", path, REMEDY)
+    assert path.read_bytes() == b"years of work"
+
+
+def test_a_new_name_and_an_empty_file_are_free(tmp_path: Path) -> None:
+    check_replaceable("--out", tmp_path / "new.mcap", REMEDY)
+    (tmp_path / "empty.mcap").touch()
+    check_replaceable("--out", tmp_path / "empty.mcap", REMEDY)
+
+
+def test_an_earlier_figure_and_earlier_throws_are_replaced(tmp_path: Path) -> None:
+    Figure().savefig(tmp_path / "a.png")
+    throw = Throw("t", "cube", np.zeros(3), np.eye(4)[0], np.zeros(3), np.zeros(3))
+    write_throws(tmp_path / "a.json", [throw])
+    for name in ("a.png", "a.json"):
+        check_replaceable("--out", tmp_path / name, REMEDY)
