@@ -1,4 +1,4 @@
-"""Does `check` name what is wrong with a recording? Recordings with one fault each, and sound ones: is the first line the right one?
+"""Does `check` name what is wrong with a recording? Recordings with one fault each, and sound ones: is its first line right?
 
 Each fault is put into a simulated session (as bags/golden.mcap, without noise of its own beyond the rig's) and, where there are
 ContactNets' tosses, into a bag made of some of them. A verdict is right where it holds the words that belong to its fault; a
@@ -163,7 +163,7 @@ def turned(rotation_vector: Sequence[float]) -> Change:
 
 def raised(by: float) -> Change:
     """A board's frame under or over the board [m]."""
-    return lambda made, rng: made.moved(lambda positions: positions + [0.0, 0.0, by])
+    return lambda made, rng: made.moved(lambda positions: positions + np.array([0.0, 0.0, by]))
 
 
 def marked(turn: Sequence[float] = (0, 0, 0), offset: Sequence[float] = (0, 0, 0)) -> Change:

@@ -102,7 +102,7 @@ def local_fits(series: PoseSeries) -> LocalFits:
 
 
 def noise_of(series: PoseSeries) -> float:
-    """Standard deviation of a position per axis from frame to frame, by third differences that are not nothing; 0 if unknown."""
+    """Standard deviation of a position per axis from frame to frame, by third differences other than 0; 0 if unknown."""
     if len(series) < 8:
         return 0.0
     even = np.abs(series.steps - series.period) < 0.2 * series.period

@@ -91,7 +91,9 @@ class Evidence:
     @property
     def mostly_rejected(self) -> bool:
         """Whether fewer than half of the motions, or of the falls that were seen, are tosses."""
-        return 2 * len(self.tosses) < max(len(self.outcomes), len(self.survey.throws), 1)
+        found = [one for recording in self.recordings for one in recording.outcomes]
+        accepted = sum(isinstance(one, Toss) for one in found)
+        return 2 * accepted < max(len(found), len(self.survey.throws), 1)
 
     @cached_property
     def survey(self) -> Survey:

@@ -146,9 +146,9 @@ def _of_bag(path: Path, reader: BagReader, config: ReadingConfig, most_messages:
         for message in islice(reader.messages(tosses.source.topics), most_messages)
         for found in watched.of(message)
     ]
-    outcomes += [found.outcome for found in tosses.rest()]
-    counts = {topic.name: topic.count for topic in reader.topics}
-    total = sum(counts.get(name) or 0 for name in tosses.source.topics)
+    whole = sum(watched.counted.values()) < most_messages
+    if whole:  # else the motion in progress is cut here, not in the recording
+        outcomes += [found.outcome for found in tosses.rest()]
     series = _series(placed, config)
     bad, why = tosses.bad_poses
     return Recording(
@@ -156,7 +156,7 @@ def _of_bag(path: Path, reader: BagReader, config: ReadingConfig, most_messages:
         topics=reader.topics,
         source=tosses.source,
         counted=watched.counted,
-        whole=sum(watched.counted.values()) < most_messages or total <= most_messages,
+        whole=whole,
         measured=watched.measurements(),
         parents=watched.parents,
         frames=frozenset(watched.frames),

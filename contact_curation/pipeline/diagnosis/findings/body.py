@@ -63,5 +63,8 @@ def other_size(evidence: Evidence) -> Finding | None:
         return None
     off = 100.0 * (by_rest - 1.0)
     larger = "larger" if off > 0.0 else "smaller"
-    what = f"the body is {abs(off):.0f} % {larger} than {evidence.body.name} as described ({1e3 * width:.0f} mm wide), at rest and on its edges"
+    what = (
+        f"the body is {abs(off):.0f} % {larger} than {evidence.body.name} as described ({1e3 * width:.0f} mm wide), "
+        "at rest and on its edges"
+    )
     return Finding(Severity.FAULT, what, "measure the body and correct its --body file")

@@ -21,10 +21,8 @@ def board_is_not_found(evidence: Evidence) -> Finding | None:
         if not parent:
             return f"header.frame_id of {one.source.body.name} is empty, so that nothing leads from it to the board '{board}'"
         there = ", ".join(sorted(one.frames)[:MOST_LISTED])
-        return (
-            f"nothing leads from the board's frame '{board}' to '{parent}', in which {one.source.body.name} gives poses; "
-            + (f"frames there: {there}")
-        )
+        given = f"'{parent}', in which {one.source.body.name} gives poses"
+        return f"nothing leads from the board's frame '{board}' to {given}; frames there: {there}"
 
     found = by_recording(evidence, line)
     if not found:

@@ -45,7 +45,7 @@ def other_axis(evidence: Evidence) -> Finding | None:
     elif fall.axis:
         what = f"bodies fall along {fall.axis}, not along -z: is z up in the board's frame?"
     else:
-        what = f"bodies fall {fall.angle:.0f} degrees away from -z: are poses given in a camera's or a map's frame, not the board's?"
+        what = f"bodies fall {fall.angle:.0f} degrees away from -z: are poses given in a camera's or a map's frame?"
     remedy = "give poses in a frame with z up on the board, or name one with --board-frame"
     return Finding(Severity.FAULT, what, remedy)
 

@@ -64,13 +64,14 @@ def outliers(evidence: Evidence) -> Finding | None:
         windows = np.lib.stride_tricks.sliding_window_view(series.positions, 2 * BESIDE + 1, axis=0)  # (W, 3, 9)
         middle = np.median(windows, axis=2)
         quiet = np.linalg.norm(np.percentile(windows, 80, axis=2) - np.percentile(windows, 20, axis=2), axis=1) < QUIET
-        away = np.linalg.norm(series.positions[BESIDE:-BESIDE] - middle, axis=1)[quiet]
-        slow += len(away)
-        jumps += away[away > max(FAR, 12.0 * evidence.survey.noise)].tolist()
+        distances = np.linalg.norm(series.positions[BESIDE:-BESIDE] - middle, axis=1)[quiet]
+        slow += len(distances)
+        jumps += distances[distances > max(FAR, 12.0 * evidence.survey.noise)].tolist()
     if not slow or len(jumps) < OFTEN * slow:
         return None
     severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
-    what = f"{100.0 * len(jumps) / slow:.2g} % of the poses of a body that hardly moves are outliers, {1e3 * np.median(jumps):.2g} mm away"
+    share, away = 100.0 * len(jumps) / slow, 1e3 * float(np.median(jumps))
+    what = f"{share:.2g} % of the poses of a body that hardly moves are outliers, {away:.2g} mm away"
     return Finding(severity, what, "are tags seen at a slant, or in two images? leave out what fits them badly")
 
 

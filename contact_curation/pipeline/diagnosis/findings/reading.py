@@ -3,6 +3,7 @@
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity, by_recording, of_recordings
 from contact_curation.pipeline.diagnosis.recording import Recording
+from contact_curation.pipeline.wording import counted
 
 
 def unreadable(evidence: Evidence) -> Finding | None:
@@ -30,9 +31,9 @@ def without_a_message(evidence: Evidence) -> Finding | None:
         if one.source is None or len(one.measured):
             return ""
         seen = ", ".join(sorted(one.frames)) or "none"
-        return f"no pose of {one.source.body_frame} in {one.counted.get(one.source.body.name, 0)} messages of " + (
-            f"{one.source.body.name}; frames there: {seen}"
-        )
+        topic = one.source.body.name
+        read = f"{one.counted.get(topic, 0)} messages of {topic}"
+        return f"no pose of {one.source.body_frame} in {read}; frames there: {seen}"
 
     found = by_recording(evidence, line)
     return Finding(Severity.FAULT, of_recordings(evidence, found), "name the body's frame with --body-frame") if found else None
@@ -50,7 +51,9 @@ def not_whole(evidence: Evidence) -> Finding | None:
     if not short:
         return None
     looked = sum(sum(one.counted.values()) or one.poses for one in short)
-    return Finding(Severity.FACT, f"looked at the first {looked} messages of {len(short)} long recordings, not at the rest")
+    return Finding(
+        Severity.FACT, f"looked at the first {looked} messages of {counted(len(short), 'long recording')}, not at the rest"
+    )
 
 
 def _first_loss(one: Recording) -> str:

@@ -1,8 +1,8 @@
 """Poses that are not as measured: repeated, interpolated, filtered, rounded.
 
 An impact changes a velocity within one frame. With a_k = (z_k+1 - 2 z_k + z_k-1) / dt^2 + g, what contact gives from frame to
-frame, the largest two neighbours hold nearly all of it in raw poses, and much less behind a filter. A filter shows in the noise,
-too: third differences of white noise correlate from one to the next by -0.75, of filtered noise by less or not at all.
+frame, the largest two neighbours hold nearly all of it in raw poses, and much less behind a filter. A filter shows in the
+noise, too: third differences of white noise correlate from one to the next by -0.75, of filtered noise by less or not at all.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ MOST_REPEATED = 0.2
 """Share of steps of nothing amid motion; of second differences of nothing."""
 
 SHARPEST = 0.75
-"""Share of an impact in two frames, at the 90th percentile of throws: 0.94 and more in raw poses, 0.74 or less behind filters."""
+"""Share of an impact in two frames, at the 90th percentile of throws: over 0.9 in raw poses, under 0.75 behind filters."""
 
 WHITEST = -0.4
 """Correlation of successive third differences in the air, from which on noise is filtered."""
@@ -39,7 +39,8 @@ def repeated(evidence: Evidence) -> Finding | None:
     if share < MOST_REPEATED:
         return None
     rate = 1.0 / evidence.period
-    what = f"{100.0 * share:.0f} % of the poses repeat the one before amid motion: a tracker of {rate * (1.0 - share):.0f} Hz sent at {rate:.0f} Hz"
+    sent = f"a tracker of {rate * (1.0 - share):.0f} Hz sent at {rate:.0f} Hz"
+    what = f"{100.0 * share:.0f} % of the poses repeat the one before amid motion: {sent}"
     return Finding(Severity.FAULT, what, RAW)
 
 
@@ -49,7 +50,8 @@ def interpolated(evidence: Evidence) -> Finding | None:
     if share < MOST_REPEATED or _share(evidence, order=1) >= MOST_REPEATED:
         return None
     rate = 1.0 / evidence.period
-    what = f"{100.0 * share:.0f} % of the poses lie on straight lines between others: interpolated from {rate * (1.0 - share):.0f} to {rate:.0f} Hz"
+    sent = f"interpolated from {rate * (1.0 - share):.0f} to {rate:.0f} Hz"
+    what = f"{100.0 * share:.0f} % of the poses lie on straight lines between others: {sent}"
     return Finding(Severity.FAULT, what, RAW)
 
 

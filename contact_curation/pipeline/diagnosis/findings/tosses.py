@@ -81,7 +81,8 @@ def duplicates(evidence: Evidence) -> Finding | None:
                 seen.setdefault(shape, recording.name)
     if not again:
         return None
-    what = f"{counted_tosses(len(again))} of {sum(isinstance(one, Toss) for r in evidence.recordings for one in r.outcomes)} are duplicates: {listed(again)}"
+    accepted = sum(isinstance(one, Toss) for recording in evidence.recordings for one in recording.outcomes)
+    what = f"{counted_tosses(len(again))} of {accepted} are duplicates: {listed(again)}"
     return Finding(Severity.WARNING, what, "give each recording once: held-out tosses must not be learned from")
 
 
