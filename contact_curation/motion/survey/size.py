@@ -3,8 +3,9 @@
     r = min over t of (z(t) - z_rest) / (d(t) - d_rest)
 
 z is the height of the origin, d how high the described body's origin is over its lowest corner. A body of r times the
-described size that stands on a corner is r (d - d_rest) higher than at rest, and higher still in the air. The board's height cancels,
-with which a body that is too large is easily confused. Rounded corners, and boards that give way, make r some percent too small.
+described size that stands on a corner is r (d - d_rest) higher than at rest, and higher still in the air. The board's
+height cancels, with which a body that is too large is easily confused. Rounded corners, and boards that give way, make r
+some percent too small.
 """
 
 import numpy as np
