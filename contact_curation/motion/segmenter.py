@@ -42,9 +42,7 @@ class TossSegmenter:
         rig: what tracked: heights count from its board, and motions are judged as it corrects them, but come out as recorded.
     """
 
-    def __init__(
-        self, config: SegmenterConfig, body: TossedBody, *, source: str, rig: RigCalibration = NO_CORRECTION
-    ) -> None:
+    def __init__(self, config: SegmenterConfig, body: TossedBody, *, source: str, rig: RigCalibration = NO_CORRECTION) -> None:
         self.config = config
         self._rig = rig
         self._bounds = config.bounds(scale_of(body), config.tracker)
