@@ -43,10 +43,10 @@ class RigCalibration:
     """How poses of a rig are corrected; by default they are not.
 
     Attributes:
-        normal: of the board's plane, up, in the frame of the poses; of any length.
-        centre: about which poses are turned, amid where bodies come to rest; it stays where it is but for its height, which is
-            scaled [m].
-        scale: what lengths are multiplied with.
+        normal: upward normal of the board's plane in the frame of the poses; of any length.
+        centre: point about which poses are rotated, in the middle of where bodies come to rest [m]; its x and y stay, its
+            height is scaled.
+        scale: factor that lengths are multiplied with.
     """
 
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)

@@ -24,7 +24,7 @@ class SegmenterConfig:
         rest_displacement: a body at rest moves at most this from frame to frame [m].
         rest_frames: so many displacements in a row; more over 150 frames a second, for as long a time.
         flat_tolerance: a flat body has three corners at most this over its lowest [m].
-        rest_height: its origin is lower than this at rest [m]; see `CONTACTNETS_RULES`.
+        rest_height: at rest the body's origin is lower than this [m]; inf for no bound.
         shortest: a toss takes at least this long [s].
         lowest_corner: the lowest corner of a whole toss is within this of the board [m].
         airborne_clearance: a body with all corners higher than this, in all frames that an acceleration comes from, is in the

@@ -17,10 +17,10 @@ class LoopConfig:
     """How long the loop waits.
 
     Attributes:
-        max_throws: no more throws than these; 0: no end.
-        toss_timeout: waits so long for a throw's toss [s].
+        max_throws: stop after this many throws; 0 for no end.
+        toss_timeout: how long to wait for the toss of a throw [s].
         retry_period: pause after a throw that was not made [s].
-        goal_timeout: gives a throw up after this [s].
+        goal_timeout: time after which a throw is cancelled [s].
     """
 
     max_throws: int = 0
