@@ -13,6 +13,8 @@ from contact_curation.design.safety import Feasible
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.stages.throw_loop import LoopConfig
 
+WAITING = "waits so long after that until the trainer has learned from all tosses [s]; 0: designs with what is known"
+
 JUDGED = ("forecast", "safety", "noise", "placement")
 
 
@@ -69,6 +71,13 @@ def declared_loop(node: Node) -> LoopConfig:
         declare(
             node, "toss_timeout", default.toss_timeout, "how long to wait for the toss of a throw [s]", bounds=(0.0, 3600.0)
         ),
+        declare(node, "theta_timeout", default.theta_timeout, WAITING, bounds=(0.0, 3600.0)),
         declare(node, "retry_period", default.retry_period, "pause after a throw that was not made [s]", bounds=(0.1, 3600.0)),
-        declare(node, "goal_timeout", default.goal_timeout, "time after which a throw is cancelled [s]", bounds=(0.1, 3600.0)),
+        declare(
+            node,
+            "goal_timeout",
+            default.goal_timeout,
+            "time without feedback after which a throw is given up [s]",
+            bounds=(0.1, 3600.0),
+        ),
     )
