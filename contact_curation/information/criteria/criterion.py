@@ -34,8 +34,8 @@ class RankingConfig:
         top: k, the number of tosses to select.
         seed: random seed of the criterion random.
         prior: delta: the prior information A0 is this share of the pool's mean toss (method.md 1.6).
-        normalisation: which trace the criterion trace takes: one of `NORMALISATIONS`.
-        variant: which variant of the criterion orthogonal: one of `VARIANTS`.
+        normalisation: normalisation of the criterion trace: sum, mean or coherent.
+        variant: variant of the criterion orthogonal: pivoted, max-cosine or literal.
         whiten: whether the criterion orthogonal whitens toss scores by the pooled information first.
         centre: whether the criterion orthogonal subtracts the pool's mean score first.
         cut: eigenvalues of the pooled information below this share of the largest are not identifiable.

@@ -13,7 +13,7 @@ from contact_curation.design.safety import Feasible
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.stages.throw_loop import LoopConfig
 
-WAITING = "waits so long after that until the trainer has learned from all tosses [s]; 0: designs with what is known"
+WAITING = "how long to wait after that until the trainer has used all tosses [s]; 0 designs with the theta that is there"
 
 JUDGED = ("forecast", "safety", "noise", "placement")
 
