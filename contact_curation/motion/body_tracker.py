@@ -32,7 +32,7 @@ class TrackerConfig:
     """Which frames matter, and how long to wait for them.
 
     Attributes:
-        body_frame: the body's, as it is tracked.
+        body_frame: tracked frame of the body.
         board_frame: the board's, z up, its surface at z = 0; empty where poses are given in it already.
         clock_jump: stamps that go back by more than this are a clock that jumped, e.g. a bag that loops [s].
         largest_wait: a body pose waits so long for the rig's poses, by the stamps [s].
