@@ -85,6 +85,7 @@ class Curator(StageNode):
             return
         if self._buffer is not None:
             self._publisher.publish(buffer_message(self._buffer))
+            self.get_logger().info(self._buffer.in_words())
 
     def _parameters_set(self, parameters: list[Parameter]) -> SetParametersResult:
         """Ranks by the new criterion from now on, if it is one; the next ones may come before that is done."""
