@@ -234,12 +234,12 @@ def _throw(state: SessionState, place: int) -> ThrowOutcome:
 
 def _held_out(config: SessionConfig, checkpoint: Path) -> HeldOutSummary | None:
     """Errors of the model in the checkpoint; None where there is none, or nothing to evaluate it on."""
-    if not (config.held_out and checkpoint.exists()):
+    if not (config.evaluate_on and checkpoint.exists()):
         return None
     from contact_curation.storage.checkpoint_file import read_model  # torch takes over a second to import
 
     body = config.body()
     reading = ReadingConfig(body, held_out_inputs(config))
-    held_out = HeldOutTosses(evaluation_tosses("--held-out", config.held_out, reading))
+    held_out = HeldOutTosses(evaluation_tosses("--evaluate-on", config.evaluate_on, reading))
     errors = held_out.errors(read_model(checkpoint, body))
     return HeldOutSummary(errors.position, errors.rotation, errors.loss, len(held_out.tosses))

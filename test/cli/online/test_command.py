@@ -317,7 +317,7 @@ def test_a_dashboard_that_stays_is_served() -> None:
     add_online_options(parser)
     assert session_config(parser.parse_args(["--stay"])).dashboard
     assert not session_config(parser.parse_args([])).dashboard
-    assert session_config(parser.parse_args(["--held-out", "a", "b"])).held_out == (Path("a"), Path("b"))
+    assert session_config(parser.parse_args(["--held-out", "a", "b"])).evaluate_on == (Path("a"), Path("b"))
 
 
 @pytest.mark.parametrize("words", [["--throws", "0"], ["--rate", "-1"], ["--camera", "eye"], ["--criterion", "best"]])
@@ -365,7 +365,7 @@ def test_recordings_without_a_toss_judge_nobody_and_start_nothing(tmp_path: Path
     bag = write_ours(tmp_path / "short.mcap", recorded("/pose", POSE, poses))
     record = tmp_path / "session"
     assert main(["online", "--record", str(record), "--held-out", str(bag)]) == 1
-    assert f"error: --held-out: found {bag}: found no toss in 15 poses of /pose" in capsys.readouterr().err
+    assert f"error: --evaluate-on: found {bag}: found no toss in 15 poses of /pose" in capsys.readouterr().err
     assert not record.exists()
 
 
