@@ -100,10 +100,11 @@ def accepted_range(config: Any, field: ConfigField) -> tuple[float, float] | Non
             return False
         return True
 
-    step = 1 if type(field.default) is int else 1e-9
+    step = 0 if type(field.default) is int else 1e-9  # bounds of numbers with a point may be excluded
     low = next((one for one in LOWEST if one <= field.default and (accepts(one) or accepts(one + step))), None)
     high = next((one for one in HIGHEST if one >= field.default and (accepts(one) or accepts(one - step))), None)
-    return None if low is None or high is None or (low, high) == (LOWEST[0], HIGHEST[0]) else (low, high)
+    known = low is not None and high is not None and low < high and (low, high) != (LOWEST[0], HIGHEST[0])
+    return (low, high) if known else None  # type: ignore[return-value]
 
 
 def parsed(kind: Any, text: str) -> Any:

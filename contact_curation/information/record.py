@@ -100,7 +100,8 @@ class TossInformation:
     def in_words(self) -> str:
         """One line about the toss, for logs."""
         scored = self.transitions - self.not_scored
-        return f"scored {self.toss_id}: trace {self.trace:.4g}, loss {self.mean_loss:.3g}, {scored} of {self.transitions} transitions"
+        size = f"trace {self.trace:.4g}, loss {self.mean_loss:.3g}"
+        return f"scored {self.toss_id}: {size}, {scored} of {self.transitions} transitions"
 
     def fisher(self) -> Array:
         """(P, P) Fisher sum, up to the factor's truncation."""
