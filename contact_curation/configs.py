@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 from contact_curation.errors import InvalidValueError
 
 _ATTRIBUTE = re.compile(r"^    (\w+(?:, \w+)*): (.+(?:\n {8,}.+)*)", re.MULTILINE)
+CITATION = re.compile(r"\s*\(method\.md [^)]*\)")
 _BOOLEANS = {"true": True, "false": False}
 
 
@@ -138,6 +139,6 @@ def kind_in_words(kind: Any) -> str:
 
 
 def descriptions_of(config: type) -> dict[str, str]:
-    """What a config's docstring says of its attributes, by their names."""
-    section = (inspect.getdoc(config) or "").partition("Attributes:\n")[2]
+    """The descriptions of a config's attributes in its docstring, by their names, without citations of docs/method.md."""
+    section = CITATION.sub("", (inspect.getdoc(config) or "").partition("Attributes:\n")[2])
     return {name: " ".join(text.split()) for names, text in _ATTRIBUTE.findall(section) for name in names.split(", ")}

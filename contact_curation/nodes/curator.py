@@ -44,7 +44,7 @@ class Curator(StageNode):
         self._body = declared_body(self).name
         ranking = declare_config(self, RankingConfig(), fixed=False)
         config = declare_config(self, CurationConfig())
-        store = Path(declare(self, "store", "buffer.sqlite", "file that the buffer and all information are kept in"))
+        store = Path(declare(self, "store", "buffer.sqlite", "file that stores the buffer and all information"))
         self._informations = InformationStore(store)
         self._stage = CurationStage(ranking, config, self._informations)
         self._wanted = self._stage.ranking

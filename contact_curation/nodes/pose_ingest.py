@@ -55,8 +55,8 @@ class PoseIngest(StageNode):
         self._config = declared_ingest(self, self._body, self._poses)
         self._source = declare(self, "source", "", "name of the recording in toss ids; empty: the pose topic")
         type_name = declared_type(self)
-        depth = declare(self, "queue_depth", 32768, "poses kept until they are taken", bounds=(296, 1 << 20))
-        self._store = TossStore(Path(declare(self, "store", "tosses.sqlite", "file that tosses are kept in")))
+        depth = declare(self, "queue_depth", 32768, "poses that wait to be processed", bounds=(296, 1 << 20))
+        self._store = TossStore(Path(declare(self, "store", "tosses.sqlite", "file that stores tosses")))
         self._warnings = ThrottledWarnings(self)
         self._inbox = Inbox[Received](MOST_WAITING, self.context.ok)
         self._received = Rate()
@@ -159,7 +159,7 @@ class PoseIngest(StageNode):
 def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> IngestConfig:
     """The stages' configuration; gravity is the body's, as in offline ranking."""
     segmenter = declare_config(node, SegmenterConfig(), "segmenter.")
-    recording = declare(node, "rules_of", "", "recording whose own rules complete the segmenter's; empty: none")
+    recording = declare(node, "rules_of", "", "recording whose segmenting rules are used where none are set; empty: none")
     if recording:
         with BagReader(Path(recording)) as reader:
             segmenter = with_recorded_rules(segmenter, reader.note(RULES_NOTE))
