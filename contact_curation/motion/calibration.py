@@ -46,21 +46,14 @@ ROUNDING = 1e-12
 class RigCalibration:
     """How poses of a rig are corrected; by default they are not.
 
-        Attributes:
-    <<<<<<< HEAD
-            normal: of the board's plane, up, in the frame of the poses; of any length.
-            centre: about which poses are turned, amid where bodies come to rest; it stays where it is but for its height, which is
-                scaled [m].
-            scale: what lengths are multiplied with.
-            height: of the board's surface in poses that were turned and scaled; it is taken away [m].
-            marker_turn: of the tracked body's frame against the described body's, as a rotation vector in it [rad].
-            marker_offset: of the described body's origin from the tracked one, in the described body's frame [m].
-    =======
-            normal: upward normal of the board's plane in the frame of the poses; of any length.
-            centre: point about which poses are rotated, in the middle of where bodies come to rest [m]; its x and y stay, its
-                height is scaled.
-            scale: factor that lengths are multiplied with.
-    >>>>>>> main
+    Attributes:
+        normal: upward normal of the board's plane in the frame of the poses; of any length.
+        centre: point about which poses are rotated, in the middle of where bodies come to rest [m]; its x and y stay, its
+            height is scaled.
+        scale: factor that lengths are multiplied with.
+        height: height of the board's surface in poses that were rotated and scaled; it is subtracted [m].
+        marker_turn: rotation vector of the tracked frame against the described body's, in that body's frame [rad].
+        marker_offset: place of the described body's origin seen from the tracked one, in the described body's frame [m].
     """
 
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
