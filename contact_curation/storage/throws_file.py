@@ -1,7 +1,7 @@
 """Throws as a JSON file: what `design` writes, and `simulate` or a robot reads.
 
-    {"version": 1, "throws": [{"throw_id", "body", "position", "orientation_wxyz", "linear_velocity", "angular_velocity",
-                               "expected_information", "parameters_version"}, ...]}
+    {"version": 1, "throws": [{"throw_id", "body", "position", "orientation_wxyz", "linear_velocity",
+                               "angular_velocity", "expected_information", "parameters_version"}, ...]}
 
 SI units; positions and velocities in the board's frame, angular velocities in the body's.
 """
