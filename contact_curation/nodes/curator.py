@@ -17,6 +17,7 @@ from contact_curation.information.ranker import RankingConfig
 from contact_curation.nodes.messages.curated_buffer import buffer_message
 from contact_curation.nodes.messages.headers import stamped_of
 from contact_curation.nodes.messages.toss_information import information_of
+from contact_curation.nodes.ros.body_parameter import described_body
 from contact_curation.nodes.ros.catch_up import CatchUp, Source
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
@@ -40,7 +41,10 @@ class Curator(StageNode):
 
     def __init__(self) -> None:
         super().__init__("curator")
-        self._body = declare(self, "body", "cube", "name of the body whose tosses are selected")
+        described = described_body(self)
+        name = declare(self, "body", "cube", "name of the body whose tosses are selected, where there is no body_file")
+        self._body = name if described is None else described.name
+        self._described = None if described is None else described.to_mapping()
         ranking = declare_config(self, RankingConfig(), fixed=False)
         config = declare_config(self, CurationConfig())
         store = Path(declare(self, "store", "buffer.sqlite", "file that the buffer and all information are kept in"))
@@ -110,7 +114,7 @@ class Curator(StageNode):
             return response
         try:
             check_replaceable("path", Path(request.path), "a new name, or that of an earlier manifest")
-            write_manifest(manifest_of(buffer, self._stage.last_stamp_ns), Path(request.path))
+            write_manifest(manifest_of(buffer, self._stage.last_stamp_ns, self._described), Path(request.path))
         except ContactCurationError as error:
             response.message = str(error)
             return response

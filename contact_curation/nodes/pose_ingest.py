@@ -136,8 +136,8 @@ class PoseIngest(StageNode):
         }  # fmt: skip
         if self._ingest is not None:
             values["noise"] = f"{self._ingest.noise.multiple:.1f}"
-            if rate and (complaint := self._ingest.noise_complaint()):
-                return Health(complaint, values, warning=True)
+            if rate and (text := self._ingest.noise_warning()):
+                return Health(text, values, warning=True)
         if self._topics.source is None:
             return Health(f"waiting for poses: {self._topics.waiting_for or 'none yet'}", values, warning=True)
         return Health(f"{rate:.0f} messages/s from {self._topics.source.body.name}", values, warning=rate == 0.0)

@@ -16,6 +16,7 @@ from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.evaluation.held_out import HeldOutRule
 from contact_curation.motion.toss import Toss
+from contact_curation.pipeline.carried_body import ASSUMED, carried_body
 from contact_curation.pipeline.division import DivisionConfig, held_out_rule, learning_tosses
 from contact_curation.pipeline.ranked import RankedTosses
 from contact_curation.pipeline.ranking import RankConfig, rank_tosses
@@ -34,6 +35,8 @@ if TYPE_CHECKING:  # torch takes over a second to import, which reading and rank
     from contact_curation.pipeline.evaluated import Evaluation
     from contact_curation.pipeline.learned_model import LearnedModel
 
+NO_BODY = f"no body given: assuming {ASSUMED}"
+
 RANKING, SCORING = RankingConfig(), ScoringConfig()
 """The defaults."""
 
@@ -41,7 +44,7 @@ RANKING, SCORING = RankingConfig(), ScoringConfig()
 @says_what_to_install
 def read(
     inputs: Inputs,
-    body: Body = CONTACTNETS_CUBE,
+    body: Body | None = None,
     *,
     config: InputsConfig | None = None,
     jobs: int = 1,
@@ -52,7 +55,7 @@ def read(
     Args:
         inputs: an MCAP file, a rosbag2 folder or its storage file, a ROS 1 bag, a folder of ContactNets' `.pt` files or one of
             them; several of those; or a pattern such as ``"bags/*.mcap"``.
-        body: what was tossed.
+        body: what was tossed; None assumes ContactNets' cube, which is a warning.
         config: topics, rules of segmenting, gates, calibration of the rig.
         jobs: so many recordings are read at once, each in a process.
         progress: hears how far it is.
@@ -63,7 +66,7 @@ def read(
     Raises:
         UnreadableInputError: nothing matches a pattern.
 
-    Example:
+    Examples:
         >>> tosses = cc.read("session.mcap", body=body)
         >>> len(tosses.accepted), len(tosses.rejected)
         (21, 3)
@@ -73,14 +76,16 @@ def read(
         'displacement beside the velocity'
     """
     with progress("reading", "tosses") as bar:
-        return read_tosses(input_paths(inputs), ReadingConfig(body, config or InputsConfig()), jobs, bar.advance)
+        reading = ReadingConfig(body or CONTACTNETS_CUBE, config or InputsConfig())
+        found = read_tosses(input_paths(inputs), reading, jobs, bar.advance)
+    return found if body else replace(found, warnings=(NO_BODY, *found.warnings))
 
 
 @says_what_to_install
 def score(
     tosses: Tosses | Inputs,
     *,
-    body: Body = CONTACTNETS_CUBE,
+    body: Body | None = None,
     model: "LearnedModel | str | PathLike[str] | None" = None,
     estimator: str = SCORING.estimator.value,
 ) -> TossScores:
@@ -88,7 +93,7 @@ def score(
 
     Args:
         tosses: as `read` gives them, or what `read` takes.
-        body: what was tossed, where `tosses` are recordings.
+        body: what was tossed, where `tosses` are recordings; None for that of the model, or ContactNets' cube.
         model: whose parameters theta are, or its file; None for the body as it is described.
         estimator: of the Fisher matrix: ``gauss-newton`` or ``empirical``.
 
@@ -98,14 +103,14 @@ def score(
     Raises:
         ContactCurationError: no toss was accepted, or the file holds no model.
 
-    Example:
+    Examples:
         >>> info = cc.score(tosses)
         >>> info.scores.shape, info.parameter_names[0], info.parameter_units[0]
         ((21, 52), 'vertices_normal[0][0]', 'characteristic length')
         >>> info.factors[0].shape[1], len(info.losses[0])
         (52, 99)
     """
-    found = _tosses(tosses, body).check_some("no toss to score")
+    found = _tosses(tosses, _body(body, model)).check_some("no toss to score")
     config = _pool_config(found.config, _theta(model, found.body), estimator)
     (scorer,) = config.scorers(config.fixed_bounds, jobs=1)
     return toss_scores(scorer, found.accepted)
@@ -116,7 +121,7 @@ def rank(
     tosses: Tosses | Inputs,
     top: int = RANKING.top,
     *,
-    body: Body = CONTACTNETS_CUBE,
+    body: Body | None = None,
     criterion: str = RANKING.criterion,
     model: "LearnedModel | str | PathLike[str] | None" = None,
     estimator: str = SCORING.estimator.value,
@@ -130,7 +135,7 @@ def rank(
     Args:
         tosses: as `read` gives them, or what `read` takes: then no more than 64 tosses of a recording are in memory at a time.
         top: how many are selected.
-        body: what was tossed, where `tosses` are recordings.
+        body: what was tossed, where `tosses` are recordings; None for that of the model, or ContactNets' cube.
         criterion: by what: ``representative``, ``log-det``, ``trace``, ``min-eig``, ``orthogonal``, ``leverage``, ``longest``,
             ``random``, or one of your own (`information.criteria.criterion.register`).
         model: whose parameters the tosses teach about, or its file; None for the body as it is described.
@@ -146,7 +151,7 @@ def rank(
     Raises:
         ContactCurationError: nothing could be ranked, a name is unknown, or the file holds no model.
 
-    Example:
+    Examples:
         >>> ranking = cc.rank(tosses, top=8)
         >>> len(ranking.selected), ranking.selected_ids[0] in tosses.ids
         (8, True)
@@ -155,7 +160,8 @@ def rank(
         >>> ranking.save("manifest.parquet")
     """
     source = tosses if isinstance(tosses, Tosses) else input_paths(tosses)
-    reading = tosses.config if isinstance(tosses, Tosses) else ReadingConfig(body)
+    known = _body(body, model)
+    reading = tosses.config if isinstance(tosses, Tosses) else ReadingConfig(known or CONTACTNETS_CUBE)
     theta = _theta(model, reading.body)
     config = RankConfig(
         pool=_pool_config(reading, theta, estimator),
@@ -167,7 +173,7 @@ def rank(
     )
     ranked = rank_tosses(source, config, progress)
     ranked.evidence()  # refuses where nothing was ranked
-    return ranked
+    return ranked if known or isinstance(tosses, Tosses) else replace(ranked, warnings=(NO_BODY, *ranked.warnings))
 
 
 @says_what_to_install
@@ -175,7 +181,7 @@ def train(
     tosses: Tosses | Inputs,
     model: str = DEFAULT_MODEL,
     *,
-    body: Body = CONTACTNETS_CUBE,
+    body: Body | None = None,
     protocol: str = "budgeted",
     steps: int | None = None,
     seed: int = 0,
@@ -188,7 +194,7 @@ def train(
     Args:
         tosses: to learn from, as `read` or `RankedTosses.selected` gives them, or what `read` takes.
         model: ``polytope``, ``deep``, ``deepvertex`` or ``end_to_end``.
-        body: what was tossed, where `tosses` are recordings.
+        body: what was tossed, where `tosses` are recordings; None for that of the model, or ContactNets' cube.
         protocol: ``budgeted``: so many steps in batches; ``published``: ContactNets', until the held-out loss stops falling;
             ``exact``: a polytope's optimum at once.
         steps: gradient steps at most; None for the protocol's own.
@@ -203,7 +209,7 @@ def train(
     Raises:
         ContactCurationError: nothing to learn from, a name is unknown, or a loss was not finite.
 
-    Example:
+    Examples:
         >>> model = cc.train(ranking.selected, steps=50)
         >>> model.kind, len(model.learned_from)
         ('polytope', 8)
@@ -214,7 +220,7 @@ def train(
     from contact_curation.pipeline.training import PROTOCOLS, TrainConfig, TrainingRun, start_of
 
     torch.set_num_threads(1)  # threads that share busy cores wait for each other, and the sums' order would depend on them
-    found = _tosses(tosses, body)
+    found = _tosses(tosses, _body(body, start))
     model_entry(model)  # refuses what is none
     load_kernel()
     if protocol not in PROTOCOLS:
@@ -266,7 +272,7 @@ def evaluate(
     Raises:
         ContactCurationError: there is no toss to judge by, or one of another body.
 
-    Example:
+    Examples:
         >>> report = cc.evaluate(model, cc.read("test.mcap", body=body))
         >>> report.evaluations[0].errors.position.shape  # [% of the width], one per toss
         (21,)
@@ -289,7 +295,7 @@ def design(
     *,
     known: Tosses | Sequence[Toss] = (),
     throws: int = 8,
-    body: Body = CONTACTNETS_CUBE,
+    body: Body | None = None,
     method: str = "information",
     arm: bool = False,
     seed: int = 0,
@@ -301,7 +307,7 @@ def design(
         model: a polytope, or several, over which gains are averaged; None for the body as it is described.
         known: tosses that were selected until now.
         throws: how many.
-        body: what is thrown, where there is no model.
+        body: what is thrown, where there is no model; None for ContactNets' cube.
         method: ``information``; ``exploration``: different first impacts, for an unknown theta; ``paper`` and ``prior`` are
             baselines.
         arm: only throws that the simulated arm can make.
@@ -315,7 +321,7 @@ def design(
     Raises:
         ContactCurationError: a model that is no polytope, or nothing safe can be thrown.
 
-    Example:
+    Examples:
         >>> throws = cc.design(known=ranking.selected, throws=2, method="prior")
         >>> [throw.throw_id for throw in throws]
         ['throw-0-0', 'throw-0-1']
@@ -325,13 +331,23 @@ def design(
 
     load_kernel()
     models = [] if model is None else list(model) if isinstance(model, Sequence) else [model]
-    thetas = tuple(_polytope(one) for one in models) or (described_polytope(body),)
+    thetas = tuple(_polytope(one) for one in models) or (described_polytope(body or CONTACTNETS_CUBE),)
     by_id = sorted(known, key=lambda toss: toss.toss_id)
     return design_throws(DesignTask(thetas, tuple(by_id), method=method, arm=arm, seed=seed, name=name), throws)
 
 
-def _tosses(tosses: Tosses | Inputs, body: Body) -> Tosses:
+def _tosses(tosses: Tosses | Inputs, body: Body | None) -> Tosses:
     return tosses if isinstance(tosses, Tosses) else read(tosses, body)
+
+
+def _body(body: Body | None, model: "LearnedModel | str | PathLike[str] | None") -> Body | None:
+    """The body that is given, or that of the model; None where neither says."""
+    if body is not None or model is None:
+        return body
+    if not isinstance(model, str | PathLike):
+        return model.body
+    found = carried_body([Path(model)])
+    return found.body if found else None
 
 
 def _theta(model: "LearnedModel | str | PathLike[str] | None", body: Body) -> Theta:

@@ -166,7 +166,7 @@ def _failures(evaluation: ModelEvaluation) -> Iterator[str]:
     if evaluation.not_solved:
         yield f"  not solved, and not in the mean loss: {evaluation.not_solved} of {evaluation.transitions} transitions"
     if evaluation.sweeps_exhausted:
-        yield f"  out of sweeps: {evaluation.sweeps_exhausted} of {evaluation.steps} steps of the rollouts"
+        yield f"  iteration limit reached: {evaluation.sweeps_exhausted} of {evaluation.steps} steps of the rollouts"
 
 
 def _known(known: Known) -> Iterator[str]:

@@ -75,7 +75,7 @@ def load_model(path: str | Path, body: Body | None = None) -> LearnedModel:
         UnreadableInputError: the file holds no model, or one for another body.
         InvalidValueError: a JSON file without a body.
 
-    Example:
+    Examples:
         >>> model = cc.load_model("model.safetensors")
         >>> model.kind
         'polytope'

@@ -168,7 +168,7 @@ class TrainingRun:
         return self.progress.held_out_loss if self.plan.protocol.patience is None else self.progress.best_held_out_loss
 
     def advance(self) -> str:
-        """Takes one gradient step, or selects anew; returns a note on how it goes."""
+        """Takes one gradient step, or selects again; returns a note on how it goes."""
         done = self.curated.advance(1)
         held_out = "" if isnan(done.held_out_loss) else f", held out {done.held_out_loss:.4g}"
         return f"loss {done.training_loss:.4g}{held_out}"

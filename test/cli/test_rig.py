@@ -79,12 +79,12 @@ def test_what_it_says_puts_tosses_right(cli: Cli, leaning: Path, tmp_path: Path)
     assert "at rest" not in ranked.out
 
 
-def test_a_model_of_tosses_put_right_is_judged_by_such(cli: Cli, golden: Path, tmp_path: Path) -> None:
+def test_a_model_of_tosses_corrected_is_judged_by_such(cli: Cli, golden: Path, tmp_path: Path) -> None:
     settings, checkpoint = "--set rig.scale=1.00500", tmp_path / "cube.safetensors"
     trained = cli("train", golden, *settings.split(), "--protocol", "exact", "--held-out", "0.3", "--out", checkpoint)
     assert trained.status == 0
     assert trained.out.endswith(f"{settings}\n")  # the next command reads alike
-    assert "put right" not in cli("evaluate", checkpoint, golden, *settings.split()).err
+    assert "corrected" not in cli("evaluate", checkpoint, golden, *settings.split()).err
     warned = cli("evaluate", checkpoint, golden).err
     assert "it learned from tosses calibrated by --set rig.normal=0.00000,0.00000,1.00000" in warned
     assert "and is judged by tosses as recorded" in warned

@@ -1,4 +1,4 @@
-"""The door of the nodes: from process start to exit status. Configuration errors leave as one line and status 1."""
+"""The entry point of all nodes, from process start to exit status. A configuration error is one line and status 1."""
 
 import sys
 from collections.abc import Callable
