@@ -148,7 +148,7 @@ def test_a_mesh_alone_takes_its_mass_from_the_options(files: dict[str, Path]) ->
     with pytest.raises(UnreadableInputError, match=r"mass: found none in the file, expected --mass KG or --density"):
         read_description(mesh, BodyOptions(scale=1e-3))
     by_mass = Body.from_file(mesh, scale=1e-3, mass=MASS, friction=FRICTION, name="brick")
-    by_density = Body.from_file(mesh, BodyOptions(scale=1e-3, density=MASS / (8.0 * HALF.prod()), friction=FRICTION))
+    by_density = Body.from_file(mesh, scale=1e-3, density=MASS / (8.0 * HALF.prod()), friction=FRICTION)
     np.testing.assert_allclose(by_mass.inertia, by_density.inertia, rtol=1e-9)
     assert by_density.name == "binary"
     assert any("0.5 assumed" in line for line in read_description(mesh, BodyOptions(scale=1e-3, mass=MASS)).warnings)

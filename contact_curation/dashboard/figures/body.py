@@ -1,8 +1,9 @@
-"""One picture of a body: its hull from four sides, its centre of mass, and the frame that a tracker follows.
+"""One picture of a body: its hull as a whole and from three sides, its centre of mass, and the frame that a tracker follows.
 
 matplotlib is imported when a picture is drawn.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +20,11 @@ WIDTH, HEIGHT, DOTS = 12.0, 9.0, 100
 FLAT = 0.999
 """Cosine between the normals of facets that are drawn as one face."""
 
-VIEWS = (("From above, along -z", (90, -90)), ("From the front, along +y", (0, -90)), ("From the side, along -x", (0, 0)))
+MARGIN = 1.15
+TICKS = 5
+"""At most, on an axis."""
+
+VIEWS = (("seen along -z", "xy"), ("seen along y", "xz"), ("seen along -x", "yz"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,42 +57,55 @@ def save_body_figure(picture: BodyPicture, path: Path) -> None:
 
 def body_figure(picture: BodyPicture) -> "Figure":
     """The picture as a matplotlib figure."""
+    from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DOTS, layout="constrained")
-    FigureCanvasAgg(figure)
-    moments = ", ".join(f"{value:.3g}" for value in np.linalg.eigvalsh(picture.inertia))
-    title = f"{picture.name}: {len(picture.vertices)} vertices, {picture.mass:.3g} kg, moments of inertia {moments} kg m²"
-    figure.suptitle(title, fontweight="bold")
     corners = 1e3 * (picture.vertices + picture.center_of_mass)
     edges = _edges(corners)
-    center, half = 0.5 * (corners.max(axis=0) + corners.min(axis=0)), 0.55 * float(np.ptp(corners, axis=0).max())
-    for place, (name, (elevation, azimuth)) in enumerate((("The whole body", (25, -60)), *VIEWS), start=1):
-        axes: Any = figure.add_subplot(2, 2, place, projection="3d", proj_type="ortho")
-        axes.view_init(elevation, azimuth)
-        for first, second in edges:
-            axes.plot(*np.stack([corners[first], corners[second]], axis=1), color=INK.web, linewidth=1.2)
-        axes.scatter(*corners.T, color=BLUE.web, s=16, depthshade=False, label="vertices, which touch the board")
-        axes.scatter(*(1e3 * picture.center_of_mass), color=VERMILION.web, s=60, depthshade=False, label="centre of mass")
-        if picture.center_of_mass.any():
-            axes.scatter(0.0, 0.0, 0.0, color=PALE.web, marker="s", s=50, depthshade=False, label="origin of the tracked frame")
-        axes.set_title(name)
-        for axis, middle in zip("xyz", center, strict=True):
-            getattr(axes, f"set_{axis}lim")(middle - half, middle + half)
-            getattr(axes, f"set_{axis}label")(f"{axis} [mm]")
-        axes.set_box_aspect((1, 1, 1))
-        if place > 1:
-            _hide_depth_axis(axes, {2: "z", 3: "y", 4: "x"}[place])
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
+    with rc_context({"axes.titleweight": "bold", "font.size": 11}):
+        figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DOTS, layout="constrained")
+        FigureCanvasAgg(figure)
+        moments = ", ".join(f"{value:.3g}" for value in np.linalg.eigvalsh(picture.inertia))
+        about = f"{len(picture.vertices)} vertices, {picture.mass:.3g} kg, moments of inertia {moments} kg m²"
+        figure.suptitle(f"{picture.name}: {about}", fontweight="bold")
+        whole: Any = figure.add_subplot(2, 2, 1, projection="3d", proj_type="ortho")
+        _draw(whole, corners, edges, 1e3 * picture.center_of_mass)
+        _frame(whole, corners, "xyz", "the convex hull, which the board touches")
+        for place, (title, seen) in enumerate(VIEWS, start=2):
+            columns = ["xyz".index(axis) for axis in seen]
+            axes: Any = figure.add_subplot(2, 2, place, aspect="equal")
+            _draw(axes, corners[:, columns], edges, 1e3 * picture.center_of_mass[columns])
+            _frame(axes, corners[:, columns], seen, title)
+            axes.grid(visible=True, linewidth=0.4)
+        handles, labels = whole.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
     return figure
 
 
-def _hide_depth_axis(axes: Any, axis: str) -> None:
-    """The axis that is seen end on has ticks upon each other."""
-    getattr(axes, f"set_{axis}ticks")([])
-    getattr(axes, f"set_{axis}label")("")
+def _draw(axes: Any, corners: Array, edges: Sequence[tuple[int, int]], center: Array) -> None:
+    """The hull in two or three dimensions [mm]."""
+    for first, second in edges:
+        axes.plot(*np.stack([corners[first], corners[second]], axis=1), color=INK.web, linewidth=1.2)
+    marks = [
+        (corners.T, BLUE.web, "o", 16, "vertices, which touch the board"),
+        (center, VERMILION.web, "o", 60, "centre of mass"),
+    ]
+    if center.any():
+        marks.append((np.zeros_like(center), PALE.web, "s", 50, "origin of the tracked frame"))
+    for places, colour, marker, size, label in marks:
+        axes.scatter(*places, color=colour, marker=marker, s=size, label=label, zorder=3)
+
+
+def _frame(axes: Any, corners: Array, names: str, title: str) -> None:
+    """Equal units on all axes, few ticks, and names with units."""
+    axes.set_title(title)
+    middles = 0.5 * (corners.max(axis=0) + corners.min(axis=0))
+    half = 0.5 * MARGIN * float(np.ptp(corners, axis=0).max())
+    for shown, name, middle in zip("xyz", names, middles, strict=False):
+        getattr(axes, f"set_{shown}lim")(middle - half, middle + half)
+        getattr(axes, f"set_{shown}label")(f"{name} [mm]")
+    axes.locator_params(nbins=TICKS)
 
 
 def _edges(corners: Array) -> list[tuple[int, int]]:
