@@ -261,7 +261,7 @@ def evaluate(
         model: as `train` or `load_model` gives it.
         tosses: as `read` gives them, or what `read` takes.
         against: another model, compared with on the same tosses.
-        held_out: which tosses it is judged by; None for those that its training held out, or all where it held out none.
+        held_out: which tosses it is evaluated on; None for those that its training held out, or all where it held out none.
         seed: of the bootstrap.
         progress: hears how far it is.
 
@@ -277,7 +277,7 @@ def evaluate(
         >>> report.evaluations[0].errors.position.shape  # [% of the width], one per toss
         (21,)
         >>> print(report)
-        judged by 21 tosses: all there are
+        evaluated on 21 of 24 tosses (3 rejected: displacement beside the velocity, gap, lowest corner of the toss)
         ...
     """
     from contact_curation.learning.evaluation.bootstrap import BootstrapConfig

@@ -27,7 +27,7 @@ from contact_curation.learning.training.protocols import TrainingConfig, budgete
 from contact_curation.learning.training.reranking import RerankingConfig
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.pipeline.division import DivisionConfig, LearningTosses
-from contact_curation.pipeline.learned_model import LearnedModel, model_of_checkpoint
+from contact_curation.pipeline.learned_model import OPTIMUM, LearnedModel, model_of_checkpoint
 from contact_curation.pipeline.reading import settings_of
 from contact_curation.storage.parameters_file import Parameters, is_checkpoint, read_theta
 from contact_curation.version import __version__
@@ -175,7 +175,8 @@ class TrainingRun:
 
     def checkpoint(self) -> bytes:
         """All of it, to be resumed or to take the model from."""
-        return stored(self.plan, self.curated, self._notes)
+        at_optimum = self.plan.protocol.exact and self.progress.state is TrainingState.CONVERGED
+        return stored(self.plan, self.curated, {**self._notes, **({OPTIMUM: self.progress.reason} if at_optimum else {})})
 
     def check(self, checkpoint: Path | None = None) -> None:
         """Refuses a training that failed.

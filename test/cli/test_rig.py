@@ -87,7 +87,7 @@ def test_a_model_of_tosses_corrected_is_judged_by_such(cli: Cli, golden: Path, t
     assert "corrected" not in cli("evaluate", checkpoint, golden, *settings.split()).err
     warned = cli("evaluate", checkpoint, golden).err
     assert "it learned from tosses calibrated by --set rig.normal=0.00000,0.00000,1.00000" in warned
-    assert "and is judged by tosses as recorded" in warned
+    assert "and is evaluated on tosses as recorded" in warned
 
 
 def test_a_rig_that_the_gates_would_keep_back_is_told_all_the_same(cli: Cli, golden: Path) -> None:

@@ -103,6 +103,7 @@ def import_contactnets(
     body: Body = CONTACTNETS_CUBE,
     rig: TagslamRig | None = None,
     chosen: Callable[[int], bool] | None = None,
+    advance: Callable[[float], None] = lambda share: None,
 ) -> ImportReport:
     """Writes ContactNets' tosses as a bag, one after the other.
 
@@ -112,6 +113,7 @@ def import_contactnets(
         body: what was tossed.
         rig: what it was tossed over.
         chosen: says of a file's number whether its toss goes in; None for all files, also those without a number.
+        advance: told which share of the files is done.
 
     Raises:
         UnreadableInputError: there is no toss in `source`; no bag is written then.
@@ -126,7 +128,7 @@ def import_contactnets(
 
     def sound() -> Iterator[Toss]:
         nonlocal steps, timed
-        for item in _read(files, body):
+        for done, item in enumerate(_read(files, body), start=1):
             if isinstance(item, Toss):
                 original = restored(item)
                 steps, timed = steps + item.frames - 1, timed + original.timed_steps
@@ -134,6 +136,7 @@ def import_contactnets(
                 yield original.toss
             else:
                 skipped.append(str(item))
+            advance(done / len(files))
 
     with BagWriter(out) as bag:
         tosses, frames = record(bag, body, sound(), rig or TagslamRig())

@@ -84,19 +84,22 @@ def test_people_get_a_table_totals_and_evidence(cli: Cli, golden: Path, tmp_path
     done = cli("rank", golden, "--top", "8", "--out", tmp_path / "m.csv", "--no-figure")
     best = read_manifest(tmp_path / "m.csv").rows[0]
     table = done.out.splitlines()
-    assert table[0].split()[:3] == ["rank", "toss", "score"]
-    assert table[1].split()[:2] == ["1", best.toss_id]
+    assert table[0].split() == ["rank", "toss", "file", "time", "(UTC)", "lasts", "[s]", "info", "[%]", "gain", "why"]
+    assert table[1].split()[:4] == ["1", best.toss_id, golden.name, "12:27:22"]
+    assert "selected: without it the expected error is" in table[1]
+    assert "rejected: lowest corner of the toss: found -12.1 mm" in done.out
+    assert "and 11 more ranked: --out FILE or --json lists all" in table
     for said in (
-        "24 tosses of 1 input: 21 ranked by representative, 8 selected",
+        "24 tosses of 1 input: 21 ranked by representative, 8 selected, which hold ",
         "rejected: 1 (gap)",
         "epsilon",
         "D-efficiency",
         "the estimate from the selected tosses is",
         "share of the trace: vertices_normal",
-        "careful: block tilt holds",
         f"manifest: {tmp_path / 'm.csv'}",
     ):
         assert said in done.out
+    assert "careful: block tilt holds" not in done.out  # no trace ranks here
     assert "certificate" not in done.out
     assert "nan" not in done.out
     assert "warning" not in done.err
