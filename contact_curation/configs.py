@@ -3,6 +3,7 @@
 A field is described once, in its class's docstring; the options of commands and the parameters of nodes are made of it.
 """
 
+import dataclasses
 import inspect
 import re
 from collections.abc import Iterator, Mapping
@@ -15,6 +16,11 @@ from contact_curation.errors import InvalidValueError
 
 _ATTRIBUTE = re.compile(r"^    (\w+(?:, \w+)*): (.+(?:\n {8,}.+)*)", re.MULTILINE)
 _BOOLEANS = {"true": True, "false": False}
+
+
+def ranged(default: Any, least: float, most: float) -> Any:
+    """A dataclass field whose ROS parameter takes numbers from `least` to `most`; the class itself may accept fewer."""
+    return dataclasses.field(default=default, metadata={"range": (least, most)})
 
 
 class ConfigField(NamedTuple):

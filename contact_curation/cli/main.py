@@ -98,9 +98,19 @@ def _run(words: list[str]) -> int:
     _complete(parser)
     arguments = parser.parse_args(words)
     arguments.command = (NAME, *words)
-    status: int = arguments.run(arguments)
+    try:
+        status: int = arguments.run(arguments)
+    except NothingFoundError as error:
+        raise NothingFoundError("; ".join(filter(None, (str(error), _assumed(arguments)))), error.warnings) from error
     sys.stdout.flush()
+    if _assumed(arguments):
+        print(f"{NAME}: {_assumed(arguments)}", file=sys.stderr, flush=True)
     return status
+
+
+def _assumed(arguments: argparse.Namespace) -> str:
+    """What a verb assumed and its user should know, such as the body; empty where there is nothing."""
+    return getattr(arguments, "assumed", "")
 
 
 def _failed(why: str) -> int:

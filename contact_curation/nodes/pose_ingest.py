@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from rclpy.clock import Clock, ClockType
 
 from contact_curation.contact.body import Body
 from contact_curation.motion.calibration import NO_CORRECTION
-from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.ingest import IngestConfig, TossIngest
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.nodes.messages.toss import rejected_message, toss_message
@@ -78,8 +77,10 @@ class PoseIngest(StageNode):
         """Takes up the work of an earlier run on this topic; what was left unannounced is announced."""
         source = self._source or topic
         self.get_logger().info(f"poses of {self._body.name} from {topic}")
-        self._ingest = TossIngest(self._config, self._body.polytope, body=self._body.name, source=source)
-        made_of = f"{self._config} {self._body.name} {self._body.vertices.tolist()} {source}"
+        self._ingest = TossIngest(self._config, self._body, source=source)
+        body = self._body
+        shape = f"{body.vertices.tolist()} {body.mass} {body.inertia.tolist()} {body.friction} {body.gravity}"
+        made_of = f"{self._config} {body.name} {shape} {source}"
         self._journal = IngestJournal(self._ingest, self._store, made_of, topic)
         while any(missed := self._journal.unannounced()):
             self._announce(*missed)
@@ -145,13 +146,12 @@ class PoseIngest(StageNode):
 
 def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> IngestConfig:
     """The stages' configuration; gravity is the body's, as in offline ranking."""
-    segmenter = declare_config(node, replace(SegmenterConfig(), gravity=body.gravity), "segmenter.")
+    segmenter = declare_config(node, SegmenterConfig(), "segmenter.")
     recording = declare(node, "rules_of", "", "recording whose own rules complete the segmenter's; empty: none")
     if recording:
         with BagReader(Path(recording)) as reader:
             segmenter = with_recorded_rules(segmenter, reader.note(RULES_NOTE))
-    gates = declare_config(node, replace(GateConfig(), gravity=body.gravity), "gates.")
-    gates = gates.of_body(gates.gravity, body.friction)
+    gates = declare_config(node, GateConfig(), "gates.")
     return IngestConfig(poses.tracker(body, poses.board_frame), segmenter, gates, declare_config(node, NO_CORRECTION, "rig."))
 
 

@@ -11,7 +11,7 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import LOSS_TERMS, Cone, SolveStatus, evaluate
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
-from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 from contact_curation.storage.datasets.contactnets import read_contactnets

@@ -1,7 +1,6 @@
 """The options that say what is tossed: a file, what it leaves open, or a checkpoint or manifest that carries the body."""
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -67,7 +66,7 @@ def chosen_body(
     throws: Path | None = None,
     said: bool = True,
 ) -> Body:
-    """The body of the option's file, or that of a file that carries one, or ContactNets' cube, of which a line is said.
+    """The body of the option's file, or that of a file that carries one, or ContactNets' cube, which is noted to be said.
 
     Args:
         arguments: with the options.
@@ -90,7 +89,7 @@ def chosen_body(
         raise InvalidValueError(f"--{unused[0].replace('_', '-')}", "no --body", "--body FILE, which it belongs to")
     found = carried_body([path for path in models if path is not None], manifest, throws, given)
     if found is None and said:
-        print(f"contact-curation: no --body given: assuming {ASSUMED}", file=sys.stderr, flush=True)
+        arguments.assumed = f"no --body given: assuming {ASSUMED}"  # said once the verb has come to its end
     return CONTACTNETS_CUBE if found is None else found.body
 
 
