@@ -14,9 +14,9 @@ that the batch's value never falls.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from cmaes import CMA  # type: ignore[import-untyped]  # its wheel has no py.typed
 from numpy.typing import NDArray
 
 from contact_curation.design.candidates import CandidateEvaluator, Candidates
@@ -29,6 +29,9 @@ from contact_curation.information.criteria.log_det import select_by_log_det
 from contact_curation.information.pool import Pool
 from contact_curation.information.record import TossInformation
 from contact_curation.information.subspace import EIGENVALUE_CUT, identifiable_subspace
+
+if TYPE_CHECKING:
+    from cmaes import CMA  # type: ignore[import-untyped]  # its wheel has no py.typed
 
 JITTER = 1e-13
 """Added to the diagonal as a share of the trace, so that a singular matrix has a Cholesky factor."""
@@ -195,6 +198,8 @@ def _moved(
     evaluator: CandidateEvaluator, given: Sequence[Accumulated], throw: Candidates, config: RefinementConfig, seed: int
 ) -> Candidates:
     """One throw, moved to the best place that was found and may be thrown from."""
+    from cmaes import CMA  # it takes a second to import, and all nodes know what a throw is
+
     strategy = CMA(np.zeros(COORDINATES), config.step, seed=seed, population_size=config.population)
     start = evaluator.evaluate(throw.releases, config.executions)
     found, best_gain = [start], float(gains(given, start.fishers)[0])
@@ -225,7 +230,9 @@ def _better(evaluator: CandidateEvaluator, given: Sequence[Accumulated], throw: 
     return judged if better else throw
 
 
-def _judged(evaluator: CandidateEvaluator, base: Releases, moves: Array, config: RefinementConfig, strategy: CMA) -> Candidates:
+def _judged(
+    evaluator: CandidateEvaluator, base: Releases, moves: Array, config: RefinementConfig, strategy: "CMA"
+) -> Candidates:
     """The moved releases; `moves` (B, 9) that may not be thrown are drawn again, in place, and the last try stands."""
     refusals = list(evaluator.refusals(_moved_releases(base, moves, config)))
     for _ in range(config.tries):

@@ -9,6 +9,7 @@ from contact_curation_msgs.msg import Toss as TossMessage
 from contact_curation_msgs.msg import TossRejected
 from contact_curation_msgs.srv import GetTosses
 from rclpy.clock import Clock, ClockType
+from std_msgs.msg import Bool
 
 from contact_curation.contact.body import Body
 from contact_curation.motion.calibration import NO_CORRECTION
@@ -64,14 +65,23 @@ class PoseIngest(StageNode):
         self._taking = Latest(self._worker, self._take)
         self._tosses = self.create_publisher(TossMessage, "toss", latched(RESULTS_DEPTH))
         self._rejected = self.create_publisher(TossRejected, "toss_rejected", latched(RESULTS_DEPTH))
+        self._tracked = self.create_publisher(Bool, "tracked", latched(1))
+        self._said_tracked: bool | None = None
         self.create_service(GetTosses, "get_tosses", self._get_tosses)
         self._topics = PoseTopics(self, self._body.name, self._poses, type_name, depth, self._found, self._arrived)
-        self.create_timer(LOOK_PERIOD, self._topics.follow, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         HealthReport(self, self._health)
 
     def close(self) -> None:
         self._worker.stop()
         self._store.close()
+
+    def _look(self) -> None:
+        """Follows the graph, and says whether there is a tracker: without one nobody should throw."""
+        self._topics.follow()
+        if self._topics.has_publisher != self._said_tracked:
+            self._said_tracked = self._topics.has_publisher
+            self._tracked.publish(Bool(data=self._said_tracked))
 
     def _found(self, topic: str) -> dict[str, int]:
         """Takes up the work of an earlier run on this topic; what was left unannounced is announced."""

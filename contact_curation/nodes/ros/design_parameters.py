@@ -13,6 +13,8 @@ from contact_curation.design.safety import Feasible
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.stages.throw_loop import LoopConfig
 
+WAITING = "waits so long after that until the trainer has learned from all tosses [s]; 0: designs with what is known"
+
 JUDGED = ("forecast", "safety", "noise", "placement")
 
 
@@ -67,6 +69,13 @@ def declared_loop(node: Node) -> LoopConfig:
     return LoopConfig(
         declare(node, "max_throws", default.max_throws, "no more throws than these in auto; 0: no end", bounds=(0, 1 << 31)),
         declare(node, "toss_timeout", default.toss_timeout, "waits so long for a throw's toss [s]", bounds=(0.0, 3600.0)),
+        declare(node, "theta_timeout", default.theta_timeout, WAITING, bounds=(0.0, 3600.0)),
         declare(node, "retry_period", default.retry_period, "pause after a throw that was not made [s]", bounds=(0.1, 3600.0)),
-        declare(node, "goal_timeout", default.goal_timeout, "gives a throw up after this [s]", bounds=(0.1, 3600.0)),
+        declare(
+            node,
+            "goal_timeout",
+            default.goal_timeout,
+            "gives up a throw of which nothing was heard for so long [s]",
+            bounds=(0.1, 3600.0),
+        ),
     )
