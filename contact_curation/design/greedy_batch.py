@@ -143,12 +143,12 @@ class RefinementConfig:
     """How throws are moved.
 
     Attributes:
-        generations: of each throw; 0 to leave throws where they are.
-        population: of a generation.
-        step: first standard deviation of a move, in units of `scales`.
-        scales: of height [m], speed along and up [m/s], spin (3) [rad/s] and turn (3) [rad].
-        tries: a move that may not be made is drawn again so often.
-        executions: of each move, over which its information is averaged, of those by which it is predicted; an even number.
+        generations: generations of the search for each throw; 0 leaves throws where they are.
+        population: candidates in each generation.
+        step: initial standard deviation of the search, in units of `scales`.
+        scales: scale of each coordinate: height [m], speed along and up [m/s], spin (3) [rad/s] and turn (3) [rad].
+        tries: how often an infeasible candidate is re-drawn.
+        executions: simulated executions of each candidate over which information is averaged; an even number.
     """
 
     generations: int = 40

@@ -48,10 +48,10 @@ class RoundsConfig:
     """When a round begins, and how finely it is cut.
 
     Attributes:
-        least_tosses: no round on fewer selected tosses.
+        least_tosses: a round needs at least this many selected tosses.
         settling_rounds: rounds that may follow one another without a toss that is new to the curator.
-        slice_steps: gradient steps between two looks at what came.
-        checkpoint_steps: gradient steps between two checkpoints in the middle of a round.
+        slice_steps: gradient steps between two checks for new messages.
+        checkpoint_steps: gradient steps between two checkpoints within a round.
     """
 
     least_tosses: int = 2

@@ -36,7 +36,7 @@ TRIANGLES = (
 
 def corners_mm(half: np.ndarray = HALF, center: np.ndarray = CENTER) -> np.ndarray:
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    return 1000.0 * (center + half * signs)
+    return np.asarray(1000.0 * (center + half * signs))
 
 
 def stl_text(corners: np.ndarray, triangles: tuple[tuple[int, ...], ...] = TRIANGLES) -> str:
@@ -247,9 +247,9 @@ def test_mjcf_is_understood_as_mujoco_understands_it(tmp_path: Path) -> None:
     (tmp_path / "thing.xml").write_text(text)
     found = read_description(tmp_path / "thing.xml")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "thing.xml"))
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, model.body_iquat[1])
-    turn = turn.reshape(3, 3)
+    flat = np.zeros(9)
+    mujoco.mju_quat2Mat(flat, model.body_iquat[1])
+    turn = flat.reshape(3, 3)
     assert found.mass == pytest.approx(model.body_mass[1], rel=1e-9)
     assert found.friction == 0.7
     np.testing.assert_allclose(found.center_of_mass, model.body_ipos[1], atol=1e-9)
@@ -320,7 +320,8 @@ def test_a_link_is_chosen_by_its_name(tmp_path: Path) -> None:
     file = tmp_path / "two.urdf"
     file.write_text(f'<robot name="two">{boxes}</robot>')
     body = Body.from_file(file, link="large", mass=0.3, friction=0.3)
-    assert (body.name, np.ptp(body.vertices[:, 0])) == ("large", pytest.approx(0.2))
+    assert body.name == "large"
+    assert np.ptp(body.vertices[:, 0]) == pytest.approx(0.2)
     with pytest.raises(UnreadableInputError, match=r"--link: found no link huge .* expected one of small, large"):
         read_description(file, BodyOptions(link="huge", mass=0.3))
 

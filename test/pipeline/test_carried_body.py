@@ -47,7 +47,7 @@ def throws_file(folder: Path, body: Body | None) -> Path:
 
 
 def manifest_file(folder: Path, body: Body | None, ending: str = ".json") -> Path:
-    write_manifest(Manifest(replace(RUN, body=body and body.to_mapping()), ()), folder / f"manifest{ending}")
+    write_manifest(Manifest(replace(RUN, body=None if body is None else body.to_mapping()), ()), folder / f"manifest{ending}")
     return folder / f"manifest{ending}"
 
 

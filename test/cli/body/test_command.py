@@ -7,7 +7,7 @@ import numpy as np
 from contact_curation.contact.body import Body
 from test.cli.commands import Cli
 
-CUBE_FILE = Path(__file__).resolve().parents[2] / "contact_curation" / "config" / "cube.yaml"
+CUBE_FILE = Path(__file__).resolve().parents[3] / "contact_curation" / "config" / "cube.yaml"
 LINK = """<robot name="ell"><link name="l"><collision><geometry><box size="0.04 0.04 0.16"/></geometry></collision>
 <collision><origin xyz="0.06 0 -0.06"/><geometry><box size="0.08 0.04 0.04"/></geometry></collision></link></robot>"""
 
