@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.models.registry import DEFAULT_MODEL, model_entry
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.extras import says_what_to_install
 from contact_curation.information.network.config import network_config_for
 from contact_curation.information.ranker import RankingConfig
@@ -254,7 +254,7 @@ def train(
     model_entry(model)  # refuses what is none
     load_kernel()
     if protocol not in PROTOCOLS:
-        raise InvalidValueError("protocol", protocol, f"one of {', '.join(PROTOCOLS)}")
+        raise UnknownNameError("protocol", protocol, PROTOCOLS)
     config = PROTOCOLS[protocol](model)
     division = DivisionConfig(HeldOutRule() if held_out is None else held_out_rule(held_out), said=held_out is not None)
     running = TrainingRun.begun(
@@ -380,7 +380,7 @@ def _theta(model: "LearnedModel | str | PathLike[str] | None", body: Body) -> Th
 
 def _pool_config(reading: ReadingConfig, theta: Theta, estimator: str) -> PoolConfig:
     if estimator not in tuple(Estimator):
-        raise InvalidValueError("estimator", estimator, f"one of {', '.join(Estimator)}")
+        raise UnknownNameError("estimator", estimator, Estimator)
     network = network_config_for(DEFAULT_MODEL if isinstance(theta, Parameters) else theta.kind)
     scoring = ScoringConfig(estimator=Estimator(estimator), form=form_of(None, (theta,)))
     return PoolConfig(reading, (theta,), scoring, network=network)

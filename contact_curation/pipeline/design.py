@@ -15,7 +15,7 @@ from contact_curation.design.predicted_information import Particle
 from contact_curation.design.releases import PUBLISHED_PRIOR, ReleasePrior, fitted_prior, published_releases, raw_prior
 from contact_curation.design.safety import Feasible
 from contact_curation.design.throw import Throw
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import UnknownNameError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
 from contact_curation.motion.toss import Toss
@@ -62,7 +62,7 @@ class DesignTask:
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
-            raise InvalidValueError("method", self.method, f"one of {', '.join(METHODS)}")
+            raise UnknownNameError("method", self.method, METHODS)
 
 
 @dataclass(frozen=True, eq=False)
