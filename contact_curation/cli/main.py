@@ -21,6 +21,7 @@ from contact_curation.version import __version__
 NAME = "contact-curation"
 INTERRUPTED = 130
 VERBS = {
+    "check": ("cli.check", "what is wrong with recordings, and what to do: the diagnosis first"),
     "import": ("cli.import_data", "public data as the bag that a rig would have recorded of it"),
     "rank": ("cli.rank.command", "a ranked manifest of the tosses in recordings; nothing is deleted"),
     "rig": ("cli.rig", "rig calibration from tosses: the board's tilt and height, and the tracker's length scale"),

@@ -20,6 +20,9 @@ from contact_curation.motion.frame_tree import HISTORY, FrameTree, Link, compose
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.toss import NANOSECONDS
 
+MOST_LISTED = 8
+"""Names of frames in one line."""
+
 SHORT_HISTORY = 256
 """Poses that a frame remembers that is not needed so far: it may turn out to stand between the body and the board."""
 
@@ -245,11 +248,14 @@ class BodyTracker:
     def _give_up(self, number: int, why: str) -> list[TrackerEvent]:
         """Lets the oldest waiting body poses go."""
         lost = [self._waiting.popleft() for _ in range(number)]
-        wanted = f"expected poses that lead from frame '{self.config.board_frame}' to frame"
-        return [
-            BadPose(one.stamp_ns, one.child, f"board: found {why}, {wanted} '{one.parent}' at its time", "frame")
-            for one in lost
-        ]
+        return [BadPose(one.stamp_ns, one.child, f"board: found {why}, {self._wanted(one.parent)}", "frame") for one in lost]
+
+    def _wanted(self, parent: str) -> str:
+        """What a pose in frame `parent` waited for, which frames there are, and what to do."""
+        wanted = f"expected poses that lead from frame '{self.config.board_frame}' to frame '{parent}' at its time"
+        here = ", ".join(self._tree.frames[:MOST_LISTED]) or "none"
+        named = "" if parent else "; header.frame_id of the poses is empty: set it"
+        return f"{wanted}{named}; frames here: {here}; where poses are given on the board, use --board-frame ''"
 
     def _counted(self, events: list[TrackerEvent]) -> tuple[TrackerEvent, ...]:
         for event in events:

@@ -64,6 +64,11 @@ class FrameTree:
         self.links: dict[str, Link] = {}
         self.shape = 0
 
+    @property
+    def frames(self) -> list[str]:
+        """The names of all frames that are known, in order."""
+        return sorted({name for child, link in self.links.items() for name in (child, link.parent) if name})
+
     def take(self, frame_pose: FramePose, history: int = HISTORY) -> bool:
         """Learns a pose; False when it is left out: older than the link's newest, or of one frame too many.
 

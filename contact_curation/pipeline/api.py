@@ -16,6 +16,7 @@ from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.evaluation.held_out import HeldOutRule
 from contact_curation.motion.toss import Toss
+from contact_curation.pipeline.diagnosis import MOST_MESSAGES, Diagnosis, diagnose
 from contact_curation.pipeline.division import DivisionConfig, held_out_rule, learning_tosses
 from contact_curation.pipeline.ranked import RankedTosses
 from contact_curation.pipeline.ranking import RankConfig, rank_tosses
@@ -77,6 +78,41 @@ def read(
 
 
 @says_what_to_install
+def check(
+    inputs: Inputs,
+    body: Body = CONTACTNETS_CUBE,
+    *,
+    config: InputsConfig | None = None,
+    most_messages: int = MOST_MESSAGES,
+    progress: Progress = silent,
+) -> Diagnosis:
+    """Says what is wrong with recordings, before anything is learned from them.
+
+    Args:
+        inputs: as of `read`.
+        body: what was tossed.
+        config: topics, rules of segmenting, quality checks, calibration of the rig.
+        most_messages: so many messages of pose topics are looked at, the first ones of each recording.
+        progress: hears how far it is.
+
+    Returns:
+        `verdict` in one line, `ok`, `reasons`, the `settings` that correct what they can, and the `next` command; `print` shows
+        them, `document()` gives them to programs.
+
+    Raises:
+        UnreadableInputError: nothing matches a pattern. A recording that cannot be read is in the diagnosis.
+
+    Examples:
+        >>> found = cc.check("session.mcap", body=body)
+        >>> found.ok, found.verdict
+        (True, 'ok: 21 of 24 motions are sound tosses of cube')
+    """
+    paths = input_paths(inputs)
+    with progress("checking", "recordings", len(paths)) as bar:
+        reading = ReadingConfig(body, config or InputsConfig())
+        return diagnose(paths, reading, most_messages=most_messages, advance=bar.advance)
+
+
 def score(
     tosses: Tosses | Inputs,
     *,

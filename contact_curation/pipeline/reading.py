@@ -1,6 +1,6 @@
 """Reads one recording as a stream of motions, and remembers a summary of each one."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -94,9 +94,21 @@ class InputReader:
 
 
 def settings_of(rig: RigCalibration) -> str:
-    """A rig's calibration in the words of `--set`, to 1e-5 and a tenth of a millimetre; nothing for a level rig."""
-    if rig == NO_CORRECTION:
-        return ""
-    normal = ",".join(f"{value:.5f}" for value in rig.normal)
-    centre = ",".join(f"{value:.4f}" for value in rig.centre)
-    return f"--set rig.normal={normal} --set rig.centre={centre} --set rig.scale={rig.scale:.5f}"
+    """A rig's calibration in the words of `--set`, to 1e-5 and a tenth of a millimetre; nothing where nothing is corrected.
+
+    Angles of the marker are in radians; what is as by default is left out, but for the board, which is said whole.
+    """
+    said: list[str] = []
+    if (rig.normal, rig.centre, rig.scale) != (NO_CORRECTION.normal, NO_CORRECTION.centre, NO_CORRECTION.scale):
+        said += [f"normal={_numbers(rig.normal, 5)}", f"centre={_numbers(rig.centre, 4)}", f"scale={rig.scale:.5f}"]
+    if rig.height:
+        said.append(f"height={rig.height:.5f}")
+    if any(rig.marker_turn):
+        said.append(f"marker_turn={_numbers(rig.marker_turn, 5)}")
+    if any(rig.marker_offset):
+        said.append(f"marker_offset={_numbers(rig.marker_offset, 5)}")
+    return " ".join(f"--set rig.{each}" for each in said)
+
+
+def _numbers(values: Sequence[float], digits: int) -> str:
+    return ",".join(f"{value:.{digits}f}" for value in values)
