@@ -169,7 +169,7 @@ def rank(
         body: what was tossed, where `tosses` are recordings.
         criterion: by what: ``representative``, ``log-det``, ``trace``, ``min-eig``, ``orthogonal``, ``leverage``, ``longest``,
             ``random``, or one of your own (`information.criteria.criterion.register`).
-        model: whose parameters the tosses teach about, or its file; None for the body as it is described.
+        model: the information is about its parameters; a model or its file, None for the body as described.
         estimator: of the Fisher matrix: ``gauss-newton`` or ``empirical``.
         seed: of criterion random.
         held_out: what is neither scored nor ranked: numbers (``"400-569"``), a share (``"0.2"``), or a file of ids.

@@ -37,7 +37,7 @@ BOUND_QUANTILE = 0.985
 """Losses above this quantile of the pool's count as this much (method.md 2.1: 98 to 99 %)."""
 
 Scores = tuple[TossInformation | NotScored, ...]
-"""What one toss teaches, once per theta."""
+"""The information of one toss, once per theta."""
 
 
 type Source = Path | Recording

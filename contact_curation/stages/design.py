@@ -167,7 +167,7 @@ class DesignStage:
         """Takes in the information of a toss at some theta.
 
         Args:
-            info: what it teaches.
+            info: its information.
             stamp_ns: of its last frame.
         """
         self._infos[info.parameters_version] = self._infos.pop(info.parameters_version, {})  # the newest last
@@ -276,7 +276,7 @@ class DesignStage:
             self._log.replace(place, replace(self.throws[place], toss_id=toss_id))
 
     def _measure(self) -> None:
-        """Measures what the last throw taught, if it was designed and its toss is scored at a theta that is known here.
+        """Computes the gain of the last throw, if it was designed and its toss is scored at a theta that is known here.
 
         Where that is not the theta of the plan, the expected gain is predicted again: only gains at one theta compare.
         """

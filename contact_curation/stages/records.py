@@ -187,7 +187,7 @@ class ThrowRecord:
         released_ns: when it left.
         exploration: why it was no designed one; None when it was.
         toss_id: its toss, once one was scored.
-        realised: what that taught; None until it was scored at a theta that is known here, and for exploration.
+        realised: its realised gain; None until it was scored at a theta that is known here, and for exploration.
         rejected: why its motion was rejected; empty where it was not.
     """
 
@@ -219,7 +219,7 @@ class ThrowRecord:
 
     @property
     def awaits_gain(self) -> bool:
-        """Whether its toss was scored, and what it taught is not known so far."""
+        """Whether its toss was scored, and its gain is not known so far."""
         return bool(self.toss_id) and self.exploration is None and self.realised is None
 
     @property
