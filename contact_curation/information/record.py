@@ -97,6 +97,12 @@ class TossInformation:
         """Exact trace of the Fisher sum."""
         return float(self.block_traces.sum())
 
+    def in_words(self) -> str:
+        """One line about the toss, for logs."""
+        scored = self.transitions - self.not_scored
+        size = f"trace {self.trace:.4g}, loss {self.mean_loss:.3g}"
+        return f"scored {self.toss_id}: {size}, {scored} of {self.transitions} transitions"
+
     def fisher(self) -> Array:
         """(P, P) Fisher sum, up to the factor's truncation."""
         rows = np.asarray(self.factor, dtype=float)

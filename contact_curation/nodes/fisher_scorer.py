@@ -86,6 +86,7 @@ class FisherScorer(StageNode):
     def _announce(self, batch: Sequence[Announcement]) -> None:
         for one in batch:
             self._publisher.publish(information_message(one.information, one.sequence, one.stamped))
+            self.get_logger().info(one.information.in_words())
         self._stage.announced(batch)
 
     def _parameters_came(self, message: Any) -> None:

@@ -113,9 +113,9 @@ def check_recordings(config: SessionConfig) -> None:
         ContactCurationError: one of them cannot be read, or there is no toss in any.
     """
     reading = ReadingConfig(config.body(), held_out_inputs(config))
-    found = [_first_toss(path, reading) for path in config.held_out]
+    found = [_first_toss(path, reading) for path in config.evaluate_on]
     if found and not any(isinstance(one, Toss) for one in found):
-        raise InvalidValueError("--held-out", next(str(one) for one in found), "recordings of tosses")
+        raise InvalidValueError("--evaluate-on", next(str(one) for one in found), "recordings of tosses")
 
 
 def _first_toss(path: Path, config: ReadingConfig) -> Toss | str:

@@ -74,6 +74,12 @@ class Buffer:
     log_det: float
     frame_id: str
 
+    def in_words(self) -> str:
+        """One line, for logs."""
+        selected = self.curation.ranking.selected_ids
+        best = f", best {selected[0]}" if selected else ""
+        return f"buffer {self.revision}: {len(selected)} of {self.seen} tosses selected by {self.ranking.criterion}{best}"
+
     @property
     def efficiency_bound(self) -> float:
         """The proven lower bound on the selected set's D-efficiency against every other set of its size.

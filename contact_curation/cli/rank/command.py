@@ -110,7 +110,7 @@ def run(arguments: argparse.Namespace) -> int:
         ContactCurationError: nothing could be ranked, or an output cannot be written.
     """
     figure = _figure(arguments)
-    check_outputs(overwrite=arguments.overwrite, out=arguments.out, figure=figure, recording=arguments.recording)
+    check_outputs(overwrite=arguments.overwrite, out=arguments.out, figure=figure, rrd=arguments.rrd)
     config = rank_config(arguments)
     dashboard = dashboard_of(arguments, config)
     try:

@@ -25,6 +25,9 @@ STREAMED_CRITERION = "log-det"
 """What stands in for the default where tosses are let go unranked: the default needs the whole pool."""
 
 
+MOST_SELECTED = 1_000_000
+
+
 @dataclass(frozen=True)
 class RankingConfig:
     """How tosses are ranked.
@@ -59,8 +62,8 @@ class RankingConfig:
         for name, accepted in (item for one in _REGISTERED.values() for item in one.choices.items()):
             if getattr(self, name) not in accepted:
                 raise InvalidValueError(f"ranking.{name}", getattr(self, name), f"one of {', '.join(accepted)}")
-        if self.top < 1:
-            raise InvalidValueError("ranking.top", self.top, "at least 1 toss to keep")
+        if not 1 <= self.top <= MOST_SELECTED:
+            raise InvalidValueError("ranking.top", self.top, f"1 to {MOST_SELECTED} tosses to select")
         for name in ("seed", "certificate_steps"):
             if getattr(self, name) < 0:
                 raise InvalidValueError(f"ranking.{name}", getattr(self, name), "a number of at least 0")
