@@ -45,7 +45,7 @@ def build_parser(words: Sequence[str]) -> OneLineParser:
     """The parser of a command line; only the verbs among its `words` are imported, so that help comes at once."""
     parser = OneLineParser(
         prog=NAME,
-        description="Computes the information of recorded tosses about an object's shape and friction, and selects the best set.",
+        description="Computes each toss's information about an object's shape and friction, and selects the best set.",
         epilog="Exit status: 0 done, 1 a one-line error, 2 bad usage, 130 interrupted. VERB --help lists a verb's options.",
     )
     parser.add_argument("--version", action="version", version=f"{NAME} {__version__}")
