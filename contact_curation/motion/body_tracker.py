@@ -1,4 +1,4 @@
-"""Poses of frames in frames become poses of the body in the board's frame.
+"""Computes poses of the body in the board's frame from poses of frames in frames.
 
     T_board_body = (T_common_board)^-1 T_common_body T_body_mass
 
@@ -29,7 +29,7 @@ SHORT_HISTORY = 256
 
 @dataclass(frozen=True)
 class TrackerConfig:
-    """Which frames matter, and how long to wait for them.
+    """Names of the frames, and how long to wait for them.
 
     Attributes:
         body_frame: tracked frame of the body.

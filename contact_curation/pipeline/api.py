@@ -48,7 +48,7 @@ def read(
     jobs: int = 1,
     progress: Progress = silent,
 ) -> Tosses:
-    """Reads the tosses of recordings, and what was rejected, with the reasons.
+    """Reads the tosses of recordings, and the rejected motions with their reasons.
 
     Args:
         inputs: an MCAP file, a rosbag2 folder or its storage file, a ROS 1 bag, a folder of ContactNets' `.pt` files or one of
@@ -120,7 +120,7 @@ def score(
     model: "LearnedModel | str | PathLike[str] | None" = None,
     estimator: str = SCORING.estimator.value,
 ) -> TossScores:
-    """Scores tosses: what each of them teaches about theta.
+    """Scores tosses: computes the information of each one about theta.
 
     Args:
         tosses: as `read` gives them, or what `read` takes.
@@ -169,7 +169,7 @@ def rank(
         body: what was tossed, where `tosses` are recordings.
         criterion: by what: ``representative``, ``log-det``, ``trace``, ``min-eig``, ``orthogonal``, ``leverage``, ``longest``,
             ``random``, or one of your own (`information.criteria.criterion.register`).
-        model: whose parameters the tosses teach about, or its file; None for the body as it is described.
+        model: the information is about its parameters; a model or its file, None for the body as described.
         estimator: of the Fisher matrix: ``gauss-newton`` or ``empirical``.
         seed: of criterion random.
         held_out: what is neither scored nor ranked: numbers (``"400-569"``), a share (``"0.2"``), or a file of ids.
@@ -285,7 +285,7 @@ def evaluate(
     seed: int = 0,
     progress: Progress = silent,
 ) -> "Evaluation":
-    """Evaluates a model: rolls it out from the first measured state of each toss, and compares with what was measured.
+    """Evaluates a model: rolls it out from the first measured state of each toss, and compares with the measured motion.
 
     Args:
         model: as `train` or `load_model` gives it.
@@ -331,7 +331,7 @@ def design(
     seed: int = 0,
     name: str = "throw",
 ) -> "DesignedThrows":
-    """Designs throws: those that together are expected to add most to what is known.
+    """Designs the throws that together have the largest predicted information gain.
 
     Args:
         model: a polytope, or several, over which gains are averaged; None for the body as it is described.

@@ -74,7 +74,7 @@ class RankingConfig:
 
 
 class Need(Enum):
-    """What a criterion reads of a pool; whoever ranks by it provides that.
+    """Data that a criterion needs beside the factors; the caller provides it.
 
     THETA: the tosses' information at a theta; a criterion without it ranks the same tosses alike at every theta.
     SUBSPACE: the subspace that the pool identifies: at least one toss must carry information.
@@ -89,7 +89,7 @@ class Need(Enum):
 
 
 class Explanation(NamedTuple):
-    """What a dashboard says of each toss of a pool, by toss id.
+    """A gain and a reason for each toss of a pool, by toss id, for the dashboard.
 
     Attributes:
         gains: what the toss would add to the selected set.
