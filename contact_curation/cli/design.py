@@ -1,4 +1,4 @@
-"""`design --out THROWS.json`: the throws that would teach most, given theta and what is known already."""
+"""`design --out THROWS.json`: the throws with the largest predicted information, given theta and the known tosses."""
 
 import argparse
 from collections.abc import Sequence

@@ -32,7 +32,7 @@ VERBS = {
         "cli.evaluate",
         "prediction errors of a model on measured tosses, and its uncertainty",
     ),
-    "design": ("cli.design", "the throws that would teach most, given what is known"),
+    "design": ("cli.design", "the throws with the largest predicted information gain"),
     "simulate": ("cli.simulate", "throws made in the simulated world, as the bag that a rig would have recorded"),
     "reproduce": ("experiments.reproduce", "an experiment over many trainings: tables and figures"),
     "online": ("cli.online.command", "the whole graph, closed to a loop: design, throw, track, score, curate, train"),
@@ -46,7 +46,7 @@ def build_parser(words: Sequence[str]) -> OneLineParser:
     """The parser of a command line; only the verbs among its `words` are imported, so that help comes at once."""
     parser = OneLineParser(
         prog=NAME,
-        description="Says how much each recorded toss teaches about an object's shape and friction, and keeps the best set.",
+        description="Computes each toss's information about an object's shape and friction, and selects the best set.",
         epilog="Exit status: 0 done, 1 a one-line error, 2 bad usage, 130 interrupted. VERB --help lists a verb's options.",
     )
     parser.add_argument("--version", action="version", version=f"{NAME} {__version__}")

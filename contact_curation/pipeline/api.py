@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.models.registry import DEFAULT_MODEL, model_entry
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.extras import says_what_to_install
 from contact_curation.information.network.config import network_config_for
 from contact_curation.information.ranker import RankingConfig
@@ -51,7 +51,7 @@ def read(
     jobs: int = 1,
     progress: Progress = silent,
 ) -> Tosses:
-    """Reads the tosses of recordings, and what was rejected, with the reasons.
+    """Reads the tosses of recordings, and the rejected motions with their reasons.
 
     Args:
         inputs: an MCAP file, a rosbag2 folder or its storage file, a ROS 1 bag, a folder of ContactNets' `.pt` files or one of
@@ -125,7 +125,7 @@ def score(
     model: "LearnedModel | str | PathLike[str] | None" = None,
     estimator: str = SCORING.estimator.value,
 ) -> TossScores:
-    """Scores tosses: what each of them teaches about theta.
+    """Scores tosses: computes the information of each one about theta.
 
     Args:
         tosses: as `read` gives them, or what `read` takes.
@@ -174,7 +174,7 @@ def rank(
         body: what was tossed, where `tosses` are recordings; None for that of the model, or ContactNets' cube.
         criterion: by what: ``representative``, ``log-det``, ``trace``, ``min-eig``, ``orthogonal``, ``leverage``, ``longest``,
             ``random``, or one of your own (`information.criteria.criterion.register`).
-        model: whose parameters the tosses teach about, or its file; None for the body as it is described.
+        model: the information is about its parameters; a model or its file, None for the body as described.
         estimator: of the Fisher matrix: ``gauss-newton`` or ``empirical``.
         seed: of criterion random.
         held_out: what is neither scored nor ranked: numbers (``"400-569"``), a share (``"0.2"``), or a file of ids.
@@ -260,7 +260,7 @@ def train(
     model_entry(model)  # refuses what is none
     load_kernel()
     if protocol not in PROTOCOLS:
-        raise InvalidValueError("protocol", protocol, f"one of {', '.join(PROTOCOLS)}")
+        raise UnknownNameError("protocol", protocol, PROTOCOLS)
     config = PROTOCOLS[protocol](model)
     division = DivisionConfig(HeldOutRule() if held_out is None else held_out_rule(held_out), said=held_out is not None)
     running = TrainingRun.begun(
@@ -291,7 +291,7 @@ def evaluate(
     seed: int = 0,
     progress: Progress = silent,
 ) -> "Evaluation":
-    """Evaluates a model: rolls it out from the first measured state of each toss, and compares with what was measured.
+    """Evaluates a model: rolls it out from the first measured state of each toss, and compares with the measured motion.
 
     Args:
         model: as `train` or `load_model` gives it.
@@ -337,7 +337,7 @@ def design(
     seed: int = 0,
     name: str = "throw",
 ) -> "DesignedThrows":
-    """Designs throws: those that together are expected to add most to what is known.
+    """Designs the throws that together have the largest predicted information gain.
 
     Args:
         model: a polytope, or several, over which gains are averaged; None for the body as it is described.
@@ -396,7 +396,7 @@ def _theta(model: "LearnedModel | str | PathLike[str] | None", body: Body) -> Th
 
 def _pool_config(reading: ReadingConfig, theta: Theta, estimator: str) -> PoolConfig:
     if estimator not in tuple(Estimator):
-        raise InvalidValueError("estimator", estimator, f"one of {', '.join(Estimator)}")
+        raise UnknownNameError("estimator", estimator, Estimator)
     network = network_config_for(DEFAULT_MODEL if isinstance(theta, Parameters) else theta.kind)
     scoring = ScoringConfig(estimator=Estimator(estimator), form=form_of(None, (theta,)))
     return PoolConfig(reading, (theta,), scoring, network=network)
