@@ -1,4 +1,4 @@
-"""What is known of a toss once it is scored: everything that ranking needs, in a few kB."""
+"""The record of a scored toss: everything that ranking needs, in a few kB."""
 
 from dataclasses import dataclass, field
 from typing import Any

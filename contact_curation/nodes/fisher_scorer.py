@@ -1,4 +1,4 @@
-"""fisher_scorer: tosses in, what each of them teaches out. Information is stored before it is announced."""
+"""fisher_scorer: computes the information of tosses. It is stored before it is announced."""
 
 import sys
 from collections.abc import Sequence
