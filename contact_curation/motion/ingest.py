@@ -71,6 +71,11 @@ class TossIngest:
         """Whether a toss has started and not ended yet."""
         return self._segmenter.tossing
 
+    @property
+    def needed_frames(self) -> frozenset[str]:
+        """Frames whose moving poses may change a pose of the body."""
+        return self._tracker.needed_frames
+
     def push(self, measured: FramePose | BadPose) -> tuple[IngestEvent, ...]:
         """Takes in a measurement of the body or the rig; gives what became complete, in order."""
         return tuple(self._outcome(event) for event in self._followed(self._tracker.push(measured)))

@@ -88,7 +88,7 @@ class TrackedPoses:
         self._tracked = Pose(-body.center_of_mass, IDENTITY) if body.center_of_mass.any() else None
         self._waiting: deque[tuple[int, Any]] = deque()
         self._poses = node.create_publisher(Odometry, f"tagslam/odom/{self._body_frame}", latched(history))
-        self._static = node.create_publisher(TFMessage, "/tf_static", latched(1))
+        self._static = node.create_publisher(TFMessage, "tf_static", latched(1))
         self._static.publish(static_transform_message(Stamped(0, rig.map_frame), rig.board_frame, self._board))
 
     def see(self, true: TrueFrame) -> None:

@@ -36,6 +36,7 @@ from contact_curation.nodes.ros.catch_up import PERIOD, Source
 from contact_curation.nodes.ros.follow import HELD, Follow
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
+from contact_curation.nodes.ros.own_namespace import is_own
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.qos import latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
@@ -125,7 +126,7 @@ class Dashboard(StageNode):
 
     def _health_came(self, message: Any) -> None:
         """A handful of words, kept by node: nothing that could pile up."""
-        self._nodes.update({one.name: one for one in healths_of(message, self._seconds())})
+        self._nodes.update({one.name: one for one in healths_of(message, self._seconds()) if is_own(self, one.name)})
 
     def _guarded(self, job: Callable[[], None]) -> None:
         """On the worker's thread, as everything below but the last: a bad message is counted and dropped."""

@@ -23,6 +23,7 @@ from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.messages.headers import time_message
 from contact_curation.nodes.ros.message_types import message_class
 from contact_curation.nodes.ros.node_main import StageNode, run
+from contact_curation.nodes.ros.own_namespace import own_name
 from contact_curation.nodes.ros.parameters import declare
 from contact_curation.nodes.ros.qos import profile
 from contact_curation.nodes.ros.worker import Worker
@@ -69,7 +70,7 @@ class Player(StageNode):
         self._playback = Playback(self._reader, self._recorded_time, self._now, offset, loop=loop, fast=self._fast)
         self._triggers()
         if hertz:
-            self._clock_topic = self.create_publisher(ClockMessage, "/clock", profile(1, reliable=True, latched=False))
+            self._clock_topic = self.create_publisher(ClockMessage, "clock", profile(1, reliable=True, latched=False))
             self.create_timer(1.0 / hertz, self._tell_time, clock=self._steady)
         self.add_on_set_parameters_callback(self._parameters_set)
         self._worker = Worker(self.fail)
@@ -85,7 +86,9 @@ class Player(StageNode):
         publishers: dict[str, Publisher] = {}
         for topic, kind in types.items():
             try:
-                publishers[topic] = self.create_publisher(message_class(kind), renamed.get(topic, topic), self._qos(topic))
+                publishers[topic] = self.create_publisher(
+                    message_class(kind), renamed.get(topic, own_name(self, topic)), self._qos(topic)
+                )
             except (MissingDependencyError, InvalidTopicNameException) as error:
                 self.get_logger().warning(f"{topic} is left out: {str(error).splitlines()[0]}")
         return publishers

@@ -20,6 +20,7 @@ from contact_curation.nodes.ros.health import Health, HealthReport, Rate
 from contact_curation.nodes.ros.message_definition import definition_text
 from contact_curation.nodes.ros.message_types import message_class
 from contact_curation.nodes.ros.node_main import StageNode, run
+from contact_curation.nodes.ros.own_namespace import is_own
 from contact_curation.nodes.ros.parameters import declare
 from contact_curation.nodes.ros.qos import offered, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
@@ -50,7 +51,7 @@ class Heard(NamedTuple):
 
 
 class SessionRecorder(StageNode):
-    """Records all topics that are not hidden."""
+    """Records all topics of its namespace that are not hidden."""
 
     longest_closing = 9.0
     """[s]: what was received is written, and the recording's index."""
@@ -90,7 +91,7 @@ class SessionRecorder(StageNode):
         """Subscribes to what is new, or is offered in another way."""
         for topic, types in self.get_topic_names_and_types():
             hidden = any(part.startswith("_") for part in topic.split("/"))
-            if hidden or not self.count_publishers(topic):
+            if hidden or not is_own(self, topic) or not self.count_publishers(topic):
                 continue
             for more in types[1:]:
                 self._leave_out(topic, more, f"found the types {', '.join(types)}, expected one")

@@ -112,12 +112,12 @@ class SimArm(StageNode):
 
     def _publish(self, ticks: Ticks) -> None:
         often = profile(50, reliable=True, latched=False)
-        self._joints = self.create_publisher(JointState, "/joint_states", often)
+        self._joints = self.create_publisher(JointState, "joint_states", often)
         self._truth = self.create_publisher(Odometry, "ground_truth", profile(TRUTH_DEPTH, reliable=True, latched=False))
         self._begun = self.create_publisher(ThrowMessage, "throw_begun", latched(1))
         self._ticks = ticks
         if ticks.any:
-            self._time = self.create_publisher(ClockMessage, "/clock", profile(1, reliable=True, latched=False))
+            self._time = self.create_publisher(ClockMessage, "clock", profile(1, reliable=True, latched=False))
         self.create_service(Trigger, "~/stop", self._stop)
         self.create_service(Trigger, "~/arm", self._arm)
         self._server = ThrowServer(
