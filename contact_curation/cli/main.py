@@ -21,16 +21,17 @@ from contact_curation.version import __version__
 NAME = "contact-curation"
 INTERRUPTED = 130
 VERBS = {
+    "check": ("cli.check", "what is wrong with recordings, and what to do: the diagnosis first"),
     "import": ("cli.import_data", "public data as the bag that a rig would have recorded of it"),
     "rank": ("cli.rank.command", "a ranked manifest of the tosses in recordings; nothing is deleted"),
-    "rig": ("cli.rig", "what tosses say of the rig that tracked them: how its board lies, how long its metre is"),
+    "rig": ("cli.rig", "rig calibration from tosses: the board's tilt and height, and the tracker's length scale"),
     "score": ("cli.score", "loss terms, impulses and scores of every transition, as an .npz file"),
     "train": ("cli.train.command", "a model that learns from tosses, as a checkpoint"),
     "evaluate": (
         "cli.evaluate",
         "prediction errors of a model on measured tosses, and its uncertainty",
     ),
-    "design": ("cli.design", "the throws that would teach most, given what is known"),
+    "design": ("cli.design", "the throws with the largest predicted information gain"),
     "simulate": ("cli.simulate", "throws made in the simulated world, as the bag that a rig would have recorded"),
     "reproduce": ("experiments.reproduce", "an experiment over many trainings: tables and figures"),
     "online": ("cli.online.command", "the whole graph, closed to a loop: design, throw, track, score, curate, train"),
@@ -44,7 +45,7 @@ def build_parser(words: Sequence[str]) -> OneLineParser:
     """The parser of a command line; only the verbs among its `words` are imported, so that help comes at once."""
     parser = OneLineParser(
         prog=NAME,
-        description="Says how much each recorded toss teaches about an object's shape and friction, and keeps the best set.",
+        description="Computes each toss's information about an object's shape and friction, and selects the best set.",
         epilog="Exit status: 0 done, 1 a one-line error, 2 bad usage, 130 interrupted. VERB --help lists a verb's options.",
     )
     parser.add_argument("--version", action="version", version=f"{NAME} {__version__}")

@@ -39,7 +39,13 @@ def add_options(parser: OneLineParser) -> None:
     )
     add_reading_options(parser, ("poses", "segmenter", "loss"))
     parser.add_argument(
-        "--params", type=Path, required=True, metavar="FILE", help="theta, a JSON file or a polytope's checkpoint"
+        "--params",
+        "--checkpoint",
+        dest="params",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="theta, a JSON file or a polytope's checkpoint",
     )
     add_fields(parser, LossConfig(), "cone")
     parser.add_argument("--out", type=PathEndingIn(".npz"), required=True, metavar="FILE.npz", help="the arrays")

@@ -1,4 +1,4 @@
-"""Poses of frames in frames become poses of the body in the board's frame.
+"""Computes poses of the body in the board's frame from poses of frames in frames.
 
     T_board_body = (T_common_board)^-1 T_common_body T_body_mass
 
@@ -20,16 +20,19 @@ from contact_curation.motion.frame_tree import HISTORY, FrameTree, Link, compose
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.toss import NANOSECONDS
 
+MOST_LISTED = 8
+"""Names of frames in one line."""
+
 SHORT_HISTORY = 256
 """Poses that a frame remembers that is not needed so far: it may turn out to stand between the body and the board."""
 
 
 @dataclass(frozen=True)
 class TrackerConfig:
-    """Which frames matter, and how long to wait for them.
+    """Names of the frames, and how long to wait for them.
 
     Attributes:
-        body_frame: the body's, as it is tracked.
+        body_frame: tracked frame of the body.
         board_frame: the board's, z up, its surface at z = 0; empty where poses are given in it already.
         clock_jump: stamps that go back by more than this are a clock that jumped, e.g. a bag that loops [s].
         largest_wait: a body pose waits so long for the rig's poses, by the stamps [s].
@@ -245,11 +248,14 @@ class BodyTracker:
     def _give_up(self, number: int, why: str) -> list[TrackerEvent]:
         """Lets the oldest waiting body poses go."""
         lost = [self._waiting.popleft() for _ in range(number)]
-        wanted = f"expected poses that lead from frame '{self.config.board_frame}' to frame"
-        return [
-            BadPose(one.stamp_ns, one.child, f"board: found {why}, {wanted} '{one.parent}' at its time", "frame")
-            for one in lost
-        ]
+        return [BadPose(one.stamp_ns, one.child, f"board: found {why}, {self._wanted(one.parent)}", "frame") for one in lost]
+
+    def _wanted(self, parent: str) -> str:
+        """What a pose in frame `parent` waited for, which frames there are, and what to do."""
+        wanted = f"expected poses that lead from frame '{self.config.board_frame}' to frame '{parent}' at its time"
+        here = ", ".join(self._tree.frames[:MOST_LISTED]) or "none"
+        named = "" if parent else "; header.frame_id of the poses is empty: set it"
+        return f"{wanted}{named}; frames here: {here}; where poses are given on the board, use --board-frame ''"
 
     def _counted(self, events: list[TrackerEvent]) -> tuple[TrackerEvent, ...]:
         for event in events:

@@ -72,14 +72,14 @@ class SimArm(StageNode):
         self._pace = Pace(declare(self, "rate", 1.0, about_rate, bounds=(0.0, 1e3), fixed=False))
         clock_hertz = declare(self, "clock", 0.0, "rate of /clock in simulated time [Hz]; 0: none", bounds=(0.0, 148.0))
         self._board_frame = declare(self, "board_frame", "body_surface", "frame of the board")
-        epoch = declare(self, "epoch", 0.0, "time at which the simulation begins [s]; 0: now", bounds=(0.0, 4e9))
+        epoch = declare(self, "epoch", 0.0, "start time of the simulation [s]; 0: now", bounds=(0.0, 4e9))
         about_state = "file that remembers how far time got, so that it never goes back after a restart; empty: none"
         state = declare(self, "state", "", about_state)
-        about_armed = "be armed from the start, without a call of ~/arm, and again when the node's own heartbeat comes back"
+        about_armed = "arm at the start without a call of ~/arm, and again when the node's own heartbeat comes back"
         self._arms_itself = declare(self, "armed", False, about_armed)
-        outside = declare(self, "external_heartbeat", False, "beat on topic ~/heartbeat (std_msgs/Empty), not the node itself")
+        outside = declare(self, "external_heartbeat", False, "expect the heartbeat on topic ~/heartbeat (std_msgs/Empty)")
         self._beats_itself = not outside
-        seed = declare(self, "seed", 0, "of the gripper's delays", bounds=(0, 2**31))
+        seed = declare(self, "seed", 0, "random seed of the gripper's delays", bounds=(0, 2**31))
         arm, control = declare_config(self, ArmConfig(), "arm."), declare_config(self, ControlConfig(), "control.")
         limits = declare_config(self, GateConfig(keep_out_place=(arm.base[0], arm.base[1])), "gate.")
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)

@@ -16,6 +16,7 @@ from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.evaluation.held_out import HeldOutRule
 from contact_curation.motion.toss import Toss
+from contact_curation.pipeline.diagnosis import MOST_MESSAGES, Diagnosis, diagnose
 from contact_curation.pipeline.division import DivisionConfig, held_out_rule, learning_tosses
 from contact_curation.pipeline.ranked import RankedTosses
 from contact_curation.pipeline.ranking import RankConfig, rank_tosses
@@ -47,7 +48,7 @@ def read(
     jobs: int = 1,
     progress: Progress = silent,
 ) -> Tosses:
-    """Reads the tosses of recordings, and what was rejected, with the reasons.
+    """Reads the tosses of recordings, and the rejected motions with their reasons.
 
     Args:
         inputs: an MCAP file, a rosbag2 folder or its storage file, a ROS 1 bag, a folder of ContactNets' `.pt` files or one of
@@ -77,6 +78,41 @@ def read(
 
 
 @says_what_to_install
+def check(
+    inputs: Inputs,
+    body: Body = CONTACTNETS_CUBE,
+    *,
+    config: InputsConfig | None = None,
+    most_messages: int = MOST_MESSAGES,
+    progress: Progress = silent,
+) -> Diagnosis:
+    """Says what is wrong with recordings, before anything is learned from them.
+
+    Args:
+        inputs: as of `read`.
+        body: what was tossed.
+        config: topics, rules of segmenting, quality checks, calibration of the rig.
+        most_messages: so many messages of pose topics are looked at, the first ones of each recording.
+        progress: hears how far it is.
+
+    Returns:
+        `verdict` in one line, `ok`, `reasons`, the `settings` that correct what they can, and the `next` command; `print` shows
+        them, `document()` gives them to programs.
+
+    Raises:
+        UnreadableInputError: nothing matches a pattern. A recording that cannot be read is in the diagnosis.
+
+    Examples:
+        >>> found = cc.check("session.mcap", body=body)
+        >>> found.ok, found.verdict
+        (True, 'ok: 21 of 24 motions are sound tosses of cube')
+    """
+    paths = input_paths(inputs)
+    with progress("checking", "recordings", len(paths)) as bar:
+        reading = ReadingConfig(body, config or InputsConfig())
+        return diagnose(paths, reading, most_messages=most_messages, advance=bar.advance)
+
+
 def score(
     tosses: Tosses | Inputs,
     *,
@@ -84,7 +120,7 @@ def score(
     model: "LearnedModel | str | PathLike[str] | None" = None,
     estimator: str = SCORING.estimator.value,
 ) -> TossScores:
-    """Scores tosses: what each of them teaches about theta.
+    """Scores tosses: computes the information of each one about theta.
 
     Args:
         tosses: as `read` gives them, or what `read` takes.
@@ -133,7 +169,7 @@ def rank(
         body: what was tossed, where `tosses` are recordings.
         criterion: by what: ``representative``, ``log-det``, ``trace``, ``min-eig``, ``orthogonal``, ``leverage``, ``longest``,
             ``random``, or one of your own (`information.criteria.criterion.register`).
-        model: whose parameters the tosses teach about, or its file; None for the body as it is described.
+        model: the information is about its parameters; a model or its file, None for the body as described.
         estimator: of the Fisher matrix: ``gauss-newton`` or ``empirical``.
         seed: of criterion random.
         held_out: what is neither scored nor ranked: numbers (``"400-569"``), a share (``"0.2"``), or a file of ids.
@@ -249,7 +285,7 @@ def evaluate(
     seed: int = 0,
     progress: Progress = silent,
 ) -> "Evaluation":
-    """Evaluates a model: rolls it out from the first measured state of each toss, and compares with what was measured.
+    """Evaluates a model: rolls it out from the first measured state of each toss, and compares with the measured motion.
 
     Args:
         model: as `train` or `load_model` gives it.
@@ -295,7 +331,7 @@ def design(
     seed: int = 0,
     name: str = "throw",
 ) -> "DesignedThrows":
-    """Designs throws: those that together are expected to add most to what is known.
+    """Designs the throws that together have the largest predicted information gain.
 
     Args:
         model: a polytope, or several, over which gains are averaged; None for the body as it is described.

@@ -1,4 +1,4 @@
-"""The throws that would teach most, given theta and what is known."""
+"""Designs the throws with the largest predicted information, given theta and the known tosses."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -36,7 +36,7 @@ METHODS = ("information", EXPLORATION, *BASELINES)
 
 @dataclass(frozen=True, eq=False)
 class DesignTask:
-    """What a design starts from.
+    """The inputs of a design.
 
     Attributes:
         thetas: polytopes; gains are averaged over them.

@@ -1,4 +1,4 @@
-"""Which tosses are learned from and which are held out; whatever is left out is a line.
+"""Divides tosses into training tosses and held-out tosses, with a line for each toss that is left out.
 
 The tosses are read before they are divided, since a training toss can be the duplicate of a held-out one that comes in a later
 recording.
@@ -28,7 +28,7 @@ DUPLICATE = "duplicate of a held-out toss"
 
 
 def held_out_rule(spec: str) -> HeldOutRule:
-    """What a specification holds out: numbers as 400-569 or 3,7-9, a share as 0.2, a file of ids, a manifest, or none.
+    """Parses which tosses are held out: numbers as 400-569 or 3,7-9, a share as 0.2, a file of ids, a manifest, or none.
 
     Raises:
         InvalidValueError: it is nothing of what is accepted.
@@ -68,7 +68,7 @@ def selected_ids(manifest: Path) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class HeldOutTosses:
-    """What is kept out of a pool.
+    """Tosses that are held out of a pool.
 
     Attributes:
         reasons: by toss id, in one line.
@@ -80,7 +80,7 @@ class HeldOutTosses:
 
 
 def held_out_tosses(tosses: Tosses, rule: HeldOutRule) -> HeldOutTosses:
-    """Which tosses are held out, and which are the same motion under another id.
+    """Finds the held-out tosses and their duplicates under other ids.
 
     Raises:
         InvalidValueError: the rule holds out none of the tosses.
@@ -96,7 +96,7 @@ def held_out_tosses(tosses: Tosses, rule: HeldOutRule) -> HeldOutTosses:
 
 @dataclass(frozen=True, eq=False)
 class DivisionConfig:
-    """What tosses are for.
+    """How tosses are divided into training tosses and held-out tosses.
 
     Attributes:
         rule: what is held out.
@@ -115,7 +115,7 @@ class DivisionConfig:
 
 @dataclass(frozen=True, eq=False)
 class LearningTosses:
-    """What a training gets; both sides in the order of their ids.
+    """Training tosses and held-out tosses, both in the order of their ids.
 
     Attributes:
         training: to learn from.
@@ -133,7 +133,7 @@ class LearningTosses:
 
 
 def learning_tosses(tosses: Tosses, config: DivisionConfig) -> LearningTosses:
-    """Divides tosses.
+    """Divides tosses into training tosses and held-out tosses.
 
     Raises:
         NothingFoundError: there is no toss.

@@ -1,4 +1,4 @@
-"""A ranking of tosses as its user has it: the manifest, tables, a figure, and what to think of the selected set."""
+"""The result of a ranking: the manifest, tables, a figure, and diagnostics of the selected set."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -42,7 +42,7 @@ EARLIEST = 1e8
 
 @dataclass(frozen=True, eq=False)
 class RankedTosses:
-    """A ranking of tosses: which to keep, and why. `print` shows a table and the evidence, a notebook a table.
+    """A ranking of tosses: which are selected, and why. `print` shows a table and the evidence, a notebook a table.
 
     Attributes:
         manifest: every toss with its place; what was rejected, and why.
@@ -81,17 +81,17 @@ class RankedTosses:
 
     @property
     def ranked_rows(self) -> tuple[ManifestRow, ...]:
-        """Of the ranked tosses, best first."""
+        """The manifest rows of the ranked tosses, best first."""
         return tuple(row for row in self.manifest.rows if row.rank is not None)
 
     @property
     def information(self) -> float:
-        """Of all ranked tosses together: the trace of their Fisher matrices."""
+        """The trace of the summed Fisher matrices of all ranked tosses."""
         return sum(row.trace or 0.0 for row in self.ranked_rows)
 
     @cached_property
     def outcomes(self) -> dict[str, int]:
-        """How many tosses went which way: selected, not selected, and by the first reason against the others."""
+        """Counts of tosses: selected, not selected, and rejected by their first reason."""
         counts = Counter(_outcome(row) for row in self.manifest.rows)
         first = (SELECTED, NOT_SELECTED)
         others = sorted((name for name in counts if name not in first), key=lambda name: (-counts[name], name))
@@ -135,11 +135,11 @@ class RankedTosses:
         return self.to_arrow().to_pandas()
 
     def plot(self) -> "Figure":
-        """What the tosses are worth and how far the selected ones stand for all, as a matplotlib figure."""
+        """Draws the scores and how well the selected tosses represent the pool, as a matplotlib figure."""
         return ranking_figure(self._picture())
 
     def save_figure(self, path: str | Path) -> None:
-        """Draws the same into a PNG file.
+        """Writes the same figure to a PNG file.
 
         Raises:
             InvalidValueError: the file cannot be written.

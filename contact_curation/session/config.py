@@ -25,7 +25,7 @@ class SessionConfig:
         criterion: by what the best tosses are selected (default representative).
         seed: of everything random (default 0).
         rate: simulated seconds a second; 0: as fast as possible (default 1).
-        held_out: recordings that are never trained on, to evaluate the model on (default none).
+        evaluate_on: recordings that are never trained on, to evaluate the model on (default none).
         params_file: parameters of the nodes, a file like contact_curation/config/nodes.yaml.
     """
 
@@ -39,7 +39,7 @@ class SessionConfig:
     criterion: str | None = None
     seed: int | None = None
     rate: float | None = None
-    held_out: tuple[Path, ...] = ()
+    evaluate_on: tuple[Path, ...] = ()
     params_file: Path | None = None
 
     def __post_init__(self) -> None:

@@ -38,6 +38,7 @@ STORES: Mapping[str, tuple[ModuleType, str]] = {
 }
 
 JSON_COMMANDS = {
+    "check": ["check", GOLDEN],
     "rank": ["rank", GOLDEN, "--top", "3", "--no-figure"],
     "rig": ["rig", GOLDEN],
     "design": ["design", "--baseline", "prior", "--throws", "2", "--out", "{folder}/throws.json"],

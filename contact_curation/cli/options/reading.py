@@ -49,6 +49,8 @@ def add_params_option(parser: argparse._ArgumentGroup) -> None:
     """Adds `--params`, of which there may be several."""
     parser.add_argument(
         "--params",
+        "--checkpoint",
+        dest="params",
         type=Path,
         action="append",
         default=[],

@@ -1,4 +1,4 @@
-"""`rank INPUT...`: how much each toss teaches, which to select, and why."""
+"""`rank INPUT...`: the information of each toss, which tosses to select, and why."""
 
 import argparse
 from dataclasses import replace
@@ -65,7 +65,7 @@ def add_options(parser: OneLineParser) -> None:
 
 
 def _add_model_options(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("what the tosses teach about")
+    group = parser.add_argument_group("parameters theta that the information is about")
     group.add_argument("--model", choices=list(MODELS), default=DEFAULT_MODEL, help="the model (default polytope)")
     add_params_option(group)
     group.add_argument(
@@ -110,7 +110,7 @@ def run(arguments: argparse.Namespace) -> int:
         ContactCurationError: nothing could be ranked, or an output cannot be written.
     """
     figure = _figure(arguments)
-    check_outputs(overwrite=arguments.overwrite, out=arguments.out, figure=figure, recording=arguments.recording)
+    check_outputs(overwrite=arguments.overwrite, out=arguments.out, figure=figure, rrd=arguments.rrd)
     config = rank_config(arguments)
     dashboard = dashboard_of(arguments, config)
     try:

@@ -82,6 +82,8 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--params",
+        "--checkpoint",
+        dest="params",
         type=Path,
         metavar="FILE",
         help="where to start: a checkpoint, or a polytope as JSON (default: the published random initialisation)",

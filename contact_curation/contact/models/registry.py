@@ -1,4 +1,4 @@
-"""All models by name, a line each. A class is imported when it is asked for: a polytope is read and scored without torch."""
+"""The registry of models, a line each. A class is imported when it is used: a polytope is read and scored without torch."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class ModelEntry(NamedTuple):
-    """Where the class of a model is, and what must be known of it without importing it.
+    """Module and class of a model, and properties that are needed without an import.
 
     Attributes:
         module: file in this folder.

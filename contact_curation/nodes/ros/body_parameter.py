@@ -7,10 +7,10 @@ from contact_curation.nodes.ros.parameters import declare
 
 
 def declared_body(node: Node) -> Body:
-    """The body that parameter `body_file` describes; ContactNets' cube where it is empty.
+    """The body that parameter `body` describes; ContactNets' cube where it is empty.
 
     Raises:
         UnreadableInputError: the file describes no body.
     """
-    path = declare(node, "body_file", "", "YAML file that describes the body; empty: ContactNets' cube")
+    path = declare(node, "body", "", "YAML file that describes the body; empty: ContactNets' cube")
     return Body.from_file(path) if path else CONTACTNETS_CUBE

@@ -11,7 +11,7 @@ from typing import Any
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 
-from contact_curation.configs import fields_of
+from contact_curation.configs import accepted_range, fields_of
 from contact_curation.errors import InvalidValueError
 from contact_curation.stages.parameters import as_parameter, with_parameters
 
@@ -71,5 +71,13 @@ def declare_config[Config](node: Node, default: Config, prefix: str = "", *, fix
     for field in fields_of(default):
         choices = [str(member.value) for member in type(field.default)] if isinstance(field.default, Enum) else ()
         name = prefix + field.path
-        values[name] = declare(node, name, as_parameter(field.default), field.description, choices=choices, fixed=fixed)
+        values[name] = declare(
+            node,
+            name,
+            as_parameter(field.default),
+            field.description,
+            bounds=accepted_range(default, field),
+            choices=choices,
+            fixed=fixed,
+        )
     return with_parameters(default, values, prefix)
