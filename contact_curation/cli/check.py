@@ -2,11 +2,11 @@
 
 import argparse
 
+from contact_curation.cli.options.body import chosen_body
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.reading import (
     SHARED_STAGES,
     add_reading_options,
-    chosen_body,
     inputs_of,
     reading_words,
     stages_of,
