@@ -13,7 +13,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnknownNameError
 
 _ATTRIBUTE = re.compile(r"^    (\w+(?:, \w+)*): (.+(?:\n {8,}.+)*)", re.MULTILINE)
 CITATION = re.compile(r"\s*\(method\.md [^)]*\)")
@@ -60,7 +60,7 @@ def field_of(config: Any, path: str) -> ConfigField:
     """
     found = {field.path: field for field in fields_of(config)}
     if path not in found:
-        raise InvalidValueError("field", path, f"one of {', '.join(sorted(found))}")
+        raise UnknownNameError("field", path, found)
     return found[path]
 
 

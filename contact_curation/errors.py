@@ -40,6 +40,12 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     return f"did you mean {lowered[near[0]]}?" if near else f"expected one of {', '.join([*accepted[:MOST_LISTED], *more])}"
 
 
+def near_name(name: str, known: Iterable[str]) -> str:
+    """What to add to a message that lists the known names already: "; did you mean OTHER?", or nothing."""
+    meant = did_you_mean(name, known)
+    return f"; {meant}" if meant.startswith("did") else ""
+
+
 class UnknownNameError(InvalidValueError):
     """A key, a field or an option that does not exist; the message names the nearest one that does."""
 

@@ -5,7 +5,7 @@ from math import inf
 from pathlib import Path
 
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnknownNameError
 
 CAMERAS = ("poses", "rendered")
 
@@ -50,7 +50,7 @@ class SessionConfig:
         if self.rate is not None and not 0.0 <= self.rate < inf:
             raise InvalidValueError("rate", self.rate, "a number of at least 0")
         if self.camera not in CAMERAS:
-            raise InvalidValueError("camera", self.camera, f"one of {', '.join(CAMERAS)}")
+            raise UnknownNameError("camera", self.camera, CAMERAS)
 
     @property
     def rendered(self) -> bool:

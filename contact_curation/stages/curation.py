@@ -7,7 +7,7 @@ information came last: a training may come back to where it was.
 
 from dataclasses import dataclass, replace
 
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.information.accumulated import Accumulated
 from contact_curation.information.curation import Curation, curate
 from contact_curation.information.pool import pool_of
@@ -43,7 +43,7 @@ class CurationConfig:
 
     def __post_init__(self) -> None:
         if self.selection not in SELECTIONS:
-            raise InvalidValueError("selection", self.selection, f"one of {', '.join(SELECTIONS)}")
+            raise UnknownNameError("selection", self.selection, SELECTIONS)
         if self.prior_tosses < 1:
             raise InvalidValueError("prior_tosses", self.prior_tosses, "at least 1 toss")
         if not 0.0 < self.coverage <= 1.0:

@@ -3,7 +3,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import UnknownNameError
 
 if TYPE_CHECKING:
     from contact_curation.contact.models.model import Model
@@ -42,7 +42,7 @@ def model_entry(name: str) -> ModelEntry:
         InvalidValueError: there is no such model.
     """
     if name not in MODELS:
-        raise InvalidValueError("model", name, f"one of {', '.join(MODELS)}")
+        raise UnknownNameError("model", name, MODELS)
     return MODELS[name]
 
 

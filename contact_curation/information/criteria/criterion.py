@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.information.pool import Pool
 from contact_curation.information.ranking import Selection
 from contact_curation.information.record import TossInformation
@@ -61,7 +61,7 @@ class RankingConfig:
         criterion_named(self.criterion)
         for name, accepted in (item for one in _REGISTERED.values() for item in one.choices.items()):
             if getattr(self, name) not in accepted:
-                raise InvalidValueError(f"ranking.{name}", getattr(self, name), f"one of {', '.join(accepted)}")
+                raise UnknownNameError(f"ranking.{name}", getattr(self, name), accepted)
         if not 1 <= self.top <= MOST_SELECTED:
             raise InvalidValueError("ranking.top", self.top, f"1 to {MOST_SELECTED} tosses to select")
         for name in ("seed", "certificate_steps"):
@@ -167,7 +167,7 @@ def criterion_names() -> tuple[str, ...]:
 def criterion_named(name: str) -> Criterion:
     """The registered criterion of that name; InvalidValueError where there is none."""
     if name not in _REGISTERED:
-        raise InvalidValueError("ranking.criterion", name, f"one of {', '.join(_REGISTERED)}")
+        raise UnknownNameError("criterion", name, _REGISTERED)
     return _REGISTERED[name]
 
 

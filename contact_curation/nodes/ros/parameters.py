@@ -12,7 +12,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 
 from contact_curation.configs import accepted_range, fields_of
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import UnknownNameError
 from contact_curation.stages.parameters import as_parameter, with_parameters
 
 
@@ -50,7 +50,7 @@ def declare(
         descriptor.floating_point_range = [FloatingPointRange(from_value=bounds[0], to_value=bounds[1])]
     value = node.declare_parameter(name, default, descriptor).value
     if choices and value not in choices:
-        raise InvalidValueError(f"parameter {name}", repr(value), descriptor.additional_constraints)
+        raise UnknownNameError(f"{name}", value, choices)
     return value
 
 
