@@ -17,7 +17,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 # Without bytecode every process of the demo and the tests, and there are hundreds, compiles its modules anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow check format bench figures setup lock clean distclean
+.PHONY: demo test test-slow check format site wheel bench figures setup lock clean distclean
 .DELETE_ON_ERROR:
 
 demo: setup
@@ -35,11 +35,23 @@ check: setup
 	$(PYTHON) -m ruff format --check $(CHECKED)
 	$(VENV)/bin/clang-format --dry-run --Werror $(FORMATTED)
 	$(PYTHON) -m mypy $(TYPED)
+	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict --quiet --site-dir build/site
 
 format: setup
 	$(PYTHON) -m ruff check --fix $(CHECKED)
 	$(PYTHON) -m ruff format $(CHECKED)
 	$(VENV)/bin/clang-format -i $(FORMATTED)
+
+site: setup
+	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict --quiet --site-dir build/site
+
+# The package for any Python from 3.12 on, and the messages for this one: pip install --find-links dist 'contact-curation[ros]'
+wheel: setup
+	rm -rf build/lib* build/bdist* build/wheel dist
+	PYTHONWARNINGS=ignore $(PYTHON) -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir build/wheel .
+	PATH="$(VENV)/bin:$$PATH" $(PYTHON) -m auditwheel repair --wheel-dir dist build/wheel/*.whl
+	PYTHONWARNINGS=ignore $(PYTHON) msg_defs/install.py --wheels dist
+	@ls dist
 
 bench: setup
 	@set -e; for script in $$(find benchmarks -name '[!_]*.py' | sort); do \

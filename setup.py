@@ -35,6 +35,7 @@ NODES = [
 REQUIRES = [
     *(
         "argcomplete",
+        "cmaes>=0.11",
         "matplotlib>=3.6",
         "mcap>=1.1",
         "numpy>=1.26",
@@ -49,7 +50,7 @@ REQUIRES = [
 
 VERSION = MANIFEST.findtext("version", "")
 TRAIN = ["torch>=2.4"]
-SIM = ["cmaes>=0.11", "daqp>=0.5", "mink>=0.0.6", "mujoco>=3.2", "opencv-python-headless>=4.8", "pupil-apriltags>=1.0.4"]
+SIM = ["daqp>=0.5", "mink>=0.0.6", "mujoco>=3.2", "opencv-python-headless>=4.8", "pupil-apriltags>=1.0.4"]
 DASHBOARD = ["rerun-sdk>=0.24"]
 ROS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces", f"contact_curation_msgs=={VERSION}"]
 ROS += ["contact_curation_vendored_apriltag_msgs", "contact_curation_vendored_tf2_msgs"]

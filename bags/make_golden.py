@@ -54,7 +54,7 @@ LOST_FRAMES = 6
 SINKING, DRIFTING = 0.012, 45
 """The board seems to sink by so much [m] within so many frames; the tracker recovers during the next lift."""
 
-GLITCHES = {5: "spike", 12: "gap", 19: "drift"}
+FAULTS = {5: "spike", 12: "gap", 19: "drift"}
 """What goes wrong in which toss."""
 
 
@@ -66,15 +66,15 @@ class PlannedToss:
         release_stamp_ns: of the first frame in free flight.
         end_stamp_ns: of the last frame before the hand may come.
         frames: of the tracker from release to end, had it lost none.
-        glitch: "", or what goes wrong: "spike", "gap" or "drift".
-        glitch_stamp_ns: of the first frame it goes wrong in, or 0.
+        fault: "", or what goes wrong: "spike", "gap" or "drift".
+        fault_stamp_ns: of the first frame it goes wrong in, or 0.
     """
 
     release_stamp_ns: int
     end_stamp_ns: int
     frames: int
-    glitch: str
-    glitch_stamp_ns: int
+    fault: str
+    fault_stamp_ns: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,23 +136,23 @@ def smooth(start: tuple[Array, Array], end: tuple[Array, Array], frames: int) ->
 
 
 def seen(poses: Array, spans: list[tuple[int, int]]) -> Session:
-    """What the tracker gives of poses (T, 7), tosses at `spans` of first frame and number of frames: with its glitches."""
+    """What the tracker gives of poses (T, 7), tosses at `spans` of first frame and number of frames: with its faults."""
     stamps = stamps_ns(len(poses), FIRST_STAMP_NS)
     poses = poses.copy()
     kept = np.ones(len(poses), dtype=bool)
     tosses = []
     for index, (first, frames) in enumerate(spans):
-        glitch = GLITCHES.get(index, "")
+        fault = FAULTS.get(index, "")
         at = first + frames // 2
-        if glitch == "spike":
+        if fault == "spike":
             poses[at, :3] += SPIKE
-        elif glitch == "gap":
+        elif fault == "gap":
             kept[at : at + LOST_FRAMES] = False
-        elif glitch == "drift":
+        elif fault == "drift":
             at = first + 10
             poses[at:, 2] -= sinking(len(poses) - at, first + frames + STANDING - at)
         release, end = int(stamps[first]), int(stamps[first + frames - 1])
-        tosses.append(PlannedToss(release, end, frames, glitch, int(stamps[at]) if glitch else 0))
+        tosses.append(PlannedToss(release, end, frames, fault, int(stamps[at]) if fault else 0))
     return Session(stamps[kept], poses[kept], tuple(tosses))
 
 

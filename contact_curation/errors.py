@@ -1,6 +1,6 @@
 """The errors this package raises on purpose: one class per cause, one line per message.
 
-Each says what was found and what was expected. Only the door of the command line and the door of the nodes catch them.
+Each says what was found and what was expected. Only the entry points of the command line and of the nodes catch them.
 """
 
 from collections.abc import Iterable, Sequence

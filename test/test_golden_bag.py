@@ -65,16 +65,16 @@ def test_the_bag_is_the_session_that_its_generator_makes(contents: dict[str, Any
     np.testing.assert_allclose(stored, make_golden.in_map(recorded.poses), atol=1e-6)
 
 
-def test_the_segmenter_and_the_gates_find_each_toss_and_keep_back_the_glitches(
+def test_the_segmenter_and_the_gates_find_each_toss_and_reject_the_faults(
     contents: dict[str, Any], outcomes: list[Toss | Rejected]
 ) -> None:
     planned = contents["tosses"]
     assert len(outcomes) == len(planned) == 24
     for outcome, plan in zip(outcomes, planned, strict=True):
-        if plan["glitch"]:
+        if plan["fault"]:
             assert isinstance(outcome, Rejected)
             assert len(outcome.reasons) == 1
-            assert outcome.reasons[0].startswith(REASONS[plan["glitch"]])
+            assert outcome.reasons[0].startswith(REASONS[plan["fault"]])
         else:
             assert isinstance(outcome, Toss), outcome.reasons
             frame_ns = contents["frame_period"] * NANOSECONDS

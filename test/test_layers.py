@@ -1,7 +1,7 @@
 """The parts of the package know only the parts to their left, and each outside library stays in its part.
 
-errors | version < configs | extras | files < geometry | solver < contact | motion < information < learning < design < simulation
-| storage | dashboard < pipeline | stages < session < nodes | cli < experiments
+errors | version < configs | extras | files < geometry | solver < contact | motion < information < learning < design
+< simulation | storage | dashboard < pipeline | stages < session < nodes | cli < experiments
 
 The face, `import contact_curation as cc`, imports nothing until a name of it is used; types are an exception. The parts of the
 package do not use it, but for the command line, whose verbs are the same functions.
@@ -47,6 +47,7 @@ HOME = {
     "rosbags": "storage",
     "mcap": "storage",
     "rerun": "dashboard",
+    "trimesh": "geometry",
     "argparse": "cli",
 }
 """Where each outside library belongs; ROS messages belong to the nodes, see `home_of`."""
@@ -173,6 +174,7 @@ def test_every_part_has_its_place_in_the_layers() -> None:
         ("contact_curation.design.plan", "def step():\n    import mujoco"),
         ("contact_curation.cli.online.command", "import rerun as rr"),
         ("contact_curation.nodes.player", "import argparse"),
+        ("contact_curation.contact.body", "import trimesh"),
     ],
 )
 def test_the_judge_condemns_an_import_to_the_right_or_across(module: str, source: str) -> None:

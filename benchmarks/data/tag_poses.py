@@ -172,7 +172,7 @@ def _speeds(recorded: Sequence[Recorded]) -> dict[str, Any]:
 
 def _pose_errors(recorded: Sequence[Recorded]) -> dict[str, Any]:
     """Errors of what comes out of all gates for single poses."""
-    tracker_config = PoseTopicConfig(tag_map="given").tracker("cube", "body_surface")
+    tracker_config = PoseTopicConfig(tag_map="given").tracker(CUBE, "body_surface")
     errors: list[Array] = []
     changes: list[Array] = []
     left_out: Counter[str] = Counter()
@@ -215,7 +215,7 @@ def _rankings(recorded: Sequence[Recorded], seed: int) -> dict[str, Any]:
     true = _tosses(
         [_true_poses(toss, number) for number, toss in enumerate(recorded)], TrackerConfig("body_cube", "body_surface")
     )
-    config = PoseTopicConfig(tag_map="given").tracker("cube", "body_surface")
+    config = PoseTopicConfig(tag_map="given").tracker(CUBE, "body_surface")
     seen = _tosses([_seen_poses(toss, number) for number, toss in enumerate(recorded)], config)
     whole = [{number: one for number, one in cut.items() if isinstance(one, Toss)} for cut in (true, seen)]
     both = sorted(set(whole[0]) & set(whole[1]))

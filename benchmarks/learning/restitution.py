@@ -2,7 +2,7 @@
 
 A contact that closes within the step shall part with e times the speed that it came with, J v' + gap / dt >= -e J v, so that
 e = 0 is the model as it is (method.md 4.2). For the cube as described, the fit to all training tosses, and that fit with
-friction at the vertices of the gaps; judged by tosses below 400 alone, put right by what they say of their rig. The tosses are
+friction at the vertices of the gaps; judged by tosses below 400 alone, corrected by their rig calibration. The tosses are
 found through CONTACTNETS_DATA.
 
     python -m benchmarks.learning.restitution [--slowest SPEED]

@@ -1,8 +1,8 @@
 """What the trainer's protocols make of the same loop: how soon theta may design throws, and what it knows after twelve.
 
 The loop in one process, as `contact-curation reproduce designed-throws` has it (the simulated arm, a tracker's noise, the
-designer with its canary), with a learner of the node's own kind and settings. Judged by ContactNets' tosses below 400, put
-right by what they say of their rig: settings are chosen by them, and what all learn from is thrown by the simulated arm.
+designer with its readiness check), a learner of the node's own kind and settings. Judged by ContactNets' tosses below 400,
+corrected by their rig calibration: settings are chosen by them, and what all learn from is thrown by the simulated arm.
 
     python -m benchmarks.learning.trainer_rounds [--seeds 10] [--throws 12] [--arms budgeted exact without-2 ...]
                                                  [--save RUNS.jsonl]

@@ -2,7 +2,7 @@
 
 A polytope learns to the optimum from what each keeps of four fifths of the training tosses, selected three times as re-ranked
 rules do, and is judged by the last fifth; a seed is a fifth and an initialisation. The tosses are found through
-CONTACTNETS_DATA and are put right by what they say of their rig.
+CONTACTNETS_DATA and are corrected by their rig calibration.
 
     python -m benchmarks.selection.candidate_rules [--candidates NAME ...] [--sizes 8 16 32] [--seeds 10] [--jobs N]
                                          [--out FILE.jsonl] [--table FILE.csv]

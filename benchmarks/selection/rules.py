@@ -1,7 +1,7 @@
 """Why informative tosses say too little of friction, and which rule mends it: on tosses below 400 alone, by cross-validation.
 
 `rig` says what the tosses tell of the rig that tracked them, and what a fit to all of them is worth before and after they are
-put right by it; everything below is done with tosses that are. `why` fits all training tosses, and then asks of sets of them
+corrected by it; everything below is done with tosses that are. `why` fits all training tosses, and then asks of sets of them
 which friction they would say, all else held: of the four quarters by duration, by how much farther they slid than the fit
 expects of their release, by what it expects, and by spin; and of what each rule keeps at that fit.
 `ground` says how that fit predicts the motion of the same tosses, beside one whose ground may lean and one with friction
@@ -129,7 +129,7 @@ def recorded_bench() -> Bench | None:
 
 
 def print_rig(bench: Bench, evidence: RigMeasurements) -> None:
-    """Lean, metre and rest of the tosses as recorded, and fits to them and to what is put right."""
+    """Lean, metre and rest of the tosses as recorded, and fits to them and to what is corrected."""
     rig, at_rest, falls = evidence.calibration(), evidence.rests.sum(), evidence.falls.sum()
     print(f"{at_rest} tosses at rest: the board leans by {np.degrees(rig.tilt):.2f} degrees, normal {np.round(rig.normal, 4)}")
     print(f"{falls} tosses in the air: lengths are to be multiplied with {rig.scale:.4f}")
@@ -137,7 +137,7 @@ def print_rig(bench: Bench, evidence: RigMeasurements) -> None:
         "as recorded": NO_CORRECTION,
         "levelled": replace(rig, scale=1.0),
         "lengthened": replace(rig, normal=NO_CORRECTION.normal),
-        "put right": rig,
+        "corrected": rig,
     }
     columns = f"{'position %':>12}{'rotation':>10}"
     print(f"\n{'':14}{'rest, mm':>10}{'fit, mm':>12}{columns}{'described:':>14}{columns}")

@@ -21,6 +21,7 @@ import numpy as np
 from contact_curation_msgs.msg import TossInformation
 from nav_msgs.msg import Odometry
 
+from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.nodes.messages.headers import nanoseconds_of
 from contact_curation.nodes.ros.qos import latched
 from contact_curation.session.free_domain import free_domain
@@ -79,7 +80,7 @@ def measured(count: int, rate: float) -> Latency:
     with TemporaryDirectory() as folder:
         bag = Path(folder) / "tosses.mcap"
         with BagWriter(bag) as writer:
-            record(writer, "cube", simulated_tosses(count, SEED, RIG_NOISE), TagslamRig(pause=PAUSE))
+            record(writer, CONTACTNETS_CUBE, simulated_tosses(count, SEED, RIG_NOISE), TagslamRig(pause=PAUSE))
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         with free_domain() as domain, Graph(Path(folder), domain) as graph:
             moments = Moments(graph)

@@ -29,7 +29,7 @@ from contact_curation.information.streaming import Selector
 PARAMETERS, ROWS, KINDS = 57, 24, 200
 SEED = 0
 PRIOR = 1e-3
-WARM_UP = 2000
+SMALL_POOL = 2000
 """Repetitions end here: a pool this large is ranked once."""
 
 
@@ -50,7 +50,9 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     parser.add_argument("--tosses", type=int, nargs="+", default=[570, 57_000], help="sizes of the pools (default 570 57000)")
     parser.add_argument("--top", type=int, default=32, help="how many tosses to keep (default 32)")
-    parser.add_argument("--repeats", type=int, default=5, help=f"repetitions for pools of up to {WARM_UP} tosses (default 5)")
+    parser.add_argument(
+        "--repeats", type=int, default=5, help=f"repetitions for pools of up to {SMALL_POOL} tosses (default 5)"
+    )
     arguments = parser.parse_args()
     timings = [row for count in arguments.tosses for row in measured(count, arguments.top, arguments.repeats)]
     if arguments.json:
@@ -94,7 +96,7 @@ def made_up(count: int) -> list[TossInformation]:
 def measured(count: int, top: int, repeats: int) -> list[Timing]:
     """Every criterion and every stream over one pool."""
     infos = made_up(count)
-    repeats = max(1, repeats) if count <= WARM_UP else 1
+    repeats = max(1, repeats) if count <= SMALL_POOL else 1
     rows = [Timing(name, count, *best_times(partial(rank, infos, c), repeats)) for name, c in rankings(top).items()]
     prior = log_det_prior(pool_of(infos), PRIOR)
     greedy = sum(entry.marginal_gain for entry in rank(infos, RankingConfig("log-det", top=top, prior=PRIOR)).entries[:top])

@@ -40,7 +40,7 @@ BUDGETS = """
   ros__parameters:
     design: {pool: 48, reference: 32}
     refinement: {generations: 4}
-    canary: {least_agreement: -1.0}
+    readiness: {least_agreement: -1.0}
     toss_timeout: 3.0
     retry_period: 0.5
 """

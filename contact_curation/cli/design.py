@@ -65,7 +65,7 @@ def add_options(parser: OneLineParser) -> None:
         "--baseline", choices=BASELINES, help="paper: a normal in raw coordinates, best by trace; prior: at random"
     )
     ways.add_argument(
-        "--warm-up", action="store_true", help="different first impacts instead of information, for an unknown theta"
+        "--exploration-throws", action="store_true", help="different first impacts instead of information, for an unknown theta"
     )
     group.add_argument("--arm", action="store_true", help="only throws that the simulated arm can make")
     add_settings(parser, STAGES)
@@ -75,7 +75,7 @@ def add_options(parser: OneLineParser) -> None:
     add_json_option(parser)
     parser.set_examples(
         "contact-curation design --params model.safetensors --known session.mcap --throws 8 --out throws.json",
-        "contact-curation design --body brick.yaml --warm-up --throws 4 --out first_throws.json",
+        "contact-curation design --body brick.yaml --exploration-throws --throws 4 --out first_throws.json",
     )
     parser.set_defaults(run=run)
 
@@ -131,7 +131,7 @@ def design_task(arguments: argparse.Namespace) -> tuple[DesignTask, ReadingConfi
         thetas=thetas or (described_polytope(body),),
         config=replace(stages["design"], candidates=candidates, refinement=stages["refinement"]),
         loss=stages["loss"],
-        method=EXPLORATION if arguments.warm_up else arguments.baseline or METHODS[0],
+        method=EXPLORATION if arguments.exploration_throws else arguments.baseline or METHODS[0],
         arm=arguments.arm,
         seed=arguments.seed,
         name=arguments.name,

@@ -39,7 +39,7 @@ def add_options(parser: OneLineParser) -> None:
     )
     add_reading_options(parser, STAGES)
     parser.add_argument("--against", type=Path, metavar="CHECKPOINT", help="another model, compared with on the same tosses")
-    group = parser.add_argument_group("which tosses it is judged by")
+    group = parser.add_argument_group("which tosses it is evaluated on")
     add_held_out_option(group, "default: those that the checkpoint held out; all where it says of none")
     group.add_argument("--no-gate", action="store_true", help="take what the gates would reject, too")
     output = parser.add_argument_group("output")

@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
         InvalidValueError: a selected toss is in no input, the folder is not empty, or the format cannot hold the tosses.
     """
     from contact_curation.files import staged_folder
-    from contact_curation.pipeline.export import FORMATS, export_job
+    from contact_curation.pipeline.export import export_job, export_tosses
 
     if arguments.per_toss and arguments.format != "mcap":
         raise InvalidValueError("--per-toss", f"--format {arguments.format}", "--format mcap")
@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
     with staged_folder(arguments.out) as folder:
         job = export_job(arguments.inputs, reading, arguments.manifest, per_toss=arguments.per_toss)
         with Progress("reading", "tosses") as progress:
-            exported = FORMATS[arguments.format](job, folder, progress.advance)
+            exported = export_tosses(arguments.format, job, folder, progress.advance)
     warn(exported.warnings)
     if arguments.json:
         tosses = [

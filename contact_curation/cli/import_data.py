@@ -8,6 +8,7 @@ from pathlib import Path
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
 from contact_curation.cli.options.reading import add_body_option, chosen_body
+from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.errors import InvalidValueError
 from contact_curation.pipeline.division import spans_of
@@ -43,7 +44,14 @@ def run(arguments: argparse.Namespace) -> int:
 
     check_outputs(overwrite=arguments.overwrite, out=arguments.out)
     chosen = None if arguments.tosses is None else _chosen(arguments.tosses)
-    report = import_contactnets(arguments.input, arguments.out, chosen_body(arguments), chosen=chosen)
+    with Progress("importing", "files") as bar:
+        report = import_contactnets(
+            arguments.input,
+            arguments.out,
+            chosen_body(arguments),
+            chosen=chosen,
+            advance=lambda share: bar.advance(share=share),
+        )
     warn([*(f"skipped {line}" for line in report.skipped), *report.inexact])
     if arguments.json:
         print_json({"out": str(arguments.out), **asdict(report)})

@@ -1,4 +1,4 @@
-"""The door of the command line: finds the verb, runs it, and turns errors into one line and an exit status.
+"""The entry point of the command line: finds the verb, runs it, and turns errors into one line and an exit status.
 
 0 done, 1 an error, 2 bad usage, 130 interrupted by Ctrl-C or SIGTERM.
 """

@@ -1,4 +1,7 @@
-"""How far long work has come: a bar on a terminal, a plain line now and then elsewhere; on stderr, never between results."""
+"""How far long work has come: a bar on a terminal, a plain line now and then elsewhere; on stderr, never between results.
+
+Both say how much is done, how fast, and how long the rest takes, where that is known.
+"""
 
 import sys
 import time
@@ -6,6 +9,7 @@ from types import TracebackType
 from typing import Any, Self
 
 SECONDS_BETWEEN_LINES = 10.0
+UNITS_OF_TIME = ((3600.0, "h"), (60.0, "min"), (1.0, "s"))
 
 
 class Progress:
@@ -20,21 +24,37 @@ class Progress:
 
     def __init__(self, what: str, unit: str, total: int | None = None, done: int = 0) -> None:
         self._what, self._unit, self._total = what, unit, total
-        self._done = done
+        self._before = self._done = done
+        self._share: float | None = None
         self._bar: Any = None
-        self._next_line = time.monotonic() + SECONDS_BETWEEN_LINES
+        self._began = time.monotonic()
+        self._next_line = self._began + SECONDS_BETWEEN_LINES
 
-    def advance(self, count: int = 1, note: str = "") -> None:
-        """So many more are done; `note` says how it goes."""
+    def advance(self, count: int = 1, note: str = "", share: float | None = None) -> None:
+        """So many more are done; `note` says how it goes, `share` how much of all, where nobody knows the total."""
         self._done += count
+        self._share = share or self._share
+        now = time.monotonic()
         if self._bar is not None:
-            self._bar.set_postfix_str(note, refresh=False)
+            left = self._left(now) if self._total is None else ""
+            self._bar.set_postfix_str(", ".join(filter(None, (left, note))), refresh=False)
             self._bar.update(count)
-        elif time.monotonic() >= self._next_line:
-            self._next_line = time.monotonic() + SECONDS_BETWEEN_LINES
-            of = "" if self._total is None else f" of {self._total}"
-            how = f", {note}" if note else ""
-            print(f"{self._what}: {self._done}{of} {self._unit}{how}", file=sys.stderr, flush=True)
+        elif now >= self._next_line:
+            self._next_line = now + SECONDS_BETWEEN_LINES
+            print(self._line(now, note), file=sys.stderr, flush=True)
+
+    def _line(self, now: float, note: str) -> str:
+        of = "" if self._total is None else f" of {self._total}"
+        rate = (self._done - self._before) / (now - self._began)
+        parts = (f"{self._done}{of} {self._unit}", f"{rate:.3g} {self._unit}/s", self._left(now), note)
+        return f"{self._what}: {', '.join(filter(None, parts))}"
+
+    def _left(self, now: float) -> str:
+        """How long the rest takes at the pace so far; empty where that is not known."""
+        share = self._share or 0.0
+        if self._total is not None and self._total > self._before:
+            share = (self._done - self._before) / (self._total - self._before)
+        return f"{in_words((now - self._began) * (1.0 - share) / share)} left" if share else ""
 
     def __enter__(self) -> Self:
         if sys.stderr.isatty():
@@ -48,3 +68,9 @@ class Progress:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         if self._bar is not None:
             self._bar.close()
+
+
+def in_words(seconds: float) -> str:
+    """A time as people say it: ``42 s``, ``3 min``, ``2.5 h``."""
+    size, unit = next(((size, unit) for size, unit in UNITS_OF_TIME if seconds >= size), UNITS_OF_TIME[-1])
+    return f"{seconds / size:.{1 if unit == 'h' else 0}f} {unit}"

@@ -62,6 +62,7 @@ class Tally:
         loss: sum over the solved ones.
         rejected: motions that were no tosses.
         repeated: tosses that came before.
+        inputs: that were read to their end.
         failed: inputs that could not be read.
         warnings: what was left out or lost, one line each.
     """
@@ -71,6 +72,7 @@ class Tally:
     loss: float = 0.0
     rejected: int = 0
     repeated: int = 0
+    inputs: int = 0
     failed: int = 0
     warnings: list[str] = field(default_factory=list)
 
@@ -94,7 +96,7 @@ def run(arguments: argparse.Namespace) -> int:
         tosses = _tosses(arguments.inputs, ReadingConfig(body, inputs), tally)
         for batch in batched(tosses, BATCH):
             tally.add(len(batch), _score(batch, theta, stages["loss"], writer))
-            progress.advance(len(batch))
+            progress.advance(len(batch), share=tally.inputs / len(arguments.inputs))
         if not tally.statuses:
             raise nothing_found(arguments.inputs, tally.warnings, "no toss that could be scored", "at least one")
     warn(tally.warnings)
@@ -112,6 +114,7 @@ def _tosses(paths: Sequence[Path], config: ReadingConfig, tally: Tally) -> Itera
         tally.warnings += once.left_out[tally.repeated :]
         tally.repeated = len(once.left_out)
         tally.rejected += sum(bool(seen.reasons) for seen in reading.seen)
+        tally.inputs += 1
         tally.failed += not reading.complete
         tally.warnings += reading.warnings
 

@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     rules = SegmenterConfig(frame_period=thrower.config.frame_period)
     rig = TagslamRig(rules=rules, epoch_ns=_made_up_time(throws, arguments))
     with Progress("throwing", "throws", len(throws)) as progress, BagWriter(arguments.out) as bag:
-        count, frames = record(bag, thrower.body.name, thrower.tosses(throws, progress.advance), rig)
+        count, frames = record(bag, thrower.body, thrower.tosses(throws, progress.advance), rig)
         if not count:
             raise UnreadableInputError(arguments.throws, f"found no throw that comes to rest: {thrower.left_out[0]}")
     warn([f"left out: {line}" for line in thrower.left_out])

@@ -1,25 +1,22 @@
 """The tossed object, as its user describes it in SI units."""
 
-import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
+from contact_curation.contact.body_description import (
+    AS_IN_THE_FILE,
+    BodyDescription,
+    BodyOptions,
+    read_description,
+)
+from contact_curation.contact.body_values import STANDARD_GRAVITY, body_of_mapping, check_values, symmetric_inertia
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.files import read_yaml
-from contact_curation.geometry.polytopes import Polytope, box, checked_corners
+from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
-
-STANDARD_GRAVITY = 9.81
-"""[m/s^2], the value ContactNets used (method.md 1.0)."""
-
-LARGEST_FILE = 2**22
-"""Bytes of a description."""
-
-NAME = re.compile(r"[A-Za-z0-9]+(_[A-Za-z0-9]+)*")
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +31,7 @@ class Body:
         friction: Coulomb coefficient.
         length_scale: characteristic length, the unit of the loss [m] (a cube's half width).
         gravity: [m/s^2].
+        center_of_mass: (3,) where the body's origin is in the frame that a tracker follows, whose axes are the same [m].
     """
 
     name: str
@@ -43,30 +41,23 @@ class Body:
     friction: float
     length_scale: float
     gravity: float = STANDARD_GRAVITY
+    center_of_mass: Array = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
-        if not NAME.fullmatch(self.name):
-            raise InvalidValueError("name of the body", repr(self.name), "letters, digits and single underscores, as in topics")
         object.__setattr__(self, "vertices", Polytope(self.vertices).vertices)
-        inertia = np.asarray(self.inertia, dtype=float)
-        if inertia.shape == (3,):
-            inertia = np.diag(inertia)
-        moments = np.linalg.eigvalsh(inertia) if inertia.shape == (3, 3) and np.isfinite(inertia).all() else np.zeros(3)
-        if moments.min() <= 0.0:
-            raise InvalidValueError("inertia", np.array2string(inertia), "3 or 3x3 positive numbers [kg m^2]")
-        if moments[0] + moments[1] < moments[2]:
-            raise InvalidValueError("inertia", f"moments {moments}", "none larger than the sum of the other two [kg m^2]")
-        object.__setattr__(self, "inertia", inertia)
-        for name in ("mass", "length_scale", "gravity"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InvalidValueError(name, getattr(self, name), "a positive number")
-        if not (np.isfinite(self.friction) and self.friction >= 0.0):
-            raise InvalidValueError("friction", self.friction, "a number of at least 0")
+        object.__setattr__(self, "inertia", symmetric_inertia(np.asarray(self.inertia, dtype=float)))
+        object.__setattr__(self, "center_of_mass", np.asarray(self.center_of_mass, dtype=float))
+        check_values(vars(self))
 
     @property
     def polytope(self) -> Polytope:
         """The body's shape in metres."""
         return Polytope(self.vertices)
+
+    @property
+    def tracked_polytope(self) -> Polytope:
+        """The shape in the frame that a tracker follows, in metres."""
+        return Polytope(self.vertices + self.center_of_mass)
 
     @property
     def scaled_vertices(self) -> Array:
@@ -90,58 +81,50 @@ class Body:
         """Gravity in characteristic lengths per s^2."""
         return self.gravity / self.length_scale
 
+    def first_difference(self, other: "Body") -> str:
+        """The first value in which another body differs; empty where there is none but the name, which changes no number."""
+        names = [one.name for one in fields(self) if one.name != "name"]
+        return next((name for name in names if not np.array_equal(getattr(self, name), getattr(other, name))), "")
+
     @staticmethod
-    def from_file(path: str | Path) -> "Body":
-        """Reads the body that a YAML file describes, a file like contact_curation/config/cube.yaml.
+    def from_file(path: str | Path, options: BodyOptions = AS_IN_THE_FILE) -> "Body":
+        """Reads the body that a file describes.
 
         Args:
-            path: of the file.
+            path: of a YAML file like contact_curation/config/cube.yaml, a URDF, an MJCF, or a mesh (STL, OBJ, PLY, OFF).
+            options: mass, density, friction and more where the file does not say: `cc.BodyOptions(mass=0.3, friction=0.2)`.
 
         Returns:
             The body, in SI units.
 
         Raises:
-            UnreadableInputError: there is no such file, it is no YAML mapping, or it describes no body; the line names the key.
+            UnreadableInputError: there is no such file, or it describes no body, or one that cannot be; the line names the
+                value and what to do.
 
-        Example:
+        Examples:
             >>> body = cc.Body.from_file("brick.yaml")
             >>> body.mass
             0.37
         """
-        path = Path(path)
-        content = read_yaml(path, LARGEST_FILE, "the description of a body")
-        if not isinstance(content, Mapping) or not all(isinstance(key, str) for key in content):
-            found = type(content).__name__
-            raise UnreadableInputError(path, f"found a {found}, expected the keys of a body and their values")
+        return Body.described(read_description(Path(path), options))
+
+    @staticmethod
+    def described(found: BodyDescription) -> "Body":
+        """The body of a description."""
         try:
-            return Body.from_mapping(content)
+            return Body(**{one.name: getattr(found, one.name) for one in fields(Body)})
         except InvalidValueError as error:
-            raise UnreadableInputError(path, str(error)) from error
-        except (TypeError, ValueError) as error:  # a list where one number belongs, three numbers where there are two
-            raise UnreadableInputError(path, f"found values of the wrong form ({error}), expected those of a body") from error
+            raise UnreadableInputError(found.source, str(error)) from error
 
     @staticmethod
     def from_mapping(data: Mapping[str, object]) -> "Body":
-        """A body from a parsed configuration file; every error names the key."""
-        known = {"name", "vertices", "half_extents", "mass", "inertia", "friction", "length_scale", "gravity"}
-        unknown = sorted(set(data) - known)
-        if unknown:
-            raise InvalidValueError("body", f"keys {unknown}", f"keys among {sorted(known)}")
-        missing = sorted({"name", "mass", "inertia", "friction", "length_scale"} - set(data))
-        if missing or ("vertices" in data) == ("half_extents" in data):
-            wanted = "name, mass, inertia, friction, length_scale, and either vertices or half_extents"
-            raise InvalidValueError("body", f"keys {sorted(data)}", wanted)
-        boxed = "half_extents" in data
-        shape = box(_numbers(data, "half_extents")).vertices if boxed else checked_corners(_numbers(data, "vertices"))
-        return Body(
-            name=str(data["name"]),
-            vertices=shape,
-            mass=float(_numbers(data, "mass")),
-            inertia=_numbers(data, "inertia"),
-            friction=float(_numbers(data, "friction")),
-            length_scale=float(_numbers(data, "length_scale")),
-            gravity=float(_numbers(data, "gravity")) if "gravity" in data else STANDARD_GRAVITY,
-        )
+        """A body of named values, as `to_mapping` gives them; every error names the key."""
+        return Body(**body_of_mapping(data))
+
+    def to_mapping(self) -> dict[str, object]:
+        """All values by their names, as JSON and YAML have them."""
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()}
 
 
 def _inverse(positive: Array) -> Array:
@@ -154,13 +137,6 @@ def _inverse(positive: Array) -> Array:
             share = rows[other][k]
             rows[other] = [number - share * by for number, by in zip(rows[other], rows[k])]
     return np.array(rows)[:, size:].copy()
-
-
-def _numbers(data: Mapping[str, object], key: str) -> Array:
-    try:
-        return np.asarray(data[key], dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InvalidValueError(f"body {key}", data[key], "numbers") from error
 
 
 _CUBE_CORNERS = np.array(

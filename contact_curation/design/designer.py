@@ -3,7 +3,7 @@
 Until theta passes the readiness check, exploration throws are spread over first impacts, by flight and shape alone; from then
 on throws are those that are expected to teach most, planned at theta from all that is known.
 
-After each throw the noise of executions is learned anew from commands and executions; the toss's own information at theta is
+After each throw the noise of executions is re-estimated from commands and executions; the toss's own information at theta is
 added to what is known; and the next throws are planned from there. The ratio of what a toss taught to what was planned is the
 loop's health: far below 1 the model, the thrower or the tracker is not what the plan took it for.
 """

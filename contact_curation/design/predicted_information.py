@@ -298,13 +298,13 @@ def _teaching(particle: Particle, states: Array, frames: NDArray[np.int64], conf
     touching = gaps < config.touching
     lying = wanted & (touching[:, 1:] == touching[:, :-1]).all(axis=2) & (touching[:, 1:].sum(axis=2) >= LYING)
     place = np.cumsum(lying, axis=1) - 1
-    standing = lying & (place % config.thinning == config.thinning // 2)
+    resting = lying & (place % config.thinning == config.thinning // 2)
     alone = wanted & ~lying
-    few = ~standing.any(axis=1)  # too few for one to stand for them
+    few = ~resting.any(axis=1)  # too few for one to stand for them
     alone[few] |= lying[few]
-    toss, frame = (np.concatenate(pair) for pair in zip(np.nonzero(alone), np.nonzero(standing)))
-    group = 2 * toss + np.repeat([0, 1], [alone.sum(), standing.sum()])
+    toss, frame = (np.concatenate(pair) for pair in zip(np.nonzero(alone), np.nonzero(resting)))
+    group = 2 * toss + np.repeat([0, 1], [alone.sum(), resting.sum()])
     order = np.argsort(group, kind="stable")
     starts = np.concatenate([[0], np.cumsum(np.bincount(group, minlength=2 * len(states)))])
-    weights = lying.sum(axis=1) / np.maximum(standing.sum(axis=1), 1)
+    weights = lying.sum(axis=1) / np.maximum(resting.sum(axis=1), 1)
     return _Rows(toss[order], frame[order], starts, weights)

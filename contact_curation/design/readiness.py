@@ -19,7 +19,7 @@ from contact_curation.geometry.quaternions import Array
 
 @dataclass(frozen=True)
 class ReadinessConfig:
-    """When theta passes the readiness check; its options are still called `canary`.
+    """When theta passes the readiness check.
 
     Attributes:
         enabled: whether it is checked at all; without, any theta passes.
@@ -41,11 +41,11 @@ class ReadinessConfig:
     def __post_init__(self) -> None:
         for name, least in (("least_tosses", 0), ("recent", 1), ("most_tosses", 0)):
             if getattr(self, name) < least:
-                raise InvalidValueError(f"canary.{name}", getattr(self, name), f"at least {least}")
+                raise InvalidValueError(f"readiness.{name}", getattr(self, name), f"at least {least}")
         if not self.largest_loss > 0.0:
-            raise InvalidValueError("canary.largest_loss", self.largest_loss, "a positive number")
+            raise InvalidValueError("readiness.largest_loss", self.largest_loss, "a positive number")
         if not -1.0 <= self.least_agreement <= 1.0:
-            raise InvalidValueError("canary.least_agreement", self.least_agreement, "a correlation")
+            raise InvalidValueError("readiness.least_agreement", self.least_agreement, "a correlation")
 
 
 def unready_reason(config: ReadinessConfig, losses: Sequence[float], scores: Sequence[Array]) -> str | None:

@@ -49,7 +49,7 @@ FIT = HeldFitConfig(loss=ONE_THREAD)
 DRAWN = 0.8
 """Share of the training tosses in a seed's pool."""
 
-CANARIES = StalenessConfig()
+STALENESS = StalenessConfig()
 """When a set is selected again in the budgeted protocol: when these have moved."""
 
 EPOCHS = 20
@@ -199,7 +199,7 @@ def _selected_exactly(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> tup
 
 
 def _learn(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> Learned:
-    """Along gradient steps, the set selected again on the way, as `train --top K` does with `--canary` or `--rerank-every`."""
+    """Trains step by step and selects again on the way, as `train --top K` with `--rerank-when-stale` or `--rerank-every`."""
     kind, config = cell.model, _protocol(cell)
     watched, tosses = _watched(tosses) if config.patience else ((), tosses)
     noise, shuffles = np.random.SeedSequence(cell.seed).generate_state(2)
@@ -212,8 +212,8 @@ def _learn(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> Learned:
     progress = training.progress
     occasions = 0
     while progress.state is TrainingState.RUNNING:
-        progress = curated.advance(CANARIES.steps)
-        due = progress.epochs // EPOCHS if cell.protocol == Protocol.PUBLISHED else progress.gradient_steps // CANARIES.steps
+        progress = curated.advance(STALENESS.steps)
+        due = progress.epochs // EPOCHS if cell.protocol == Protocol.PUBLISHED else progress.gradient_steps // STALENESS.steps
         if RULES[cell.rule].redrawn and due > occasions and progress.state is TrainingState.RUNNING:
             occasions = due
             selected = select(RULES[cell.rule], model, tosses, len(selected), _draw(cell.seed, progress.gradient_steps))
@@ -236,7 +236,7 @@ def _first_selection(
     if rule.by_polytope:
         return None, _selected_exactly(cell, bench, tosses)
     size = len(tosses) if cell.size == ALL else cell.size
-    again = {"epochs": EPOCHS} if cell.protocol == Protocol.PUBLISHED else {"canary": CANARIES}
+    again = {"epochs": EPOCHS} if cell.protocol == Protocol.PUBLISHED else {"staleness": STALENESS}
     ranking = RerankingConfig(rule.ranking(size, cell.seed), **(again if rule.reranked else {}))
     reranking = Reranking(tosses, toss_scorer(replace(rule.scoring(), loss=ONE_THREAD), rule.criterion), ranking)
     return reranking, reranking.select(model).toss_ids

@@ -22,7 +22,7 @@ class Fault(StrEnum):
     """What is wrong with a toss."""
 
     SPIKE = "spike"
-    GLITCH = "glitch"
+    BURST = "burst"
     DRIFT = "drift"
     BOARD = "board"
     TAGS = "tags"
@@ -35,8 +35,8 @@ class FaultConfig:
 
     Attributes:
         spike: length of the jump of one frame [m].
-        glitch: length of the jump of `glitch_frames` frames, fewest and most [m].
-        glitch_frames: see there.
+        burst: length of the jump of a few successive frames [m].
+        burst_frames: fewest and most frames of such a burst.
         drift: length of the way that the position drifts from the first frame to the last [m].
         board_tilt: angle of the board's pose about a horizontal axis [rad].
         board_height: what the board is too high or too low [m].
@@ -45,8 +45,8 @@ class FaultConfig:
     """
 
     spike: float = 0.005
-    glitch: float = 0.005
-    glitch_frames: tuple[int, int] = (2, 3)
+    burst: float = 0.005
+    burst_frames: tuple[int, int] = (2, 3)
     drift: float = 0.010
     board_tilt: float = np.radians(2.0)
     board_height: float = 0.003
@@ -87,12 +87,12 @@ def spiked(toss: Toss, noise: np.random.Generator, config: FaultConfig) -> Toss:
     return replace(toss, positions=positions, linear_velocities=velocities)
 
 
-def glitched(toss: Toss, noise: np.random.Generator, config: FaultConfig) -> Toss:
-    """Some frames on end are off by the same, which the median lets pass."""
-    count = int(noise.integers(config.glitch_frames[0], config.glitch_frames[1] + 1))
+def with_burst(toss: Toss, noise: np.random.Generator, config: FaultConfig) -> Toss:
+    """A few successive frames are displaced by the same vector, which a median filter does not remove."""
+    count = int(noise.integers(config.burst_frames[0], config.burst_frames[1] + 1))
     at = int(noise.integers(1, max(toss.frames - count, 2)))
     positions = toss.positions.copy()
-    positions[at : at + count] += config.glitch * _direction(noise)
+    positions[at : at + count] += config.burst * _direction(noise)
     return _tracked(toss, positions, toss.orientations_wxyz)
 
 
@@ -133,7 +133,7 @@ def late(toss: Toss, noise: np.random.Generator, config: FaultConfig) -> Toss:
 
 MAKERS: dict[Fault, Callable[[Toss, np.random.Generator, FaultConfig], Toss]] = {
     Fault.SPIKE: spiked,
-    Fault.GLITCH: glitched,
+    Fault.BURST: with_burst,
     Fault.DRIFT: drifting,
     Fault.BOARD: on_another_board,
     Fault.TAGS: swapped,

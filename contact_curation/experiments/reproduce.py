@@ -30,7 +30,9 @@ def add_options(parser: OneLineParser) -> None:
     group = parser.add_argument_group("what is run (defaults: docs/results.md)")
     add_held_out_option(group, f"default {PUBLIC_HELD_OUT}")
     group.add_argument(
-        "--as-recorded", action="store_true", help="do not put tosses right by what they say of their rig (docs/results.md)"
+        "--as-recorded",
+        action="store_true",
+        help="do not apply the rig calibration that is estimated from the tosses (docs/results.md)",
     )
     group.add_argument("--rules", nargs="+", metavar="RULE", help="that are compared")
     group.add_argument("--sizes", nargs="+", type=natural_number, metavar="K", help="of the selected sets; 0 for all")

@@ -108,7 +108,7 @@ def experiment_config(arguments: Arguments) -> ExperimentConfig:
 
 
 def _bench(arguments: Arguments) -> Bench:
-    """Tosses that pass the gates, put right by what the training tosses say of their rig.
+    """Tosses that pass the gates, corrected by the rig calibration that is estimated from the training tosses.
 
     The gates see a pool again once faults are put into it.
     """
@@ -121,17 +121,17 @@ def _bench(arguments: Arguments) -> Bench:
     tosses = learning_tosses(read, DivisionConfig(rule, said=True))
     warn(tosses.warnings)
     bench = Bench(body, tosses.training, tosses.held_out, stages["gates"])
-    return bench if arguments.as_recorded else _put_right(bench)
+    return bench if arguments.as_recorded else _calibrated(bench)
 
 
-def _put_right(bench: Bench) -> Bench:
+def _calibrated(bench: Bench) -> Bench:
     try:
         rig = calibration_of(bench.training, bench.body.polytope)
     except InvalidValueError as error:
         warn([f"tosses are taken as recorded: {error}"])
         return bench
     lean, off = np.degrees(rig.tilt), 100.0 * (rig.scale - 1.0)
-    warn([f"the rig's board leans by {lean:.2f} degrees and its metre is {off:.1f} % short: put right; --as-recorded does not"])
+    warn([f"board tilt {lean:.2f} degrees, lengths {off:.1f} % too short: tosses are corrected (--as-recorded: not)"])
     return bench.on(rig)
 
 

@@ -11,7 +11,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.experiments.cell import Protocol
 
 RANDOM, RAW = "random", "raw"
-ARMS = (RANDOM, RAW, "warm-up", "designed")
+ARMS = (RANDOM, RAW, "exploration", "designed")
 """Ways of choosing throws: at random from the prior fitted to real ones, at random from the paper's normal, spread over first
 impacts all the time, and designed as soon as theta is trusted."""
 

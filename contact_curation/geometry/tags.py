@@ -7,7 +7,7 @@ Pixels are OpenCV's and ROS': the middle of the first one is (0, 0); the AprilTa
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 
@@ -125,6 +125,13 @@ class TagMap:
         if not self.tags:
             raise InvalidValueError(f"tags of {self.frame}", "none", "at least one")
         check_no_id_twice(self.tags, self.frame)
+
+    def moved(self, by: Array) -> "TagMap":
+        """The same tags as seen from a frame with the same axes, in which this one is at `by` (3,) [m]."""
+        if not by.any():
+            return self
+        tags = (replace(tag, pose=replace(tag.pose, position=tag.pose.position + by)) for tag in self.tags)
+        return TagMap(self.frame, tuple(tags))
 
     @property
     def ids(self) -> tuple[int, ...]:

@@ -16,7 +16,6 @@ from contact_curation.information.diagnostics import (
     Efficiency,
     SelectedGram,
     block_shares,
-    dominance_warnings,
     efficiency,
     selected_gram,
     smallest_sufficient_k,
@@ -91,6 +90,6 @@ def curate_particles(pools: Sequence[Pool], config: RankingConfig) -> Curation:
         frame_efficiency=efficiency(pool, subspace, selected, per_transition=True),
         block_shares=shares,
         optimum_shift=optimum_shift(pool, subspace.per_mean_toss(len(pool)), pool.indices_of(selected), config.prior),
-        warnings=(*ranking.diagnostics, *dominance_warnings(shares)),
+        warnings=ranking.diagnostics,
         selected_gram=None if pool.network_scores is None else selected_gram(pool.toss_scores[pool.indices_of(selected)]),
     )

@@ -45,7 +45,7 @@ class PoolScores:
 
     Attributes:
         scores: (K, p).
-        scatter: their mean variance over the directions: 1, or 0 where all tosses say the same.
+        scatter: their mean variance over the directions: 1, or 0 where the scores of all tosses are equal.
         prior: delta: A0 is this share of the mean toss.
     """
 

@@ -1,10 +1,11 @@
 """Poses of frames in frames become poses of the body in the board's frame.
 
-    T_board_body = (T_common_board)^-1 T_common_body
+    T_board_body = (T_common_board)^-1 T_common_body T_body_mass
 
-where `common` is the nearest frame above both. Boards, cameras and robots may move; the body's own pose is taken as it was
-measured. A body pose waits for the rig's poses around its time, so that what comes out does not hang on the order in which
-topics arrive. What cannot be used comes out with its reason.
+where `common` is the nearest frame above both, and the last factor moves the origin to the body's centre of mass. Boards,
+cameras and robots may move; the body's own pose is taken as it was measured. A body pose waits for the rig's poses around
+its time, so that what comes out does not hang on the order in which topics arrive. What cannot be used comes out with its
+reason.
 """
 
 from collections import Counter, deque
@@ -14,7 +15,7 @@ from math import dist, inf
 from typing import Any
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.geometry.scalars import ScalarPose, angle_between, compose, inverse
+from contact_curation.geometry.scalars import IDENTITY, ScalarPose, Vector, angle_between, compose, inverse
 from contact_curation.motion.frame_tree import FrameTree, Link, composed
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.toss import NANOSECONDS
@@ -25,13 +26,14 @@ class TrackerConfig:
     """Which frames matter, and how long to wait for them.
 
     Attributes:
-        body_frame: the body's.
+        body_frame: the body's, as it is tracked.
         board_frame: the board's, z up, its surface at z = 0; empty where poses are given in it already.
         clock_jump: stamps that go back by more than this are a clock that jumped, e.g. a bag that loops [s].
         largest_wait: a body pose waits so long for the rig's poses, by the stamps [s].
         largest_rig_gap: poses of a moving board, camera or robot are interpolated over at most this [s].
         largest_speed: a pose further from the last one than this is a jump, no motion, and is left out [m/s].
         largest_spin: likewise for turns [rad/s].
+        center_of_mass: the body's, in that frame [m]; poses come out with their origin there.
     """
 
     body_frame: str
@@ -41,6 +43,7 @@ class TrackerConfig:
     largest_rig_gap: float = 0.5
     largest_speed: float = inf
     largest_spin: float = inf
+    center_of_mass: Vector = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         if not self.body_frame or self.body_frame == self.board_frame:
@@ -95,6 +98,7 @@ class BodyTracker:
         self.counts: Counter[str] = Counter()
         self._tree = FrameTree()
         self._moving = config.body_frame
+        self._center = ScalarPose(config.center_of_mass, IDENTITY.orientation_wxyz)
         self._waiting: deque[FramePose] = deque()
         self._last_ns: int | None = None
         self._last_pose: BodyPose | None = None
@@ -205,7 +209,8 @@ class BodyTracker:
         body, above, board = (composed(links, stamp_ns, gap_ns) for links in (on_body, *paths))
         if body is None or above is None or board is None:
             return None
-        return compose(inverse(board), compose(above, compose(measured.pose, body)))
+        tracked = compose(inverse(board), compose(above, compose(measured.pose, body)))
+        return compose(tracked, self._center) if any(self._center.position) else tracked
 
     def _paths_to_common(self, parent: str) -> tuple[list[Link], list[Link]] | None:
         """The links from the measurement's parent, and from the board, up to the nearest frame above both."""

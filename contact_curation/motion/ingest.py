@@ -63,9 +63,9 @@ class TossIngest:
     def counts(self) -> Counter[str]:
         return self._tracker.counts + self._outcomes
 
-    def noise_complaint(self) -> str:
+    def noise_warning(self) -> str:
         """One line where the poses are much noisier than the segmenter expects; else nothing."""
-        return self.noise.complaint(self.config.segmenter.tracker_noise)
+        return self.noise.warning(self.config.segmenter.tracker_noise)
 
     @property
     def tossing(self) -> bool:

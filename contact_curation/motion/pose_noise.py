@@ -62,7 +62,7 @@ class PoseNoise:
             return 0.0
         return median(self._bent) / (0.6745 * sqrt(20.0) * RIG_NOISE)
 
-    def complaint(self, expected_noise: float) -> str:
+    def warning(self, expected_noise: float) -> str:
         """One line where poses scatter by much more than was expected, in multiples of `RIG_NOISE`; else nothing."""
         multiple = self.multiple
         if multiple <= LOUD * expected_noise:

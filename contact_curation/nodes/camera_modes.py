@@ -12,6 +12,7 @@ from tf2_msgs.msg import TFMessage
 
 from contact_curation.contact.body import Body
 from contact_curation.geometry.poses import Pose
+from contact_curation.geometry.quaternions import IDENTITY
 from contact_curation.geometry.tag_rig import TagRig
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.messages.camera import camera_info_message, detections_message, image_message
@@ -59,7 +60,7 @@ class TrackedPoses:
 
     Args:
         node: that publishes.
-        body: its name.
+        body: whose tracked frame the poses are of.
         rig: frames, the board in the map, deviations.
         noise: the tracker's faults.
         seed: of them.
@@ -67,20 +68,22 @@ class TrackedPoses:
     """
 
     def __init__(
-        self, node: StageNode, body: str, rig: TagslamRig, noise: TrackerNoiseConfig, seed: int, *, history: int
+        self, node: StageNode, body: Body, rig: TagslamRig, noise: TrackerNoiseConfig, seed: int, *, history: int
     ) -> None:
         self._noise = TrackerNoise(noise, seed)
         self._latency_ns = round(noise.latency * NANOSECONDS)
         self._rig = rig
-        self._body_frame = f"body_{body}"
+        self._body_frame = f"body_{body.name}"
         self._board = Pose(np.array(rig.board.position), np.array(rig.board.orientation_wxyz))
+        self._tracked = Pose(-body.center_of_mass, IDENTITY) if body.center_of_mass.any() else None
         self._waiting: deque[tuple[int, Any]] = deque()
         self._poses = node.create_publisher(Odometry, f"tagslam/odom/{self._body_frame}", latched(history))
         self._static = node.create_publisher(TFMessage, "/tf_static", latched(1))
         self._static.publish(static_transform_message(Stamped(0, rig.map_frame), rig.board_frame, self._board))
 
     def see(self, true: TrueFrame) -> None:
-        pose = self._noise.seen(true.stamp_ns, true.pose)
+        tracked = true.pose.compose(self._tracked) if self._tracked else true.pose
+        pose = self._noise.seen(true.stamp_ns, tracked)
         if pose is not None:
             stamped, deviations = Stamped(true.stamp_ns, self._rig.map_frame), self._deviations
             message = odometry_message(stamped, self._body_frame, self._board.compose(pose), deviations)

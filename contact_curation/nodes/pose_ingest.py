@@ -136,8 +136,8 @@ class PoseIngest(StageNode):
         }  # fmt: skip
         if self._ingest is not None:
             values["noise"] = f"{self._ingest.noise.multiple:.1f}"
-            if rate and (complaint := self._ingest.noise_complaint()):
-                return Health(complaint, values, warning=True)
+            if rate and (text := self._ingest.noise_warning()):
+                return Health(text, values, warning=True)
         if self._topics.source is None:
             return Health(f"waiting for poses: {self._topics.waiting_for or 'none yet'}", values, warning=True)
         return Health(f"{rate:.0f} messages/s from {self._topics.source.body.name}", values, warning=rate == 0.0)
@@ -152,9 +152,7 @@ def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> Inge
             segmenter = with_recorded_rules(segmenter, reader.note(RULES_NOTE))
     gates = declare_config(node, replace(GateConfig(), gravity=body.gravity), "gates.")
     gates = gates.of_body(gates.gravity, body.friction)
-    return IngestConfig(
-        poses.tracker(body.name, poses.board_frame), segmenter, gates, declare_config(node, NO_CORRECTION, "rig.")
-    )
+    return IngestConfig(poses.tracker(body, poses.board_frame), segmenter, gates, declare_config(node, NO_CORRECTION, "rig."))
 
 
 def main() -> int:

@@ -52,6 +52,9 @@ class Heard(NamedTuple):
 class SessionRecorder(StageNode):
     """Records all topics that are not hidden."""
 
+    longest_closing = 9.0
+    """[s]: what was received is written, and the recording's index."""
+
     def __init__(self) -> None:
         super().__init__("session_recorder")
         path = declare(self, "bag", "", "file to record into, *.mcap; one that is there is gone on with")

@@ -70,11 +70,11 @@ class SimCamera(StageNode):
         noise = declare_config(self, TrackerNoiseConfig(), "noise.")
         camera, detector = declare_config(self, CameraConfig(), "camera."), declare_config(self, DetectorConfig(), "detector.")
         if mode == "poses":
-            return TrackedPoses(self, self._body.name, TagslamRig(board_frame=board_frame), noise, seed, history=history)
+            return TrackedPoses(self, self._body, TagslamRig(board_frame=board_frame), noise, seed, history=history)
         if tag_map:
             rig = read_tag_rig(Path(tag_map), self._body_frame, board_frame)
         else:
-            rig = rig_of(self._body.polytope, self._body_frame, board_frame)
+            rig = rig_of(self._body.tracked_polytope, self._body_frame, board_frame)
         return RenderedTags(self, self._body, rig, camera, detector, seed, history=history, images=images)
 
     def _arrived(self, message: Any) -> None:

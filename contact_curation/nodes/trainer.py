@@ -12,6 +12,7 @@ from contact_curation.contact.models.registry import DEFAULT_MODEL, MODELS
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.model_version import model_version
 from contact_curation.learning.training.progress import TrainingState
+from contact_curation.nodes.messages.bounds import MOST_IDS, check_size
 from contact_curation.nodes.messages.headers import Stamped, check_format, stamped_of
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.trained_model import model_message
@@ -79,6 +80,7 @@ class Trainer(StageNode):
         """On the worker's thread, as everything below but the last."""
         try:
             check_format(message)
+            check_size("toss_ids of the buffer", message.toss_ids, MOST_IDS)
             if message.body != self._body.name:
                 raise InvalidValueError("body of the buffer", message.body, self._body.name)
         except InvalidValueError as error:

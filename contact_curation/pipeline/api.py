@@ -63,7 +63,7 @@ def read(
     Raises:
         UnreadableInputError: nothing matches a pattern.
 
-    Example:
+    Examples:
         >>> tosses = cc.read("session.mcap", body=body)
         >>> len(tosses.accepted), len(tosses.rejected)
         (21, 3)
@@ -98,7 +98,7 @@ def score(
     Raises:
         ContactCurationError: no toss was accepted, or the file holds no model.
 
-    Example:
+    Examples:
         >>> info = cc.score(tosses)
         >>> info.scores.shape, info.parameter_names[0], info.parameter_units[0]
         ((21, 52), 'vertices_normal[0][0]', 'characteristic length')
@@ -146,7 +146,7 @@ def rank(
     Raises:
         ContactCurationError: nothing could be ranked, a name is unknown, or the file holds no model.
 
-    Example:
+    Examples:
         >>> ranking = cc.rank(tosses, top=8)
         >>> len(ranking.selected), ranking.selected_ids[0] in tosses.ids
         (8, True)
@@ -203,7 +203,7 @@ def train(
     Raises:
         ContactCurationError: nothing to learn from, a name is unknown, or a loss was not finite.
 
-    Example:
+    Examples:
         >>> model = cc.train(ranking.selected, steps=50)
         >>> model.kind, len(model.learned_from)
         ('polytope', 8)
@@ -255,7 +255,7 @@ def evaluate(
         model: as `train` or `load_model` gives it.
         tosses: as `read` gives them, or what `read` takes.
         against: another model, compared with on the same tosses.
-        held_out: which tosses it is judged by; None for those that its training held out, or all where it held out none.
+        held_out: which tosses it is evaluated on; None for those that its training held out, or all where it held out none.
         seed: of the bootstrap.
         progress: hears how far it is.
 
@@ -266,12 +266,12 @@ def evaluate(
     Raises:
         ContactCurationError: there is no toss to judge by, or one of another body.
 
-    Example:
+    Examples:
         >>> report = cc.evaluate(model, cc.read("test.mcap", body=body))
         >>> report.evaluations[0].errors.position.shape  # [% of the width], one per toss
         (21,)
         >>> print(report)
-        judged by 21 tosses: all there are
+        evaluated on 21 of 24 tosses (3 rejected: displacement beside the velocity, gap, lowest corner of the toss)
         ...
     """
     from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
@@ -315,7 +315,7 @@ def design(
     Raises:
         ContactCurationError: a model that is no polytope, or nothing safe can be thrown.
 
-    Example:
+    Examples:
         >>> throws = cc.design(known=ranking.selected, throws=2, method="prior")
         >>> [throw.throw_id for throw in throws]
         ['throw-0-0', 'throw-0-1']

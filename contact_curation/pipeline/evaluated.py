@@ -28,12 +28,14 @@ PICTURED = (("median", 0.5), ("90th percentile", 0.9), ("worst", 1.0))
 
 @dataclass(frozen=True, eq=False)
 class JudgingTosses:
-    """What a model is judged by.
+    """What a model is evaluated on.
 
     Attributes:
         judged_by: at least one.
         fitted: what it was fitted to, as far as it is known; none where all tosses judge.
-        chosen: in words, why just these.
+        chosen: in words, why just these; empty where these are all that there are.
+        accepted: how many tosses there are to choose from.
+        rejected: how many more failed a gate, by the first reason of each.
         duplicates: ids of those that judge and are in `fitted`, too, under another id.
         warnings: what is wrong, one line each.
     """
@@ -41,13 +43,25 @@ class JudgingTosses:
     judged_by: tuple[Toss, ...]
     fitted: tuple[Toss, ...]
     chosen: str
+    accepted: int
+    rejected: Mapping[str, int]
     duplicates: frozenset[str]
     warnings: tuple[str, ...]
+
+    @property
+    def in_words(self) -> str:
+        """``evaluated on 11 of 12 tosses (1 rejected: gap)``: how many, why just these, and what was left out."""
+        count, rejected = len(self.judged_by), sum(self.rejected.values())
+        left_out = [f"{rejected} rejected: {', '.join(self.rejected)}"] if rejected else []
+        left_out += [f"{self.accepted - count} not chosen"] if self.accepted > count else []
+        total = counted_tosses(self.accepted + rejected)
+        how_many = f"{count} of {total} ({'; '.join(left_out)})" if left_out else total
+        return f"evaluated on {how_many}" + (f": {self.chosen}" if self.chosen else "")
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Models judged by tosses. `print` shows tables.
+    """Models evaluated on tosses. `print` shows tables.
 
     Attributes:
         models: one, or two that are compared.
@@ -86,6 +100,8 @@ class Evaluation:
         return {
             "chosen": self.tosses.chosen,
             "tosses": len(self.tosses.judged_by),
+            "accepted": self.tosses.accepted,
+            "rejected": dict(self.tosses.rejected),
             "duplicates": sorted(self.tosses.duplicates),
             "models": [_json_model(one, each) for one, each in self._pairs()],
             "summaries": {name: _json_summary(each) for name, each in self.summaries().items()},
@@ -119,7 +135,7 @@ class Evaluation:
 
 def _lines(report: Evaluation) -> Iterator[str]:
     """For people."""
-    yield f"judged by {counted_tosses(len(report.tosses.judged_by))}: {report.tosses.chosen}"
+    yield report.tosses.in_words
     share = f"{100.0 * report.bootstrap.confidence:g} %"
     for name, each in report.summaries().items():
         yield from ("", name)
@@ -130,7 +146,7 @@ def _lines(report: Evaluation) -> Iterator[str]:
         yield from _failures(evaluation)
     yield ""
     if report.known:
-        yield from _known(report.known)
+        yield from _known(report.known, at_optimum=report.models[0].at_optimum)
     else:
         yield report.why_not
 
@@ -166,10 +182,10 @@ def _failures(evaluation: ModelEvaluation) -> Iterator[str]:
     if evaluation.not_solved:
         yield f"  not solved, and not in the mean loss: {evaluation.not_solved} of {evaluation.transitions} transitions"
     if evaluation.sweeps_exhausted:
-        yield f"  out of sweeps: {evaluation.sweeps_exhausted} of {evaluation.steps} steps of the rollouts"
+        yield f"  iteration limit reached: {evaluation.sweeps_exhausted} of {evaluation.steps} steps of the rollouts"
 
 
-def _known(known: Known) -> Iterator[str]:
+def _known(known: Known, *, at_optimum: bool) -> Iterator[str]:
     yield f"what is known from the {known.tosses} others, as standard deviations (sigma^2 {known.noise_variance:.3g})"
     yield f"  {'':20} {'unit':4} {'value':>9} {'sandwich':>9} {'Cramer-Rao':>10} {'naive':>9}   ellipsoid's half axes [mm]"
     rows = {parameter.name: parameter for parameter in known.parameters}
@@ -183,10 +199,12 @@ def _known(known: Known) -> Iterator[str]:
     if known.not_solved:
         yield f"  not solved, and left out: {known.not_solved} transitions"
     if known.to_optimum > 1.0:
-        yield (
-            f"  the best fit to these tosses is up to {known.to_optimum:.1f} standard deviations away: "
-            "the model was not trained on them, or not to the end"
+        why = (
+            "the training ended at its optimum, so the loss is far from a parabola there, and the deviations say too little"
+            if at_optimum
+            else "the model was not trained on them, or not to the end (train --protocol exact goes there)"
         )
+        yield f"  a Newton step on these tosses moves a parameter by {known.to_optimum:.1f} standard deviations: {why}"
     if known.tosses < len(known.parameters):
         yield "  with fewer tosses than parameters the sandwich says too little; Cramer-Rao is safer"
 

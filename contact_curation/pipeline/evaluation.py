@@ -1,4 +1,4 @@
-"""Models judged by tosses: rolled out from the first measured state, and of a polytope what is known of its parameters."""
+"""Models evaluated on tosses: rolled out from the first measured state, and of a polytope what is known of its parameters."""
 
 import os
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from contact_curation.pipeline.reading import settings_of
 from contact_curation.pipeline.tosses import Tosses
 from contact_curation.pipeline.workers import Progress, silent
 
-EVERYTHING = "all there are"
+EVERYTHING = ""
 
 
 def evaluation_config(**changes: object) -> EvaluationConfig:
@@ -87,7 +87,15 @@ def judging_tosses(tosses: Tosses, spec: str | None, models: Sequence[LearnedMod
     parts = split([NumberedToss(toss, 0) for toss in (*judged_by, *seen)], HeldOutRule(ids=_ids(judged_by)))
     duplicates = frozenset(duplicate.held_out for duplicate in parts.duplicates)
     rigs = _of_other_rigs(models, settings_of(tosses.config.inputs.rig))
-    return JudgingTosses(judged_by, fitted, chosen, duplicates, (*read.warnings, *_seen_before(judged_by, models), *rigs))
+    return JudgingTosses(
+        judged_by=judged_by,
+        fitted=fitted,
+        chosen=chosen,
+        accepted=len(tosses),
+        rejected=tosses.reasons,
+        duplicates=duplicates,
+        warnings=(*read.warnings, *_seen_before(judged_by, models), *rigs),
+    )
 
 
 def _as_trained(model: LearnedModel, tosses: tuple[Toss, ...]) -> tuple[tuple[Toss, ...], tuple[Toss, ...], str]:
@@ -104,7 +112,7 @@ def _as_trained(model: LearnedModel, tosses: tuple[Toss, ...]) -> tuple[tuple[To
 def _seen_before(judged_by: Sequence[Toss], models: Sequence[LearnedModel]) -> list[str]:
     counts = [(model.name, len(_ids(judged_by) & model.learned_from)) for model in models]
     return [
-        f"{name}: it learned from {count} of the {len(judged_by)} tosses it is judged by" for name, count in counts if count
+        f"{name}: it learned from {count} of the {len(judged_by)} tosses it is evaluated on" for name, count in counts if count
     ]
 
 
@@ -117,7 +125,7 @@ def _of_other_rigs(models: Sequence[LearnedModel], settings: str) -> list[str]:
     words = {"": "as recorded"}
     return [
         f"{one.name}: it learned from tosses {words.get(one.rig, f'calibrated by {one.rig}')}, "
-        f"and is judged by tosses {words.get(settings, f'calibrated by {settings}')}"
+        f"and is evaluated on tosses {words.get(settings, f'calibrated by {settings}')}"
         for one in models
         if one.rig is not None and one.rig != settings
     ]

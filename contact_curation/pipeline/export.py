@@ -12,6 +12,7 @@ from contact_curation.pipeline.workers import Advance, unheard
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.datasets.contactnets import SUBFOLDER
 from contact_curation.storage.export.contactnets import write_contactnets
+from contact_curation.storage.export.data_card import CARD, data_card
 from contact_curation.storage.export.lerobot import write_lerobot
 from contact_curation.storage.export.mcap import BagExport, export_bag
 from contact_curation.storage.export.selected import (
@@ -78,7 +79,7 @@ def export_job(inputs: Sequence[Path], reading: ReadingConfig, manifest: Path, *
 
 def to_contactnets(job: ExportJob, folder: Path, advance: Advance) -> Exported:
     """tosses_processed/N.pt and manifest.json, the N-th row of which is N.pt."""
-    level = job.reading.inputs.rig == NO_CORRECTION  # what is put right is no file's content any more
+    level = job.reading.inputs.rig == NO_CORRECTION  # corrected tosses are not the content of any file
     inputs = replace(job.reading.inputs, as_stored=level)
     found = found_tosses(job, inputs, advance)
     write_contactnets(found.tosses, job.reading.body, folder, copied=level)
@@ -115,6 +116,17 @@ FORMATS: Mapping[str, Callable[[ExportJob, Path, Advance], Exported]] = {
     "contactnets": to_contactnets,
     "lerobot": to_lerobot,
 }
+
+
+def export_tosses(form: str, job: ExportJob, folder: Path, advance: Advance) -> Exported:
+    """The selected tosses in one of `FORMATS`, and a data card that says what they are.
+
+    Raises:
+        ContactCurationError: a selected toss is in no input, or the format cannot hold the tosses.
+    """
+    exported = FORMATS[form](job, folder, advance)
+    (folder / CARD).write_text(data_card(form, job.reading.body, job.manifest), encoding="utf-8")
+    return exported
 
 
 def found_tosses(job: ExportJob, inputs: InputsConfig, advance: Advance = unheard) -> SelectedTosses:

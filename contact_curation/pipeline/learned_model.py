@@ -14,6 +14,9 @@ from contact_curation.learning.checkpoints.selection_document import selections_
 from contact_curation.learning.checkpoints.stored_model import MALFORMED, model_bytes, model_of_bytes, notes_of_bytes
 from contact_curation.storage.parameters_file import Parameters, is_checkpoint, read_theta
 
+OPTIMUM = "optimum"
+"""The note of a checkpoint whose training ended there."""
+
 
 @dataclass(frozen=True, eq=False)
 class LearnedModel:
@@ -26,6 +29,7 @@ class LearnedModel:
         fitted_to: ids of those that it learned from last.
         held_out: ids of those that its training held out, likewise.
         rig: how these were calibrated, in words of `--set`; None where its file does not say.
+        at_optimum: whether its training says that it ended at the optimum of its tosses.
         data: the checkpoint; empty for a model that comes from none.
     """
 
@@ -35,6 +39,7 @@ class LearnedModel:
     fitted_to: frozenset[str] = frozenset()
     held_out: frozenset[str] = frozenset()
     rig: str | None = None
+    at_optimum: bool = False
     data: bytes = b""
 
     @property
@@ -75,7 +80,7 @@ def load_model(path: str | Path, body: Body | None = None) -> LearnedModel:
         UnreadableInputError: the file holds no model, or one for another body.
         InvalidValueError: a JSON file without a body.
 
-    Example:
+    Examples:
         >>> model = cc.load_model("model.safetensors")
         >>> model.kind
         'polytope'
@@ -104,7 +109,16 @@ def model_of_checkpoint(data: bytes, name: str, body: Body | None = None) -> Lea
     selections = _selected(notes, name)
     if selections:
         learned, last = frozenset[str]().union(*selections), selections[-1]
-    return LearnedModel(model, name, learned, last or learned, held_out, notes.get("rig"), data)
+    return LearnedModel(
+        model=model,
+        name=name,
+        learned_from=learned,
+        fitted_to=last or learned,
+        held_out=held_out,
+        rig=notes.get("rig"),
+        at_optimum=OPTIMUM in notes,
+        data=data,
+    )
 
 
 def _ids(note: str) -> frozenset[str]:

@@ -1,8 +1,9 @@
 """Every toss of every recording once, scored; and the curation of those that could be."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from contact_curation.information.criteria.explanation import explanation
 from contact_curation.information.curation import Curation, curate_particles
 from contact_curation.information.network.score_folder import ScoreFolder, coordinates_of
 from contact_curation.information.pool import Pool, pool_of
@@ -42,6 +43,12 @@ class TossPool:
         tosses = sorted(self.rankable, key=lambda toss: toss.seen.toss_id)
         particles = range(len(tosses[0].informations)) if tosses else ()
         return curate_particles([_particle(tosses, k, exact_scores) for k in particles], config)
+
+    def reasons(self, curation: Curation, config: RankingConfig) -> Mapping[str, str]:
+        """Why each toss is selected or not, by id; while the factors can be read."""
+        pool = pool_of([toss.informations[0] for toss in sorted(self.rankable, key=lambda toss: toss.seen.toss_id)])
+        selected = {entry.toss_id: entry.marginal_gain for entry in curation.ranking.entries if entry.selected}
+        return explanation(config.criterion, pool, selected, config).reasons
 
 
 def pool_of_inputs(inputs: Sequence[ScoredInput]) -> TossPool:

@@ -1,8 +1,9 @@
 """A ranking of tosses as its user has it: the manifest, tables, a figure, and what to think of the selected set."""
 
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
 from functools import cached_property
 from html import escape
 from importlib.util import find_spec
@@ -16,6 +17,7 @@ from contact_curation.dashboard.figures.ranking import RankingPicture, ranking_f
 from contact_curation.errors import MissingDependencyError
 from contact_curation.information.curation import SUFFICIENT_EPSILON, Curation
 from contact_curation.information.diagnostics import block_shares
+from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.pipeline.pool import TossPool
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import Tosses, read_tosses
@@ -28,7 +30,14 @@ if TYPE_CHECKING:
 
 SELECTED, NOT_SELECTED = "selected", "not selected"
 LISTED = 10
-"""Tosses that a table shows."""
+"""Tosses of a kind that a table shows."""
+
+COLUMNS = ("rank", "toss", "file", "time (UTC)", "lasts [s]", "info [%]", "gain", "why")
+"""info: the toss's share of the information of all ranked tosses, by the trace of its Fisher matrix."""
+TEXTS = ("toss", "file", "why")
+
+EARLIEST = 1e8
+"""[s] Clocks that count from the start of a machine are below, those that count from 1970 above."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +51,7 @@ class RankedTosses:
         warnings: what is wrong with the inputs, one line each.
         source: the recordings, or their tosses where they are in memory.
         reading: how recordings become tosses.
+        reasons: why each ranked toss is selected or not, by id.
     """
 
     manifest: Manifest
@@ -50,6 +60,7 @@ class RankedTosses:
     warnings: tuple[str, ...]
     source: tuple[Path, ...] | Tosses
     reading: ReadingConfig
+    reasons: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def selected_ids(self) -> tuple[str, ...]:
@@ -72,6 +83,11 @@ class RankedTosses:
     def ranked_rows(self) -> tuple[ManifestRow, ...]:
         """Of the ranked tosses, best first."""
         return tuple(row for row in self.manifest.rows if row.rank is not None)
+
+    @property
+    def information(self) -> float:
+        """Of all ranked tosses together: the trace of their Fisher matrices."""
+        return sum(row.trace or 0.0 for row in self.ranked_rows)
 
     @cached_property
     def outcomes(self) -> dict[str, int]:
@@ -183,28 +199,45 @@ def _lines(ranked: RankedTosses) -> Iterator[str]:
 
 def _html(ranked: RankedTosses) -> str:
     """The best tosses, as a table."""
-    cells = [
-        (row.rank, row.toss_id, f"{row.score:.4g}", f"{row.marginal_gain:.4g}", f"{row.duration:.2f}", _selected(row.selected))
-        for row in ranked.ranked_rows[:LISTED]
-    ]
-    head = "".join(f"<th>{name}</th>" for name in ("rank", "toss", "score", "gain", "time [s]", "selected"))
-    body = "".join("<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in cells)
+    head = "".join(f"<th>{escape(name)}</th>" for name in COLUMNS)
+    cells = [_cells(ranked, row) for row in ranked.ranked_rows[:LISTED]]
+    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in cells)
     totals = "; ".join(f"{count} {escape(name)}" for name, count in ranked.outcomes.items())
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table><p>{totals}</p>"
 
 
 def _table(ranked: RankedTosses) -> Iterator[str]:
-    rows = ranked.ranked_rows[:LISTED]
-    width = max(len("toss"), *(len(row.toss_id) for row in rows))
-    yield f"{'rank':>4}  {'toss':<{width}}  {'score':>10}  {'gain':>10}  {'trace':>10}  {'time [s]':>8}  frames  selected"
+    """The best tosses, and those that were rejected."""
+    rejected = [row for row in ranked.manifest.rows if row.rank is None]
+    rows = [COLUMNS, *(_cells(ranked, row) for row in (*ranked.ranked_rows[:LISTED], *rejected[:LISTED]))]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
-        numbers = "  ".join(f"{value:>10.4g}" for value in (row.score, row.marginal_gain, row.trace))
-        seen = f"{row.duration:>8.2f}  {row.frames:>6}"
-        yield f"{row.rank:>4}  {row.toss_id:<{width}}  {numbers}  {seen}  {_selected(row.selected)}"
+        cells = zip(row, widths, COLUMNS, strict=True)
+        yield "  ".join(cell.ljust(width) if name in TEXTS else cell.rjust(width) for cell, width, name in cells).rstrip()
+    for left, name in ((len(ranked.ranked_rows) - LISTED, "ranked"), (len(rejected) - LISTED, "rejected")):
+        if left > 0:
+            yield f"and {left} more {name}: --out FILE or --json lists all"
 
 
-def _selected(selected: bool) -> str:
-    return "yes" if selected else "no"
+def _cells(ranked: RankedTosses, row: ManifestRow) -> tuple[str, ...]:
+    """The columns of a toss."""
+    why = ranked.reasons.get(row.toss_id, "") if row.rank is not None else f"rejected: {'; '.join(row.reasons)}"
+    return (
+        "" if row.rank is None else str(row.rank),
+        row.toss_id,
+        Path(row.input).name,
+        time_of_day(row.first_stamp_ns),
+        f"{row.duration:.2f}",
+        "" if row.rank is None else f"{100.0 * (row.trace or 0.0) / (ranked.information or 1.0):.1f}",
+        "" if row.marginal_gain is None else f"{row.marginal_gain:.4g}",
+        why,
+    )
+
+
+def time_of_day(stamp_ns: int) -> str:
+    """When a toss began, in UTC; seconds for stamps that do not count from 1970."""
+    seconds = stamp_ns / NANOSECONDS
+    return f"{seconds:.2f} s" if seconds < EARLIEST else datetime.fromtimestamp(seconds, UTC).strftime("%H:%M:%S")
 
 
 def _totals(ranked: RankedTosses) -> Iterator[str]:
@@ -212,7 +245,9 @@ def _totals(ranked: RankedTosses) -> Iterator[str]:
     scored = ranked.ranked_rows
     transitions, not_scored = (sum(getattr(row, name) or 0 for row in scored) for name in ("transitions", "not_scored"))
     where, selected = counted(len(run.inputs), "input"), ranked.outcomes[SELECTED]
-    yield f"{counted_tosses(len(rows))} of {where}: {len(scored)} ranked by {run.criterion}, {selected} selected"
+    share = 100.0 * sum(row.trace or 0.0 for row in ranked.manifest.selected) / (ranked.information or 1.0)
+    chosen = f"{selected} selected, which hold {share:.0f} % of the information"
+    yield f"{counted_tosses(len(rows))} of {where}: {len(scored)} ranked by {run.criterion}, {chosen}"
     if not ranked.outcomes[NOT_SELECTED]:
         yield "every toss that could be ranked is selected: there are no more than were asked for"
     yield f"scored with {run.estimator} at {run.parameters}: {transitions} transitions, {not_scored} not solved"

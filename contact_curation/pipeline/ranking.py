@@ -81,12 +81,13 @@ def rank_tosses(
             scored = score_pool(sources, pool_config, jobs, bar.advance, spool)
         pool = pool_of_inputs(scored.inputs)
         curation = pool.curated(config.ranking, pool_config.score_folder) if pool.rankable else None
+        reasons = pool.reasons(curation, config.ranking) if curation else {}
         if watcher and curation:
             watcher(pool, curation)
     warnings = (*(line for one in scored.inputs for line in one.reading.warnings), *pool.left_out, *missing)
     manifest = _manifest(config, scored, pool, curation)
     kept = source if isinstance(source, Tosses) else tuple(source)
-    return RankedTosses(manifest, curation, pool, warnings, kept, config.pool.reading)
+    return RankedTosses(manifest, curation, pool, warnings, kept, config.pool.reading, reasons)
 
 
 def _sources(

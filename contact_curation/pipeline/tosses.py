@@ -57,10 +57,10 @@ class EachOnce:
 
     def takes(self, toss_id: str, digest: str, where: str, *, whole: bool = True) -> bool:
         """Whether a toss is the one of its id from now on; see `KnownTosses.see`."""
-        standing = self._known.see(toss_id, digest, where, whole=whole)
-        if standing.left_out:
-            self.left_out.append(f"{standing.left_out.where}: {standing.left_out.why}")
-        return standing.taken
+        duplicate = self._known.see(toss_id, digest, where, whole=whole)
+        if duplicate.left_out:
+            self.left_out.append(f"{duplicate.left_out.where}: {duplicate.left_out.why}")
+        return duplicate.taken
 
     def add(self, reading: Reading) -> tuple[str, ...]:
         """Takes note of a recording; returns the lines that `left_out` grew by."""

@@ -27,7 +27,7 @@ from contact_curation.learning.training.protocols import TrainingConfig, budgete
 from contact_curation.learning.training.reranking import RerankingConfig
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.pipeline.division import DivisionConfig, LearningTosses
-from contact_curation.pipeline.learned_model import LearnedModel, model_of_checkpoint
+from contact_curation.pipeline.learned_model import OPTIMUM, LearnedModel, model_of_checkpoint
 from contact_curation.pipeline.reading import settings_of
 from contact_curation.storage.parameters_file import Parameters, is_checkpoint, read_theta
 from contact_curation.version import __version__
@@ -168,14 +168,15 @@ class TrainingRun:
         return self.progress.held_out_loss if self.plan.protocol.patience is None else self.progress.best_held_out_loss
 
     def advance(self) -> str:
-        """Takes one gradient step, or selects anew; returns a note on how it goes."""
+        """Takes one gradient step, or selects again; returns a note on how it goes."""
         done = self.curated.advance(1)
         held_out = "" if isnan(done.held_out_loss) else f", held out {done.held_out_loss:.4g}"
         return f"loss {done.training_loss:.4g}{held_out}"
 
     def checkpoint(self) -> bytes:
         """All of it, to be resumed or to take the model from."""
-        return stored(self.plan, self.curated, self._notes)
+        at_optimum = self.plan.protocol.exact and self.progress.state is TrainingState.CONVERGED
+        return stored(self.plan, self.curated, {**self._notes, **({OPTIMUM: self.progress.reason} if at_optimum else {})})
 
     def check(self, checkpoint: Path | None = None) -> None:
         """Refuses a training that failed.

@@ -14,19 +14,23 @@ from typing import Protocol
 
 from contact_curation.errors import ContactCurationError
 
-Advance = Callable[[int], None]
-"""Told how many tosses more are done."""
+
+class Advance(Protocol):
+    """Told how many tosses more are done, and now and then which share of all work."""
+
+    def __call__(self, count: int, /, *, share: float | None = None) -> None:
+        """So many more are done; `share` of the whole work, from 0 to 1, where that is known."""
 
 
-def unheard(count: int) -> None:
+def unheard(count: int, /, *, share: float | None = None) -> None:
     """For who wants to hear of no progress."""
 
 
 class Bar(Protocol):
     """One piece of work under way."""
 
-    def advance(self, count: int = 1, note: str = "") -> None:
-        """So many more are done; `note` says how it goes."""
+    def advance(self, count: int = 1, note: str = "", share: float | None = None) -> None:
+        """So many more are done; `note` says how it goes, `share` how much of all, from 0 to 1."""
 
 
 class Progress(Protocol):
@@ -44,7 +48,7 @@ class Progress(Protocol):
 
 
 class _Silent:
-    def advance(self, count: int = 1, note: str = "") -> None:
+    def advance(self, count: int = 1, note: str = "", share: float | None = None) -> None:
         pass
 
 
@@ -72,15 +76,16 @@ def each[Input, Result](
     """
     jobs = min(jobs, len(inputs))
     if jobs <= 1:
-        for one in inputs:
+        for place, one in enumerate(inputs, start=1):
             yield work(one, advance)
+            advance(0, share=place / len(inputs))
         return
     # Forking a process whose libraries have threads can hang: start fresh ones.
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(jobs, mp_context=context, initializer=_end_with_the_parent) as executor:
         try:
-            for result, count in executor.map(partial(_counted, work), inputs):
-                advance(count)
+            for place, (result, count) in enumerate(executor.map(partial(_counted, work), inputs), start=1):
+                advance(count, share=place / len(inputs))
                 yield result
         except BrokenProcessPool as error:
             raise WorkerDiedError(jobs) from error
@@ -95,7 +100,7 @@ def each[Input, Result](
 def _counted[Input, Result](work: Callable[[Input, Advance], Result], one: Input) -> tuple[Result, int]:
     count = 0
 
-    def advance(more: int) -> None:
+    def advance(more: int, /, *, share: float | None = None) -> None:
         nonlocal count
         count += more
 

@@ -13,7 +13,7 @@ class EventLog:
     """Writes events, and keeps them; use it as a context manager.
 
     Args:
-        path: of the file; made anew.
+        path: of the file; an older one is replaced.
     """
 
     def __init__(self, path: Path) -> None:

@@ -75,7 +75,7 @@ def held_out_inputs(config: SessionConfig) -> InputsConfig:
 def write_tag_map(config: SessionConfig, body: Body, folder: SessionFolder, parameters: Mapping[str, Parameters]) -> None:
     """The tags that a rendering camera sees, for whoever reads its detections."""
     if config.rendered:
-        rig = rig_of(body.polytope, f"body_{body.name}", _value(parameters, "sim_camera", "board_frame"))
+        rig = rig_of(body.tracked_polytope, f"body_{body.name}", _value(parameters, "sim_camera", "board_frame"))
         write_atomically(folder.tag_map, tag_rig_yaml(rig).encode())
 
 

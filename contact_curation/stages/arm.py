@@ -97,7 +97,7 @@ class ArmStage:
         if against is not None:
             return self._ended(Ending(False, against))
         if self._gate.arming != self._arming:
-            return self._ended(Ending(False, f"stopped before it began: {self._gate.reason or 'armed anew since'}"))
+            return self._ended(Ending(False, f"stopped before it began: {self._gate.reason or 'armed again since'}"))
         self._simulation.begin(motion)
         self._begun = True
         return None

@@ -33,19 +33,19 @@ class CurationConfig:
 
     Attributes:
         selection: exact: ranks all tosses; streaming: bounded memory, criteria trace and log-det only.
-        warm_up: tosses that a streaming log-det takes its prior from.
+        prior_tosses: tosses that a streaming log-det takes its prior from.
         coverage: a new theta takes over once this share of the known tosses is scored at it.
     """
 
     selection: str = SELECTIONS[0]
-    warm_up: int = 64
+    prior_tosses: int = 64
     coverage: float = 0.9
 
     def __post_init__(self) -> None:
         if self.selection not in SELECTIONS:
             raise InvalidValueError("selection", self.selection, f"one of {', '.join(SELECTIONS)}")
-        if self.warm_up < 1:
-            raise InvalidValueError("warm_up", self.warm_up, "at least 1 toss")
+        if self.prior_tosses < 1:
+            raise InvalidValueError("prior_tosses", self.prior_tosses, "at least 1 toss")
         if not 0.0 < self.coverage <= 1.0:
             raise InvalidValueError("coverage", self.coverage, "a share in (0, 1]")
 
@@ -187,7 +187,7 @@ class CurationStage:
         return 0 if header is None else header.stamped.stamp_ns
 
     def _fresh(self, ranking: RankingConfig) -> Selection:
-        return selection_of(self._config.selection, ranking, self._config.warm_up)
+        return selection_of(self._config.selection, ranking, self._config.prior_tosses)
 
     def _of_stored(self, ranking: RankingConfig, version: str) -> Selection:
         """A selection of what is stored at a theta."""

@@ -222,7 +222,7 @@ class DesignStage:
     def _measure(self) -> None:
         """Measures what the last throw taught, if it was designed and its toss is scored at a theta that is known here.
 
-        Where that is not the theta of the plan, what was to be expected is predicted anew: only gains at one theta compare.
+        Where that is not the theta of the plan, the expected gain is predicted again: only gains at one theta compare.
         """
         last = self.throws[-1] if self.throws else None
         if last is None or last.exploration is not None or not last.toss_id or last.realised is not None:

@@ -58,22 +58,22 @@ class ExactSelection:
 
 
 class StreamingSelection:
-    """What a streaming selector keeps; all of the first `warm_up` tosses until they have given a criterion its prior.
+    """What a streaming selector keeps; all of the first `prior_tosses` tosses until they have given a criterion its prior.
 
     Args:
         config: with a criterion that can select from a stream.
-        warm_up: how many tosses the prior is taken from.
+        prior_tosses: how many tosses the prior is taken from.
 
     Raises:
         InvalidValueError: another criterion, which is not possible in one pass.
     """
 
-    def __init__(self, config: RankingConfig, warm_up: int) -> None:
+    def __init__(self, config: RankingConfig, prior_tosses: int) -> None:
         criterion = criterion_named(config.criterion)
         if criterion.stream is None:
             streamed = (name for name in criterion_names() if criterion_named(name).stream)
             raise InvalidValueError("criterion of a streaming selection", criterion.name, " or ".join(streamed))
-        self._start, self._config, self._warm_up = criterion.stream, config, warm_up
+        self._start, self._config, self._prior_tosses = criterion.stream, config, prior_tosses
         self._first: dict[str, TossInformation] = {}
         self._selector = None if Need.PRIOR in criterion.needs else self._start((), config)
 
@@ -82,7 +82,7 @@ class StreamingSelection:
             self._selector.offer(information)
             return
         self._first.setdefault(information.toss_id, information)
-        if len(self._first) == self._warm_up:
+        if len(self._first) == self._prior_tosses:
             self._selector = self._start(tuple(self._first.values()), self._config)
             self._first = {}
 
@@ -101,10 +101,10 @@ def ranking_for(kind: str, config: RankingConfig) -> RankingConfig:
     return replace(config, criterion=STREAMED_CRITERION) if stands_in else config
 
 
-def selection_of(kind: str, config: RankingConfig, warm_up: int) -> Selection:
+def selection_of(kind: str, config: RankingConfig, prior_tosses: int) -> Selection:
     """A fresh selection of one of `SELECTIONS`.
 
     Raises:
         InvalidValueError: the criterion is not possible in one pass.
     """
-    return ExactSelection() if kind == "exact" else StreamingSelection(config, warm_up)
+    return ExactSelection() if kind == "exact" else StreamingSelection(config, prior_tosses)

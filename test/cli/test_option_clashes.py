@@ -38,8 +38,8 @@ def test_all_tosses_judge_where_the_user_holds_out_none_whatever_the_checkpoint_
     model = tmp_path / "model.safetensors"
     assert cli("train", golden, "--steps", "1", "--held-out", "0-2", "--out", model).status == 0
     done = cli("evaluate", model, golden, "--held-out", "none", "--json")
-    assert (done.status, done.json["chosen"], done.json["tosses"]) == (0, "all there are", 21)
-    assert f"{model}: it learned from 18 of the 21 tosses it is judged by" in done.err
+    assert (done.status, done.json["chosen"], done.json["tosses"]) == (0, "", 21)
+    assert f"{model}: it learned from 18 of the 21 tosses it is evaluated on" in done.err
 
 
 def test_the_command_that_train_proposes_reads_the_recordings_as_it_did(cli: Cli, golden: Path, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.geometry import quaternions
 from contact_curation.motion.calibration import RigCalibration, apply_calibration
 from contact_curation.motion.segmenter_config import SegmenterConfig
@@ -36,7 +37,7 @@ def leaning(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with BagWriter(path) as bag:
         record(
             bag,
-            "cube",
+            CONTACTNETS_CUBE,
             (apply_calibration(toss, RigCalibration((across, 0.0, up), scale=0.98)) for toss in simulated_tosses(12, 3)),
             TagslamRig(rules=SegmenterConfig()),
         )
@@ -78,15 +79,15 @@ def test_what_it_says_puts_tosses_right(cli: Cli, leaning: Path, tmp_path: Path)
     assert "at rest" not in ranked.out
 
 
-def test_a_model_of_tosses_put_right_is_judged_by_such(cli: Cli, golden: Path, tmp_path: Path) -> None:
+def test_a_model_of_tosses_corrected_is_judged_by_such(cli: Cli, golden: Path, tmp_path: Path) -> None:
     settings, checkpoint = "--set rig.scale=1.00500", tmp_path / "cube.safetensors"
     trained = cli("train", golden, *settings.split(), "--protocol", "exact", "--held-out", "0.3", "--out", checkpoint)
     assert trained.status == 0
     assert trained.out.endswith(f"{settings}\n")  # the next command reads alike
-    assert "put right" not in cli("evaluate", checkpoint, golden, *settings.split()).err
+    assert "corrected" not in cli("evaluate", checkpoint, golden, *settings.split()).err
     warned = cli("evaluate", checkpoint, golden).err
     assert "it learned from tosses calibrated by --set rig.normal=0.00000,0.00000,1.00000" in warned
-    assert "and is judged by tosses as recorded" in warned
+    assert "and is evaluated on tosses as recorded" in warned
 
 
 def test_a_rig_that_the_gates_would_keep_back_is_told_all_the_same(cli: Cli, golden: Path) -> None:

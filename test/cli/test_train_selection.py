@@ -82,7 +82,7 @@ def test_an_exact_training_selects_again_at_its_optimum_and_learns_from_the_last
     assert triggers[:2] == ["first", "optimum"]
     assert 2 <= len(triggers) <= 3
     assert done["training_tosses"] == sorted(done["selections"][-1]["toss_ids"])
-    for option in (("--canary",), ("--rerank-every", 2)):
+    for option in (("--rerank-when-stale",), ("--rerank-every", 2)):
         refused = cli("train", folder, "--out", tmp_path / "c.safetensors", *exact, "--top", 2, *option)
         assert refused.status == 1
         assert f"{option[0]}: found --protocol exact, which selects again at each optimum" in refused.err

@@ -46,7 +46,18 @@ def send(number: signal.Signals) -> Interrupt:
 def test_a_training_that_is_stopped_goes_on_to_the_same_end(
     cli: Cli, folder: Path, tmp_path: Path, interrupt: Interrupt, stored: int
 ) -> None:
-    options = (*SHORT, "--top", 3, "--criterion", "trace", "--canary", "--set", "canary.steps=5", "--checkpoint-every", 0)
+    options = (
+        *SHORT,
+        "--top",
+        3,
+        "--criterion",
+        "trace",
+        "--rerank-when-stale",
+        "--set",
+        "staleness.steps=5",
+        "--checkpoint-every",
+        0,
+    )
     whole, parts = tmp_path / "whole.safetensors", tmp_path / "parts.safetensors"
     assert cli("train", folder, "--out", whole, *options).status == 0
     with pytest.MonkeyPatch.context() as monkeypatch:
@@ -127,7 +138,7 @@ def test_a_checkpoint_is_neither_overwritten_nor_taken_for_another_training(cli:
     assert out.read_bytes() != before
 
 
-def test_with_nothing_to_go_on_with_it_begins_anew(cli: Cli, folder: Path, tmp_path: Path) -> None:
+def test_with_nothing_to_go_on_with_it_starts_over(cli: Cli, folder: Path, tmp_path: Path) -> None:
     done = cli("train", folder, "--out", tmp_path / "a.safetensors", *SHORT, "--resume")
     assert done.status == 0
-    assert done.err_lines[0] == f"found no {tmp_path / 'a.safetensors'} to go on with: beginning anew"
+    assert done.err_lines[0] == f"found no {tmp_path / 'a.safetensors'} to go on with: starting over"

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact_curation.contact.body import CONTACTNETS_CUBE, LARGEST_FILE, Body
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
+from contact_curation.contact.body_description import LARGEST_FILE
 from contact_curation.errors import UnreadableInputError
 
 CUBE_FILE = Path(__file__).resolve().parents[2] / "contact_curation" / "config" / "cube.yaml"
@@ -38,10 +39,25 @@ def test_a_vertex_that_is_no_corner_is_refused(tmp_path: Path, more: str) -> Non
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        (("mass:", "weight:"), r"body: found keys \['weight'\]"),
-        (("mass: 0.37", ""), "body: found keys .* expected name, mass"),
-        (("mass: 0.37", "mass: heavy"), "body mass: found heavy, expected numbers"),
-        (("mass: 0.37", "mass: [1, 2]"), "found values of the wrong form"),
+        (("mass:", "weight:"), r"unknown key 'weight': expected one of .*'mass'"),
+        (("half_extents:", "half_extent:"), r"unknown key 'half_extent': did you mean 'half_extents'\?"),
+        (("mass: 0.37", ""), r"missing key: mass \(e.g. 0.46\)"),
+        (("length_scale: 0.0524", ""), r"missing key: length_scale \(e.g. 0.0524\)"),
+        (("inertia: [0.00081, 0.00081, 0.00081]", ""), r"missing key: inertia \(e.g. \[0.000677, 0.000677, 0.000677\]\)"),
+        (("mass: 0.37", "mass: heavy"), "mass: found heavy, expected numbers"),
+        (("mass: 0.37", "mass: true"), "mass: found True, expected numbers"),
+        (("mass: 0.37", "mass: 1" + 399 * "0"), "mass: found an integer of over 300 digits"),
+        (("mass: 0.37", "mass: .inf"), "mass: found inf, expected a positive number"),
+        (
+            ("[0.0524, 0.0524, 0.0524]", "[.inf, 0.0524, 0.0524]"),
+            r"half_extents: found \[inf, 0.0524, 0.0524\], expected 3 positive",
+        ),
+        (("[0.00081, 0.00081, 0.00081]", "[.inf, 0.00081, 0.00081]"), "inertia: found .* finite numbers"),
+        (
+            ("[0.00081, 0.00081, 0.00081]", "[[0.00081, 0.0002, 0], [0, 0.00081, 0], [0, 0, 0.00081]]"),
+            "inertia: found 0.0002 in row 1, column 2, and 0 opposite of it, expected a symmetric matrix",
+        ),
+        (("mass: 0.37", "mass: [1, 2]"), r"mass: found \[1, 2\], expected one number"),
         (("mass: 0.37", "mass: -1"), "mass: found -1.0, expected a positive number"),
         (("mass: 0.37", "mass: .nan"), "mass: found nan"),
         (
@@ -52,7 +68,7 @@ def test_a_vertex_that_is_no_corner_is_refused(tmp_path: Path, more: str) -> Non
         (("name: cube", "name: a__b"), "name of the body: found 'a__b'"),
         (("name: cube", "name: 2024-02-30"), "found no YAML"),
         (("inertia: [0.00081, 0.00081, 0.00081]", "inertia: [0.00081, 0.00081, 0.0081]"), "inertia: .* sum of the other two"),
-        (("[0.0524, 0.0524, 0.0524]", "[0.0524, 0.0524]"), "found values of the wrong form"),
+        (("[0.0524, 0.0524, 0.0524]", "[0.0524, 0.0524]"), "half_extents: found .*, expected 3 positive numbers"),
         (("name: cube", "name: [cube"), "found no YAML"),
         (("name: cube", "1: 2\nname: cube"), "expected the keys of a body"),
         (("name: cube", "name: !!python/object/apply:os.getcwd []"), "found no YAML"),

@@ -1,4 +1,4 @@
-"""Warm-up throws meet the board in different ways, whatever theta is."""
+"""Exploration throws meet the board in different ways, whatever theta is."""
 
 import numpy as np
 
@@ -59,7 +59,7 @@ def test_spread_throws_cover_more_than_random_ones() -> None:
     assert coverage(features, features[:0], 0.5) == 0.0
 
 
-def test_a_warm_up_is_the_same_at_any_theta_and_goes_on_from_what_was_thrown() -> None:
+def test_an_exploration_throw_is_the_same_at_any_theta_and_goes_on_from_what_was_thrown() -> None:
     plans = [exploration_plan(planner, ["a", "b"], planner.known(), 0) for planner in _planners()]
     one, other = ([throw.release.tolist() for throw in plan.throws] for plan in plans)
     assert one == other

@@ -68,5 +68,5 @@ def test_rank_correlation_asks_for_order_only() -> None:
     [("least_tosses", -1), ("recent", 0), ("largest_loss", 0.0), ("least_agreement", 1.5), ("most_tosses", -1)],
 )
 def test_settings_that_make_no_sense_are_refused(name: str, value: float) -> None:
-    with pytest.raises(InvalidValueError, match=f"canary.{name}"):
+    with pytest.raises(InvalidValueError, match=f"readiness.{name}"):
         replace(CONFIG, **{name: value})  # type: ignore[arg-type]

@@ -169,7 +169,7 @@ def test_bad_tosses_cost_what_the_page_says() -> None:
 THROWN = {
     "random": "random, fitted prior",
     "raw": "random, the paper's normal",
-    "warm-up": "warm-up only: each meets the board in another way",
+    "exploration": "exploration only: each meets the board in another way",
     "designed": "designed, from throw 6 to 8 on",
 }
 """Rules, as the table of docs/results.md calls them."""

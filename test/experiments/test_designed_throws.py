@@ -58,7 +58,7 @@ def test_the_body_as_described_is_right_about_itself(bench: Bench) -> None:
     assert float(row["rotation"]) < 1.0
 
 
-def test_the_canary_hears_the_loss_that_a_toss_had_before_anybody_learned_from_it() -> None:
+def test_the_readiness_check_uses_the_loss_of_a_toss_before_any_training_on_it() -> None:
     readiness = ReadinessConfig(least_tosses=1, largest_loss=1e-9)
     begun, better, toss = other_theta(1.5, 0.4).geometry, TRUE, simulated_tosses(1, seed=2)[0]
     designer = Designer(CONTACTNETS_CUBE, DesignerConfig(SMALL, readiness, LOSS))

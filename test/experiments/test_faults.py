@@ -41,8 +41,8 @@ def test_a_spike_is_one_frame_and_its_two_velocities(tosses: tuple[Toss, ...]) -
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_glitch_is_two_or_three_frames_and_gets_past_the_median(tosses: tuple[Toss, ...], seed: int) -> None:
-    off = moved(tosses[1], made(tosses[1], Fault.GLITCH, seed))
+def test_a_burst_of_outliers_is_two_or_three_frames_and_gets_past_the_median(tosses: tuple[Toss, ...], seed: int) -> None:
+    off = moved(tosses[1], made(tosses[1], Fault.BURST, seed))
     assert np.count_nonzero(off) in (2, 3)
     assert off.max() == pytest.approx(0.005)
 
@@ -74,7 +74,7 @@ def test_late_orientations_are_those_of_two_frames_before(tosses: tuple[Toss, ..
     np.testing.assert_array_equal(bad.positions, tosses[5].positions)
 
 
-@pytest.mark.parametrize("fault", [Fault.SPIKE, Fault.GLITCH, Fault.TAGS])
+@pytest.mark.parametrize("fault", [Fault.SPIKE, Fault.BURST, Fault.TAGS])
 def test_gates_see_what_jumps(tosses: tuple[Toss, ...], fault: Fault) -> None:
     seen = [bool(inspect(made(toss, fault), CONTACTNETS_CUBE.polytope, GateConfig())) for toss in tosses]
     assert sum(seen) >= len(tosses) - 1

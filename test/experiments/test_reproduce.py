@@ -113,7 +113,7 @@ def test_ways_of_choosing_throws_are_compared_throw_by_throw(cli: Cli, folder: P
 
 @pytest.mark.slow
 def test_throws_are_the_same_in_processes_of_their_own(cli: Cli, folder: Path, tmp_path: Path) -> None:
-    words = ("reproduce", "designed-throws", folder, *SMALL, "--rules", "warm-up", "designed", "--out")
+    words = ("reproduce", "designed-throws", folder, *SMALL, "--rules", "exploration", "designed", "--out")
     assert cli(*words, tmp_path / "one").status == 0
     assert cli(*words, tmp_path / "two", "--jobs", 2).status == 0
     assert (tmp_path / "one" / "rows.csv").read_bytes() == (tmp_path / "two" / "rows.csv").read_bytes()
@@ -122,7 +122,7 @@ def test_throws_are_the_same_in_processes_of_their_own(cli: Cli, folder: Path, t
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (("--rules", "longest"), "rule of designed-throws: found longest, expected one of random, raw, warm-up, designed"),
+        (("--rules", "longest"), "rule of designed-throws: found longest, expected one of random, raw, exploration, designed"),
         (("--model", "deep"), "model of designed-throws: found deep, expected one of polytope"),
         (("--protocol", "published"), "protocol of designed-throws: found published, expected one of exact, budgeted"),
     ],

@@ -1,4 +1,4 @@
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +14,7 @@ from contact_curation_msgs.msg import (
     TossRejected,
     TrainingStatus,
 )
+from geometry_msgs.msg import Pose
 from rclpy.serialization import deserialize_message, serialize_message
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
@@ -145,3 +146,55 @@ def test_theta_comes_back_from_safetensors_bit_for_bit() -> None:
 def test_parameters_of_no_model_or_of_another_are_refused_with_a_reason(message: ModelParameters, why: str) -> None:
     with pytest.raises(InvalidValueError, match=why):
         scorer_of(ScoredTheta(message.model, bytes(message.safetensors)), CONTACTNETS_CUBE, ScoringConfig())
+
+
+def information_with(**changed: Any) -> TossInformation:
+    (information,) = scored(simulated_tosses(1, seed=3))
+    message = information_message(information, 3, Stamped(0, ""))
+    for name, value in changed.items():
+        setattr(message, name, value(getattr(message, name)) if callable(value) else value)
+    return message
+
+
+def all_huge(numbers: Sequence[float]) -> list[float]:
+    return [1e200] * len(numbers)
+
+
+@pytest.mark.parametrize(
+    ("message", "take", "why"),
+    [
+        (lambda: information_with(mean_loss=float("nan")), information_of, "mean_loss of toss .*: found nan, expected finite"),
+        (lambda: information_with(score_sum=all_huge), information_of, "score_sum of toss .*: found 1e"),
+        (lambda: information_with(factor=all_huge), information_of, r"factor of toss .*: found 1e\+200"),
+        (lambda: information_with(factor=[], factor_rows=0), information_of, "factor of toss .*: found no row"),
+        (lambda: information_with(block_names=[], block_sizes=[], factor=[], factor_rows=0), information_of, "no parameter"),
+        (lambda: information_with(factor=[0.0] * (1 << 21)), information_of, "2097152 entries, expected at most 1048576"),
+        (lambda: information_with(influence_bound=-1.0), information_of, "influence_bound"),
+        (
+            lambda: far_toss(1e30),
+            toss_of,
+            r"positions \[m\] of toss .*: found 1e\+30, expected finite",
+        ),
+        (lambda: Toss(toss_id="long", poses=[Pose()] * 100_001), toss_of, "poses of toss long: found 100001 entries"),
+    ],
+)
+def test_numbers_that_no_toss_has_are_refused_at_the_door(message: Any, take: Callable[[Any], object], why: str) -> None:
+    with pytest.raises(InvalidValueError, match=why):
+        take(message())
+
+
+def far_toss(distance: float) -> Toss:
+    (toss,) = simulated_tosses(1, seed=3)
+    message = toss_message(toss, 1, "board")
+    message.poses[3].position.x = distance
+    return message
+
+
+@pytest.mark.parametrize(
+    ("count", "size", "why"), [(10_000, 1.0, "vertices of the parameters: found 10000"), (8, 1e200, "vertices_normal: found a")]
+)
+def test_parameters_that_no_body_has_are_refused_before_anything_is_computed(count: int, size: float, why: str) -> None:
+    vertices = np.full((count, 3), size)
+    theta = ContactGeometry(vertices, np.array([0.0, 0.0, 1.0]), vertices, 0.2 * np.eye(2, 3))
+    with pytest.raises(InvalidValueError, match=why):
+        geometry_of_bytes(bytes_of_geometry(theta))

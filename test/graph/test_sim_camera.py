@@ -13,6 +13,7 @@ from rclpy.publisher import Publisher
 from sensor_msgs.msg import CameraInfo, Image
 from tf2_msgs.msg import TFMessage
 
+from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.poses import Pose
 from contact_curation.motion.body_tracker import BodyPose, BodyTracker, TrackerConfig
@@ -154,7 +155,7 @@ def test_tags_are_rendered_and_detected_and_give_the_true_pose_with_the_frames_s
     reader = PoseTopicConfig(tag_map=str(SHIPPED)).detections("cube")
     assert reader is not None
     reader.calibrated(infos[-1])
-    tracker = BodyTracker(PoseTopicConfig(tag_map=str(SHIPPED)).tracker("cube", "body_surface"))
+    tracker = BodyTracker(PoseTopicConfig(tag_map=str(SHIPPED)).tracker(CONTACTNETS_CUBE, "body_surface"))
     events = [event for message in heard for one in reader.detected(message) for event in tracker.push(one)]
     assert [event.stamp_ns for event in events if isinstance(event, BodyPose)] == [stamp_ns for stamp_ns, _ in frames]
     for event, (_, true) in zip(events, frames):

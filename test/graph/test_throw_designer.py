@@ -42,7 +42,7 @@ def started(graph: Graph, **changed: Any) -> Any:
 
 
 def trusted(graph: Graph) -> dict[str, Any]:
-    return {"params": write_parameters(graph.folder / "true.json"), "canary.enabled": False}
+    return {"params": write_parameters(graph.folder / "true.json"), "readiness.enabled": False}
 
 
 def made(folder: Path) -> tuple[ThrowRecord, ...]:
@@ -78,12 +78,12 @@ def test_a_throw_is_proposed_without_being_made_and_the_same_seed_proposes_it_ag
 
 
 @pytest.mark.slow
-def test_without_a_theta_that_it_can_use_throws_warm_up(graph: Graph) -> None:
+def test_without_a_theta_that_it_can_use_makes_exploration_throws(graph: Graph) -> None:
     publisher = graph.listener.node.create_publisher(ModelParameters, "/model_parameters", latched(1))
     publisher.publish(ModelParameters(body="cube", model="deep", safetensors=b"nothing"))
     heard = graph.diagnostics()
     started(graph)
-    graph.until(lambda: counted(heard, "bad parameters") == 1, LONG, "a complaint")
+    graph.until(lambda: counted(heard, "bad parameters") == 1, LONG, "a warning")
     request = ProposeThrow.Request(body="cube", seed=1)
     first = graph.listener.call(ProposeThrow, "propose_throw", request, LONG)
     assert first.success

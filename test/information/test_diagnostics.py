@@ -135,4 +135,6 @@ def test_a_block_with_over_half_of_the_trace_is_warned_of() -> None:
     assert dominance_warnings(shares) == (
         "block second holds 67 % of the trace: a trace ranking is mostly a ranking by that block",
     )
+    assert rank(uneven, RankingConfig("trace", top=2)).diagnostics == dominance_warnings(shares)
+    assert rank(uneven, RankingConfig("longest", top=2)).diagnostics == ()  # which no trace decides
     assert [share.share for share in block_shares([toss("silent", np.zeros((1, 4)))])] == [0.0, 0.0]

@@ -158,7 +158,7 @@ def _filled(data: bytes) -> bytes:
 
 
 def golden_calls() -> list[Call]:
-    """All of them, made anew: calls change their memory."""
+    """All of them, regenerated: calls change their memory."""
     return [*_solves(), *_evaluations(), *_descents(), *_network_descents(), *_steps(), *_elementary()]
 
 

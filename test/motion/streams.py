@@ -6,7 +6,8 @@ from math import cos, hypot, sin
 
 import numpy as np
 
-from contact_curation.contact.body import CONTACTNETS_CUBE, STANDARD_GRAVITY
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.body_values import STANDARD_GRAVITY
 from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.scalars import Quaternion, ScalarPose, Vector, compose
 from contact_curation.motion.body_tracker import BodyPose

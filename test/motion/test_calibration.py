@@ -41,7 +41,7 @@ def mistracked(toss: Toss) -> Toss:
     )
 
 
-def test_of_a_true_rig_there_is_nothing_to_put_right(tosses: tuple[Toss, ...]) -> None:
+def test_of_a_true_rig_there_is_nothing_to_corrected(tosses: tuple[Toss, ...]) -> None:
     evidence = measurements_of(tosses, CUBE)
     rig = evidence.calibration()
     assert np.degrees(rig.tilt) < 0.05
@@ -51,7 +51,7 @@ def test_of_a_true_rig_there_is_nothing_to_put_right(tosses: tuple[Toss, ...]) -
     assert apply_calibration(tosses[0], NO_CORRECTION) is tosses[0]
 
 
-def test_a_lean_and_a_short_metre_are_found_and_put_right(tosses: tuple[Toss, ...]) -> None:
+def test_a_lean_and_a_short_metre_are_found_and_corrected(tosses: tuple[Toss, ...]) -> None:
     tracked = [mistracked(toss) for toss in tosses]
     true, rig = calibration_of(tosses, CUBE), calibration_of(tracked, CUBE)
     np.testing.assert_allclose(rig.normal, quaternions.rotate(quaternions.exp(LEAN), true.normal), atol=5e-4)
@@ -61,7 +61,7 @@ def test_a_lean_and_a_short_metre_are_found_and_put_right(tosses: tuple[Toss, ..
     assert mended.scale == pytest.approx(1.0, abs=2e-3)
 
 
-def test_what_is_put_right_is_still_one_motion(tosses: tuple[Toss, ...]) -> None:
+def test_what_is_corrected_is_still_one_motion(tosses: tuple[Toss, ...]) -> None:
     tracked = mistracked(tosses[0])
     mended = apply_calibration(tracked, calibration_of([mistracked(toss) for toss in tosses], CUBE))
     dt = np.diff(tosses[0].stamps_ns)[:, np.newaxis] / 1e9

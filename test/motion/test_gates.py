@@ -303,6 +303,6 @@ class TestOnTheRealTosses:
         assert jumps == outliers
 
     @pytest.mark.parametrize("frames", [2, 3])
-    def test_glitches_of_two_and_three_frames_after_filtering_are_caught(self, real_tosses: list[Toss], frames: int) -> None:
+    def test_outliers_of_two_and_three_frames_after_filtering_are_caught(self, real_tosses: list[Toss], frames: int) -> None:
         tosses, outliers = contaminated(real_tosses, 28, 0, frames=frames)
         assert self.impulse_flags(tosses, CONFIG) == outliers

@@ -27,12 +27,12 @@ def test_poses_without_noise_and_too_few_poses_say_nothing() -> None:
 
 def test_far_more_noise_than_was_told_is_a_line_that_says_what_to_tell() -> None:
     noise = followed(5.0)
-    line = noise.complaint(1.0)
+    line = noise.warning(1.0)
     assert line.startswith("found positions that scatter by 0.1")
     assert "expected 0.022 mm" in line
     assert "say segmenter.tracker_noise=" in line
-    assert followed(20.0).complaint(1.0).endswith("smooth them, or take fewer a second")
-    assert noise.complaint(5.0) == followed(1.0).complaint(1.0) == ""
+    assert followed(20.0).warning(1.0).endswith("smooth them, or take fewer a second")
+    assert noise.warning(5.0) == followed(1.0).warning(1.0) == ""
 
 
 def test_a_body_that_is_carried_about_is_not_noise() -> None:

@@ -112,7 +112,7 @@ def test_the_first_page_of_the_face_works_as_it_stands(bench: Path) -> None:
     code = page.partition("```python\n")[2].partition("```")[0]
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=bench)
     assert done.returncode == 0, done.stderr
-    assert "judged by 21 tosses" in done.stdout
+    assert "evaluated on 21 of 24 tosses" in done.stdout
 
 
 def test_a_pattern_a_path_and_several_are_recordings(bench: Path, tosses: cc.Tosses) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from contact_curation.pipeline.workers import Advance, WorkerDiedError, each
+from contact_curation.pipeline.workers import Advance, WorkerDiedError, each, unheard
 
 
 def squared(number: int, advance: Advance) -> int:
@@ -27,13 +27,19 @@ def ending(number: int, advance: Advance) -> int:
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_results_come_in_the_order_of_the_inputs(jobs: int) -> None:
     told: list[int] = []
-    assert list(each(squared, [0, 1, 2, 3], jobs, told.append)) == [0, 1, 4, 9]
-    assert sum(told) == 6
+    shares: list[float] = []
+
+    def advance(count: int, /, *, share: float | None = None) -> None:
+        told.append(count)
+        shares.extend([] if share is None else [share])
+
+    assert list(each(squared, [0, 1, 2, 3], jobs, advance)) == [0, 1, 4, 9]
+    assert (sum(told), shares) == (6, [0.25, 0.5, 0.75, 1.0])
 
 
 def test_a_worker_that_is_killed_is_an_error_of_ours() -> None:
     with pytest.raises(WorkerDiedError, match="--jobs"):
-        list(each(ending, [1, 2], 2, lambda count: None))
+        list(each(ending, [1, 2], 2, unheard))
 
 
 def alive(pid: int) -> bool:
@@ -47,10 +53,10 @@ def alive(pid: int) -> bool:
 SLEEPER = """
 import multiprocessing, sys, time
 sys.path.insert(0, {folder!r})
-from contact_curation.pipeline.workers import each
+from contact_curation.pipeline.workers import each, unheard
 from sleeping import nap
 if __name__ == "__main__":
-    list(each(nap, [0, 1], 2, print))
+    list(each(nap, [0, 1], 2, unheard))
 """
 
 

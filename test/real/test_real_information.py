@@ -182,7 +182,7 @@ SPIKED, SPIKE = 28, 5e-3 / CUBE.length_scale
 
 
 def with_spikes(rows: Transitions, seed: int) -> tuple[Transitions, NDArray[np.int64]]:
-    """One frame of 28 of 570 tosses 5 mm off, as a tracker's glitch: its velocities jump there and back."""
+    """One frame of 28 of 570 tosses 5 mm off, as a tracking outlier: its velocities jump there and back."""
     rng = np.random.default_rng(seed)
     spiked = rng.choice(len(rows.starts) - 1, SPIKED, replace=False)
     before, after = rows.before.copy(), rows.after.copy()
@@ -198,7 +198,7 @@ def with_spikes(rows: Transitions, seed: int) -> tuple[Transitions, NDArray[np.i
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
-def test_glitches_win_by_trace_and_lose_by_bounded_influence_and_gauss_newton(
+def test_tracking_outliers_win_by_trace_and_lose_by_bounded_influence_and_gauss_newton(
     real_transitions: Transitions, fitted: ContactGeometry, seed: int
 ) -> None:
     """method.md 6.11, at a trained theta."""

@@ -44,14 +44,14 @@ def test_every_transition_is_solved(real_transitions: Transitions, name: str, co
 def test_transitions_that_no_body_could_make_are_solved_too(
     real_transitions: Transitions, fitted: ContactGeometry, cone: Cone
 ) -> None:
-    """Glitches of 5 mm and wrong velocities, at trained parameters: the hardest problems of the real tosses so far."""
+    """Tracking outliers of 5 mm and wrong velocities, at trained parameters: the hardest problems of the real tosses so far."""
     rows, rng = real_transitions, np.random.default_rng(4)
     after = rows.after.copy()
-    glitch = rng.random(len(after)) < 0.5
-    jumps = 0.1 * rng.standard_normal((int(glitch.sum()), 3))
-    after[glitch, :3] += jumps
-    after[glitch, 7:10] += jumps / rows.dt[glitch, None]
-    after[~glitch, 7:] *= 1.0 + 0.2 * rng.standard_normal((int((~glitch).sum()), 6))
+    outlier = rng.random(len(after)) < 0.5
+    jumps = 0.1 * rng.standard_normal((int(outlier.sum()), 3))
+    after[outlier, :3] += jumps
+    after[outlier, 7:10] += jumps / rows.dt[outlier, None]
+    after[~outlier, 7:] *= 1.0 + 0.2 * rng.standard_normal((int((~outlier).sum()), 6))
     for geometry in (fitted, TRUE):
         assert evaluate(geometry, CUBE, rows.before, after, rows.dt, LossConfig(cone=cone)).solved.all()
 

@@ -231,7 +231,7 @@ def test_what_a_curator_keeps_of_a_stream_is_near_what_it_keeps_of_everything(re
     """Although the prior of the stream is that of its first 64 tosses."""
     pool, config = scored_pool(real_tosses, Estimator.GAUSS_NEWTON), RankingConfig("log-det", top=16)
     greedy = value(pool, rank(pool.infos, config).selected_ids)
-    selection = StreamingSelection(config, warm_up=64)
+    selection = StreamingSelection(config, prior_tosses=64)
     for index in np.random.default_rng(0).permutation(len(pool)):
         selection.add(pool.infos[index])
     assert (selection.seen, len(selection.candidates)) == (570, 16)

@@ -12,7 +12,7 @@ from contact_curation.storage.stores.tosses import TossStore
 from test.graph.parts.measured import fresh_ingest, measured_of, tosses_in
 
 MESSAGES = 1000
-"""Five or six tosses, one of them glitched."""
+"""Five or six tosses, one of them with a tracking outlier."""
 
 
 def arrivals_of(measured: tuple[FramePose, ...]) -> list[Arrival]:

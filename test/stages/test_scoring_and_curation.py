@@ -75,7 +75,7 @@ def test_what_was_scored_and_not_announced_is_announced_after_a_death(tmp_path: 
     assert np.array_equal(missed[0].information.factor, batch.new[1].information.factor)
 
 
-def test_a_new_theta_is_kept_over_a_death_and_begins_anew(tmp_path: Path) -> None:
+def test_a_new_theta_is_kept_over_a_death_and_starts_over(tmp_path: Path) -> None:
     with scoring(tmp_path) as stage:
         stage.score(TOSSES[:2], FRAMES)
         stage.advance(Cursor(2, TOSSES[1].toss_id))
@@ -272,7 +272,7 @@ def test_another_criterion_ranks_what_is_there_already(tmp_path: Path) -> None:
 def test_a_streaming_trace_keeps_the_same_tosses_with_bounded_memory(tmp_path: Path) -> None:
     informations = scored(TOSSES)
     config = RankingConfig(criterion="trace", top=3)
-    selection = StreamingSelection(config, warm_up=4)
+    selection = StreamingSelection(config, prior_tosses=4)
     for information in informations:
         selection.add(information)
     assert selection.seen == 8
@@ -282,7 +282,7 @@ def test_a_streaming_trace_keeps_the_same_tosses_with_bounded_memory(tmp_path: P
 
 
 def test_a_streaming_log_det_takes_its_prior_from_the_first_tosses(tmp_path: Path) -> None:
-    selection = StreamingSelection(RankingConfig("log-det", top=3), warm_up=4)
+    selection = StreamingSelection(RankingConfig("log-det", top=3), prior_tosses=4)
     sizes = []
     for information in scored(TOSSES):
         selection.add(information)
@@ -306,7 +306,7 @@ def test_a_buffer_says_what_is_proven_of_it_against_sets_of_its_size(tmp_path: P
 
 def test_nothing_is_proven_of_a_stream_that_has_let_tosses_go(tmp_path: Path) -> None:
     bounds = []
-    with curating(tmp_path, config=CurationConfig(selection="streaming", warm_up=4)) as stage:
+    with curating(tmp_path, config=CurationConfig(selection="streaming", prior_tosses=4)) as stage:
         for information in scored(TOSSES):
             added(stage, [information])
             buffer = stage.buffer()
@@ -317,7 +317,7 @@ def test_nothing_is_proven_of_a_stream_that_has_let_tosses_go(tmp_path: Path) ->
 
 
 def test_log_det_stands_in_for_the_default_where_tosses_are_let_go_but_not_for_what_was_named(tmp_path: Path) -> None:
-    with curating(tmp_path, config=CurationConfig(selection="streaming", warm_up=4)) as stage:
+    with curating(tmp_path, config=CurationConfig(selection="streaming", prior_tosses=4)) as stage:
         added(stage, scored(TOSSES))
         buffer = stage.buffer()
         with pytest.raises(InvalidValueError, match="criterion of a streaming selection: found representative"):

@@ -18,6 +18,7 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import NewerVersionError, UnreadableInputError
 from contact_curation.learning.checkpoints import safetensors_bytes
 from contact_curation.learning.checkpoints.selection_document import selections_of
+from contact_curation.learning.training.reranking import Trigger
 from contact_curation.storage.checkpoint_file import read_model, read_notes, resume_training
 from contact_curation.storage.manifest.file import read_manifest, write_manifest
 from contact_curation.storage.parameters_file import read_parameters
@@ -176,10 +177,10 @@ def test_checkpoints_of_the_previous_release_are_read(previous: Callable[[str], 
 
 
 def test_selections_in_checkpoints_of_the_previous_release_are_read() -> None:
-    numbers = {"gradient_steps": 3, "epochs": 1, "trigger": "epochs", "spearman": 0.5, "overlap": 0.25, "retained": None}
+    numbers = {"gradient_steps": 3, "epochs": 1, "trigger": "canary", "spearman": 0.5, "overlap": 0.25, "retained": None}
     entry = {**numbers, "kept": ["a", "b"], "canaries": ["c"], "not_scored": []}
     (found,) = selections_of(json.dumps([entry]))
-    assert (found.toss_ids, found.canaries, found.gradient_steps) == (("a", "b"), ("c",), 3)
+    assert (found.toss_ids, found.monitored, found.trigger) == (("a", "b"), ("c",), Trigger.STALE)
 
 
 def test_checkpoints_of_a_later_release_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

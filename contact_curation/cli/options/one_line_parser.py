@@ -21,6 +21,9 @@ LETTERS = {
 }
 """The letters that stand for options, the same ones in all verbs."""
 
+RENAMED = {"--canary": "--rerank-when-stale", "--warm-up": "--exploration-throws"}
+"""Options of version 0.1 by their names then, and now."""
+
 EXAMPLES = "examples:"
 
 
@@ -61,7 +64,7 @@ class OneLineParser(argparse.ArgumentParser):
         name = next((word.partition("=")[0] for word in words if word.startswith("-")), "")
         if not name:
             return f"found {' '.join(words)} after the last input, expected options before it or nothing"
-        near = get_close_matches(name, options, 1)
+        near = [RENAMED[name]] if RENAMED.get(name) in options else get_close_matches(name, options, 1)
         return f"unknown option {name}" + (f": did you mean {near[0]}?" if near else f": {self.prog} --help lists its options")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from contact_curation.learning.training.reranking import RerankingConfig, StalenessConfig
     from contact_curation.pipeline.training import TrainConfig, TrainingRun
 
-STAGES = (*SHARED_STAGES, "training", "ranking", "canary")
+STAGES = (*SHARED_STAGES, "training", "ranking", "staleness")
 PROTOCOLS = ("budgeted", "published", "exact")
 CHOICES = {"criterion": criterion_names(), "variant": VARIANTS}
 TOLD = {"criterion": "by what the best tosses are selected"}
@@ -51,7 +51,7 @@ DEFAULT_SHARE = 0.2
 """Of the tosses that is held out where nothing else is said."""
 
 CHECKPOINT_SECONDS = 30.0
-ONLY_WITH_TOP = ("criterion", "variant", "estimator", "rerank_every", "canary")
+ONLY_WITH_TOP = ("criterion", "variant", "estimator", "rerank_every", "rerank_when_stale")
 
 
 def add_options(parser: OneLineParser) -> None:
@@ -111,7 +111,11 @@ def _add_toss_options(parser: argparse.ArgumentParser) -> None:
     add_fields(group, ScoringConfig(), "estimator")
     again = group.add_mutually_exclusive_group()
     again.add_argument("--rerank-every", type=positive_integer, metavar="N", help="select the best K again every N epochs")
-    again.add_argument("--canary", action="store_true", help="select them again when the ranks of a few tosses have moved")
+    again.add_argument(
+        "--rerank-when-stale",
+        action="store_true",
+        help="select them again when the ranks of a fixed sample of tosses have changed (staleness.*)",
+    )
     add_held_out_option(group, f"default {DEFAULT_SHARE}; with --manifest of the tosses that were not selected")
     group.add_argument(
         "--keep-duplicates", action="store_true", help="learn from motions, too, that are held out under another id"
@@ -126,7 +130,7 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
     )
     exists = group.add_mutually_exclusive_group()
     exists.add_argument("--resume", action="store_true", help="go on where the checkpoint is, if there is one")
-    exists.add_argument("--overwrite", action="store_true", help="begin anew although there is one")
+    exists.add_argument("--overwrite", action="store_true", help="start over although there is one")
     group.add_argument(
         "--checkpoint-every",
         type=number_from_zero,
@@ -202,7 +206,7 @@ def _configs(arguments: argparse.Namespace) -> "tuple[TrainConfig, ReadingConfig
     _check_exact(arguments)
     ranking = RankingConfig(top=arguments.top or 1, seed=arguments.seed, certificate_steps=0)
     ranking = with_options(ranking, arguments, *CHOICES)
-    defaults = {"training": PROTOCOL_OF[arguments.protocol](kind), "ranking": ranking, "canary": StalenessConfig()}
+    defaults = {"training": PROTOCOL_OF[arguments.protocol](kind), "ranking": ranking, "staleness": StalenessConfig()}
     stages = stages_of(arguments, defaults)
     protocol: TrainingConfig = stages["training"]
     protocol = protocol if arguments.steps is None else replace(protocol, steps=arguments.steps)
@@ -219,7 +223,7 @@ def _configs(arguments: argparse.Namespace) -> "tuple[TrainConfig, ReadingConfig
         body=body,
         protocol=protocol,
         division=division,
-        selection=_selection(arguments, stages["ranking"], stages["canary"]),
+        selection=_selection(arguments, stages["ranking"], stages["staleness"]),
         scoring=with_options(ScoringConfig(loss=protocol.loss), arguments, "estimator"),
         start=start_of(arguments.params, kind, body),
         seed=arguments.seed,
@@ -235,14 +239,14 @@ def _check_exact(arguments: argparse.Namespace) -> None:
     useless = {
         "--steps": (arguments.steps is not None, "which takes none"),
         "--rerank-every": (arguments.rerank_every is not None, "which selects again at each optimum"),
-        "--canary": (arguments.canary, "which selects again at each optimum"),
+        "--rerank-when-stale": (arguments.rerank_when_stale, "which selects again at each optimum"),
     }
     for name, (given, why) in useless.items():
         if given:
             raise InvalidValueError(name, f"--protocol exact, {why}", "--protocol budgeted or published")
 
 
-def _selection(arguments: argparse.Namespace, ranking: RankingConfig, canary: "StalenessConfig") -> "RerankingConfig | None":
+def _selection(arguments: argparse.Namespace, ranking: RankingConfig, staleness: "StalenessConfig") -> "RerankingConfig | None":
     from contact_curation.learning.training.reranking import RerankingConfig
 
     if arguments.top is None:
@@ -250,12 +254,12 @@ def _selection(arguments: argparse.Namespace, ranking: RankingConfig, canary: "S
         if given:
             raise InvalidValueError(f"--{given.replace('_', '-')}", "no --top", "--top K, which it belongs to")
         return None
-    return RerankingConfig(ranking, arguments.rerank_every, canary if arguments.canary else None)
+    return RerankingConfig(ranking, arguments.rerank_every, staleness if arguments.rerank_when_stale else None)
 
 
 def _check_out(arguments: argparse.Namespace) -> None:
     overwrite = arguments.resume or arguments.overwrite
-    check_outputs(overwrite=overwrite, remedy="--resume to go on with it, or --overwrite to begin anew", out=arguments.out)
+    check_outputs(overwrite=overwrite, remedy="--resume to go on with it, or --overwrite to start over", out=arguments.out)
     check_outputs(overwrite=overwrite, metrics=arguments.metrics)
 
 
@@ -267,7 +271,7 @@ def _begun_or_resumed(arguments: argparse.Namespace, config: "TrainConfig", toss
         _say(f"going on after {resumed.progress.gradient_steps} gradient steps of {arguments.out}")
         return resumed
     if arguments.resume:
-        _say(f"found no {arguments.out} to go on with: beginning anew")
+        _say(f"found no {arguments.out} to go on with: starting over")
     return TrainingRun.begun(config, tosses)
 
 

@@ -100,6 +100,6 @@ def _selection_line(one: Selected) -> str:
     count = f"{counted_tosses(len(one.toss_ids))} selected"
     if one.trigger is Trigger.FIRST:
         return f"{count} before the first step"
-    why = {Trigger.EPOCHS: "after so many epochs", Trigger.OPTIMUM: "at the optimum"}.get(one.trigger, "since canaries moved")
+    why = {Trigger.EPOCHS: "after so many epochs", Trigger.OPTIMUM: "at the optimum"}.get(one.trigger, "since ranks changed")
     moved = f"Spearman {one.spearman:.2f}, overlap {100.0 * one.overlap:.0f} %"
     return f"{count} again after step {one.gradient_steps}, {why} ({moved}); {100.0 * one.retained:.0f} % were selected before"

@@ -38,7 +38,7 @@ DIRECTIONS = 16
 
 
 class Sums(NamedTuple):
-    """What some tosses say together: A (p, p), its inverse, and the sum of their scores (p,)."""
+    """Sums over some tosses: A (p, p), its inverse, and the sum of their scores (p,)."""
 
     matrix: Array
     inverse: Array
@@ -53,7 +53,7 @@ class ExpectedError:
         pool: K tosses.
         coordinates: (P, p) in which the mean toss is the identity.
         known: the tosses' scores, there.
-        doubt: c; without regard to what is meant, 0 where all tosses say the same.
+        doubt: c; without regard to what is meant, 0 where the scores of all tosses are equal.
     """
 
     pool: Pool

@@ -2,7 +2,7 @@
 
 f(S) is monotone and submodular: greedy reaches (1 - 1/e) of the best set's value, and a toss's gain only shrinks while the
 set grows. So an old gain is an upper bound. The queue hands out the tosses with the largest bounds, a block at a time; their
-gains are computed anew; once no bound reaches the best new gain, the best is the one that a full pass over the pool would
+gains are recomputed; once no bound reaches the best new gain, the best is the one that a full pass over the pool would
 have found. Several parameter particles give the mean of their log-dets, which is submodular too (method.md 2.4).
 """
 

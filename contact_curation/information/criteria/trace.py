@@ -5,7 +5,7 @@ stream: a heap of size k gives exactly what ranking the whole pool gives, ties b
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from heapq import heappush, heapreplace
 
 import numpy as np
@@ -14,6 +14,7 @@ from contact_curation.errors import InvalidValueError, NotScoredError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.criteria.criterion import Criterion, Explanation, RankingConfig, register
 from contact_curation.information.criteria.explanation import by_log_det, place_by
+from contact_curation.information.diagnostics import block_shares, dominance_warnings
 from contact_curation.information.pool import Pool
 from contact_curation.information.ranking import Selection, mean_over_particles, modular_selection
 from contact_curation.information.record import TossInformation
@@ -104,7 +105,8 @@ class _Member:
 
 def _select(pools: Sequence[Pool], config: RankingConfig) -> Selection:
     scores = mean_over_particles([traces(pool, config.normalisation) for pool in pools])
-    return modular_selection(scores, config.top, exact=len(pools) == 1)
+    selection = modular_selection(scores, config.top, exact=len(pools) == 1)
+    return replace(selection, diagnostics=dominance_warnings(block_shares(pools[0].infos)))
 
 
 def _stream(first: Sequence[TossInformation], config: RankingConfig) -> TraceHeap:

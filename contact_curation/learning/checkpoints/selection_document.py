@@ -8,8 +8,11 @@ from typing import Any
 
 from contact_curation.learning.training.reranking import Selected, Trigger
 
-FIRST_NAMES = {"kept": "toss_ids"}
+FIRST_NAMES = {"kept": "toss_ids", "canaries": "monitored"}
 """What checkpoints of version 0.1 called these keys, and their names now."""
+
+FIRST_TRIGGERS = {"canary": Trigger.STALE}
+"""The same for triggers."""
 
 
 def document_of(selected: Selected) -> dict[str, Any]:
@@ -34,14 +37,14 @@ def selections_of(text: str) -> tuple[Selected, ...]:
 
 def _selected_of(entry: dict[str, Any]) -> Selected:
     entry = {FIRST_NAMES.get(name, name): value for name, value in entry.items()}
-    ids = {name: tuple(str(toss_id) for toss_id in entry[name]) for name in ("toss_ids", "canaries", "not_scored")}
+    ids = {name: tuple(str(toss_id) for toss_id in entry[name]) for name in ("toss_ids", "monitored", "not_scored")}
     shares = {name: nan if entry[name] is None else float(entry[name]) for name in ("spearman", "overlap", "retained")}
     return Selected(
         gradient_steps=int(entry["gradient_steps"]),
         epochs=int(entry["epochs"]),
-        trigger=Trigger(entry["trigger"]),
+        trigger=FIRST_TRIGGERS.get(entry["trigger"]) or Trigger(entry["trigger"]),
         toss_ids=ids["toss_ids"],
-        canaries=ids["canaries"],
+        monitored=ids["monitored"],
         spearman=shares["spearman"],
         overlap=shares["overlap"],
         retained=shares["retained"],

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from contact_curation.contact.body import Body
@@ -68,10 +67,7 @@ def model_of_packed(packed: Packed, source: Path | str, body: Body | None, last:
 
 def description(model: Model) -> dict[str, object]:
     """What `model_of_packed` needs beside the tensors."""
-    body = model.body
-    constants = {name: float(getattr(body, name)) for name in ("mass", "friction", "length_scale", "gravity")}
-    arrays = {"vertices": body.vertices.tolist(), "inertia": body.inertia.tolist()}
-    return {"kind": model.kind, "settings": model.settings(), "body": {"name": body.name, **constants, **arrays}}
+    return {"kind": model.kind, "settings": model.settings(), "body": model.body.to_mapping()}
 
 
 def named(prefix: str, arrays: dict[str, Array]) -> dict[str, NDArray[Any]]:
@@ -85,11 +81,9 @@ def named_back(prefix: str, arrays: dict[str, NDArray[Any]]) -> dict[str, NDArra
 
 
 def _check_body(found: Body, expected: Body | None, source: Path | str) -> None:
-    """The name aside, which changes no number."""
-    if expected is None:
-        return
-    for name in ("vertices", "mass", "inertia", "friction", "length_scale", "gravity"):
-        if not np.array_equal(getattr(found, name), getattr(expected, name)):
-            raise UnreadableInputError(
-                source, f"is for body {found.name!r}, whose {name} differs from that of the body {expected.name!r} in use"
-            )
+    if expected is not None and (other := found.first_difference(expected)):
+        raise UnreadableInputError(
+            source,
+            f"is for the body {found.name!r}, whose {other} differs from that of the body {expected.name!r} in use: leave out "
+            "--body, since the file has its body, or give the one that it is for",
+        )

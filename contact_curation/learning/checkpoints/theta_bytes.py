@@ -10,18 +10,21 @@ from safetensors.numpy import load, save
 
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.errors import InvalidValueError
+from contact_curation.solver.cone_problem import MAX_CONTACTS
 
 REQUIRED = ("vertices_normal", "normal", "vertices_tangent", "tangents")
 OPTIONAL = ("pivot", "height")
 LARGEST_BYTES = 1 << 20
-"""Far more than 32 vertices take."""
+"""Far more than the vertices of any body take."""
+LARGEST_NUMBER = 1e6
+"""[characteristic lengths]: of a vertex, or of the board's place; of a direction likewise."""
 
 
 def geometry_of_bytes(data: bytes) -> ContactGeometry:
     """The polytope in safetensors bytes.
 
     Raises:
-        InvalidValueError: bytes that are no safetensors, or arrays that are no polytope.
+        InvalidValueError: bytes that are no safetensors, or arrays that are no polytope of at most `MAX_CONTACTS` vertices.
     """
     if len(data) > LARGEST_BYTES:
         raise InvalidValueError("parameters", f"{len(data)} bytes", f"at most {LARGEST_BYTES}")
@@ -36,6 +39,11 @@ def geometry_of_bytes(data: bytes) -> ContactGeometry:
     height = numbers.pop("height", np.zeros(1))
     if height.size != 1:
         raise InvalidValueError("height", f"shape {height.shape}", "one number")
+    for name, values in {**numbers, "height": height}.items():
+        if not (np.abs(values) <= LARGEST_NUMBER).all():
+            raise InvalidValueError(name, "a number that is not finite or too large", f"at most {LARGEST_NUMBER:g}")
+    if len(numbers["vertices_normal"]) > MAX_CONTACTS:
+        raise InvalidValueError("vertices of the parameters", len(numbers["vertices_normal"]), f"at most {MAX_CONTACTS}")
     return ContactGeometry(**numbers, height=float(height.ravel()[0]))
 
 

@@ -1,7 +1,7 @@
 """A model judged by tosses: each is rolled out from its first measured state and compared with what was measured.
 
 Nothing is dropped in silence: a motion that is not finite is named and has no errors, a transition whose impulses carry no
-certificate has no loss and is counted, and so is a step of the rollout that ran out of sweeps.
+certificate has no loss and is counted, and so is a step of the rollout that reached the iteration limit.
 """
 
 from collections.abc import Collection, Sequence
@@ -73,7 +73,7 @@ class ModelEvaluation:
         mean_loss: of all solved transitions together; NaN where there is none.
         transitions: how many there are.
         not_solved: how many of them the solver could not certify.
-        sweeps_exhausted: steps of the rollouts that ran out of sweeps.
+        sweeps_exhausted: steps of the rollouts that reached the iteration limit.
         steps: of the rollouts.
         starts: (K + 1,) toss k owns frames starts[k]:starts[k + 1] of what follows.
         measured: (N, 13) states [characteristic lengths].

@@ -7,9 +7,9 @@ The number of a toss is the one that its file is named with, 417 for ContactNets
 from 0, and those that were rejected count too, so that no gate renumbers the others, unless the recording says of which file
 it was made (`storage.inputs.recording_notes`): 400-569 are the same tosses in ContactNets' files and in a bag of some of them.
 
-A motion can be in the data twice, under two headings of the board (docs/explanation/data.md). Duplicates are found by what no heading
-changes: the heights, and the vertical as the body sees it. A training toss with a duplicate among the held-out ones is left
-out of the training, and not the other way round: so the held-out set stays as published, and is never seen.
+A motion can be in the data twice, under two headings of the board (docs/explanation/data.md). Duplicates are found by what no
+heading changes: the heights, and the vertical as the body sees it. A training toss with a duplicate among the held-out ones is
+left out of the training, and not the other way round: so the held-out set stays as published, and is never seen.
 """
 
 from collections import defaultdict

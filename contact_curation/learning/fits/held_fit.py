@@ -2,15 +2,16 @@
 
     sum_t L + w_h N h^2 + sigma^2 (theta - theta_0)^T A0 (theta - theta_0)        N transitions, h the ground's height
 
-theta_0 is the random initialisation and A0 the spread that it was drawn with (method.md 1.1), so that the last term knows no
-more than whoever drew it; sigma^2 is the residuals' variance (docs/explanation/learning.md). The ground is known: level, and near the
-board's zero as in our training protocol. A ground that may lean does so along the flight, to stand for what the model lacks,
-and then all tosses together predict positions worse than a few do (docs/results.md). The same sum for every rule that is
-compared.
+theta_0 is the random initialisation and A0 the spread that it was drawn with (method.md 1.1), so that the last term knows
+no more than whoever drew it; sigma^2 is the residuals' variance (docs/explanation/learning.md). The ground is known: level,
+and near the board's zero as in our training protocol. A ground that may lean does so along the flight, to stand for what
+the model lacks, and then all tosses together predict positions worse than a few do (docs/results.md). The same sum for
+every rule that is compared.
 
-From a random initialisation the sum has false bottoms, most of all with few tosses: one vertex takes the impulses of another,
-which leaves. With a stronger last term they are gone, so it is fitted first with sigma^2 = 1, and from there with the true one
-(method.md 2.4 has no such problem to solve: gradient descent with small steps goes round most of them, and never arrives).
+From a random initialisation the sum has false bottoms, most of all with few tosses: one vertex takes the impulses of
+another, which leaves. With a stronger last term they are gone, so it is fitted first with sigma^2 = 1, and from there with
+the true one (method.md 2.4 has no such problem to solve: gradient descent with small steps goes round most of them, and
+never arrives).
 """
 
 from dataclasses import dataclass, field

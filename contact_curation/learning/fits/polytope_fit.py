@@ -2,7 +2,7 @@
 
     H = sum_k w_k F_k the Gauss-Newton information,  s = sum_k w_k s_k the score,     over tosses k
 
-That makes it the tool for questions about the optimum itself, such as how far it moves when tosses are drawn anew; a network
+That makes it the tool for questions about the optimum itself, such as how far it moves when tosses are re-drawn; a network
 has no such matrices.
 """
 

@@ -149,7 +149,7 @@ class _Block:
         }
 
     def restore(self, moments: Mapping[str, Tensor]) -> None:
-        """Takes over those of its parameters; with none for any of them it begins anew."""
+        """Takes over those of its parameters; with none for any of them it starts over."""
         own = {name: [moments[key] for key in _keys(name) if key in moments] for name in self.parameters}
         for name, found in own.items():
             shape = self.parameters[name].shape

@@ -1,11 +1,11 @@
-"""The selection is made again while theta is learned: what teaches most at one theta need not at another (method.md 2.4).
+"""Selects tosses again during training: the most informative tosses at one theta need not be so at another (method.md 2.4).
 
-Again after every n epochs, as the paper does, at each optimum of an exact training, or when canaries say so: a few tosses,
-always the same ones, are scored and ranked at the current theta, and compared with their ranking at the theta of the last
-selection. Only when their places have moved is the whole pool scored.
+A selection is repeated after every n epochs, as in the paper, at each optimum of an exact training, or when it is stale. To
+find out, a small fixed sample of the pool, the monitored tosses, is scored and ranked at the current theta, and the ranking is
+compared with theirs at the theta of the last selection. The whole pool is scored only when their ranks have changed.
 
-Each selection is made from nothing. A greedy pick takes a small part of the time that scoring does, so to start from
-the tosses selected before would save little; and as it is, a selection depends on theta alone, not on how theta was reached.
+Each selection starts from an empty set. Greedy picks take little time beside scoring, so a start from the previous selection
+would save little, and this way a selection depends on theta alone, and not on the steps that led to it.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,23 +32,23 @@ EXACT_SELECTIONS = 3
 
 
 class Trigger(StrEnum):
-    """Why a selection was made: the first one; so many epochs have passed; the canaries have moved; an optimum was reached."""
+    """Why a selection was made: it was the first, epochs had passed, the last one was stale, or an optimum was reached."""
 
     FIRST = "first"
     EPOCHS = "epochs"
-    CANARY = "canary"
+    STALE = "stale"
     OPTIMUM = "optimum"
 
 
 @dataclass(frozen=True)
 class StalenessConfig:
-    """When a selection is stale.
+    """When a selection is stale: the ranks of the monitored tosses have changed since.
 
     Attributes:
-        tosses: how many canaries there are.
-        spearman: the selection is made again when their places correlate by less.
-        overlap: or when less of their first ones are the same.
-        steps: gradient steps between two looks at them.
+        tosses: number of monitored tosses.
+        spearman: the selection is stale when the rank correlation with the last ranking is lower than this.
+        overlap: it is also stale when the share of monitored tosses that stayed among the best is lower than this.
+        steps: gradient steps between two checks.
     """
 
     tosses: int = 32
@@ -58,28 +58,28 @@ class StalenessConfig:
 
     def __post_init__(self) -> None:
         if self.tosses < 2:
-            raise InvalidValueError("canary.tosses", self.tosses, "at least 2")
+            raise InvalidValueError("staleness.tosses", self.tosses, "at least 2")
         if self.steps < 1:
-            raise InvalidValueError("canary.steps", self.steps, "at least 1")
+            raise InvalidValueError("staleness.steps", self.steps, "at least 1")
         if not -1.0 <= self.spearman <= 1.0:
-            raise InvalidValueError("canary.spearman", self.spearman, "a number from -1 to 1")
+            raise InvalidValueError("staleness.spearman", self.spearman, "a number from -1 to 1")
         if not 0.0 <= self.overlap <= 1.0:
-            raise InvalidValueError("canary.overlap", self.overlap, "a number from 0 to 1")
+            raise InvalidValueError("staleness.overlap", self.overlap, "a number from 0 to 1")
 
 
 @dataclass(frozen=True)
 class RerankingConfig:
-    """What is selected, and when again; without an occasion the first selection stays.
+    """How to select, and when to select again; with neither `epochs` nor `staleness` the first selection stays.
 
     Attributes:
         ranking: how tosses are ranked, and how many are selected.
-        epochs: so many passes over the selected tosses; None for no such occasion.
-        canary: None for no such occasion.
+        epochs: passes over the selected tosses between two selections; None for no limit.
+        staleness: when to select again because ranks have changed; None for never.
     """
 
     ranking: RankingConfig = field(default_factory=RankingConfig)
     epochs: int | None = None
-    canary: StalenessConfig | None = None
+    staleness: StalenessConfig | None = None
 
     def __post_init__(self) -> None:
         if self.epochs is not None and self.epochs < 1:
@@ -95,10 +95,10 @@ class Selected:
         epochs: complete passes until then.
         trigger: why.
         toss_ids: ids, best first.
-        canaries: ids of the canaries, best first.
-        spearman: correlation of the canaries' places with those at the selection before; NaN at the first.
-        overlap: share of their first ones that are the same; NaN likewise.
-        retained: share of the selected tosses that were selected before; NaN likewise.
+        monitored: ids of the monitored tosses, best first.
+        spearman: rank correlation of the monitored tosses with the previous selection; NaN at the first.
+        overlap: share of the best monitored tosses that are still among the best; NaN at the first.
+        retained: share of the selected tosses that were selected before; NaN at the first.
         not_scored: ids of tosses that could not be ranked.
     """
 
@@ -106,7 +106,7 @@ class Selected:
     epochs: int
     trigger: Trigger
     toss_ids: tuple[str, ...]
-    canaries: tuple[str, ...]
+    monitored: tuple[str, ...]
     spearman: float = np.nan
     overlap: float = np.nan
     retained: float = np.nan
@@ -118,9 +118,9 @@ class Reranking:
 
     Args:
         tosses: the pool, at least one.
-        scorer: what they teach.
-        config: how they are ranked, and when again.
-        selected: the last selection of another one with the same arguments, to go on from there.
+        scorer: gives the information of tosses about a model.
+        config: how to rank, and when to select again.
+        selected: the last selection, to go on from a checkpoint.
     """
 
     def __init__(
@@ -129,9 +129,9 @@ class Reranking:
         self._tosses = tuple(tosses)
         self._scorer = scorer
         self._config = config
-        self._canaries = _canaries(self._tosses, config.canary or StalenessConfig())
+        self._monitored = _monitored(self._tosses, config.staleness or StalenessConfig())
         share = config.ranking.top / max(len(self._tosses), 1)
-        self._canary_top = min(len(self._canaries), max(round(share * len(self._canaries)), len(self._canaries) // 4, 1))
+        self._monitored_top = min(len(self._monitored), max(round(share * len(self._monitored)), len(self._monitored) // 4, 1))
         self.selected = selected
 
     def select(self, model: Model, gradient_steps: int = 0, epochs: int = 0, trigger: Trigger = Trigger.FIRST) -> Selected:
@@ -142,26 +142,26 @@ class Reranking:
         """
         infos, not_scored = self._scored(model, self._tosses)
         ranking = rank_particles([pool_of(infos)], self._config.ranking)
-        canary_ids = {toss.toss_id for toss in self._canaries}
-        canaries = self._canary_ranking([info for info in infos if info.toss_id in canary_ids])
-        moved = self._moved(canaries)
+        monitored_ids = {toss.toss_id for toss in self._monitored}
+        monitored = self._monitored_ranking([info for info in infos if info.toss_id in monitored_ids])
+        moved = self._moved(monitored)
         before = self.selected.toss_ids if self.selected else ()
         toss_ids = ranking.selected_ids
         retained = len(set(toss_ids) & set(before)) / len(toss_ids) if before else np.nan
         self.selected = Selected(
-            gradient_steps, epochs, trigger, toss_ids, canaries, moved[0], moved[1], retained, tuple(not_scored)
+            gradient_steps, epochs, trigger, toss_ids, monitored, moved[0], moved[1], retained, tuple(not_scored)
         )
         return self.selected
 
     def quiet_steps(self, gradient_steps: int, steps_of_epoch: int) -> int:
         """How many steps from the `gradient_steps` taken to the next occasion, if any; `steps_of_epoch` end the epoch."""
-        canary = self._config.canary
-        return steps_of_epoch if canary is None else min(steps_of_epoch, canary.steps - gradient_steps % canary.steps)
+        staleness = self._config.staleness
+        return steps_of_epoch if staleness is None else min(steps_of_epoch, staleness.steps - gradient_steps % staleness.steps)
 
     def consider(self, model: Model, gradient_steps: int, epochs: int) -> Selected | None:
         """Selects again if there is an occasion; None if the last selection stays.
 
-        Call it whenever `quiet_steps` have been taken: it looks at the canaries when that is due, and else costs nothing.
+        Call it whenever `quiet_steps` have been taken. It scores the monitored tosses when they are due.
 
         Raises:
             InvalidValueError: as in `select`; or nothing was selected yet.
@@ -181,40 +181,40 @@ class Reranking:
         return self.select(model, gradient_steps, epochs, Trigger.OPTIMUM)
 
     def _occasion(self, model: Model, gradient_steps: int, epochs: int) -> Trigger | None:
-        last, canary = self.selected, self._config.canary
+        last, staleness = self.selected, self._config.staleness
         if last is None:
             raise InvalidValueError("selection", "none", "a first one before another is considered")
         if not moved_by_theta(self._config.ranking.criterion) or gradient_steps == last.gradient_steps:
             return None
         if self._config.epochs is not None and epochs - last.epochs >= self._config.epochs:
             return Trigger.EPOCHS
-        if canary is None or gradient_steps % canary.steps:
+        if staleness is None or gradient_steps % staleness.steps:
             return None
-        infos, _ = self._scored(model, self._canaries)
-        correlation, overlap = self._moved(self._canary_ranking(infos))
-        return Trigger.CANARY if not (correlation >= canary.spearman and overlap >= canary.overlap) else None
+        infos, _ = self._scored(model, self._monitored)
+        correlation, overlap = self._moved(self._monitored_ranking(infos))
+        return Trigger.STALE if not (correlation >= staleness.spearman and overlap >= staleness.overlap) else None
 
     def _scored(self, model: Model, tosses: Sequence[Toss]) -> tuple[list[TossInformation], list[str]]:
         scores = self._scorer(model, tosses)
         infos = [one for one in scores if isinstance(one, TossInformation)]
         return infos, [one.toss_id for one in scores if isinstance(one, NotScored)]
 
-    def _canary_ranking(self, infos: Sequence[TossInformation]) -> tuple[str, ...]:
-        """The canaries that were scored, best first."""
-        alone = replace(self._config.ranking, top=self._canary_top, certificate_steps=0)
+    def _monitored_ranking(self, infos: Sequence[TossInformation]) -> tuple[str, ...]:
+        """The monitored tosses that could be scored, best first."""
+        alone = replace(self._config.ranking, top=self._monitored_top, certificate_steps=0)
         return rank_particles([pool_of(infos)], alone).ids if infos else ()
 
-    def _moved(self, canaries: tuple[str, ...]) -> tuple[float, float]:
-        """Spearman correlation and overlap with the canaries of the last selection; NaN where there are none to compare."""
-        before = self.selected.canaries if self.selected else ()
-        if len(set(before) & set(canaries)) < 2:
+    def _moved(self, monitored: tuple[str, ...]) -> tuple[float, float]:
+        """Rank correlation and overlap with the monitored tosses of the last selection; NaN without a common pair."""
+        before = self.selected.monitored if self.selected else ()
+        if len(set(before) & set(monitored)) < 2:
             return np.nan, np.nan
-        one, other = _as_ranking(before), _as_ranking(canaries)
-        return spearman(one, other), top_overlap(one, other, min(self._canary_top, len(before), len(canaries)))
+        one, other = _as_ranking(before), _as_ranking(monitored)
+        return spearman(one, other), top_overlap(one, other, min(self._monitored_top, len(before), len(monitored)))
 
 
-def _canaries(tosses: Sequence[Toss], config: StalenessConfig) -> tuple[Toss, ...]:
-    """Those with the smallest digests of their ids: as good as random, and the same in any order."""
+def _monitored(tosses: Sequence[Toss], config: StalenessConfig) -> tuple[Toss, ...]:
+    """The tosses with the smallest digests of their ids: a pseudo-random sample that does not depend on their order."""
     return tuple(sorted(tosses, key=lambda toss: sha256(toss.toss_id.encode()).digest())[: config.tosses])
 
 

@@ -167,7 +167,7 @@ class Training:
 
         Args:
             data: the selected set as it is now.
-            fresh_budget: whether steps, epochs, patience and the schedule begin anew, and the optimizer forgets; a
+            fresh_budget: whether steps, epochs, patience and the schedule start over, and the optimizer forgets; a
                 training that had ended goes on. Without it only the data change.
 
         Raises:

@@ -1,4 +1,4 @@
-"""Whether what is said to be known is true: theta fitted anew to tosses drawn anew (method.md 2.8, check 6.16).
+"""Whether what is said to be known is true: theta re-fitted to re-drawn tosses (method.md 2.8, check 6.16).
 
 The bootstrap over tosses needs no model of the noise and no derivative: tosses are drawn with replacement, as many as there
 are, theta is fitted to each draw from the optimum of them all, and its standard deviation over the draws is what the sandwich,
@@ -31,7 +31,7 @@ DIFFERENCE = 1e-5
 
 
 class BootstrapDeviations(NamedTuple):
-    """What tosses drawn anew do to theta.
+    """How theta changes when tosses are re-drawn.
 
     Attributes:
         deviations: (P,) standard deviations in theta's own coordinates.
@@ -114,7 +114,7 @@ def whole_hessian_deviations(model: PolytopeModel, data: Transitions, loss: Loss
 def bootstrap_deviations(
     model: PolytopeModel, data: Transitions, resamples: int, seed: int, config: FitConfig
 ) -> BootstrapDeviations:
-    """How theta moves when tosses are drawn anew, from a model at the optimum of all of them.
+    """How theta changes when tosses are re-drawn, from a model at the optimum of all of them.
 
     Raises:
         InvalidValueError: fewer than two resamples.

@@ -15,6 +15,7 @@ from contact_curation.dashboard.live.throw_view import ThrowMade
 from contact_curation.dashboard.toss_motion import ShownTheta
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.checkpoints.theta_bytes import geometry_of_bytes
+from contact_curation.nodes.messages.bounds import MOST_IDS, check_size
 from contact_curation.nodes.messages.headers import check_format
 from contact_curation.nodes.messages.throw import throw_of
 from contact_curation.stages.scored_theta import read_scored_theta
@@ -60,9 +61,10 @@ def selected_set_of(message: Any) -> SelectedSet:
     """The selected set that a CuratedBuffer carries.
 
     Raises:
-        InvalidValueError: a newer format.
+        InvalidValueError: a newer format, or more tosses than a buffer can have.
     """
     check_format(message)
+    check_size("toss_ids of the buffer", message.toss_ids, MOST_IDS)
     return SelectedSet(
         criterion=message.criterion,
         capacity=message.capacity,

@@ -9,6 +9,14 @@ from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.toss import Rejected, Toss
+from contact_curation.nodes.messages.bounds import (
+    LARGEST_POSITION,
+    LARGEST_SPEED,
+    LARGEST_SPIN,
+    MOST_FRAMES,
+    check_numbers,
+    check_size,
+)
 from contact_curation.nodes.messages.headers import Stamped, check_format, header_message, nanoseconds_of, time_message
 
 
@@ -43,11 +51,13 @@ def toss_of(message: Any) -> Toss:
     """The record that a message carries, bit for bit.
 
     Raises:
-        InvalidValueError: a newer format, arrays of different lengths, or numbers that no toss has.
+        InvalidValueError: a newer format, arrays of different lengths or too many frames, or numbers that no toss has.
     """
     check_format(message)
+    for name in ("stamps", "poses", "linear_velocities", "body_angular_velocities"):
+        check_size(f"{name} of toss {message.toss_id[:80]}", getattr(message, name), MOST_FRAMES)
     orientations = [[p.orientation.w, p.orientation.x, p.orientation.y, p.orientation.z] for p in message.poses]
-    return Toss(
+    toss = Toss(
         toss_id=message.toss_id,
         body=message.body,
         source=message.source,
@@ -58,6 +68,10 @@ def toss_of(message: Any) -> Toss:
         linear_velocities=_rows([[v.x, v.y, v.z] for v in message.linear_velocities], 3),
         angular_velocities=_rows([[v.x, v.y, v.z] for v in message.body_angular_velocities], 3),
     )
+    check_numbers(f"positions [m] of toss {toss.toss_id}", toss.positions, LARGEST_POSITION)
+    check_numbers(f"linear velocities [m/s] of toss {toss.toss_id}", toss.linear_velocities, LARGEST_SPEED)
+    check_numbers(f"angular velocities [rad/s] of toss {toss.toss_id}", toss.angular_velocities, LARGEST_SPIN)
+    return toss
 
 
 def rejected_message(rejected: Rejected, board_frame: str) -> TossRejected:

@@ -9,6 +9,7 @@ from geometry_msgs.msg import Point
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.record import ParameterBlock, TossInformation
+from contact_curation.nodes.messages.bounds import LARGEST_INFORMATION, MOST_NUMBERS, check_numbers, check_size
 from contact_curation.nodes.messages.headers import Stamped, check_format, header_message
 
 
@@ -50,17 +51,20 @@ def information_of(message: Any) -> TossInformation:
     """The record that a message carries, bit for bit.
 
     Raises:
-        InvalidValueError: a newer format, or arrays that do not fit together.
+        InvalidValueError: a newer format, arrays that do not fit together or are too long, or numbers that no toss has.
     """
     check_format(message)
     sizes, names, rows = list(message.block_sizes), list(message.block_names), int(message.factor_rows)
     parameters = sum(sizes)
+    check_size(f"factor of toss {message.toss_id[:80]}", message.factor, MOST_NUMBERS)
+    if parameters == 0:
+        raise InvalidValueError(f"blocks of toss {message.toss_id}", "no parameter", "at least one")
     if len(sizes) != len(names) or len(message.factor) != rows * parameters:
         found = f"{len(names)} names, {len(sizes)} sizes and a factor of {len(message.factor)} numbers"
         raise InvalidValueError(f"blocks of toss {message.toss_id}", found, f"{rows} rows of the blocks' parameters")
     edges = pairwise(accumulate(sizes, initial=0))
     tilt = np.array(message.tilt_axes, dtype=float)
-    return TossInformation(
+    information = TossInformation(
         toss_id=message.toss_id,
         body=message.body,
         model=message.model,
@@ -78,3 +82,11 @@ def information_of(message: Any) -> TossInformation:
         centroid=np.array([message.centroid.x, message.centroid.y, message.centroid.z]),
         tilt_axes=tilt.reshape(-1, 3) if tilt.size % 3 == 0 else tilt,
     )
+    toss_id = information.toss_id
+    for name in ("mean_loss", "block_traces", "score_sum", "factor", "centroid", "tilt_axes"):
+        check_numbers(f"{name} of toss {toss_id}", getattr(information, name), LARGEST_INFORMATION)
+    if rows == 0 and information.trace != 0.0:
+        raise InvalidValueError(f"factor of toss {toss_id}", "no row", f"rows of a trace of {information.trace:.3g}")
+    if not information.influence_bound > 0.0:
+        raise InvalidValueError(f"influence_bound of toss {toss_id}", information.influence_bound, "a positive number")
+    return information

@@ -2,7 +2,7 @@
 
 What a node publishes it has stored, numbered from 1. The topic is quick, the service complete: whoever comes late, was killed,
 or finds a number missing asks the service for what follows the last one it has. Asking once a second as well costs little
-and also finds what was stored and never announced. A store that was made anew counts from 1 again: then everything is taken.
+and also finds what was stored and never announced. A re-created store counts from 1 again: then everything is taken.
 """
 
 import threading

@@ -56,7 +56,7 @@ def declared_design(node: Node) -> DesignerConfig:
     refinement = declare_config(node, default.refinement, "refinement.")
     return DesignerConfig(
         planner=replace(default, **own, candidates=replace(candidates, **judged), refinement=refinement),
-        readiness=declare_config(node, ReadinessConfig(), "canary."),
+        readiness=declare_config(node, ReadinessConfig(), "readiness."),
         loss=declare_config(node, ONE_THREAD, "loss."),
     )
 

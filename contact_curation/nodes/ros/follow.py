@@ -73,7 +73,7 @@ class Follow:
         response: Any = future.result()
         start = response.last_sequence - self._newest if self._newest is not None else 0
         messages = list(getattr(response, self._source.field))
-        if response.last_sequence < self._taken:  # a store that was made anew
+        if response.last_sequence < self._taken:  # the store was re-created
             self._taken = 0
         elif self._taken < start:
             self._taken = start

@@ -1,52 +1,114 @@
-"""The door of the nodes: from process start to exit status. Configuration errors leave as one line and status 1."""
+"""The entry point of all nodes, from process start to exit status. A configuration error is one line and status 1.
 
+Signals never interrupt what a node is doing. The first SIGINT or SIGTERM ends the spinning; the node then closes its threads,
+files and publishers while the middleware is still there. Further signals change nothing, and closing has a limit: what is not
+finished by then is taken up after the next start, as after a kill.
+"""
+
+import os
+import signal
+import socket
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import rclpy
-from rclpy._rclpy_pybind11 import InvalidHandle, RCLError
 from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import ConditionReachedException, ShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
 from contact_curation.errors import ContactCurationError
+
+LONGEST_CLOSING = 4.5
+"""[s] from the first signal to the end of the process; launch ends by force what takes over 5 s."""
 
 
 class StageNode(Node):
     """A node that can stop itself with a reason, and tidies up when it ends."""
 
     failure: BaseException | None = None
+    longest_closing = LONGEST_CLOSING
+    """[s]; a node that has more to write at its end may take longer."""
+    _end: Callable[[], None] | None = None
 
     def fail(self, error: BaseException) -> None:
-        """Ends the process with status 1; may be called from any thread.
-
-        A job that still wanted to publish when the middleware was gone is no failure: what was not announced is announced
-        after the next start.
-        """
-        if isinstance(error, RCLError | InvalidHandle) and not self.context.ok():
-            return
+        """Ends the process with status 1; may be called from any thread."""
         self.failure = error
-        self.context.try_shutdown()
+        if self._end is not None:
+            self._end()
+
+    def when_failed(self, end: Callable[[], None]) -> None:
+        """Sets what ends the spinning, and calls it if the node has failed already."""
+        self._end = end
+        if self.failure is not None:
+            end()
 
     def close(self) -> None:
         """Ends threads and files; called once, before the node is destroyed."""
 
 
+class _Ending:
+    """Whether the process is to end, and the limit of the time that it may take.
+
+    Args:
+        name: of the node, for the message.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._wanted = threading.Event()
+        self._closed = threading.Event()
+        self.node: StageNode | None = None
+        self.executor: SingleThreadedExecutor | None = None
+
+    @property
+    def wanted(self) -> bool:
+        """Whether the process is to end."""
+        return self._wanted.is_set()
+
+    def begin(self) -> None:
+        """Ends the spinning and starts the limit; the first call counts."""
+        if self.wanted:
+            return
+        self._wanted.set()
+        threading.Thread(target=self._limit, name="limit of closing", daemon=True).start()
+        if self.executor is not None:
+            self.executor.wake()
+
+    def closed(self) -> None:
+        """The node is closed: the limit has no meaning any more."""
+        self._closed.set()
+
+    def _limit(self) -> None:
+        seconds = LONGEST_CLOSING if self.node is None else self.node.longest_closing
+        if not self._closed.wait(seconds):
+            sys.stderr.write(
+                f"{self._name}: not closed after {seconds:g} s; what is unfinished is taken up after the next start\n"
+            )
+            sys.stderr.flush()
+            os._exit(0 if self.node is None or self.node.failure is None else 1)
+
+
 def run(make: Callable[[], StageNode], name: str) -> int:
     """Makes a node and spins it until SIGINT, SIGTERM or its own end; returns the exit status."""
-    rclpy.init(args=sys.argv)
-    try:
-        node = make()
-    except (ContactCurationError, ParameterException) as error:
-        return refuse(name, error)
-    try:
-        rclpy.spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        node.close()
-        node.destroy_node()
-        rclpy.try_shutdown()
+    ending = _Ending(name)
+    with _signals(ending.begin):
+        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            node = make()
+        except (ContactCurationError, ParameterException) as error:
+            return refuse(name, error)
+        ending.node = node
+        node.when_failed(ending.begin)
+        try:
+            _spin(node, ending)
+        finally:
+            node.close()
+            node.destroy_node()
+            rclpy.try_shutdown()
+            ending.closed()
     return 0 if node.failure is None else refuse(name, node.failure)
 
 
@@ -56,3 +118,44 @@ def refuse(name: str, error: BaseException) -> int:
         raise error
     sys.stderr.write(f"{name}: {' '.join(str(error).split())}\n")
     return 1
+
+
+def _spin(node: StageNode, ending: _Ending) -> None:
+    """Does the node's callbacks, one after the other, until the process is to end."""
+    executor = ending.executor = SingleThreadedExecutor()
+    executor.add_node(node)
+
+    def wanted() -> bool:
+        return ending.wanted
+
+    while not wanted():
+        try:
+            handler, _, _ = executor.wait_for_ready_callbacks(condition=wanted)
+        except (ConditionReachedException, ShutdownException):
+            break
+        handler()
+        handler.result()  # raises what the callback raised
+    executor.shutdown(0.0)
+
+
+@contextmanager
+def _signals(end: Callable[[], None]) -> Iterator[None]:
+    """Calls `end` on a thread of its own for each SIGINT and SIGTERM, at once, whatever the main thread is doing."""
+    heard, told = socket.socketpair()
+    told.setblocking(False)
+
+    def listen() -> None:
+        while heard.recv(1):
+            end()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: None)  # the byte on the socket does it all
+    signal.set_wakeup_fd(told.fileno(), warn_on_full_buffer=False)
+    threading.Thread(target=listen, name="signals", daemon=True).start()
+    try:
+        yield
+    finally:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)  # while the interpreter ends
+        signal.set_wakeup_fd(-1)
+        told.close()

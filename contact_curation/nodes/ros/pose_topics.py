@@ -1,7 +1,7 @@
 """Subscriptions to the topics that tell where a body is, as the graph has them: found, and matched to their publishers.
 
 A reliable subscriber hears nothing from a best-effort publisher, and only a transient local one gets what was published before
-it came. So the publishers are looked at again and again, and a topic whose publishers changed is subscribed to anew. What a
+it came. So the publishers are looked at again and again, and a topic whose publishers changed is subscribed to again. What a
 publisher then sends a second time is known by its time of publication.
 """
 

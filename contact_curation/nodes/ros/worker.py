@@ -40,7 +40,7 @@ class Worker:
         while (job := self._jobs.get()) is not None:
             try:
                 job()
-            except BaseException as error:  # noqa: BLE001  (the door of the thread: passed on, never swallowed)
+            except BaseException as error:  # noqa: BLE001  (passed on to the main thread, never ignored)
                 self._fail(error)
                 return
 

@@ -18,7 +18,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from contact_curation.contact.body import STANDARD_GRAVITY, Body
+from contact_curation.contact.body import Body
+from contact_curation.contact.body_values import STANDARD_GRAVITY
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.simulation.arm.kinematics import FLANGE, LINK_LENGTHS, LINK_OFFSETS, LINK_TWISTS

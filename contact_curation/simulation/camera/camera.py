@@ -98,7 +98,7 @@ class CameraView:
     def __init__(self, body: Body, rig: TagRig, config: CameraConfig) -> None:
         self.config = config
         spec = world_of(body, STEP)
-        add_tags(spec, rig.body, body.name)
+        add_tags(spec, rig.body.moved(-body.center_of_mass), body.name)
         if rig.board is not None:
             add_tags(spec, rig.board)
         add_camera(spec, config)

@@ -22,7 +22,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.geometry.scalars import ScalarPose, compose, multiply
+from contact_curation.geometry.scalars import IDENTITY, ScalarPose, compose, multiply
 from contact_curation.motion.lead_in import surrounded
 from contact_curation.motion.restored_toss import RestoredToss, restored
 from contact_curation.motion.segmenter_config import CONTACTNETS_RULES, SegmenterConfig
@@ -103,6 +103,7 @@ def import_contactnets(
     body: Body = CONTACTNETS_CUBE,
     rig: TagslamRig | None = None,
     chosen: Callable[[int], bool] | None = None,
+    advance: Callable[[float], None] = lambda share: None,
 ) -> ImportReport:
     """Writes ContactNets' tosses as a bag, one after the other.
 
@@ -112,6 +113,7 @@ def import_contactnets(
         body: what was tossed.
         rig: what it was tossed over.
         chosen: says of a file's number whether its toss goes in; None for all files, also those without a number.
+        advance: told which share of the files is done.
 
     Raises:
         UnreadableInputError: there is no toss in `source`; no bag is written then.
@@ -126,7 +128,7 @@ def import_contactnets(
 
     def sound() -> Iterator[Toss]:
         nonlocal steps, timed
-        for item in _read(files, body):
+        for done, item in enumerate(_read(files, body), start=1):
             if isinstance(item, Toss):
                 original = restored(item)
                 steps, timed = steps + item.frames - 1, timed + original.timed_steps
@@ -134,9 +136,10 @@ def import_contactnets(
                 yield original.toss
             else:
                 skipped.append(str(item))
+            advance(done / len(files))
 
     with BagWriter(out) as bag:
-        tosses, frames = record(bag, body.name, sound(), rig or TagslamRig())
+        tosses, frames = record(bag, body, sound(), rig or TagslamRig())
         if not tosses:
             raise UnreadableInputError(source, f"found {len(skipped)} files and no toss, e.g. {skipped[0]}")
     return ImportReport(tosses, frames, steps, timed, tuple(inexact), tuple(skipped))
@@ -163,25 +166,28 @@ def _misfit(original: RestoredToss) -> list[str]:
     return [f"{original.toss.source}: found velocities off by {linear:.2g} m/s and {angular:.2g} rad/s at best, expected none"]
 
 
-def record(bag: BagWriter, body: str, tosses: Iterable[Toss], rig: TagslamRig) -> tuple[int, int]:
+def record(bag: BagWriter, body: Body, tosses: Iterable[Toss], rig: TagslamRig) -> tuple[int, int]:
     """Writes tosses of one body to an open bag as the rig would have; returns how many, and their frames.
 
     Raises:
         InvalidValueError: a toss of another body.
     """
-    messages = _Messages(rig, f"body_{body}")
+    messages = _Messages(rig, f"body_{body.name}")
+    x, y, z = (-body.center_of_mass).tolist()
+    tracked = ScalarPose((x, y, z), IDENTITY.orientation_wxyz)
     bag.note(RULES_NOTE, note_of_rules(rig.rules))
     bag.write("/tf_static", messages.board(), rig.epoch_ns, latched=True)
     start_ns, count, frames = rig.epoch_ns + NANOSECONDS, 0, 0
     numbered: list[tuple[int, int]] = []
     for toss in tosses:
-        if toss.body != body:
-            raise InvalidValueError(f"body of toss {toss.toss_id}", toss.body, f"{body}, as of the others")
+        if toss.body != body.name:
+            raise InvalidValueError(f"body of toss {toss.toss_id}", toss.body, f"{body.name}, as of the others")
         number = number_of_file(toss.source)
         if number is not None:
             numbered.append((start_ns, number))
         for stamp_ns, pose in _frames(toss, start_ns, rig):
-            bag.write(f"/tagslam/odom/body_{body}", messages.odometry(stamp_ns, compose(rig.board, pose)), stamp_ns)
+            seen = compose(rig.board, compose(pose, tracked) if any(tracked.position) else pose)
+            bag.write(f"/tagslam/odom/body_{body.name}", messages.odometry(stamp_ns, seen), stamp_ns)
         start_ns = stamp_ns + round(rig.pause * NANOSECONDS)
         count, frames = count + 1, frames + toss.frames
     if numbered:

@@ -88,7 +88,7 @@ class BagTosses:
         numbers: RecordedNumbers = UNNUMBERED,
     ) -> None:
         stages = IngestConfig(
-            config.poses.tracker(body.name, source.board_frame),
+            config.poses.tracker(body, source.board_frame),
             replace(config.segmenter, gravity=body.gravity),
             config.gates.of_body(body.gravity, body.friction),
             config.rig,
@@ -129,8 +129,8 @@ class BagTosses:
         if self._steps and self._steps < LOWEST_RATE * self._stepped:
             rate = self._steps / self._stepped
             yield f"found poses of {self.source.body.name} at {rate:.3g} Hz, expected 60 Hz or more: tosses may go unseen"
-        if complaint := self._ingest.noise_complaint():
-            yield complaint
+        if warning := self._ingest.noise_warning():
+            yield warning
         for kind, first in self._bad.items():
             which = f"the first one, of '{first.child}' at {first.stamp_ns / NANOSECONDS:.6f} s"
             yield f"{self._bad_counts[kind]} poses were left out, {which}, for this: {first.why}"

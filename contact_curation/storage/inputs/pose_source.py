@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError, MissingTopicError
 from contact_curation.motion.body_tracker import TrackerConfig
 from contact_curation.motion.tags.pose import TagPoseConfig
@@ -59,12 +60,11 @@ class PoseTopicConfig:
         """The frame of a body."""
         return self.body_frame or f"body_{body}"
 
-    def tracker(self, body: str, board_frame: str) -> TrackerConfig:
+    def tracker(self, body: Body, board_frame: str) -> TrackerConfig:
         """The frames of a body and a board as the tracker wants them; it looks for jumps in poses from tags alone."""
-        if not self.tag_map:
-            return TrackerConfig(self.body_frame_of(body), board_frame)
-        limits = {"largest_speed": self.largest_speed, "largest_spin": self.largest_spin}
-        return TrackerConfig(self.body_frame_of(body), board_frame, **limits)
+        limits = {"largest_speed": self.largest_speed, "largest_spin": self.largest_spin} if self.tag_map else {}
+        x, y, z = body.center_of_mass.tolist()
+        return TrackerConfig(self.body_frame_of(body.name), board_frame, center_of_mass=(x, y, z), **limits)
 
     def detections(self, body: str) -> TagDetections | None:
         """A reader of detections, to be used for one recording or node; None where poses come as such.

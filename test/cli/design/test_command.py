@@ -101,7 +101,7 @@ def test_checkpoints_and_json_files_are_particles_that_gains_are_averaged_over(c
     assert len(versions.pop().split("+")) == 2
 
 
-@pytest.mark.parametrize("words", [("--baseline", "paper"), ("--baseline", "prior"), ("--warm-up",)])
+@pytest.mark.parametrize("words", [("--baseline", "paper"), ("--baseline", "prior"), ("--exploration-throws",)])
 def test_other_ways_to_choose_throws_expect_less(cli: Cli, tmp_path: Path, words: tuple[str, ...]) -> None:
     designed = design(cli, tmp_path / "designed.json", "--json").json["expected_information"]
     other = design(cli, tmp_path / "other.json", *words, "--json").json

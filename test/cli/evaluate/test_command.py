@@ -101,7 +101,7 @@ def test_what_neither_judges_nor_was_learned_from_is_left_alone(
 def test_tosses_that_it_learned_from_are_no_judges_without_a_word(cli: Cli, folder: Path, checkpoint: Path) -> None:
     done = cli("evaluate", checkpoint, folder, *QUICK, "--held-out", "0,5")
     assert done.status == 0
-    assert done.err_lines == [f"contact-curation: warning: {checkpoint}: it learned from 1 of the 2 tosses it is judged by"]
+    assert done.err_lines == [f"contact-curation: warning: {checkpoint}: it learned from 1 of the 2 tosses it is evaluated on"]
 
 
 def test_every_set_that_was_learned_from_in_turn_is_no_judge_and_the_last_one_says_what_is_known(
@@ -113,14 +113,14 @@ def test_every_set_that_was_learned_from_in_turn_is_no_judge_and_the_last_one_sa
     ever, last = {toss for one in selections for toss in one["toss_ids"]}, set(selections[-1]["toss_ids"])
     assert len(ever) > len(last) == 2
     judged = cli("evaluate", out, folder, *QUICK, "--held-out", ",".join(sorted(ever)))
-    line = f"{out}: it learned from {len(ever)} of the {len(ever)} tosses it is judged by"
+    line = f"{out}: it learned from {len(ever)} of the {len(ever)} tosses it is evaluated on"
     assert judged.err_lines == [f"contact-curation: warning: {line}"]
     assert cli("evaluate", out, folder, *QUICK, "--json").json["known"]["tosses"] == 2
 
 
 def test_the_report_for_people_has_tables_of_errors_and_of_what_is_known(cli: Cli, folder: Path, checkpoint: Path) -> None:
     lines = cli("evaluate", checkpoint, folder, *QUICK).out.splitlines()
-    assert lines[0] == f"judged by 2 tosses: held out by {checkpoint}"
+    assert lines[0] == f"evaluated on 2 of 7 tosses (5 not chosen): held out by {checkpoint}"
     words = [line.split() for line in lines]
     table = next(k for k, line in enumerate(lines) if "95 % interval" in line)
     assert [line[0] for line in words[table + 1 : table + 4]] == ["position", "rotation", "penetration"]
@@ -173,7 +173,7 @@ def test_a_network_is_judged_and_what_is_known_of_it_is_said_in_a_line(cli: Cli,
     save_model(tmp_path / "e2e.safetensors", model)
     done = cli("evaluate", tmp_path / "e2e.safetensors", folder / "3.pt", *QUICK)
     assert done.status == 0
-    assert done.out.splitlines()[0] == "judged by 1 toss: all there are"
+    assert done.out.splitlines()[0] == "evaluated on 1 toss"
     assert "a network of end_to_end has none with units" in done.out
     assert "of one toss: none" in done.out
 
@@ -216,3 +216,18 @@ def test_what_cannot_be_done_is_one_line(cli: Cli, folder: Path, checkpoint: Pat
     assert done.status == 1
     assert found in done.err_lines[-1]
     assert sum("error" in line for line in done.err_lines) == 1
+
+
+def test_what_was_left_out_is_said_and_a_fit_to_the_optimum_is_not_called_badly_trained(
+    cli: Cli, golden: Path, tmp_path: Path
+) -> None:
+    checkpoint = tmp_path / "exact.safetensors"
+    assert cli("train", golden, "--protocol", "exact", "--held-out", "0-2", "--out", checkpoint).status == 0
+    judged = cli("evaluate", checkpoint, golden, *QUICK)
+    assert judged.out.startswith(
+        "evaluated on 3 of 24 tosses (3 rejected: displacement beside the velocity, gap, lowest corner of the toss; "
+        f"18 not chosen): held out by {checkpoint}\n"
+    )
+    assert "Newton step" in judged.out
+    assert "the training ended at its optimum" in judged.out
+    assert "not to the end" not in judged.out

@@ -43,7 +43,7 @@ def evidence(report: Any) -> dict[str, tuple[float, float]]:
 def test_an_exported_part_ranks_like_the_tosses_in_the_whole(cli: Cli, golden: Path, manifest: Path, tmp_path: Path) -> None:
     before = digests(golden)
     done = cli("export", golden, "--manifest", manifest, "--format", "mcap", "--out", tmp_path / "kept")
-    assert (done.status, done.out) == (0, f"{tmp_path / 'kept'}: {TOP} of 24 tosses, 2 files\n")
+    assert (done.status, done.out) == (0, f"{tmp_path / 'kept'}: {TOP} of 24 tosses, 3 files\n")
     whole = cli("rank", golden, "--top", TOP, "--json").json
     again = cli("rank", tmp_path / "kept" / "golden.mcap", "--top", TOP, "--json").json
     assert evidence(again) == dict(list(evidence(whole).items())[:TOP])
@@ -53,7 +53,7 @@ def test_an_exported_part_ranks_like_the_tosses_in_the_whole(cli: Cli, golden: P
     assert digests(golden) == before
 
 
-@pytest.mark.parametrize(("form", "files"), [("mcap", TOP + 1), ("contactnets", TOP + 1), ("lerobot", 6)])
+@pytest.mark.parametrize(("form", "files"), [("mcap", TOP + 2), ("contactnets", TOP + 2), ("lerobot", 7)])
 def test_every_format_says_where_each_toss_went(
     cli: Cli, golden: Path, manifest: Path, tmp_path: Path, form: str, files: int
 ) -> None:
@@ -80,7 +80,7 @@ def test_what_contactnets_files_hold_ranks_like_the_recording(cli: Cli, golden: 
 
 
 @pytest.mark.parametrize("form", ["golden", "files"])
-def test_contactnets_files_of_a_rig_hold_what_is_put_right(cli: Cli, golden: Path, tmp_path: Path, form: str) -> None:
+def test_contactnets_files_of_a_rig_hold_what_is_corrected(cli: Cli, golden: Path, tmp_path: Path, form: str) -> None:
     manifest, rig, source = tmp_path / "m.csv", ("--set", "rig.scale=1.01"), golden
     if form == "files":
         cli("rank", golden, "--top", TOP, "--no-figure", "--out", manifest)
@@ -105,7 +105,7 @@ def test_a_copy_of_an_input_gives_nothing_twice(cli: Cli, golden: Path, manifest
     copy = shutil.copy(golden, tmp_path / "copy.mcap")
     done = cli("export", copy, golden, "--manifest", manifest, "--format", "mcap", "--out", tmp_path / "out")
     assert done.status == 0
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"copy.mcap", "manifest.json"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"README.md", "copy.mcap", "manifest.json"}
 
 
 def test_recordings_of_one_name_do_not_take_each_others_place(tmp_path: Path) -> None:
@@ -159,3 +159,18 @@ def test_what_else_cannot_be_done_is_one_line(cli: Cli, golden: Path, manifest: 
 
 def test_every_format_has_its_writer() -> None:
     assert tuple(FORMATS) == KINDS
+
+
+def test_every_export_carries_a_card_of_its_tosses_their_source_and_what_was_left_out(
+    cli: Cli, golden: Path, manifest: Path, tmp_path: Path
+) -> None:
+    for form in KINDS:
+        cli("export", golden, "--manifest", manifest, "--format", form, "--out", tmp_path / form)
+        card = (tmp_path / form / "README.md").read_text()
+        ranked = read_manifest(manifest)
+        assert card.startswith("---\nlicense: unknown  # TO BE FILLED IN")
+        assert f"| {golden} | `{ranked.run.inputs[0].sha256}` | {TOP} |" in card
+        assert f"24 tosses were found and {TOP} were selected" in card
+        assert "| 15 | not selected by the ranking |" in card
+        assert "| 1 | rejected: gap |" in card
+        assert "criterion representative, estimator gauss-newton" in card

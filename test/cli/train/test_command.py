@@ -144,7 +144,7 @@ def test_a_held_out_motion_under_another_heading_is_not_trained_on(cli: Cli, fol
     ("options", "line"),
     [
         (("--criterion", "trace"), "--criterion: found no --top"),
-        (("--canary",), "--canary: found no --top"),
+        (("--rerank-when-stale",), "--rerank-when-stale: found no --top"),
         (("--rerank-every", "2"), "--rerank-every: found no --top"),
         (("--held-out", "90-99"), "--held-out: found none of 7 tosses"),
         (("--held-out", "0-99"), "tosses to learn from: found none of 7: 7 are held out"),
@@ -170,7 +170,7 @@ def test_what_cannot_be_done_is_one_line(cli: Cli, folder: Path, tmp_path: Path,
         ("a.mcap", "--out", "a.safetensors", "--steps", "0"),
         ("a.mcap", "--out", "a.safetensors", "--top", "3", "--manifest", "m.csv"),
         ("a.mcap", "--out", "a.safetensors", "--resume", "--overwrite"),
-        ("a.mcap", "--out", "a.safetensors", "--top", "3", "--canary", "--rerank-every", "2"),
+        ("a.mcap", "--out", "a.safetensors", "--top", "3", "--rerank-when-stale", "--rerank-every", "2"),
         ("a.mcap", "--out", "a.safetensors", "--metrics", "a.csv"),
     ],
 )

@@ -35,8 +35,8 @@ def tosses() -> tuple[Toss, ...]:
 def plan(tosses: tuple[Toss, ...]) -> TrainingPlan:
     """It trains on 3 of 6 tosses, which it selects again on both occasions."""
     protocol = replace(budgeted("polytope"), steps=STEPS, evaluation_steps=6)
-    canary = StalenessConfig(tosses=6, steps=5, spearman=1.0, overlap=1.0)
-    selection = RerankingConfig(RankingConfig("trace", top=3), epochs=2, canary=canary)
+    staleness = StalenessConfig(tosses=6, steps=5, spearman=1.0, overlap=1.0)
+    selection = RerankingConfig(RankingConfig("trace", top=3), epochs=2, staleness=staleness)
     return TrainingPlan("polytope", CONTACTNETS_CUBE, protocol, tosses[:6], tosses[6:], seed=4, selection=selection)
 
 

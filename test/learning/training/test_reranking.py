@@ -1,4 +1,4 @@
-"""The selection is made again when epochs have passed or the canaries have moved, and otherwise stays."""
+"""The selection is made again when epochs have passed or monitored tosses have changed places, and otherwise stays."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -34,7 +34,7 @@ from test.simulated import simulated_tosses
 
 COUNT = 40
 TRACE = RankingConfig("trace", top=10)
-CANARY = StalenessConfig(tosses=16, steps=5)
+STALENESS = StalenessConfig(tosses=16, steps=5)
 
 
 @pytest.fixture(scope="module")
@@ -106,9 +106,9 @@ def test_after_n_epochs_the_whole_pool_is_ranked_anew(model: Model, tosses: tupl
     assert (later.toss_ids, later.retained) == (ids(*range(4, 14)), 0.6)
 
 
-def test_canaries_that_kept_their_places_leave_the_selection(model: Model, tosses: tuple[Toss, ...]) -> None:
+def test_monitored_tosses_that_keep_their_places_leave_the_selection(model: Model, tosses: tuple[Toss, ...]) -> None:
     scorer = MadeUpScorer()
-    reranking = Reranking(tosses, scorer, RerankingConfig(TRACE, canary=CANARY))
+    reranking = Reranking(tosses, scorer, RerankingConfig(TRACE, staleness=STALENESS))
     reranking.select(model)
     scorer.traces = scorer.traces**2
     scorer.asked.clear()
@@ -116,29 +116,29 @@ def test_canaries_that_kept_their_places_leave_the_selection(model: Model, tosse
     assert scorer.asked == [16, 16]  # they are looked at every five steps, and nothing else is
 
 
-def test_canaries_that_moved_have_the_pool_ranked_anew(model: Model, tosses: tuple[Toss, ...]) -> None:
+def test_monitored_tosses_that_change_places_have_the_pool_ranked_again(model: Model, tosses: tuple[Toss, ...]) -> None:
     scorer = MadeUpScorer()
-    reranking = Reranking(tosses, scorer, RerankingConfig(TRACE, canary=CANARY))
+    reranking = Reranking(tosses, scorer, RerankingConfig(TRACE, staleness=STALENESS))
     reranking.select(model)
     scorer.traces = np.random.default_rng(0).permutation(scorer.traces)
     scorer.asked.clear()
     assert reranking.consider(model, 4, 0) is None
     again = reranking.consider(model, 5, 0)
     assert again is not None
-    assert (again.trigger, scorer.asked) == (Trigger.CANARY, [16, COUNT])
+    assert (again.trigger, scorer.asked) == (Trigger.STALE, [16, COUNT])
     assert again.spearman < 0.9
     assert [scorer.traces[int(toss_id[-2:])] for toss_id in again.toss_ids] == list(range(40, 30, -1))
     assert reranking.consider(model, 10, 0) is None
 
 
-def moved_canaries(swaps: Sequence[tuple[int, int]], spearman: float, overlap: float) -> Trigger | None:
-    """What follows when pairs of canaries change places in their ranking."""
+def moved_monitored(swaps: Sequence[tuple[int, int]], spearman: float, overlap: float) -> Trigger | None:
+    """What follows when pairs of monitored change places in their ranking."""
     model = PolytopeModel(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE, Form.PHYSICAL)
     one, scorer = simulated_tosses(1, seed=1)[0], MadeUpScorer()
     pool = [replace(one, toss_id=f"toss-{k:02d}") for k in range(COUNT)]
     config = StalenessConfig(tosses=20, steps=1, spearman=spearman, overlap=overlap)
-    reranking = Reranking(pool, scorer, RerankingConfig(TRACE, canary=config))
-    places = [int(toss_id[-2:]) for toss_id in reranking.select(model).canaries]
+    reranking = Reranking(pool, scorer, RerankingConfig(TRACE, staleness=config))
+    places = [int(toss_id[-2:]) for toss_id in reranking.select(model).monitored]
     for a, b in swaps:
         scorer.traces[[places[a], places[b]]] = scorer.traces[[places[b], places[a]]]
     again = reranking.consider(model, 1, 0)
@@ -146,22 +146,22 @@ def moved_canaries(swaps: Sequence[tuple[int, int]], spearman: float, overlap: f
 
 
 def test_the_limit_of_the_overlap_is_met_from_both_sides() -> None:
-    # 10 of 40 are kept, so 5 of the 20 canaries are; a canary that leaves them makes the overlap 0.8.
-    assert moved_canaries([(4, 5)], spearman=-1.0, overlap=0.8) is None
-    assert moved_canaries([(4, 5)], spearman=-1.0, overlap=0.81) is Trigger.CANARY
-    assert moved_canaries([(0, 4)], spearman=-1.0, overlap=1.0) is None
+    # 10 of 40 are kept, so 5 of the 20 monitored are; a staleness that leaves them makes the overlap 0.8.
+    assert moved_monitored([(4, 5)], spearman=-1.0, overlap=0.8) is None
+    assert moved_monitored([(4, 5)], spearman=-1.0, overlap=0.81) is Trigger.STALE
+    assert moved_monitored([(0, 4)], spearman=-1.0, overlap=1.0) is None
 
 
 def test_the_limit_of_the_correlation_is_met_from_both_sides() -> None:
     correlation = 1.0 - 6.0 * 2.0 * 9.0**2 / (20.0 * (20.0**2 - 1.0))  # places 10 and 19 swapped
-    assert moved_canaries([(10, 19)], spearman=correlation - 1e-6, overlap=0.0) is None
-    assert moved_canaries([(10, 19)], spearman=correlation + 1e-6, overlap=0.0) is Trigger.CANARY
+    assert moved_monitored([(10, 19)], spearman=correlation - 1e-6, overlap=0.0) is None
+    assert moved_monitored([(10, 19)], spearman=correlation + 1e-6, overlap=0.0) is Trigger.STALE
 
 
 @pytest.mark.parametrize("criterion", ["longest", "random"])
 def test_what_no_theta_moves_is_selected_once(model: Model, tosses: tuple[Toss, ...], criterion: str) -> None:
     scorer = MadeUpScorer()
-    config = RerankingConfig(RankingConfig(criterion, top=4), epochs=1, canary=StalenessConfig(steps=1))
+    config = RerankingConfig(RankingConfig(criterion, top=4), epochs=1, staleness=StalenessConfig(steps=1))
     reranking = Reranking(tosses, scorer, config)
     reranking.select(model)
     assert all(reranking.consider(model, step, step) is None for step in range(1, 5))
@@ -169,13 +169,13 @@ def test_what_no_theta_moves_is_selected_once(model: Model, tosses: tuple[Toss, 
 
 
 def test_one_that_goes_on_from_the_last_selection_does_what_the_first_one_does(model: Model, tosses: tuple[Toss, ...]) -> None:
-    config = RerankingConfig(TRACE, epochs=4, canary=CANARY)
+    config = RerankingConfig(TRACE, epochs=4, staleness=STALENESS)
     scorer = MadeUpScorer()
     undisturbed = Reranking(tosses, scorer, config)
     selected = undisturbed.select(model)
     scorer.traces = np.random.default_rng(3).permutation(scorer.traces)
     restored = Reranking(tuple(reversed(tosses)), scorer, config, selected)
-    for step, epoch, trigger in ((5, 0, Trigger.CANARY), (10, 4, Trigger.EPOCHS)):
+    for step, epoch, trigger in ((5, 0, Trigger.STALE), (10, 4, Trigger.EPOCHS)):
         again = undisturbed.consider(model, step, epoch)
         assert again is not None
         assert (again.trigger, restored.consider(model, step, epoch)) == (trigger, again)
@@ -192,11 +192,13 @@ def test_tosses_that_cannot_be_scored_are_named_and_not_kept(model: Model, tosse
         Reranking(tosses, scorer, RerankingConfig(TRACE)).select(model)
 
 
-@pytest.mark.parametrize(("canary", "taken", "left", "quiet"), [(None, 7, 12, 12), (CANARY, 7, 12, 3), (CANARY, 5, 2, 2)])
-def test_no_occasion_comes_before_the_end_of_the_epoch_and_the_canaries(
-    tosses: tuple[Toss, ...], canary: StalenessConfig | None, taken: int, left: int, quiet: int
+@pytest.mark.parametrize(
+    ("staleness", "taken", "left", "quiet"), [(None, 7, 12, 12), (STALENESS, 7, 12, 3), (STALENESS, 5, 2, 2)]
+)
+def test_no_occasion_comes_before_the_end_of_the_epoch_and_the_next_look_at_monitored_tosses(
+    tosses: tuple[Toss, ...], staleness: StalenessConfig | None, taken: int, left: int, quiet: int
 ) -> None:
-    reranking = Reranking(tosses, MadeUpScorer(), RerankingConfig(TRACE, canary=canary))
+    reranking = Reranking(tosses, MadeUpScorer(), RerankingConfig(TRACE, staleness=staleness))
     assert reranking.quiet_steps(taken, left) == quiet
 
 
@@ -208,8 +210,8 @@ def test_nothing_is_considered_before_a_first_selection(model: Model, tosses: tu
 @pytest.mark.parametrize(
     ("field", "value"), [("tosses", 1), ("steps", 0), ("spearman", 1.1), ("spearman", np.nan), ("overlap", -0.1)]
 )
-def test_canaries_without_sense_are_refused(field: str, value: float) -> None:
-    with pytest.raises(InvalidValueError, match=f"canary.{field}: found {value}"):
+def test_a_staleness_check_without_sense_is_refused(field: str, value: float) -> None:
+    with pytest.raises(InvalidValueError, match=f"staleness.{field}: found {value}"):
         StalenessConfig(**{field: value})  # type: ignore[arg-type]
 
 
@@ -230,10 +232,10 @@ def test_a_polytope_is_ranked_as_the_library_ranks_its_geometry_in_its_own_form(
         assert first.toss_ids == expected.ranking.selected_ids
 
 
-def test_theta_that_moves_far_moves_the_canaries_of_real_scores() -> None:
+def test_theta_that_moves_far_changes_the_ranks_of_monitored_tosses_by_real_scores() -> None:
     pool = simulated_tosses(12, seed=5)
     scorer = toss_scorer(ScoringConfig(), "trace")
-    config = RerankingConfig(RankingConfig("trace", top=4), canary=StalenessConfig(tosses=8, steps=1))
+    config = RerankingConfig(RankingConfig("trace", top=4), staleness=StalenessConfig(tosses=8, steps=1))
     true = ContactGeometry.of_body(CONTACTNETS_CUBE)
     reranking = Reranking(pool, scorer, config)
     reranking.select(PolytopeModel(true, CONTACTNETS_CUBE, Form.PHYSICAL))

@@ -65,6 +65,18 @@ def tosses_of(bag: Path, config: InputsConfig | None = None) -> list[Toss]:
     return [item for item in open_inputs([bag], CONTACTNETS_CUBE, config) if isinstance(item, Toss)]
 
 
+def test_poses_of_a_frame_beside_the_centre_of_mass_give_the_same_motion_of_the_body(tmp_path: Path) -> None:
+    toss, offset = synthetic_toss(), np.array([0.02, -0.01, 0.03])
+    beside = replace(CONTACTNETS_CUBE, center_of_mass=offset)
+    with BagWriter(tmp_path / "link.mcap") as bag:
+        record(bag, beside, [toss], TagslamRig(rules=SegmenterConfig()))
+    (again,) = (one for one in open_inputs([tmp_path / "link.mcap"], beside) if isinstance(one, Toss))
+    np.testing.assert_allclose(again.positions, toss.positions, atol=1e-9)
+    np.testing.assert_allclose(again.linear_velocities, toss.linear_velocities, atol=1e-6)
+    as_recorded = [one for one in open_inputs([tmp_path / "link.mcap"], CONTACTNETS_CUBE) if isinstance(one, Toss)]
+    assert as_recorded == []  # a point beside the centre of mass does not fly on a parabola
+
+
 def test_an_imported_bag_gives_the_same_tosses_back(folder: Path, tmp_path: Path) -> None:
     bag = tmp_path / "out.mcap"
     report = import_contactnets(folder, bag, rig=TagslamRig(rules=SegmenterConfig()))
@@ -151,7 +163,7 @@ def test_a_toss_of_another_body_is_refused(tmp_path: Path) -> None:
         pytest.raises(InvalidValueError, match=r"body of toss .*: found brick, expected cube, as of the others"),
         BagWriter(tmp_path / "out.mcap") as bag,
     ):
-        record(bag, "cube", [replace(synthetic_toss(), body="brick")], TagslamRig())
+        record(bag, CONTACTNETS_CUBE, [replace(synthetic_toss(), body="brick")], TagslamRig())
 
 
 class Imported(NamedTuple):

@@ -270,7 +270,7 @@ def test_while_reading_the_recording_of_each_toss_is_known(tmp_path: Path) -> No
     assert origins[0].input_sha256 == inputs.summaries[0].sha256
 
 
-def test_tosses_of_any_input_are_put_right_before_the_gates_see_them(tmp_path: Path) -> None:
+def test_tosses_of_any_input_are_corrected_before_the_gates_see_them(tmp_path: Path) -> None:
     rig = RigCalibration(normal=(0.02, -0.02, 1.0), centre=(0.3, 0.1, 0.0), scale=1.02)
     (tmp_path / "tosses").mkdir()
     save_contactnets(tmp_path / "tosses", 1, synthetic_toss())

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError, MissingTopicError, UnreadableInputError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.poses import Pose
@@ -44,7 +45,7 @@ def test_an_image_gives_the_board_and_the_body_in_the_camera_and_so_the_body_on_
     assert isinstance(body, FramePose)
     assert (board.child, body.child, board.parent, body.parent) == ("body_surface", "body_cube", "camera", "camera")
     np.testing.assert_allclose(board.pose.position, CAMERA.pose.inverse().position, atol=1e-6)
-    tracker = BodyTracker(WITH_MAP.tracker("cube", "body_surface"))
+    tracker = BodyTracker(WITH_MAP.tracker(CONTACTNETS_CUBE, "body_surface"))
     events = [event for one in (board, body) for event in tracker.push(one)]
     (event,) = events
     assert isinstance(event, BodyPose)
@@ -160,7 +161,7 @@ def test_the_tag_map_is_read_for_the_body_and_limits_jumps() -> None:
     made = WITH_MAP.detections("cube")
     assert made is not None
     assert made.rig.body.ids == RIG.body.ids
-    assert WITH_MAP.tracker("cube", "body_surface").largest_spin == WITH_MAP.largest_spin
-    assert np.isinf(PoseTopicConfig().tracker("cube", "body_surface").largest_spin)
+    assert WITH_MAP.tracker(CONTACTNETS_CUBE, "body_surface").largest_spin == WITH_MAP.largest_spin
+    assert np.isinf(PoseTopicConfig().tracker(CONTACTNETS_CUBE, "body_surface").largest_spin)
     with pytest.raises(UnreadableInputError, match="body_wedge"):
         WITH_MAP.detections("wedge")

@@ -1,0 +1,123 @@
+"""Meshes as rigid bodies: STL (binary and text), OBJ, PLY and OFF.
+
+Only the file itself is read, neither materials nor textures. A closed mesh has the mass properties of what it encloses, and
+may be hollow, concave or of several pieces; of an open one they are those of its convex hull.
+"""
+
+from io import BytesIO
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from contact_curation.errors import UnreadableInputError
+from contact_curation.files import read_bounded
+from contact_curation.geometry.quaternions import Array
+from contact_curation.geometry.solids.mass_properties import MassProperties, of_hull
+from contact_curation.geometry.solids.shapes import Solid
+
+MESHES = (".stl", ".obj", ".ply", ".off")
+"""Endings of the files that are read."""
+
+LARGEST_MESH = 1 << 26
+"""Bytes of a mesh."""
+
+STL_HEAD, STL_TRIANGLE = 84, 50
+"""Bytes in a binary STL file: before the first triangle, and of each triangle."""
+
+FARTHEST = 1e6
+"""[m] of a coordinate; a body whose unit is off is found by its mass later."""
+
+FLAT = 1e-6
+"""Share of its size: a mesh that is thinner has no volume."""
+
+CONCAVE = 1e-4
+"""Share of the hull's volume that a mesh may lack and still be convex, but for rounding."""
+
+
+class Mesh(NamedTuple):
+    """What a mesh file holds.
+
+    Attributes:
+        solid: at a density of 1 kg/m^3.
+        notes: what was assumed of it, one line each.
+    """
+
+    solid: Solid
+    notes: tuple[str, ...]
+
+
+def read_mesh(path: Path, scale: Array) -> Mesh:
+    """The body that a mesh encloses.
+
+    Args:
+        path: of the file.
+        scale: (3,) what its coordinates are multiplied with, to become metres.
+
+    Raises:
+        UnreadableInputError: there is no such file, it is no mesh, or it encloses nothing.
+    """
+    data = read_bounded(path, LARGEST_MESH, "a mesh")
+    loaded = _loaded(path, data)
+    points = np.asarray(loaded.vertices, dtype=float).reshape(-1, 3) * scale
+    if not len(points) or not len(loaded.faces):
+        raise UnreadableInputError(path, "found no triangles, expected a mesh")
+    if not np.isfinite(points).all() or float(np.abs(points).max()) > FARTHEST:
+        raise UnreadableInputError(path, "found coordinates that are no lengths, expected metres, or a scale to make them so")
+    if np.linalg.matrix_rank(points - points.mean(axis=0), tol=FLAT * float(np.ptp(points))) < 3:
+        raise UnreadableInputError(path, "found all points in one plane, expected a mesh with volume")
+    loaded.vertices = points
+    loaded.merge_vertices()
+    if scale.prod() < 0.0:
+        loaded.invert()
+    return _enclosed(path, loaded)
+
+
+def _enclosed(path: Path, mesh: Any) -> Mesh:
+    """The mass properties of the mesh, or of its hull where it is open."""
+    hull, notes = mesh.convex_hull, []
+    corners = np.asarray(hull.vertices, dtype=float)
+    closed = bool(mesh.is_watertight and mesh.is_winding_consistent)
+    if closed and mesh.volume < 0.0:
+        mesh.invert()
+    if not closed or not mesh.volume > 0.0:
+        notes.append(f"{path.name} is not closed: its mass is spread over its convex hull")
+        return Mesh(Solid(corners, of_hull(corners)), tuple(notes))
+    if mesh.volume < (1.0 - CONCAVE) * hull.volume:
+        inside = len(mesh.vertices) - len(corners)
+        notes.append(
+            f"{path.name} is not convex: a flat board touches its convex hull alone, so that {inside} vertices inside the "
+            f"hull are no contacts; the hull has {hull.volume / mesh.volume:.2f} times its volume"
+        )
+    found = mesh.mass_properties
+    inertia = np.asarray(found.inertia, dtype=float)
+    uniform = MassProperties(float(found.volume), np.asarray(found.center_mass, dtype=float), 0.5 * (inertia + inertia.T))
+    return Mesh(Solid(corners, uniform), tuple(notes))
+
+
+def _loaded(path: Path, data: bytes) -> Any:
+    """The mesh as trimesh reads it; it opens no other file."""
+    from trimesh import load_mesh  # takes half a second to import
+
+    kind = path.suffix.lower()
+    if kind not in MESHES:
+        raise UnreadableInputError(path, f"found a {kind or 'file without ending'}, expected a mesh: {', '.join(MESHES)}")
+    if kind == ".stl":
+        kind = _kind_of_stl(path, data)
+    try:
+        return load_mesh(BytesIO(data), file_type=kind.removeprefix("."), skip_materials=True, process=False)
+    except Exception as error:  # its readers end in errors of any kind
+        raise UnreadableInputError(path, f"is no mesh ({type(error).__name__}: {str(error)[:80]})") from error
+
+
+def _kind_of_stl(path: Path, data: bytes) -> str:
+    """Which of the two forms of STL it has; what is cut off is refused, of which trimesh would give an empty mesh."""
+    if data.lstrip()[:5].lower() == b"solid" and b"facet" in data[:1024]:
+        if b"endsolid" not in data[-1024:]:
+            raise UnreadableInputError(path, "found no endsolid at its end, expected a whole STL file: it was cut off")
+        return ".stl_ascii"
+    count = int.from_bytes(data[STL_HEAD - 4 : STL_HEAD], "little")
+    expected = STL_HEAD + STL_TRIANGLE * count
+    if len(data) < STL_HEAD or len(data) < expected:
+        raise UnreadableInputError(path, f"found {len(data)} bytes, expected {expected} of an STL file: it was cut off")
+    return ".stl"

@@ -1,0 +1,263 @@
+"""MJCF: the colliding geoms and the mass properties of one body, in the body's frame (MuJoCo's XML reference).
+
+Understood are classes of defaults, mesh assets and all ways to give an orientation. What would change the outcome and is not
+understood is refused: then save the compiled model (`mj_saveLastXML`) and give that file.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from contact_curation.errors import UnreadableInputError
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.quaternions import Array
+from contact_curation.geometry.solids import shapes
+from contact_curation.geometry.solids.link import Link, chosen_name
+from contact_curation.geometry.solids.mass_properties import MassProperties, combined
+from contact_curation.geometry.solids.mesh_file import Mesh, read_mesh
+from contact_curation.geometry.solids.shapes import Solid, union
+from contact_curation.geometry.solids.urdf import turn_about
+from contact_curation.geometry.solids.xml_file import number, numbers, positive, read_xml, referenced
+
+DENSITY = 1000.0
+"""[kg/m^3] of a geom without mass and density, by MuJoCo's defaults."""
+
+MAIN = "main"
+REMEDY = "save the compiled model with mj_saveLastXML, and give that file"
+REFUSED = {"include": "<include>", "replicate": "<replicate>", "composite": "<composite>", "flexcomp": "<flexcomp>"}
+
+
+@dataclass(frozen=True, eq=False)
+class _Geom:
+    mesh: Mesh
+    weight: MassProperties
+    collides: bool
+    friction: float | None
+
+
+class _Model:
+    """What the geoms of a file share: defaults by class, meshes by name, the unit of angles."""
+
+    def __init__(self, path: Path, root: Element) -> None:
+        self.path = path
+        self.options: dict[str, str] = {}
+        for compiler in root.findall("compiler"):
+            self.options.update(compiler.attrib)
+        for tag, shown in REFUSED.items():
+            if root.find(f".//{tag}") is not None:
+                raise UnreadableInputError(path, f"found {shown}, which is not understood: {REMEDY}")
+        if float(self.options.get("settotalmass", "-1")) > 0.0:
+            raise UnreadableInputError(path, f"found settotalmass, which is not understood: {REMEDY}")
+        self.defaults: dict[str, dict[str, dict[str, str]]] = {MAIN: {}}
+        for top in root.findall("default"):
+            self._take_defaults(top, MAIN, {})
+        self.meshes = {_mesh_name(mesh): mesh for mesh in root.findall("asset/mesh")}
+
+    def _take_defaults(self, element: Element, name: str, above: dict[str, dict[str, str]]) -> None:
+        own = {tag: dict(values) for tag, values in above.items()}
+        for child in element:
+            if child.tag != "default":
+                own[child.tag] = {**own.get(child.tag, {}), **child.attrib}
+        self.defaults[name] = own
+        for child in element.findall("default"):
+            self._take_defaults(child, child.get("class", MAIN), own)
+
+    def with_defaults(self, element: Element, childclass: str) -> Element:
+        """The element with what its class gives it."""
+        chosen = element.get("class", childclass)
+        if chosen not in self.defaults:
+            raise UnreadableInputError(self.path, f"class of <{element.tag}>: found {chosen}, expected one of <default>")
+        return Element(element.tag, {**self.defaults[chosen].get(element.tag, {}), **element.attrib})
+
+    def pose(self, element: Element) -> tuple[Array, Array]:
+        """Rotation (3, 3) and translation (3,) of an element in its body."""
+        return self._rotation(element), numbers(self.path, element, "pos", 3, (0.0, 0.0, 0.0))
+
+    def _rotation(self, element: Element) -> Array:
+        if "quat" in element.attrib:
+            quaternion = numbers(self.path, element, "quat", 4)
+            return quaternions.to_matrix(quaternion / np.linalg.norm(quaternion))
+        if "axisangle" in element.attrib:
+            *axis, angle = numbers(self.path, element, "axisangle", 4)
+            return quaternions.to_matrix(quaternions.exp(self._radians(angle) * np.array(axis) / np.linalg.norm(axis)))
+        if "xyaxes" in element.attrib:
+            axes = numbers(self.path, element, "xyaxes", 6)
+            x = axes[:3] / np.linalg.norm(axes[:3])
+            y = axes[3:] - x * (x @ axes[3:])
+            y = y / np.linalg.norm(y)
+            return np.column_stack([x, y, np.cross(x, y)])
+        if "zaxis" in element.attrib:
+            return _turn_of_z(numbers(self.path, element, "zaxis", 3))
+        if "euler" in element.attrib:
+            return self._euler(numbers(self.path, element, "euler", 3))
+        return np.eye(3)
+
+    def _euler(self, angles: Array) -> Array:
+        """Lower case letters turn about the moved axes, upper case ones about the fixed axes."""
+        turn = np.eye(3)
+        for letter, angle in zip(self.options.get("eulerseq", "xyz"), angles, strict=True):
+            one = turn_about("xyz".index(letter.lower()), self._radians(angle))
+            turn = turn @ one if letter.islower() else one @ turn
+        return turn
+
+    def _radians(self, angle: float) -> float:
+        return angle if self.options.get("angle", "degree") == "radian" else float(np.radians(angle))
+
+    def mesh(self, name: str) -> Mesh:
+        """A mesh of the assets."""
+        asset = self.meshes.get(name)
+        if asset is None or asset.get("file") is None:
+            what = f"no mesh {name} among the assets" if asset is None else f"mesh {name} without a file"
+            raise UnreadableInputError(self.path, f"found {what}, expected <mesh name={name!r} file=...>")
+        told = self.with_defaults(asset, MAIN)
+        if "refpos" in told.attrib or "refquat" in told.attrib:
+            raise UnreadableInputError(self.path, f"mesh {name}: found refpos or refquat, which is not understood: {REMEDY}")
+        folder = self.options.get("meshdir", self.options.get("assetdir", ""))
+        file = referenced(self.path, told.get("file", ""), folder)
+        return read_mesh(file, numbers(self.path, told, "scale", 3, (1.0, 1.0, 1.0)))
+
+
+def read_mjcf(path: Path, body: str | None = None) -> Link:
+    """A rigid body.
+
+    Args:
+        path: of the file.
+        body: its name; None for the only one with colliding geoms.
+
+    Raises:
+        UnreadableInputError: there is no such file or body, several, a mesh cannot be read, or a value is none.
+    """
+    root = read_xml(path, "mujoco")
+    try:
+        model = _Model(path, root)
+        found = {}
+        for world in root.findall("worldbody"):
+            found.update({element.get("name", f"body{k}"): (element, cls) for k, (element, cls) in enumerate(_bodies(world))})
+        colliding = [name for name, (element, cls) in found.items() if any(map(_collides, _told(model, element, cls)))]
+        name = chosen_name(path, colliding, body, "body with a geom that collides")
+        return _link(model, root, name, *found[name])
+    except (ValueError, RecursionError) as error:  # an euler sequence of other letters, numbers in attributes of our own
+        raise UnreadableInputError(path, f"holds a value that is not understood ({error}): {REMEDY}") from error
+
+
+def _bodies(above: Element, childclass: str = MAIN) -> Iterator[tuple[Element, str]]:
+    for body in above.findall("body"):
+        own = body.get("childclass", childclass)
+        yield body, own
+        yield from _bodies(body, own)
+
+
+def _told(model: _Model, body: Element, childclass: str) -> list[Element]:
+    """The geoms of a body with their defaults."""
+    if body.find("frame") is not None:
+        raise UnreadableInputError(model.path, f"found <frame>, which is not understood: {REMEDY}")
+    return [model.with_defaults(geom, childclass) for geom in body.findall("geom")]
+
+
+def _collides(geom: Element) -> bool:
+    return not (geom.get("contype", "1") == "0" and geom.get("conaffinity", "1") == "0")
+
+
+def _link(model: _Model, root: Element, name: str, body: Element, childclass: str) -> Link:
+    geoms = [_geom(model, geom) for geom in _told(model, body, childclass)]
+    colliding = [geom for geom in geoms if geom.collides]
+    said = [geom.friction for geom in colliding if geom.friction is not None]
+    inertial = body.find("inertial")
+    by_file = inertial is not None and model.options.get("inertiafromgeom", "auto") != "true"
+    heavy = [geom.weight for geom in geoms if geom.weight.mass > 0.0]
+    return Link(
+        name=name if body.get("name") else root.get("model", path_name(model.path)),
+        solid=union([geom.mesh.solid for geom in colliding]),
+        mass=_inertial(model, inertial) if inertial is not None and by_file else combined(heavy) if heavy else None,
+        friction=max(said) if said else None,
+        notes=tuple(note for geom in colliding for note in geom.mesh.notes),
+    )
+
+
+def path_name(path: Path) -> str:
+    """The name of a file without its ending."""
+    return path.name.split(".")[0]
+
+
+def _geom(model: _Model, geom: Element) -> _Geom:
+    kind = geom.get("type", "mesh" if "mesh" in geom.attrib else "sphere")
+    if kind not in SHAPES or ("mesh" in geom.attrib and kind != "mesh"):
+        raise UnreadableInputError(model.path, f"type of <geom>: found {kind}, expected one of {', '.join(SHAPES)}")
+    mesh = SHAPES[kind](model, geom)
+    if "fromto" in geom.attrib:
+        ends = numbers(model.path, geom, "fromto", 6).reshape(2, 3)
+        pose = _turn_of_z(ends[0] - ends[1]), ends.mean(axis=0)
+    else:
+        pose = model.pose(geom)
+    solid = mesh.solid.moved(*pose)
+    volume = solid.uniform.mass
+    density = number(model.path, geom, "density", DENSITY)
+    mass = number(model.path, geom, "mass", density * volume)
+    friction = float(geom.attrib["friction"].split()[0]) if geom.get("friction") else None
+    return _Geom(mesh._replace(solid=solid), solid.uniform.times(mass / volume), _collides(geom), friction)
+
+
+def _sizes(model: _Model, geom: Element, count: int) -> Array:
+    """(count,) positive sizes; MuJoCo allows more numbers than are used. `fromto` gives the half length, the last one."""
+    if "fromto" in geom.attrib:
+        ends = numbers(model.path, geom, "fromto", 6).reshape(2, 3)
+        half = 0.5 * float(np.linalg.norm(ends[0] - ends[1]))
+        own = _used(model, geom, 1)
+        return np.array([*np.repeat(own, count - 1), half])
+    return _used(model, geom, count)
+
+
+def _used(model: _Model, geom: Element, count: int) -> Array:
+    words = geom.get("size", "").split()[:count]
+    return positive(model.path, Element("geom", {"size": " ".join(words)}), "size", count)
+
+
+def _exact(solid: Solid) -> Mesh:
+    return Mesh(solid, ())
+
+
+def _capsule(model: _Model, geom: Element) -> Mesh:
+    radius, half = _sizes(model, geom, 2)
+    return _exact(shapes.capsule(radius, 2.0 * half))
+
+
+def _cylinder(model: _Model, geom: Element) -> Mesh:
+    radius, half = _sizes(model, geom, 2)
+    return _exact(shapes.cylinder(radius, 2.0 * half))
+
+
+SHAPES = {
+    "box": lambda model, geom: _exact(shapes.box(_sizes(model, geom, 3))),
+    "ellipsoid": lambda model, geom: _exact(shapes.ellipsoid(_sizes(model, geom, 3))),
+    "sphere": lambda model, geom: _exact(shapes.sphere(float(_used(model, geom, 1)[0]))),
+    "cylinder": _cylinder,
+    "capsule": _capsule,
+    "mesh": lambda model, geom: model.mesh(geom.get("mesh", "")),
+}
+
+
+def _inertial(model: _Model, inertial: Element) -> MassProperties:
+    mass = float(positive(model.path, inertial, "mass", 1)[0])
+    if "fullinertia" in inertial.attrib:
+        xx, yy, zz, xy, xz, yz = numbers(model.path, inertial, "fullinertia", 6)
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    else:
+        inertia = np.diag(positive(model.path, inertial, "diaginertia", 3))
+    return MassProperties(mass, np.zeros(3), inertia).moved(*model.pose(inertial))
+
+
+def _turn_of_z(axis: Array) -> Array:
+    """(3, 3) the smallest rotation that takes z to an axis (3,)."""
+    axis = axis / np.linalg.norm(axis)
+    across = np.cross([0.0, 0.0, 1.0], axis)
+    length = float(np.linalg.norm(across))
+    if length == 0.0:
+        return np.diag([1.0, np.sign(axis[2]), np.sign(axis[2])])
+    return quaternions.to_matrix(quaternions.exp(across / length * np.arctan2(length, axis[2])))
+
+
+def _mesh_name(mesh: Element) -> str:
+    return mesh.get("name", path_name(Path(mesh.get("file", ""))))

@@ -1,0 +1,64 @@
+"""The data card of an export: README.md, which says what the tosses are, where they come from and how they were selected.
+
+Data cards follow Pushkarna et al., "Data Cards" (FAccT 2022), shortened to what the manifest knows. The front matter is what
+dataset hosts read. Licence and contact are left for the user to fill in: nobody else can know them.
+"""
+
+import shlex
+from collections import Counter
+from collections.abc import Iterator
+
+from contact_curation.contact.body import Body
+from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
+from contact_curation.version import __version__
+
+CARD = "README.md"
+"""The name under which dataset hosts show it."""
+
+LAYOUTS = {
+    "mcap": "MCAP recordings with the recorded messages of the selected tosses; `manifest.json` has a row per toss.",
+    "contactnets": "ContactNets' files: `tosses_processed/0.pt` is the best toss; row N of `manifest.json` describes N.pt.",
+    "lerobot": "A LeRobot dataset v3.0 with an episode per toss, best first; the manifest is `meta/curation.json`.",
+}
+"""By the format of the export."""
+
+FILL_IN = "TO BE FILLED IN by whoever publishes this folder"
+
+
+def data_card(form: str, body: Body, manifest: Manifest) -> str:
+    """The card as Markdown.
+
+    Args:
+        form: format of the export, one of `LAYOUTS`.
+        body: the object that was tossed.
+        manifest: of the whole ranking, of which the selected tosses are exported.
+    """
+    return "\n".join(_lines(form, body, manifest)) + "\n"
+
+
+def _lines(form: str, body: Body, manifest: Manifest) -> Iterator[str]:
+    run, selected = manifest.run, manifest.selected
+    yield from ("---", "license: unknown  # " + FILL_IN, "tags: [robotics, contact, toss, contact-curation]", "---", "")
+    yield from (f"# Tosses of {body.name}", "", LAYOUTS[form], "")
+    seconds, frames = sum(row.duration for row in selected), sum(row.frames for row in selected)
+    yield from ("| | |", "|---|---|")
+    yield f"| tosses | {len(selected)}, {seconds:.1f} s, {frames} poses |"
+    yield f"| body | {body.name}: {len(body.vertices)} vertices, {body.mass:g} kg, length scale {body.length_scale:g} m |"
+    yield f"| selected by | criterion {run.criterion}, estimator {run.estimator or 'none'}, seed {run.seed} |"
+    yield f"| at the parameters | {run.model}, {run.parameters} (version {run.parameters_version}) |"
+    yield f"| ranked with | contact_curation {run.package_version}; exported with {__version__} |"
+    yield f"| command | `{shlex.join(run.command)}` |" if run.command else "| command | none: ranked from Python |"
+    yield from (f"| license | {FILL_IN} |", f"| contact | {FILL_IN} |", "")
+    yield from ("## Source recordings", "", "| file | SHA-256 | tosses |", "|---|---|---|")
+    exported = Counter(row.input for row in selected)
+    yield from (f"| {one.path} | `{one.sha256}` | {exported[one.path]} |" for one in run.inputs)
+    yield from ("", "## What was left out", "")
+    yield f"{len(manifest.rows)} tosses were found and {len(selected)} were selected. The others:"
+    yield from ("", "| tosses | why |", "|---|---|")
+    left_out = Counter(map(_why, manifest.rows)) - Counter(map(_why, selected))
+    yield from (f"| {count} | {why} |" for why, count in left_out.most_common())
+    yield from ("", "A selection is no random sample: rates and averages of these tosses are not those of the recordings.")
+
+
+def _why(row: ManifestRow) -> str:
+    return "not selected by the ranking" if row.rank is not None else f"rejected: {row.reasons[0].partition(':')[0]}"

@@ -1,0 +1,364 @@
+"""One brick in every format is one body; what a file cannot be is one line that says what to do."""
+
+import os
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.body_description import BodyOptions, read_description
+from contact_curation.errors import UnreadableInputError
+
+HALF = np.array([0.03, 0.04, 0.06])
+MASS, FRICTION = 0.3, 0.2
+INERTIA = MASS / 3.0 * (HALF @ HALF - HALF**2)
+CENTER = np.array([0.01, -0.02, 0.05])
+"""Of mass, in the frame of the file."""
+
+TRIANGLES = (
+    (0, 1, 3),
+    (0, 3, 2),
+    (4, 6, 7),
+    (4, 7, 5),
+    (0, 4, 5),
+    (0, 5, 1),
+    (2, 3, 7),
+    (2, 7, 6),
+    (0, 2, 6),
+    (0, 6, 4),
+    (1, 5, 7),
+    (1, 7, 3),
+)
+"""Of a box whose corners are in binary order, outwards."""
+
+
+def corners_mm(half: np.ndarray = HALF, center: np.ndarray = CENTER) -> np.ndarray:
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    return 1000.0 * (center + half * signs)
+
+
+def stl_text(corners: np.ndarray, triangles: tuple[tuple[int, ...], ...] = TRIANGLES) -> str:
+    facets = [
+        "facet normal 0 0 0\nouter loop\n"
+        + "".join(f"vertex {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in corners[list(one)])
+        + "endloop\nendfacet\n"
+        for one in triangles
+    ]
+    return "solid brick\n" + "".join(facets) + "endsolid brick\n"
+
+
+def stl_bytes(corners: np.ndarray) -> bytes:
+    facets = [struct.pack("<12fH", 0, 0, 0, *corners[list(one)].ravel(), 0) for one in TRIANGLES]
+    return bytes(80) + struct.pack("<I", len(facets)) + b"".join(facets)
+
+
+def obj_text(corners: np.ndarray, triangles: tuple[tuple[int, ...], ...] = TRIANGLES) -> str:
+    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in corners]
+    return (
+        "mtllib ../secret.mtl\n" + "\n".join([*lines, *("f " + " ".join(str(k + 1) for k in one) for one in triangles)]) + "\n"
+    )
+
+
+def off_text(corners: np.ndarray) -> str:
+    rows = [" ".join(f"{value:.9g}" for value in corner) for corner in corners]
+    return "\n".join(["OFF", f"8 {len(TRIANGLES)} 0", *rows, *("3 " + " ".join(map(str, one)) for one in TRIANGLES)]) + "\n"
+
+
+def ply_text(corners: np.ndarray) -> str:
+    head = ["ply", "format ascii 1.0", "element vertex 8", *(f"property double {axis}" for axis in "xyz")]
+    head += [f"element face {len(TRIANGLES)}", "property list uchar int vertex_indices", "end_header"]
+    return "\n".join([*head, *off_text(corners).splitlines()[2:]]) + "\n"
+
+
+URDF = """<robot name="brick"><link name="base_link">
+  <inertial><origin xyz="0.01 -0.02 0.05" rpy="1.5707963267948966 0 0"/><mass value="0.3"/>
+    <inertia ixx="{0}" iyy="{2}" izz="{1}" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><origin xyz="0.01 -0.02 0.05" rpy="0 0 1.5707963267948966"/>
+    <geometry><box size="0.08 0.06 0.12"/></geometry></collision>
+  <contact><lateral_friction value="0.2"/></contact>
+</link></robot>"""
+
+MJCF = """<mujoco><compiler angle="radian"/><default><geom friction="0.2"/></default>
+  <worldbody><geom type="plane" size="1 1 1"/>
+  <body name="brick" pos="0 0 1"><freejoint/>
+    <geom type="box" size="0.04 0.03 0.06" pos="0.01 -0.02 0.05" euler="0 0 1.5707963267948966" mass="0.3"/>
+  </body></worldbody></mujoco>"""
+
+
+def urdf_with(geometry: str) -> bytes:
+    link = f'<link name="b"><collision><geometry>{geometry}</geometry></collision></link>'
+    return f'<robot name="a">{link}</robot>'.encode()
+
+
+YAML = "name: brick\nmass: 0.3\nfriction: 0.2\n"
+
+
+def brick_files(folder: Path) -> dict[str, Path]:
+    """The brick, a file per format; meshes are in mm and described by a YAML file beside each."""
+    written: dict[str, Path] = {}
+    meshes: dict[str, str | bytes] = {
+        "ascii.stl": stl_text(corners_mm()),
+        "binary.stl": stl_bytes(corners_mm()),
+        "brick.obj": obj_text(corners_mm()),
+        "brick.ply": ply_text(corners_mm()),
+        "brick.off": off_text(corners_mm()),
+    }
+    for name, content in meshes.items():
+        (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+        written[name] = folder / f"{name}.yaml"
+        written[name].write_text(f"{YAML}mesh: {name}\nscale: 0.001\n")
+    moments = [float(value) for value in INERTIA]
+    listed = f"half_extents: {HALF.tolist()}\ninertia: {moments}\nlength_scale: {0.5 * np.cbrt(8.0 * HALF.prod())}\n"
+    texts = {
+        "brick.yaml": YAML + listed + f"center_of_mass: {CENTER.tolist()}\n",
+        "brick.urdf": URDF.format(*moments),
+        "brick.xml": MJCF,
+    }
+    for name, text in texts.items():
+        written[name] = folder / name
+        written[name].write_text(text)
+    return written
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    return brick_files(tmp_path_factory.mktemp("bricks"))
+
+
+@pytest.mark.parametrize(
+    "name", ["brick.yaml", "brick.urdf", "brick.xml", "ascii.stl", "binary.stl", "brick.obj", "brick.ply", "brick.off"]
+)
+def test_every_format_gives_the_same_brick(files: dict[str, Path], name: str) -> None:
+    body = Body.from_file(files[name])
+    assert body.name == "brick"
+    np.testing.assert_allclose(
+        sorted(body.vertices.tolist()), sorted((corners_mm(center=np.zeros(3)) / 1e3).tolist()), atol=1e-9
+    )
+    np.testing.assert_allclose(body.inertia, np.diag(INERTIA), atol=1e-12)
+    np.testing.assert_allclose(body.center_of_mass, CENTER, atol=1e-9)
+    assert (body.mass, body.friction) == pytest.approx((MASS, FRICTION))
+    assert body.length_scale == pytest.approx(0.5 * np.cbrt(8.0 * HALF.prod()), abs=1e-9)
+    assert read_description(files[name]).warnings == ()
+
+
+def test_a_mesh_alone_takes_its_mass_from_the_options(files: dict[str, Path]) -> None:
+    mesh = files["binary.stl"].with_name("binary.stl")
+    with pytest.raises(UnreadableInputError, match=r"mass: found none in the file, expected --mass KG or --density"):
+        read_description(mesh, BodyOptions(scale=1e-3))
+    by_mass = Body.from_file(mesh, BodyOptions(scale=1e-3, mass=MASS, friction=FRICTION, name="brick"))
+    by_density = Body.from_file(mesh, BodyOptions(scale=1e-3, density=MASS / (8.0 * HALF.prod()), friction=FRICTION))
+    np.testing.assert_allclose(by_mass.inertia, by_density.inertia, rtol=1e-9)
+    assert by_density.name == "binary"
+    assert any("0.5 assumed" in line for line in read_description(mesh, BodyOptions(scale=1e-3, mass=MASS)).warnings)
+
+
+def test_a_mass_that_is_given_scales_the_inertia_of_the_file(files: dict[str, Path]) -> None:
+    for name in ("brick.urdf", "brick.xml", "brick.yaml"):
+        body = Body.from_file(files[name], BodyOptions(mass=2.0 * MASS))
+        np.testing.assert_allclose(body.inertia, 2.0 * np.diag(INERTIA), atol=1e-12)
+
+
+def test_an_l_of_two_pieces_touches_with_the_corners_of_its_hull_and_has_its_own_inertia(tmp_path: Path) -> None:
+    boxes = (((0.02, 0.02, 0.08), (0.0, 0.0, 0.0)), ((0.04, 0.02, 0.02), (0.06, 0.0, -0.06)))  # they overlap nowhere
+    collisions = "".join(
+        f'<collision><origin xyz="{x} {y} {z}"/><geometry><box size="{2 * a} {2 * b} {2 * c}"/></geometry></collision>'
+        for (a, b, c), (x, y, z) in boxes
+    )
+    file = tmp_path / "l.urdf"
+    file.write_text(f'<robot name="ell"><link name="l">{collisions}</link></robot>')
+    body = Body.from_file(file, BodyOptions(density=500.0, friction=0.3))
+    weights = np.array([8.0 * np.prod(half) for half, _ in boxes])
+    center = weights @ np.array([place for _, place in boxes]) / weights.sum()
+    assert len(body.vertices) == 10  # an L has 12 corners; the two at its inner edge lie in the hull
+    assert body.mass == pytest.approx(500.0 * weights.sum())
+    np.testing.assert_allclose(body.center_of_mass, center, atol=1e-12)
+    spread = sum(
+        500.0
+        * w
+        * ((np.square(half).sum() - np.square(half)) / 3.0 + np.square(place - center).sum() - np.square(place - center))
+        for w, (half, place) in zip(weights, ((np.array(half), np.array(place)) for half, place in boxes), strict=True)
+    )
+    np.testing.assert_allclose(np.diag(body.inertia), spread, rtol=1e-12)
+
+
+def test_a_concave_mesh_says_that_only_its_hull_touches(tmp_path: Path) -> None:
+    outline = np.array([(0, 0), (6, 0), (6, 2), (2, 2), (2, 6), (0, 6)])
+    points = np.array([(x, y, z) for z in (0, 4) for x, y in outline], dtype=float)
+    sides = [((k, (k + 1) % 6, (k + 1) % 6 + 6), (k, (k + 1) % 6 + 6, k + 6)) for k in range(6)]
+    caps = [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)]
+    faces = (
+        [face for pair in sides for face in pair]
+        + [face[::-1] for face in caps]
+        + [tuple(k + 6 for k in face) for face in caps]
+    )
+    (tmp_path / "l.obj").write_text(obj_text(points, tuple(faces)))
+    found = read_description(tmp_path / "l.obj", BodyOptions(scale=0.01, mass=0.2, friction=0.3))
+    assert any("not convex" in note and "2 vertices inside" in note for note in found.notes)
+    assert len(found.vertices) == 10
+    assert found.mass == 0.2
+
+
+def test_a_cylinder_becomes_a_prism_and_its_error_is_said(tmp_path: Path) -> None:
+    file = tmp_path / "can.urdf"
+    inertial = '<inertial><mass value="0.2"/><inertia ixx="2e-4" iyy="2e-4" izz="9e-5" ixy="0" ixz="0" iyz="0"/></inertial>'
+    geometry = '<collision><geometry><cylinder radius="0.03" length="0.1"/></geometry></collision>'
+    file.write_text(f'<robot name="can"><link name="can">{inertial}{geometry}</link></robot>')
+    found = read_description(file, BodyOptions(friction=0.3))
+    assert len(found.vertices) == 32
+    assert found.error == pytest.approx(0.03 * (1.0 - np.cos(np.pi / 16)))
+    assert found.warnings == ("vertices: 32 corners stand for the hull and are at most 0.58 mm inside it",)
+    np.testing.assert_allclose(np.linalg.norm(found.vertices[:, :2], axis=1), 0.03)
+
+
+def test_of_forty_vertices_in_yaml_the_solvers_32_are_taken_and_the_error_is_said(tmp_path: Path) -> None:
+    points = np.random.default_rng(2).standard_normal((40, 3))
+    points *= 0.05 / np.linalg.norm(points, axis=1)[:, None]
+    file = tmp_path / "ball.yaml"
+    file.write_text(f"{YAML}vertices: {points.tolist()}\ninertia: [3.0e-4, 3.0e-4, 3.0e-4]\nlength_scale: 0.04\n")
+    found = read_description(file)
+    assert (len(found.vertices), found.hull_count) == (32, 40)
+    assert found.warnings[0].startswith("vertices: 32 of 40 corners stand for the hull and are at most ")
+
+
+def test_the_length_scale_of_a_cube_is_its_half_width(tmp_path: Path) -> None:
+    (tmp_path / "cube.obj").write_text(obj_text(corners_mm(np.full(3, 0.0524), np.zeros(3))))
+    assert Body.from_file(tmp_path / "cube.obj", BodyOptions(scale=1e-3, mass=0.37)).length_scale == pytest.approx(0.0524)
+
+
+def test_mjcf_is_understood_as_mujoco_understands_it(tmp_path: Path) -> None:
+    import mujoco
+
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "brick.stl").write_bytes(stl_bytes(corners_mm()))
+    text = """<mujoco><compiler meshdir="meshes" eulerseq="zyx"/>
+      <default><geom density="700"/>
+        <default class="d"><geom type="capsule"/><mesh scale="0.001 0.001 0.001"/></default></default>
+      <asset><mesh class="d" file="brick.stl"/></asset>
+      <worldbody><body name="thing" childclass="d" pos="1 2 3"><freejoint/>
+        <geom size="0.02" fromto="0 0 0 0.05 0.04 0.03"/>
+        <geom type="cylinder" size="0.02 0.03" pos="0.1 0 0" euler="20 30 40" mass="0.2"/>
+        <geom type="ellipsoid" size="0.02 0.03 0.04" axisangle="1 1 0 50" contype="0" conaffinity="0"/>
+        <geom type="mesh" mesh="brick" quat="1 2 3 4" friction="0.7"/>
+        <geom type="box" size="0.01 0.02 0.03" zaxis="1 1 1"/>
+        <geom type="sphere" size="0.02" xyaxes="0 1 0 -1 0 0" pos="0 0 0.1"/>
+      </body></worldbody></mujoco>"""
+    (tmp_path / "thing.xml").write_text(text)
+    found = read_description(tmp_path / "thing.xml")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "thing.xml"))
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, model.body_iquat[1])
+    turn = turn.reshape(3, 3)
+    assert found.mass == pytest.approx(model.body_mass[1], rel=1e-9)
+    assert found.friction == 0.7
+    np.testing.assert_allclose(found.center_of_mass, model.body_ipos[1], atol=1e-9)
+    np.testing.assert_allclose(found.inertia, turn @ np.diag(model.body_inertia[1]) @ turn.T, atol=1e-9)
+
+
+BROKEN = {
+    "cut.stl": (stl_bytes(corners_mm())[:-20], "found 664 bytes, expected 684 of an STL file: it was cut off"),
+    "cut_text.stl": (stl_text(corners_mm())[:-40].encode(), "found no endsolid at its end"),
+    "empty.stl": (b"", "expected 84 of an STL file"),
+    "empty.obj": (b"", "found no triangles|is no mesh"),
+    "words.obj": (b"v 1 2 x\nf 1 1 1\n", "is no mesh|found no triangles"),
+    "flat.obj": (obj_text(corners_mm() * [1, 1, 0]).encode(), "in one plane"),
+    "huge.obj": (obj_text(corners_mm() * 1e9).encode(), "coordinates that are no lengths"),
+    "thing.dae": (b"<COLLADA/>", "found no YAML|found a str"),
+    "no_collision.urdf": (b'<robot name="a"><link name="b"><visual/></link></robot>', "found no link with a <collision>"),
+    "two.urdf": (
+        b'<robot name="a"><link name="b"><collision/></link><link name="c"><collision/></link></robot>',
+        r"found 2 links with collision geometry \(b, c\), expected one: choose with --link NAME",
+    ),
+    "no_mesh.urdf": (
+        urdf_with('<mesh filename="gone.stl"/>'),
+        "gone.stl: cannot be read: No such file",
+    ),
+    "package.urdf": (
+        urdf_with('<mesh filename="package://arm/x.stl"/>'),
+        "package://arm/x.stl: found no folder arm with that file above it; name the mesh by a relative path",
+    ),
+    "web.urdf": (
+        urdf_with('<mesh filename="http://x/y.stl"/>'),
+        "found http://x/y.stl, expected a path",
+    ),
+    "torus.urdf": (
+        urdf_with("<torus/>"),
+        "geometry of <collision>: found <torus>, expected one of box, cylinder",
+    ),
+    "size.urdf": (
+        urdf_with('<box size="1 2"/>'),
+        "size of <box>: found '1 2', expected 3 numbers",
+    ),
+    "a.urdf.xacro": (b"<robot/>", "is a xacro: expand it first with `xacro "),
+    "macro.urdf": (b'<robot xmlns:xacro="http://www.ros.org/wiki/xacro"/>', "is a xacro"),
+    "bomb.urdf": (b'<!DOCTYPE a [<!ENTITY b "c">]><robot>&b;</robot>', "found a document type"),
+    "cut.urdf": (b"<robot><link", "is no XML"),
+    "other.urdf": (b"<sdf/>", "found a <sdf>, expected a <robot>"),
+    "include.xml": (
+        b"<mujoco><include file='/etc/passwd'/></mujoco>",
+        "found <include>, which is not understood: save the compiled",
+    ),
+    "no_geom.xml": (b"<mujoco><worldbody><body/></worldbody></mujoco>", "found no body with a geom that collides"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_broken_file_is_one_line(tmp_path: Path, name: str) -> None:
+    content, why = BROKEN[name]
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(UnreadableInputError, match=why) as caught:
+        read_description(tmp_path / name, BodyOptions(mass=0.3))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_link_is_chosen_by_its_name(tmp_path: Path) -> None:
+    boxes = "".join(
+        f'<link name="{name}"><collision><geometry><box size="{size} 0.1 0.1"/></geometry></collision></link>'
+        for name, size in (("small", 0.1), ("large", 0.2))
+    )
+    file = tmp_path / "two.urdf"
+    file.write_text(f'<robot name="two">{boxes}</robot>')
+    body = Body.from_file(file, BodyOptions(link="large", mass=0.3, friction=0.3))
+    assert (body.name, np.ptp(body.vertices[:, 0])) == ("large", pytest.approx(0.2))
+    with pytest.raises(UnreadableInputError, match=r"--link: found no link huge .* expected one of small, large"):
+        read_description(file, BodyOptions(link="huge", mass=0.3))
+
+
+def test_meshes_of_a_package_are_found_above_the_urdf(tmp_path: Path) -> None:
+    for folder in ("urdf", "meshes"):
+        (tmp_path / "bricks" / folder).mkdir(parents=True)
+    (tmp_path / "bricks" / "meshes" / "brick.stl").write_bytes(stl_bytes(corners_mm()))
+    mesh = '<mesh filename="package://bricks/meshes/brick.stl" scale="0.001 0.001 0.001"/>'
+    file = tmp_path / "bricks" / "urdf" / "brick.urdf"
+    file.write_bytes(urdf_with(mesh))
+    assert len(Body.from_file(file, BodyOptions(mass=0.3)).vertices) == 8
+
+
+def test_only_files_that_are_named_as_geometry_are_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "bricks"
+    folder.mkdir()
+    file = brick_files(folder)["brick.obj"]
+    (tmp_path / "secret.mtl").write_text("newmtl a\nmap_Kd secret.png\n")
+    read_description(file)  # what python imports late is imported now
+    opened: list[str] = []
+    whole = Path.open
+
+    def watched(path: Path, *arguments: object, **named: object) -> object:
+        opened.append(path.name)
+        return whole(path, *arguments, **named)  # type: ignore[call-overload]
+
+    monkeypatch.setattr(Path, "open", watched)
+    monkeypatch.setattr("builtins.open", lambda *arguments, **_: pytest.fail(f"opened {arguments}"))
+    monkeypatch.setattr(os, "open", lambda *arguments, **_: pytest.fail(f"opened {arguments}"))
+    read_description(file)
+    assert opened == ["brick.obj.yaml", "brick.obj"]
+
+
+def test_a_mesh_that_is_too_large_is_refused_before_it_is_read_whole(tmp_path: Path) -> None:
+    from contact_curation.geometry.solids.mesh_file import LARGEST_MESH
+
+    with (tmp_path / "large.stl").open("wb") as file:
+        file.truncate(LARGEST_MESH + 1)
+    with pytest.raises(UnreadableInputError, match="holds more than"):
+        read_description(tmp_path / "large.stl", BodyOptions(mass=0.3))

@@ -1,0 +1,103 @@
+"""A value in another unit is refused by physics, with the unit that it is likely in; what is only odd is said."""
+
+from pathlib import Path
+
+import pytest
+
+from contact_curation.contact.body_description import BodyOptions, read_description
+from contact_curation.errors import UnreadableInputError
+
+RIGHT = {
+    "half_extents": "[0.03, 0.04, 0.06]",
+    "mass": "0.3",
+    "inertia": "[5.2e-4, 4.5e-4, 2.5e-4]",
+    "friction": "0.2",
+    "length_scale": "0.045",
+    "gravity": "9.81",
+}
+
+
+def written(folder: Path, **changes: str) -> Path:
+    file = folder / "brick.yaml"
+    file.write_text("name: brick\n" + "".join(f"{key}: {value}\n" for key, value in {**RIGHT, **changes}.items()))
+    return file
+
+
+def test_a_sound_body_has_no_warnings(tmp_path: Path) -> None:
+    assert read_description(written(tmp_path)).warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        (
+            {"mass": "300"},
+            r"mass: found 300 kg in 0.576 litres, .* denser than any metal, expected kilograms: is it in grams \(0.3 kg\)\?",
+        ),
+        (
+            {"half_extents": "[30, 40, 60]", "length_scale": "45"},
+            r"vertices: found a body 120 m wide of 5.2e-07 kg/m\^3, .*, expected metres: are they in mm\?",
+        ),
+        ({"half_extents": "[3, 4, 6]", "length_scale": "4.5"}, r"vertices: .* expected metres: are they in cm\?"),
+        (
+            {"half_extents": "[1.2, 1.6, 2.4]", "length_scale": "1.8"},
+            r"vertices: .* expected metres: are they in (cm|inches)\?",
+        ),
+        (
+            {"inertia": "[520, 450, 250]"},
+            r"inertia: found moments of 2.5e\+02 to 5.2e\+02, but 0.3 kg within 78 mm .* at most 0.0018, .* in kg mm\^2\?",
+        ),
+        ({"inertia": "[5.2e+5, 4.5e+5, 2.5e+5]"}, r"inertia: .*: is it in g mm\^2\?"),
+        ({"inertia": "[5.2, 4.5, 2.5]"}, r"inertia: .*: is it in kg cm\^2\?"),
+        ({"inertia": "[5.2e-10, 4.5e-10, 2.5e-10]"}, r"inertia: .* spread evenly, has 0.00025 to 0.00052"),
+        ({"friction": "30"}, r"friction: found 30, .* is it in degrees \(tan 30 = 0.58\) or percent \(0.3\)\?"),
+        ({"friction": "-0.1"}, "friction: found -0.1, expected a number of at least 0"),
+        (
+            {"length_scale": "45"},
+            r"length_scale: found 45 m for a body 0.12 m wide, expected metres, about 0.0416: is it in mm \(0.045 m\)\?",
+        ),
+        ({"gravity": "9810"}, r"gravity: found 9810, expected m/s\^2: is it in mm/s\^2\?"),
+        ({"gravity": "-9.81"}, "gravity: found -9.81, expected a positive number"),
+    ],
+)
+def test_a_value_in_another_unit_is_refused(tmp_path: Path, changes: dict[str, str], why: str) -> None:
+    with pytest.raises(UnreadableInputError, match=why) as caught:
+        read_description(written(tmp_path, **changes))
+    assert str(caught.value).startswith(str(tmp_path / "brick.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("changes", "warning"),
+    [
+        (
+            {"mass": "0.002", "inertia": "[3.5e-6, 3.0e-6, 1.7e-6]"},
+            "mass: 0.002 kg in 0.576 litres is 3.5 kg/m^3, lighter than foam",
+        ),
+        ({"friction": "2"}, "friction: 2 is large; a coefficient is mostly 0.05 to 1.5"),
+        ({"length_scale": "0.005"}, "length_scale: 0.005 m is far from 0.0416 m, half the edge of a cube of the body's volume"),
+        ({"gravity": "1.62"}, "gravity: 1.62 m/s^2 is not that of the Earth"),
+        (
+            {"inertia": "[6.0e-6, 6.0e-6, 6.0e-6]"},
+            "inertia: moments of 6e-06 kg m^2 are small; evenly spread mass has 0.00025 to 0.00052",
+        ),
+    ],
+)
+def test_what_is_odd_but_possible_is_said(tmp_path: Path, changes: dict[str, str], warning: str) -> None:
+    assert read_description(written(tmp_path, **changes)).warnings == (warning,)
+
+
+def test_a_mesh_in_millimetres_is_named_so(tmp_path: Path) -> None:
+    corners = "".join(f"v {x} {y} {z}\n" for x in (0, 60) for y in (0, 80) for z in (0, 120))
+    faces = "f 1 2 4\nf 1 4 3\nf 5 7 8\nf 5 8 6\nf 1 5 6\nf 1 6 2\nf 3 4 8\nf 3 8 7\nf 1 3 7\nf 1 7 5\nf 2 6 8\nf 2 8 4\n"
+    (tmp_path / "brick.obj").write_text(corners + faces)
+    with pytest.raises(UnreadableInputError, match=r"a body 120 m wide .* are they in mm\?"):
+        read_description(tmp_path / "brick.obj", BodyOptions(mass=0.3))
+    assert read_description(tmp_path / "brick.obj", BodyOptions(mass=0.3, friction=0.3, scale=0.001)).warnings == ()
+
+
+def test_vertices_about_another_point_than_the_centre_of_mass_are_noticed(tmp_path: Path) -> None:
+    vertices = "[[1, 0, 0], [1.1, 0, 0], [1, 0.1, 0], [1, 0, 0.1]]"
+    file = written(tmp_path, inertia="[1.0e-4, 1.0e-4, 1.0e-4]", length_scale="0.03")
+    file.write_text(file.read_text().replace("half_extents: [0.03, 0.04, 0.06]", f"vertices: {vertices}"))
+    with pytest.raises(UnreadableInputError, match="the centre of mass, their origin, lies outside of their hull"):
+        read_description(file)
