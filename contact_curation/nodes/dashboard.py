@@ -60,7 +60,7 @@ class Dashboard(StageNode):
         loss = declare_config(self, replace(DEFAULT_LOSS, threads=1), "loss.")
         parameters = declare(self, "params", "", "theta to begin with: JSON file or checkpoint; empty: the body as described")
         self._limit = declare(self, "queue", 512, "messages that wait at most; the rest is dropped", bounds=(1, 1 << 20))
-        throws = declare(self, "throws", 0, "how many are planned, for `throw n of N`; 0: not known", bounds=(0, 1 << 20))
+        throws = declare(self, "throws", 0, "how many are planned, for `throw n of N`; 0: not known", bounds=(0, 10_000))
         state = declare(self, "state", "", "file that says where it is served, once it is; empty: none")
         serving = declared_serving(self)
         theta, self._body = first_theta(parameters, self._body)

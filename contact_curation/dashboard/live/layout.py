@@ -14,7 +14,9 @@ from contact_curation.dashboard.live import (
 )
 from contact_curation.dashboard.live.screen import TOSS
 
-WHITE = (250, 250, 250)
+SKY = (228, 231, 235)
+"""Behind the scenes: what is selected has a white outline, which is seen on it."""
+
 EYE, LOOKED_AT = (-0.25, -0.95, 0.42), (-0.03, 0.0, 0.05)
 """[m] Where tosses are looked at from, and where to."""
 
@@ -61,7 +63,7 @@ def _motion() -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
         origin=motion_view.SCENE,
         name="Toss: measured black, predicted blue",
-        background=WHITE,
+        background=SKY,
         line_grid=False,
         eye_controls=rrb.EyeControls3D(position=EYE, look_target=LOOKED_AT, eye_up=UP),
     )
@@ -72,7 +74,7 @@ def _body(body: Body) -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
         origin=body_view.BODY,
         name=f"Learned body, 1 sigma drawn x {body_view.MAGNIFIED:g}",
-        background=WHITE,
+        background=SKY,
         line_grid=False,
         eye_controls=rrb.EyeControls3D(position=(x, y, z), look_target=(0.0, 0.0, 0.0), eye_up=UP),
     )

@@ -18,7 +18,7 @@ from contact_curation.geometry.quaternions import Array
 
 SCENE = "scene"
 MEASURED, PREDICTED, IMPULSE, NEXT = Colour(30, 30, 30), BLUE, VERMILION, PURPLE
-BOARD, PAST = Colour(205, 205, 205), Colour(160, 160, 160)
+BOARD, PAST = Colour(195, 195, 195), Colour(140, 140, 140)
 
 BOARD_SIDE, BOARD_THICKNESS = 0.9, 0.004
 """[m]"""
