@@ -3,6 +3,7 @@
 A field is described once, in its class's docstring; the options of commands and the parameters of nodes are made of it.
 """
 
+import dataclasses
 import inspect
 import re
 from collections.abc import Iterator, Mapping
@@ -14,7 +15,13 @@ from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 from contact_curation.errors import InvalidValueError
 
 _ATTRIBUTE = re.compile(r"^    (\w+(?:, \w+)*): (.+(?:\n {8,}.+)*)", re.MULTILINE)
+CITATION = re.compile(r"\s*\(method\.md [^)]*\)")
 _BOOLEANS = {"true": True, "false": False}
+
+
+def ranged(default: Any, least: float, most: float) -> Any:
+    """A dataclass field whose ROS parameter takes numbers from `least` to `most`; the class itself may accept fewer."""
+    return dataclasses.field(default=default, metadata={"range": (least, most)})
 
 
 class ConfigField(NamedTuple):
@@ -104,6 +111,6 @@ def kind_in_words(kind: Any) -> str:
 
 
 def descriptions_of(config: type) -> dict[str, str]:
-    """What a config's docstring says of its attributes, by their names."""
-    section = (inspect.getdoc(config) or "").partition("Attributes:\n")[2]
+    """The descriptions of a config's attributes in its docstring, by their names, without citations of docs/method.md."""
+    section = CITATION.sub("", (inspect.getdoc(config) or "").partition("Attributes:\n")[2])
     return {name: " ".join(text.split()) for names, text in _ATTRIBUTE.findall(section) for name in names.split(", ")}

@@ -34,7 +34,7 @@ def contents() -> dict[str, Any]:
 def outcomes() -> list[Toss | Rejected]:
     """What the whole way from messages to tosses makes of the bag."""
     tracker = TrackerConfig(body_frame=make_golden.BODY_FRAME, board_frame=make_golden.BOARD_FRAME)
-    ingest = TossIngest(IngestConfig(tracker), CONTACTNETS_CUBE.polytope, body="cube", source=make_golden.TOPIC)
+    ingest = TossIngest(IngestConfig(tracker), CONTACTNETS_CUBE, source=make_golden.TOPIC)
     events = [event for measured in measurements(BAGS / "golden.mcap") for event in ingest.push(measured)]
     events += ingest.flush()
     assert not any(isinstance(event, BadPose) for event in events)

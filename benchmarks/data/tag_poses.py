@@ -263,9 +263,7 @@ def _tosses(streams: Sequence[Sequence[Measured]], config: TrackerConfig) -> dic
     """What each stream is cut to; a stream of which nothing comes has no entry."""
     found: dict[int, Toss | Rejected] = {}
     for number, stream in enumerate(streams):
-        ingest = TossIngest(
-            IngestConfig(config, SegmenterConfig(frame_period=FRAME_PERIOD)), CUBE.polytope, body="cube", source="b"
-        )
+        ingest = TossIngest(IngestConfig(config, SegmenterConfig(frame_period=FRAME_PERIOD)), CUBE, source="b")
         events = [event for one in stream for event in ingest.push(one)] + list(ingest.flush())
         cut = [event for event in events if isinstance(event, Toss | Rejected)]
         if cut:

@@ -121,7 +121,7 @@ def motion(release: Array, period: float) -> Array:
 def outcome(poses: Array, true: Array, rate: int, noise: float) -> Outcome:
     """What becomes of a stream with one toss, told that the tracker is so noisy."""
     config = IngestConfig(TrackerConfig(CUBE.name, BOARD), SegmenterConfig(tracker_noise=noise))
-    ingest = TossIngest(config, CUBE.polytope, body=CUBE.name, source="simulated")
+    ingest = TossIngest(config, CUBE, source="simulated")
     ended: list[IngestEvent] = []
     for frame, (x, y, z, *turn) in enumerate(poses.tolist()):
         pose = ScalarPose((x, y, z), (turn[0], turn[1], turn[2], turn[3]))

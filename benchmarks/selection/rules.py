@@ -49,8 +49,9 @@ from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Inte
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
 from contact_curation.learning.fits.held_fit import fit_held
 from contact_curation.learning.fits.polytope_sums import polytope_sums
-from contact_curation.motion.calibration import NO_CORRECTION, RigMeasurements, measurements_of
-from contact_curation.motion.gates import GateConfig, footing
+from contact_curation.motion.calibration import NO_CORRECTION, RESTING_SPEED, RESTING_SPIN, RigMeasurements, measurements_of
+from contact_curation.motion.gate_config import GateConfig
+from contact_curation.motion.gates import footing
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of, transitions_of
 
@@ -144,7 +145,9 @@ def print_rig(bench: Bench, evidence: RigMeasurements) -> None:
     for name, by in rigs.items():
         mended = bench.on(by)
         rests = [
-            corners for toss in mended.training if (corners := footing(toss, bench.body.polytope, bench.gates)) is not None
+            corners
+            for toss in mended.training
+            if (corners := footing(toss, bench.body.polytope, RESTING_SPEED, RESTING_SPIN)) is not None
         ]
         height = 1e3 * float(np.mean([corners[:, 2].mean() for corners in rests]))
         off = 1e3 * bench.body.length_scale * np.linalg.norm(mended.reference.vertices_normal - DESCRIBED, axis=1)

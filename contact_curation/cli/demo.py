@@ -1,6 +1,7 @@
 """`make demo`: twelve throws with the simulated arm, the loop closed; or, with --data, own recordings through the nodes.
 
-Without --data that is `contact-curation online` with budgets for two cores (config/demo.yaml). With --data a recording, or the
+Without --data that is `contact-curation online` with budgets for two cores (config/demo.yaml). One named throw is tracked badly
+on purpose, and has to be rejected. The table of throws is the same in every run, at any load. With --data a recording, or the
 ContactNets tosses in a folder, are replayed, and what the nodes find is compared with what the library does:
 
     bag ──player──> pose_ingest ──> fisher_scorer ──> curator            each a process, in a domain of its own on this machine
@@ -23,6 +24,7 @@ from contact_curation.cli.main import NAME
 from contact_curation.cli.main import main as command_line
 from contact_curation.errors import ContactCurationError
 from contact_curation.session.config import SessionFolder
+from contact_curation.session.parameter_files import read_node_parameters
 from contact_curation.session.replay import NodesRanking, Recording, rank_by_nodes
 from contact_curation.session.supervisor import ProgramFailedError
 from contact_curation.storage.inputs.inputs import is_contactnets
@@ -51,7 +53,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as for the command line, see main.py
     if arguments.data is None:
-        return throw(arguments.out / "session", stay=arguments.dashboard)
+        try:
+            return throw(arguments.out / "session", stay=arguments.dashboard)
+        except DemoFailedError as error:
+            print(f"demo: error: {error}", file=sys.stderr)
+            return 1
     for ending in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(ending, _interrupted)
     try:
@@ -73,18 +79,39 @@ def throw(record: Path, *, stay: bool) -> int:
     Args:
         record: folder of the session.
         stay: whether the dashboard is served until Ctrl-C.
+
+    Raises:
+        DemoFailedError: the throw that is tracked badly was not rejected.
     """
     folder = SessionFolder(record)
     if folder.events.exists():
         shutil.rmtree(record)
     words = ["online", "--throws", str(THROWS), "--rate", "0", "--top", str(SELECTED), "--record", str(record)]
     words += ["--held-out", str(GOLDEN_BAG), "--params-file", str(BUDGETS), "--stay" if stay else "--dashboard"]
-    print(f"{THROWS} throws: designed, made by a simulated arm, tracked, scored, curated, and learned from.", flush=True)
+    print(f"{THROWS} throws: designed, made by a simulated arm, tracked, scored, curated, and learned from.")
+    print(f"Poses of {_spoilt()} are spoilt on purpose ({BUDGETS.name}): it has to be rejected.", flush=True)
     status = command_line(words)
+    if status == 0:
+        _conclude(json.loads(folder.summary.read_bytes())["summary"])
     if status == 0 and not stay:
         print("\nThe dashboard was served until now. `make demo DASHBOARD=1` keeps serving it;")
         print(f"`{Path(sys.executable).with_name('rerun')} {folder.recording}` shows this session again.")
     return status
+
+
+def _spoilt() -> str:
+    """Name of the throw that is tracked badly."""
+    return str(read_node_parameters(BUDGETS)["sim_camera"]["noise.spoilt_throw"])
+
+
+def _conclude(summary: dict[str, Any]) -> None:
+    """What the session showed: the spoilt throw was rejected, and what was learned from the others."""
+    spoilt = next((one for one in summary["throws"] if one["throw"] == _spoilt()), None)
+    if spoilt is None or not spoilt["outcome"].startswith("rejected"):
+        found = spoilt["outcome"] if spoilt else "no such throw"
+        raise DemoFailedError(f"{_spoilt()}: found {found}, expected that its spoilt poses are rejected")
+    print(f"\nThrow {spoilt['number']}, spoilt on purpose, was {spoilt['outcome']}.")
+    print(f"Learned: {summary['learned_sentence']}.")
 
 
 def show(recording: Recording, out: Path, folder: Path) -> None:

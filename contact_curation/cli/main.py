@@ -23,7 +23,7 @@ INTERRUPTED = 130
 VERBS = {
     "import": ("cli.import_data", "public data as the bag that a rig would have recorded of it"),
     "rank": ("cli.rank.command", "a ranked manifest of the tosses in recordings; nothing is deleted"),
-    "rig": ("cli.rig", "what tosses say of the rig that tracked them: how its board lies, how long its metre is"),
+    "rig": ("cli.rig", "rig calibration from tosses: the board's tilt and height, and the tracker's length scale"),
     "score": ("cli.score", "loss terms, impulses and scores of every transition, as an .npz file"),
     "train": ("cli.train.command", "a model that learns from tosses, as a checkpoint"),
     "evaluate": (

@@ -37,11 +37,11 @@ class CandidateConfig:
     """How releases are evaluated.
 
     Attributes:
-        forecast: how their motions are predicted; an option's and a parameter's name, as those below.
-        safety: limits.
-        noise: of executions, before any was measured.
-        placement: where they are made.
-        seed: of the executions over which information is averaged.
+        forecast: how motions of candidate throws are predicted.
+        safety: limits that a throw must keep.
+        noise: execution noise before any throw was measured.
+        placement: where throws are released.
+        seed: random seed of the executions over which information is averaged.
     """
 
     forecast: PredictionConfig = DEFAULT_PREDICTION

@@ -139,8 +139,8 @@ class DesignerConfig:
 
     Attributes:
         planner: how throws are chosen.
-        readiness: when theta is trusted with it.
-        loss: of the information.
+        readiness: when theta is good enough to choose throws.
+        loss: loss from which information is computed.
     """
 
     planner: DesignConfig = field(default_factory=DesignConfig)

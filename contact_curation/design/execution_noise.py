@@ -25,13 +25,13 @@ class NoiseConfig:
     """What errors are expected before any throw was measured: standard deviations, method.md 5's by default.
 
     Attributes:
-        position: of the place of release [m].
-        turn: of the orientation about each axis [rad].
-        speed: of the velocity, as a share of the speed.
-        velocity: of the velocity beside that [m/s].
-        spin: of the angular velocity [rad/s].
-        bias_counts: so many throws the expectation of no bias counts for.
-        spread_counts: so many throws the expected covariance counts for.
+        position: standard deviation of the release position [m].
+        turn: standard deviation of the release orientation about each axis [rad].
+        speed: standard deviation of the release velocity, as a share of the speed.
+        velocity: standard deviation of the release velocity that does not depend on the speed [m/s].
+        spin: standard deviation of the angular velocity at release [rad/s].
+        bias_counts: weight of the prior mean, zero bias, as a number of throws.
+        spread_counts: weight of the prior covariance, as a number of throws.
     """
 
     position: float = 0.005

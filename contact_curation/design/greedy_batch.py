@@ -14,9 +14,9 @@ that the batch's value never falls.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from cmaes import CMA  # type: ignore[import-untyped]  # its wheel has no py.typed
 from numpy.typing import NDArray
 
 from contact_curation.design.candidates import CandidateEvaluator, Candidates
@@ -29,6 +29,9 @@ from contact_curation.information.criteria.log_det import select_by_log_det
 from contact_curation.information.pool import Pool
 from contact_curation.information.record import TossInformation
 from contact_curation.information.subspace import EIGENVALUE_CUT, identifiable_subspace
+
+if TYPE_CHECKING:
+    from cmaes import CMA  # type: ignore[import-untyped]  # its wheel has no py.typed
 
 JITTER = 1e-13
 """Added to the diagonal as a share of the trace, so that a singular matrix has a Cholesky factor."""
@@ -140,12 +143,12 @@ class RefinementConfig:
     """How throws are moved.
 
     Attributes:
-        generations: of each throw; 0 to leave throws where they are.
-        population: of a generation.
-        step: first standard deviation of a move, in units of `scales`.
-        scales: of height [m], speed along and up [m/s], spin (3) [rad/s] and turn (3) [rad].
-        tries: a move that may not be made is drawn again so often.
-        executions: of each move, over which its information is averaged, of those by which it is predicted; an even number.
+        generations: generations of the search for each throw; 0 leaves throws where they are.
+        population: candidates in each generation.
+        step: initial standard deviation of the search, in units of `scales`.
+        scales: scale of each coordinate: height [m], speed along and up [m/s], spin (3) [rad/s] and turn (3) [rad].
+        tries: how often an infeasible candidate is re-drawn.
+        executions: simulated executions of each candidate over which information is averaged; an even number.
     """
 
     generations: int = 40
@@ -195,6 +198,8 @@ def _moved(
     evaluator: CandidateEvaluator, given: Sequence[Accumulated], throw: Candidates, config: RefinementConfig, seed: int
 ) -> Candidates:
     """One throw, moved to the best place that was found and may be thrown from."""
+    from cmaes import CMA  # it takes a second to import, and all nodes know what a throw is
+
     strategy = CMA(np.zeros(COORDINATES), config.step, seed=seed, population_size=config.population)
     start = evaluator.evaluate(throw.releases, config.executions)
     found, best_gain = [start], float(gains(given, start.fishers)[0])
@@ -225,7 +230,9 @@ def _better(evaluator: CandidateEvaluator, given: Sequence[Accumulated], throw: 
     return judged if better else throw
 
 
-def _judged(evaluator: CandidateEvaluator, base: Releases, moves: Array, config: RefinementConfig, strategy: CMA) -> Candidates:
+def _judged(
+    evaluator: CandidateEvaluator, base: Releases, moves: Array, config: RefinementConfig, strategy: "CMA"
+) -> Candidates:
     """The moved releases; `moves` (B, 9) that may not be thrown are drawn again, in place, and the last try stands."""
     refusals = list(evaluator.refusals(_moved_releases(base, moves, config)))
     for _ in range(config.tries):

@@ -45,14 +45,14 @@ class DesignConfig:
     """How throws are designed.
 
     Attributes:
-        pool: safe releases that throws are picked from.
-        sieve: executions of each release of the pool by which the finalists are found; an even number.
-        finalists: releases of the pool that are looked at with all executions.
-        reference: releases of the prior whose mean information, times `share`, is the prior information A0; the readiness
-            check also asks about them.
-        share: delta of method.md 1.6.
+        pool: number of safe candidate throws.
+        sieve: simulated executions of each candidate in the first stage, which finds the finalists; an even number.
+        finalists: number of candidates that are evaluated with all executions.
+        reference: number of reference throws. Their mean information, times `share`, is the prior information A0, and the
+            readiness check compares thetas on them.
+        share: delta: the prior information A0 is this share of the mean information of the reference throws (method.md 1.6).
         candidates: how releases are evaluated.
-        refinement: how picked throws are moved.
+        refinement: how chosen throws are refined.
     """
 
     pool: int = 256

@@ -73,15 +73,15 @@ class PredictionConfig:
     """How motions are predicted.
 
     Attributes:
-        executions: of each throw, over which its information is averaged; an even number.
-        frame_period: of the tracker to be [s].
-        longest: a motion is cut off here [s].
-        still_speed: slower than this a body's middle rests [m/s].
-        still_spin: and turns slower than this [rad/s].
-        still_frames: after so many such frames a toss ends.
-        thinning: of frames in which the body goes on lying on the same corners one of so many stands for all.
-        touching: gap under which a corner touches [characteristic lengths].
-        airborne: gap over which nothing is felt of the board [characteristic lengths].
+        executions: simulated executions of each throw over which its information is averaged; an even number.
+        frame_period: time between frames of the tracker that will observe the throw [s].
+        longest: time at which a predicted motion is cut off [s].
+        still_speed: a body is at rest when its centre moves slower than this [m/s],
+        still_spin: and when it turns slower than this [rad/s].
+        still_frames: a toss ends after this many frames at rest.
+        thinning: of the frames in which the body lies on the same vertices, one in this many is evaluated and weighted for all.
+        touching: gap under which a vertex is in contact [characteristic lengths].
+        airborne: gap over which contact forces are neglected [characteristic lengths].
     """
 
     executions: int = 8

@@ -27,7 +27,7 @@ class Placement:
     """Where the thrower stands: what the physics leave open.
 
     Attributes:
-        place: (2,) x and y of the release on the board [m]; by default as far before its middle as the published throws began.
+        place: (2,) x and y of the release on the board [m]; the default is as far from the middle as in the published throws.
         heading: direction of the throw from the board's x axis [rad].
     """
 

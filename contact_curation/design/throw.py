@@ -1,5 +1,6 @@
 """A throw: the command to release the body in a state, why that state, and what became of it."""
 
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from enum import StrEnum
@@ -86,6 +87,11 @@ class Throw:
             found = [f"no {', '.join(missing)}"] * bool(missing) + [f"unknown {', '.join(unknown)[:80]}"] * bool(unknown)
             raise InvalidValueError("throw", " and ".join(found), f"the keys {', '.join(sorted(known))}")
         return Throw(**dict(data))  # type: ignore[arg-type]  # every value is checked when the throw is made
+
+
+def throw_seed(throw_id: str) -> int:
+    """A seed that follows from a throw's name alone: whatever is random about a throw, it is the same in every run."""
+    return zlib.crc32(throw_id.encode())
 
 
 def throw_of_state(throw_id: str, body: str, release: Array, expected: float = 0.0, version: str = "") -> Throw:

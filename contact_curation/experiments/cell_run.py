@@ -37,7 +37,8 @@ from contact_curation.learning.training.protocols import TrainingConfig, budgete
 from contact_curation.learning.training.reranking import EXACT_SELECTIONS, Reranking, RerankingConfig, StalenessConfig
 from contact_curation.learning.training.training import Training
 from contact_curation.motion.calibration import RigCalibration, apply_calibration
-from contact_curation.motion.gates import GateConfig, inspect
+from contact_curation.motion.gate_config import GateConfig
+from contact_curation.motion.gates import inspect
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
 
@@ -165,7 +166,7 @@ def pool_of_cell(cell: Cell, bench: Bench) -> GatedPool:
         tosses, bad = with_faults(drawn, Fault(cell.fault), cell.share, cell.seed)
     if not cell.gated:
         return GatedPool(tuple(tosses), bad, np.nan, np.nan)
-    passes = {toss.toss_id: not inspect(toss, bench.body.polytope, bench.gates) for toss in tosses}
+    passes = {toss.toss_id: not inspect(toss, bench.body, bench.gates) for toss in tosses}
     caught, spared = [not passes[name] for name in bad], [not ok for name, ok in passes.items() if name not in bad]
     shares = (float(np.mean(each)) if each else np.nan for each in (caught, spared))
     return GatedPool(tuple(toss for toss in tosses if passes[toss.toss_id]), bad, *shares)

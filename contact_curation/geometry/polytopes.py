@@ -1,10 +1,11 @@
 """Convex polytopes given by their vertices."""
 
 from dataclasses import dataclass
-from itertools import product
+from functools import cached_property
+from itertools import combinations, product
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
@@ -12,6 +13,9 @@ from contact_curation.geometry.quaternions import Array
 
 SMALLEST_CORNER = 1e-6
 """Share of the volume that a corner adds."""
+
+ON_THE_FACE = 1e-6
+"""Share of a body's extent that a vertex of a face may be off its plane."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +42,27 @@ class Polytope:
         """Heights (..., V) of the vertices over the plane z = 0, at positions (..., 3) and orientations (..., 4)."""
         third_row = quaternions.to_matrix(orientations_wxyz)[..., 2, :]
         return np.asarray(third_row @ self.vertices.T + np.asarray(positions, dtype=float)[..., 2:3])
+
+    @cached_property
+    def _faces(self) -> tuple[Array, Array]:
+        """Outward unit normals (F, 3) and offsets (F,) of the hull's faces, one for each of their triangles."""
+        triples = np.array(list(combinations(range(len(self.vertices)), 3)))
+        first, second, third = (self.vertices[triples[:, place]] for place in range(3))
+        normals = np.cross(second - first, third - first)
+        areas = np.linalg.norm(normals, axis=1)
+        wide = areas > ON_THE_FACE * np.ptp(self.vertices) ** 2
+        normals, first = normals[wide] / areas[wide, np.newaxis], first[wide]
+        normals = np.concatenate([normals, -normals])
+        offsets = (normals * np.concatenate([first, first])).sum(axis=1)
+        outer = (normals @ self.vertices.T).max(axis=1) <= offsets + ON_THE_FACE * np.ptp(self.vertices)
+        return normals[outer], offsets[outer]
+
+    def face_towards(self, direction: ArrayLike) -> NDArray[np.int64]:
+        """Indices of the vertices on the hull's face whose normal is nearest to a direction (3,) in the body frame."""
+        normals, offsets = self._faces
+        nearest = int(np.argmax(normals @ np.asarray(direction, dtype=float)))
+        over = offsets[nearest] - self.vertices @ normals[nearest]
+        return np.flatnonzero(over <= ON_THE_FACE * np.ptp(self.vertices))
 
 
 def checked_corners(vertices: Array) -> Array:

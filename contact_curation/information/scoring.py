@@ -35,10 +35,10 @@ class ScoringConfig:
     """How tosses are scored.
 
     Attributes:
-        estimator: which Fisher matrix.
-        influence_bound: losses above this count as this much; inf for no bound.
-        form: how theta is parameterised.
-        compression: rows kept of each toss's factor.
+        estimator: which Fisher matrix is estimated.
+        influence_bound: losses above this bound count as the bound; inf for no bound.
+        form: parameterisation of theta.
+        compression: how many rows of each toss's factor are stored.
         loss: weights, cone and solver.
     """
 

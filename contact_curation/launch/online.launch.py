@@ -41,12 +41,15 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument("auto", default_value="true", description="throw after throw, without being asked"),
         DeclareLaunchArgument("camera", default_value="poses", description="the simulated camera: poses, rendered, or none"),
         DeclareLaunchArgument(
-            "topic", default_value="/tagslam/odom/body_cube", description="the body's poses; empty with a rendering camera"
+            "topic", default_value="tagslam/odom/body_cube", description="the body's poses; empty with a rendering camera"
         ),
         DeclareLaunchArgument("tag_map", default_value="", description="tags of body and board, for a rendering camera"),
         DeclareLaunchArgument("dashboard", default_value="false", description="serve the dashboard to a browser"),
         DeclareLaunchArgument("record", default_value="false", description="record all topics into session.mcap"),
         DeclareLaunchArgument("params_file", default_value=default_file, description="parameters of the nodes"),
+        DeclareLaunchArgument("namespace", default_value="", description="namespace that holds all nodes and topics"),
+        DeclareLaunchArgument("use_sim_time", default_value="false", description="time from the topic clock of the namespace"),
+        DeclareLaunchArgument("log_level", default_value="info", description="debug, info, warn or error"),
     ]
     own = {
         "pose_ingest": {
@@ -90,10 +93,17 @@ def _node(name: str, parameters: dict[str, object], condition: IfCondition | Non
         executable=name,
         name=name,
         output="screen",
+        namespace=LaunchConfiguration("namespace"),
         condition=condition,
         respawn=True,
         respawn_delay=RESTART_DELAY,
-        parameters=[LaunchConfiguration("params_file"), parameters],
+        remappings=[("/clock", "clock")],
+        arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
+        parameters=[
+            LaunchConfiguration("params_file"),
+            {"use_sim_time": ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool)},
+            parameters,
+        ],
     )
 
 

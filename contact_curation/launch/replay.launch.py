@@ -36,6 +36,9 @@ def generate_launch_description() -> LaunchDescription:
             "train", default_value="false", description="train on the selected tosses, and rank with the trained parameters"
         ),
         DeclareLaunchArgument("params_file", default_value=default_file, description="parameters of the nodes"),
+        DeclareLaunchArgument("namespace", default_value="", description="namespace that holds all nodes and topics"),
+        DeclareLaunchArgument("use_sim_time", default_value="false", description="time from the topic clock of the namespace"),
+        DeclareLaunchArgument("log_level", default_value="info", description="debug, info, warn or error"),
     ]
     bag = ParameterValue(LaunchConfiguration("bag"), value_type=str)  # a bag named 123 is no number
     more = {"pose_ingest": {"rules_of": bag}}
@@ -44,11 +47,12 @@ def generate_launch_description() -> LaunchDescription:
             package=PACKAGE,
             executable=name,
             name=name,
-            output="screen",
             condition=IfCondition(LaunchConfiguration("train")) if name == OPTIONAL else None,
+            **_everywhere(),
             parameters=[
                 LaunchConfiguration("params_file"),
                 {
+                    "use_sim_time": ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool),
                     "store": ParameterValue(PathJoinSubstitution([LaunchConfiguration("folder"), store]), value_type=str),
                     **more.get(name, {}),
                 },
@@ -60,7 +64,7 @@ def generate_launch_description() -> LaunchDescription:
         package=PACKAGE,
         executable="player",
         name="player",
-        output="screen",
+        **_everywhere(),
         condition=IfCondition(NotEqualsSubstitution(LaunchConfiguration("bag"), "")),
         parameters=[
             {
@@ -72,3 +76,13 @@ def generate_launch_description() -> LaunchDescription:
         ],
     )
     return LaunchDescription([*arguments, *stages, player])
+
+
+def _everywhere() -> dict[str, object]:
+    """What holds for every node."""
+    return {
+        "namespace": LaunchConfiguration("namespace"),
+        "output": "screen",
+        "remappings": [("/clock", "clock")],
+        "arguments": ["--ros-args", "--log-level", LaunchConfiguration("log_level")],
+    }

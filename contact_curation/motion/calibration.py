@@ -19,7 +19,8 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.gates import GateConfig, footing, rest_normal
+from contact_curation.motion.gates import footing, rest_normal
+from contact_curation.motion.scales import size_of
 from contact_curation.motion.toss import NANOSECONDS, Toss
 
 FEWEST_TOSSES = 8
@@ -28,8 +29,11 @@ FEWEST_TOSSES = 8
 FEWEST_FRAMES = 12
 """In the air, for an acceleration."""
 
-CLEARANCE = 0.012
-"""A body whose corners are higher than this is in the air [m]."""
+CLEARANCE = 0.012 / 0.0524
+"""A body whose vertices are higher than this share of its size is in the air."""
+
+RESTING_SPEED, RESTING_SPIN = 0.05, 0.5
+"""A body at rest is as slow as that [m/s, rad/s], whatever tracked it."""
 
 STEEPEST = float(np.sqrt(0.5))
 """Cosine of the largest tilt."""
@@ -43,10 +47,10 @@ class RigCalibration:
     """How poses of a rig are corrected; by default they are not.
 
     Attributes:
-        normal: of the board's plane, up, in the frame of the poses; of any length.
-        centre: about which poses are turned, amid where bodies come to rest; it stays where it is but for its height, which is
-            scaled [m].
-        scale: what lengths are multiplied with.
+        normal: upward normal of the board's plane in the frame of the poses; of any length.
+        centre: point about which poses are rotated, in the middle of where bodies come to rest [m]; its x and y stay, its
+            height is scaled.
+        scale: factor that lengths are multiplied with.
     """
 
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
@@ -129,7 +133,7 @@ def measurements_of(tosses: Iterable[Toss], polytope: Polytope) -> RigMeasuremen
     """The measurements of tosses, one after the other; none of them stays in memory."""
     normals, heights, accelerations, weights, ends = [], [], [], [], []
     for toss in tosses:
-        corners, fall = footing(toss, polytope, GateConfig()), _fall(toss, polytope)
+        corners, fall = footing(toss, polytope, RESTING_SPEED, RESTING_SPIN), _fall(toss, polytope)
         normals.append(np.full(3, np.nan) if corners is None else rest_normal(corners))
         heights.append(np.nan if corners is None else float(corners[:, 2].mean()))
         accelerations.append(np.full(3, np.nan) if fall is None else fall[0])
@@ -177,7 +181,7 @@ def _triple(vector: Array) -> tuple[float, float, float]:
 
 def _fall(toss: Toss, polytope: Polytope) -> tuple[Array, float] | None:
     """(3,) acceleration before the first contact [m/s^2], and its weight: the inverse of its variance goes as n^5."""
-    low = polytope.corner_heights(toss.positions, toss.orientations_wxyz).min(axis=1) < CLEARANCE
+    low = polytope.corner_heights(toss.positions, toss.orientations_wxyz).min(axis=1) < CLEARANCE * size_of(polytope.vertices)
     frames = int(np.argmax(low)) if low.any() else toss.frames
     if frames < FEWEST_FRAMES:
         return None

@@ -6,12 +6,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.geometry.polytopes import Polytope
 from contact_curation.motion.body_tracker import BodyPose, BodyTracker, ClockJump, TrackerConfig, TrackerEvent
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration, apply_calibration
-from contact_curation.motion.gates import GateConfig, inspect
+from contact_curation.motion.gate_config import GateConfig
+from contact_curation.motion.gates import inspect
 from contact_curation.motion.pose_noise import PoseNoise
 from contact_curation.motion.pose_stream import BadPose, FramePose
+from contact_curation.motion.scales import TossedBody
 from contact_curation.motion.segmenter import TossSegmenter
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected, Toss
@@ -26,7 +27,7 @@ class IngestConfig:
     Attributes:
         tracker: frames.
         segmenter: when a motion is a toss.
-        gates: what a toss must pass, by a tracker as noisy as the real rig's; for the segmenter's they are widened.
+        gates: what a toss must pass.
         rig: what tracked; it is applied to motions once they are cut, since rules of cutting may be a recording's own.
     """
 
@@ -41,8 +42,7 @@ class TossIngest:
 
     Args:
         config: of the stages.
-        polytope: the body's shape.
-        body: its name.
+        body: what is tossed.
         source: where the poses come from, e.g. a topic; part of the toss ids.
 
     Attributes:
@@ -50,12 +50,11 @@ class TossIngest:
         noise: how much the poses scatter; no part of the state.
     """
 
-    def __init__(self, config: IngestConfig, polytope: Polytope, *, body: str, source: str) -> None:
+    def __init__(self, config: IngestConfig, body: TossedBody, *, source: str) -> None:
         self.config = config
-        self._polytope = polytope
-        self._gates = config.gates.of_tracker(config.segmenter.tracker_noise)
+        self._body = body
         self._tracker = BodyTracker(config.tracker)
-        self._segmenter = TossSegmenter(config.segmenter, polytope, body=body, source=source)
+        self._segmenter = TossSegmenter(config.segmenter, body, source=source)
         self._outcomes: Counter[str] = Counter()
         self.noise = PoseNoise()
 
@@ -71,6 +70,11 @@ class TossIngest:
     def tossing(self) -> bool:
         """Whether a toss has started and not ended yet."""
         return self._segmenter.tossing
+
+    @property
+    def needed_frames(self) -> frozenset[str]:
+        """Frames whose moving poses may change a pose of the body."""
+        return self._tracker.needed_frames
 
     def push(self, measured: FramePose | BadPose) -> tuple[IngestEvent, ...]:
         """Takes in a measurement of the body or the rig; gives what became complete, in order."""
@@ -123,7 +127,7 @@ class TossIngest:
             event = Rejected(apply_calibration(event.toss, self.config.rig), event.reasons)
         elif isinstance(event, Toss):
             event = apply_calibration(event, self.config.rig)
-            reasons = inspect(event, self._polytope, self._gates)
+            reasons = inspect(event, self._body, self.config.gates, self.config.segmenter.tracker)
             event = Rejected(event, reasons) if reasons else event
         if not isinstance(event, BadPose):
             self._outcomes["rejected" if isinstance(event, Rejected) else "tosses"] += 1

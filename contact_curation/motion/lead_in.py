@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.segmenter_config import SegmenterConfig
+from contact_curation.motion.segmenter_config import FALL_TOLERANCE, RIG_GRAVITY, SegmenterConfig
 from contact_curation.motion.smoothing import median_of_three
 from contact_curation.motion.toss import NANOSECONDS, Toss
 
@@ -110,7 +110,9 @@ def _first_acceleration(toss: Toss, release: Array, raw: Array, config: Segmente
     """Upward acceleration of frame 0: the mean over frames 0 and 1 is -g where the bound on each allows it [m/s^2]."""
     velocity = median_of_three(np.concatenate([release[np.newaxis], raw]))[1, 2]
     second = (velocity - toss.linear_velocities[0, 2]) / (toss.stamps_ns[1] - toss.stamps_ns[0]) * NANOSECONDS
-    return min(-2.0 * config.gravity - float(second), config.fall_tolerance - FALL_MARGIN - config.gravity)
+    gravity = config.gravity or RIG_GRAVITY
+    tolerance = config.fall_tolerance or FALL_TOLERANCE * gravity
+    return min(-2.0 * gravity - float(second), tolerance - FALL_MARGIN - gravity)
 
 
 def _turned_to(orientation_wxyz: Array, turns: Array) -> Array:

@@ -6,13 +6,16 @@ Differences of exactly nothing are left out: they are poses that were sent twice
 """
 
 from collections import deque
-from math import sqrt
+from math import radians, sqrt
 from statistics import median
 
 from contact_curation.geometry.scalars import Vector
 
 RIG_NOISE = 2.2e-5
 """Of the real rig's positions, standard deviation per axis [m] (method.md 3); segmenter and gates have their bounds for it."""
+
+RIG_TURN = radians(0.024)
+"""Of its orientations, likewise [rad]."""
 
 KEPT = 16384
 """So many last differences count."""

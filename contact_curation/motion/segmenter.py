@@ -14,8 +14,8 @@ from math import dist
 from typing import Any
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.scalars import Quaternion, Vector, third_row
+from contact_curation.motion.scales import TossedBody, scale_of
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.smoothing import noise_growth
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
@@ -36,18 +36,17 @@ class TossSegmenter:
 
     Args:
         config: the rules.
-        polytope: the body's shape.
-        body: its name.
+        body: what is tossed.
         source: where the poses come from; part of the toss ids.
     """
 
-    def __init__(self, config: SegmenterConfig, polytope: Polytope, *, body: str, source: str) -> None:
+    def __init__(self, config: SegmenterConfig, body: TossedBody, *, source: str) -> None:
         self.config = config
-        self._bounds = config.widened
-        self.body = body
+        self._bounds = config.bounds(scale_of(body), config.tracker)
+        self.body = body.name
         self.source = source
-        self._polytope = polytope
-        self._corners: list[Vector] = [(x, y, z) for x, y, z in polytope.vertices.tolist()]
+        self._polytope = body.polytope
+        self._corners: list[Vector] = [(x, y, z) for x, y, z in self._polytope.vertices.tolist()]
         self._run: list[Frame] = []
         self._fall = FallDetector()
         self._steps_ns: list[int] = []
@@ -159,13 +158,13 @@ class TossSegmenter:
     def _look_for_start(self) -> None:
         """Starts a toss at the frame before the last but one, whose acceleration and the next one's are known by now."""
         del self._run[:-MEMORY]
-        config = self._bounds
+        config, bounds = self.config, self._bounds
         if config.bounded and not config.over_board(*self._run[-1].position[:2]):
             self._outside = True
-        if len(self._run) < 3 or not self._fall.falls(config.gravity, config.fall_tolerance, config.fall_mean_tolerance):
+        if len(self._run) < 3 or not self._fall.falls(bounds.gravity, *bounds.fall_tolerances(self._period)):
             return
         first, second = self._run[-3], self._run[-2]
-        settled = self._moved_ns is None or first.stamp_ns - self._moved_ns >= config.settle_time * NANOSECONDS
+        settled = self._moved_ns is None or first.stamp_ns - self._moved_ns >= bounds.settle_time * NANOSECONDS
         if not settled:  # still the motion before: it bounces, or goes on after a gap
             self._moved_ns = first.stamp_ns
         elif self._may_start(first, second):
@@ -178,8 +177,8 @@ class TossSegmenter:
         return (
             config.over_board(*first.position[:2])
             and (self._outside or not config.bounded)
-            and min(self._corner_heights(first)) > config.release_clearance
-            and min(self._corner_heights(second)) > config.release_clearance
+            and min(self._corner_heights(first)) > self._bounds.release_clearance
+            and min(self._corner_heights(second)) > self._bounds.release_clearance
         )
 
     def _look_for_end(self) -> tuple[Toss | Rejected, ...]:
@@ -201,39 +200,38 @@ class TossSegmenter:
         The latter is looked at once, over its first `CONFIRMED`, if it is in the air for all of it.
         """
         period = self._period
-        if self.config.tracker_noise * noise_growth(period) <= DOUBTFUL:
+        if self._bounds.acceleration_noise(period) <= DOUBTFUL:
             return False
         half = max(round(0.5 * CONFIRMED / period), 1)
         resting = self._still >= self._frames_at_rest
         if not (resting or len(self._run) - self._motion_start == 2 * half + 1):
             return False
         seen = self._run[self._motion_start :]
-        if min(min(self._corner_heights(frame)) for frame in seen) <= self.config.airborne_clearance:
+        if min(min(self._corner_heights(frame)) for frame in seen) <= self._bounds.airborne_clearance:
             return False
         first, middle, last = seen[0], seen[len(seen) // 2], seen[-1]
         rises = [(b.position[2] - a.position[2]) / (b.stamp_ns - a.stamp_ns) for a, b in ((first, middle), (middle, last))]
         acceleration = 2.0 * (rises[1] - rises[0]) / (last.stamp_ns - first.stamp_ns) * NANOSECONDS**2
-        return resting or acceleration > -FALLING * self.config.gravity
+        return resting or acceleration > -FALLING * self._bounds.gravity
 
     def _count_still(self, before: Frame, after: Frame) -> None:
         """Counts the successive displacements, up to the newest, of a body at rest.
 
         One may be as long as the tracker's noise makes it; together they lead nowhere that those of a quiet body may not.
         """
-        config = self.config
         moved = sum((b - a) * (b - a) for a, b in zip(before.position, after.position))
         quiet = moved <= self._bounds.rest_displacement**2
-        still = quiet and after.position[2] < config.rest_height and self._is_flat(after)
+        still = quiet and after.position[2] < self.config.rest_height and self._is_flat(after)
         self._still = self._still + 1 if still else 0
         frames = self._frames_at_rest
         if self._still >= frames < len(self._run):
             first, *others = self._run[-1 - frames :]
-            if max(dist(first.position, other.position) for other in others) > config.rest_frames * config.rest_displacement:
+            if max(dist(first.position, other.position) for other in others) > self._bounds.rest_travel:
                 self._still = frames - 1
 
     def _is_flat(self, frame: Frame) -> bool:
         heights = sorted(self._corner_heights(frame))
-        return heights[2] - heights[0] <= self.config.flat_tolerance
+        return heights[2] - heights[0] <= self._bounds.flat_tolerance
 
     def _corner_heights(self, frame: Frame) -> list[float]:
         a, b, c = third_row(frame.orientation_wxyz)

@@ -1,87 +1,94 @@
-"""When a motion is a toss: ContactNets' published numbers (FIELD 1, arXiv 2009.11193), each to be changed."""
+"""When a motion is a toss: ContactNets' published rules (arXiv 2009.11193), in the scales of the body and its tracker."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from math import inf, isfinite
 
+from contact_curation.configs import ranged
 from contact_curation.errors import InvalidValueError
+from contact_curation.motion.gate_config import LENGTH_NOISE
+from contact_curation.motion.pose_noise import RIG_NOISE
+from contact_curation.motion.scales import BodyScale, TrackerScale
+from contact_curation.motion.smoothing import noise_growth
+
+RIG_GRAVITY = 9.81
+"""Under which the public tosses fell [m/s^2]."""
+
+FALL_TOLERANCE, FALL_MEAN_TOLERANCE = 3.0 / RIG_GRAVITY, 1.0 / RIG_GRAVITY
+"""Of gravity."""
 
 WIDEST_FALL = 0.75
 """Of gravity: a body at rest does not fall, however noisy its poses are."""
+
+STILL_NOISE = 8.0
+"""A body at rest may move by so many standard deviations of a position."""
 
 
 @dataclass(frozen=True)
 class SegmenterConfig:
     """When a toss starts and ends, and which motions are none.
 
+    None leaves a bound to the body and its tracker. In brackets what it then is for ContactNets' cube at its rig's noise.
+
     Attributes:
-        gravity: [m/s^2].
-        fall_tolerance: in free fall the upward acceleration stays under -gravity plus this [m/s^2].
-        fall_mean_tolerance: and the mean of two frames within this of -gravity [m/s^2].
-        release_clearance: every corner is higher than this at the start [m].
-        region_x: where over the board a toss may start [m]; finite bounds also demand that the body was outside before it.
-        region_y: likewise [m].
-        settle_time: time without free fall that separates two motions [s].
-        rest_displacement: a body at rest moves at most this from frame to frame [m].
-        rest_frames: so many displacements in a row; more over 150 frames a second, for as long a time.
-        flat_tolerance: a flat body has three corners at most this over its lowest [m].
-        rest_height: its origin is lower than this at rest [m]; see `CONTACTNETS_RULES`.
-        shortest: a toss takes at least this long [s].
-        lowest_corner: the lowest corner of a whole toss is within this of the board [m].
-        airborne_clearance: a body with all corners higher than this, in all frames that an acceleration comes from, is in the
-            air [m].
-        airborne_acceleration: and accelerates as gravity does, up to this [m/s^2].
+        gravity: gravitational acceleration [m/s^2]; None: the body's.
+        fall_tolerance: a body is in free fall if its upward acceleration is under -gravity plus this [m/s^2]; None: 0.306 g
+            [3],
+        fall_mean_tolerance: and if the mean over two frames is within this of -gravity [m/s^2]; None: 0.102 g [1].
+        release_clearance: height of every vertex over the board at the start of a toss [m]; None: 0.191 sizes of the body
+            [0.010].
+        region_x: range of x in which a toss may start [m]; with finite bounds the body must also have been outside before.
+        region_y: range of y in which a toss may start [m].
+        settle_time: time without free fall that separates two motions [s]; None: 4.1 sqrt(size / g) [0.3].
+        rest_displacement: largest displacement between frames of a body at rest [m]; None: 0.0057 sizes [0.0003].
+        rest_frames: number of successive displacements of a body at rest; over 150 frames a second more, for the same time.
+        flat_tolerance: a body lies flat if three vertices are at most this over the lowest one [m]; None: 0.055 of its reach
+            [0.005].
+        rest_height: largest height of the body's origin at rest [m]; inf for no bound.
+        shortest: shortest duration of a toss [s]; None: 4.1 sqrt(size / g) [0.3].
+        lowest_corner: largest distance from the board to the lowest vertex over a whole toss [m]; None: 0.134 sizes [0.007].
+        airborne_clearance: a body is in the air if all vertices are higher than this in all frames that an acceleration comes
+            from [m]; None: 0.191 sizes [0.010],
+        airborne_acceleration: and if its acceleration differs from gravity by at most this [m/s^2]; None: 0.5 g [4.905].
         frame_period: nominal time between frames [s]; None: the median of the stamp differences.
         largest_gap: longest time between frames, in frame periods.
-        most_frames: a longer motion is given up.
-        tracker_noise: how many times as noisy from frame to frame as the real rig's the poses are, 0.022 mm and 0.024 degrees
-            per axis; bounds that noise reaches grow with it, those of the gates, too.
-        filter_orientations: take the median of three of the orientations first, for raw trackers; ContactNets' files had that
-            done.
+        most_frames: a motion with more frames than this is dropped.
+        tracker_noise: noise of the poses between frames as a multiple of the real rig's, 0.022 mm and 0.024 degrees per axis;
+            the bounds of segmenter and gates that noise reaches grow with it.
+        filter_orientations: whether a median of three is applied to orientations first, for raw trackers; ContactNets' files
+            are filtered already.
     """
 
-    gravity: float = 9.81
-    fall_tolerance: float = 3.0
-    fall_mean_tolerance: float = 1.0
-    release_clearance: float = 0.010
+    gravity: float | None = ranged(None, 0.0, 100.0)
+    fall_tolerance: float | None = ranged(None, 0.0, 100.0)
+    fall_mean_tolerance: float | None = ranged(None, 0.0, 100.0)
+    release_clearance: float | None = ranged(None, 0.0, 10.0)
     region_x: tuple[float, float] = (-inf, inf)
     region_y: tuple[float, float] = (-inf, inf)
-    settle_time: float = 0.3
-    rest_displacement: float = 0.3e-3
-    rest_frames: int = 9
-    flat_tolerance: float = 0.005
+    settle_time: float | None = ranged(None, 0.0, 1e3)
+    rest_displacement: float | None = ranged(None, 0.0, 1.0)
+    rest_frames: int = ranged(9, 1, 1000)
+    flat_tolerance: float | None = ranged(None, 0.0, 10.0)
     rest_height: float = inf
-    shortest: float = 0.3
-    lowest_corner: float = 0.007
-    airborne_clearance: float = 0.010
-    airborne_acceleration: float = 9.81 / 2.0
-    frame_period: float | None = None
-    largest_gap: float = 1.5
-    most_frames: int = 4096
-    tracker_noise: float = 1.0
+    shortest: float | None = ranged(None, 0.0, 1e3)
+    lowest_corner: float | None = ranged(None, 0.0, 10.0)
+    airborne_clearance: float | None = ranged(None, 0.0, 10.0)
+    airborne_acceleration: float | None = ranged(None, 0.0, 1e5)
+    frame_period: float | None = ranged(None, 0.0, 1.0)
+    largest_gap: float = ranged(1.5, 1.0, 1e3)
+    most_frames: int = ranged(4096, 2, 1_000_000)
+    tracker_noise: float = ranged(1.0, 1.0, 1e3)
     filter_orientations: bool = False
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name.startswith("region_"):
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if each.name.startswith("region_"):
                 if len(value) != 2 or not value[0] < value[1]:
-                    raise InvalidValueError(field.name, value, "two numbers, the lower first [m]")
-            elif field.name != "filter_orientations" and value is not None and not value > 0.0:
-                raise InvalidValueError(field.name, value, "a positive number")
+                    raise InvalidValueError(each.name, value, "two numbers, the lower first [m]")
+            elif each.name != "filter_orientations" and value is not None and not value > 0.0:
+                raise InvalidValueError(each.name, value, "a positive number")
         if not 1.0 <= self.tracker_noise < inf:
             raise InvalidValueError("tracker_noise", self.tracker_noise, "1 or more, in multiples of the real rig's")
-
-    @property
-    def widened(self) -> "SegmenterConfig":
-        """With the bounds that noise reaches as `tracker_noise` wants them; those of free fall stay within `WIDEST_FALL`."""
-        noise, widest = self.tracker_noise, WIDEST_FALL * self.gravity
-        return replace(
-            self,
-            fall_tolerance=max(self.fall_tolerance, min(noise * self.fall_tolerance, widest)),
-            fall_mean_tolerance=max(self.fall_mean_tolerance, min(noise * self.fall_mean_tolerance, widest)),
-            rest_displacement=noise * self.rest_displacement,
-            airborne_acceleration=noise * self.airborne_acceleration,
-        )
 
     @property
     def bounded(self) -> bool:
@@ -91,6 +98,72 @@ class SegmenterConfig:
     def over_board(self, x: float, y: float) -> bool:
         """Whether a toss may start at (x, y) [m]."""
         return self.region_x[0] <= x <= self.region_x[1] and self.region_y[0] <= y <= self.region_y[1]
+
+    @property
+    def tracker(self) -> TrackerScale:
+        """How noisy the tracker is, as its user says."""
+        return TrackerScale(self.tracker_noise, self.tracker_noise)
+
+    def bounds(self, body: BodyScale, tracker: TrackerScale) -> "SegmenterBounds":
+        """The bounds for a body and its tracker."""
+        gravity = self.gravity or body.gravity
+        vertex, position = LENGTH_NOISE * tracker.at(body.reach), RIG_NOISE * tracker.position
+        quiet = self.rest_displacement or 0.3e-3 / 0.0524 * body.size
+        displacement = self.rest_displacement or max(quiet, STILL_NOISE * position)
+        return SegmenterBounds(
+            gravity=gravity,
+            fall_tolerance=self.fall_tolerance or FALL_TOLERANCE * gravity,
+            fall_mean_tolerance=self.fall_mean_tolerance or FALL_MEAN_TOLERANCE * gravity,
+            release_clearance=self.release_clearance or max(0.010 / 0.0524 * body.size, vertex),
+            settle_time=self.settle_time or 4.1047822 * body.time,
+            rest_displacement=displacement,
+            rest_travel=max(self.rest_frames * quiet, displacement),
+            flat_tolerance=self.flat_tolerance or max(0.005 / 0.09075946 * body.reach, vertex),
+            shortest=self.shortest or 4.1047822 * body.time,
+            lowest_corner=self.lowest_corner or max(0.007 / 0.0524 * body.size, vertex),
+            airborne_clearance=self.airborne_clearance or max(0.010 / 0.0524 * body.size, vertex),
+            airborne_acceleration=self.airborne_acceleration or 0.5 * gravity,
+            noise=tracker.position,
+            reach=body.reach,
+        )
+
+
+@dataclass(frozen=True)
+class SegmenterBounds:
+    """What `SegmenterConfig` says for a body and its tracker, every field a number.
+
+    Attributes:
+        rest_travel: how far a body at rest may come within `rest_frames` [m].
+        noise: of positions, in multiples of the real rig's.
+        reach: of the body [m].
+    """
+
+    gravity: float
+    fall_tolerance: float
+    fall_mean_tolerance: float
+    release_clearance: float
+    settle_time: float
+    rest_displacement: float
+    rest_travel: float
+    flat_tolerance: float
+    shortest: float
+    lowest_corner: float
+    airborne_clearance: float
+    airborne_acceleration: float
+    noise: float
+    reach: float
+
+    def acceleration_noise(self, frame_period: float) -> float:
+        """How much noisier accelerations are than the real rig's, at least 1."""
+        return noise_growth(frame_period, self.noise, 2)
+
+    def fall_tolerances(self, frame_period: float) -> tuple[float, float]:
+        """`fall_tolerance` and `fall_mean_tolerance` as noise wants them, within `WIDEST_FALL`, [m/s^2]."""
+        noise, widest = self.acceleration_noise(frame_period), WIDEST_FALL * self.gravity
+        return (
+            max(self.fall_tolerance, min(noise * self.fall_tolerance, widest)),
+            max(self.fall_mean_tolerance, min(noise * self.fall_mean_tolerance, widest)),
+        )
 
 
 CONTACTNETS_RULES = SegmenterConfig(rest_height=0.052, frame_period=1.0 / 148.0)

@@ -12,18 +12,23 @@ from numpy.typing import NDArray
 
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.toss import NANOSECONDS
+from contact_curation.motion.toss import NANOSECONDS, Toss
 
 QUIET_PERIOD = 1.0 / 150.0
 """[s] Bounds on velocities and accelerations are given for frames that are no closer than this."""
 
 
-def noise_growth(frame_period: float) -> float:
-    """How much noisier velocities are than at `QUIET_PERIOD`, by the same noise of poses; accelerations by its square.
+def noise_growth(frame_period: float, noise: float = 1.0, order: int = 1) -> float:
+    """How much noisier derivatives are than those of the real rig's poses at `QUIET_PERIOD`; at least 1.
 
     With bounds that grow so, a tracker's jump of the same length is seen at any rate.
+
+    Args:
+        frame_period: [s].
+        noise: of the poses, in multiples of the real rig's.
+        order: 1 of velocities, 2 of accelerations.
     """
-    return max(1.0, QUIET_PERIOD / frame_period)
+    return max(1.0, noise * (QUIET_PERIOD / frame_period) ** order)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +76,24 @@ def all_around(mask: NDArray[np.bool_], before: int, after: int) -> NDArray[np.b
     padded = np.concatenate([np.ones(before, dtype=bool), mask, np.ones(after, dtype=bool)])
     windows = np.lib.stride_tricks.sliding_window_view(padded, before + 1 + after)
     return np.asarray(windows.all(axis=1))
+
+
+def clear_steps(heights: Array, travels: Array) -> NDArray[np.bool_]:
+    """Steps (T - 1,) between frames within which no vertex can have touched the board.
+
+    A bounce takes the body down to the board and up again: the heights at both ends together are a way that it can travel.
+
+    Args:
+        heights: (T,) of the lowest vertex [m].
+        travels: (T - 1,) how far a vertex comes within each step, at most [m].
+    """
+    return np.asarray(heights[:-1] + heights[1:] > travels)
+
+
+def vertex_travels(toss: Toss, reach: float) -> Array:
+    """(T - 1,) how far any vertex comes from frame to frame, at most [m]; `reach` is that of the farthest [m]."""
+    speeds = np.linalg.norm(toss.linear_velocities, axis=1) + reach * np.linalg.norm(toss.angular_velocities, axis=1)
+    return np.asarray(np.maximum(speeds[:-1], speeds[1:]) * np.diff(toss.stamps_ns) / NANOSECONDS)
 
 
 def kinematics(stamps_ns: NDArray[np.int64], positions: Array, orientations_wxyz: Array) -> Kinematics:

@@ -9,8 +9,8 @@ import numpy as np
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.scalars import Quaternion, Vector
-from contact_curation.motion.segmenter_config import SegmenterConfig
-from contact_curation.motion.smoothing import all_around, kinematics, median_orientations, noise_growth
+from contact_curation.motion.segmenter_config import SegmenterBounds, SegmenterConfig
+from contact_curation.motion.smoothing import all_around, clear_steps, kinematics, median_orientations, vertex_travels
 from contact_curation.motion.toss import NANOSECONDS, Toss, toss_identity
 
 MEMORY = 6
@@ -120,20 +120,22 @@ def cut(run: Sequence[Frame], first: int, stop: int, body: str, source: str, con
     return Motion(toss, rates.accelerations[kept])
 
 
-def reasons_against(motion: Motion, polytope: Polytope, config: SegmenterConfig) -> tuple[str, ...]:
+def reasons_against(motion: Motion, polytope: Polytope, bounds: SegmenterBounds) -> tuple[str, ...]:
     """Why a motion is no toss, one line each; empty when it is one."""
     toss = motion.toss
     lowest = polytope.corner_heights(toss.positions, toss.orientations_wxyz).min(axis=1)  # (T,)
     reasons = []
     duration = toss.frames * toss.frame_period
-    if duration < config.shortest:
-        reasons.append(f"duration: found {duration:.3f} s, expected at least {config.shortest:g} s")
-    if abs(lowest.min()) > config.lowest_corner:
-        expected = f"within {1e3 * config.lowest_corner:g} mm of the board"
+    if duration < bounds.shortest:
+        reasons.append(f"duration: found {duration:.3f} s, expected at least {bounds.shortest:.3g} s")
+    if abs(lowest.min()) > bounds.lowest_corner:
+        expected = f"within {1e3 * bounds.lowest_corner:.3g} mm of the board"
         reasons.append(f"lowest corner of the toss: found {1e3 * lowest.min():.1f} mm, expected {expected}")
-    excess = np.linalg.norm(motion.accelerations + np.array([0.0, 0.0, config.gravity]), axis=1)  # (T,)
-    excess = np.where(all_around(lowest > config.airborne_clearance, 3, 1), excess, 0.0)
-    bound = config.airborne_acceleration * noise_growth(toss.frame_period) ** 2
+    excess = np.linalg.norm(motion.accelerations + np.array([0.0, 0.0, bounds.gravity]), axis=1)  # (T,)
+    clear = np.append(clear_steps(lowest, vertex_travels(toss, bounds.reach)), True)  # (T,)
+    airborne = all_around(lowest > bounds.airborne_clearance, 3, 1) & all_around(clear, 3, 0)
+    excess = np.where(airborne, excess, 0.0)
+    bound = bounds.airborne_acceleration * bounds.acceleration_noise(toss.frame_period)
     if excess.max() > bound:
         reasons.append(
             f"acceleration in the air beyond gravity: found {excess.max():.1f} m/s^2 at frame {excess.argmax()}, "

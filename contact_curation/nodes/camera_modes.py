@@ -11,6 +11,7 @@ from sensor_msgs.msg import Image as ImageMessage
 from tf2_msgs.msg import TFMessage
 
 from contact_curation.contact.body import Body
+from contact_curation.design.throw import throw_seed
 from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.quaternions import IDENTITY
 from contact_curation.geometry.tag_rig import TagRig
@@ -36,10 +37,19 @@ class TrueFrame(NamedTuple):
     Attributes:
         stamp_ns: simulated time.
         pose: of the body on the board.
+        throw_id: of the throw that the frame belongs to; empty where none is known.
+        begun_ns: stamp of that throw's beginning; 0 without one.
     """
 
     stamp_ns: int
     pose: Pose
+    throw_id: str = ""
+    begun_ns: int = 0
+
+    @property
+    def since_ns(self) -> int:
+        """Time since the throw began."""
+        return self.stamp_ns - self.begun_ns
 
 
 class Sight(Protocol):
@@ -78,12 +88,12 @@ class TrackedPoses:
         self._tracked = Pose(-body.center_of_mass, IDENTITY) if body.center_of_mass.any() else None
         self._waiting: deque[tuple[int, Any]] = deque()
         self._poses = node.create_publisher(Odometry, f"tagslam/odom/{self._body_frame}", latched(history))
-        self._static = node.create_publisher(TFMessage, "/tf_static", latched(1))
+        self._static = node.create_publisher(TFMessage, "tf_static", latched(1))
         self._static.publish(static_transform_message(Stamped(0, rig.map_frame), rig.board_frame, self._board))
 
     def see(self, true: TrueFrame) -> None:
         tracked = true.pose.compose(self._tracked) if self._tracked else true.pose
-        pose = self._noise.seen(true.stamp_ns, tracked)
+        pose = self._noise.seen(true.since_ns, tracked, true.throw_id)
         if pose is not None:
             stamped, deviations = Stamped(true.stamp_ns, self._rig.map_frame), self._deviations
             message = odometry_message(stamped, self._body_frame, self._board.compose(pose), deviations)
@@ -141,7 +151,7 @@ class RenderedTags:
 
     def see(self, true: TrueFrame) -> None:
         self._view = self._view or CameraView(*self._scene)
-        image = self._view.image(true.pose, np.random.default_rng([self._seed, true.stamp_ns]))
+        image = self._view.image(true.pose, np.random.default_rng([self._seed, throw_seed(true.throw_id), true.since_ns]))
         stamped = Stamped(true.stamp_ns, CAMERA_FRAME)
         self._camera_info.publish(camera_info_message(stamped, self._view.config.pinhole))
         self._detections.publish(detections_message(stamped, self._detector.detect(image)))

@@ -43,7 +43,7 @@ class Curator(StageNode):
         self._body = declare(self, "body", "cube", "name of the body whose tosses are selected")
         ranking = declare_config(self, RankingConfig(), fixed=False)
         config = declare_config(self, CurationConfig())
-        store = Path(declare(self, "store", "buffer.sqlite", "file that the buffer and all information are kept in"))
+        store = Path(declare(self, "store", "buffer.sqlite", "file that stores the buffer and all information"))
         self._informations = InformationStore(store)
         self._stage = CurationStage(ranking, config, self._informations)
         self._wanted = self._stage.ranking

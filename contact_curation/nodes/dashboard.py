@@ -36,6 +36,7 @@ from contact_curation.nodes.ros.catch_up import PERIOD, Source
 from contact_curation.nodes.ros.follow import HELD, Follow
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
+from contact_curation.nodes.ros.own_namespace import is_own
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.qos import latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
@@ -59,9 +60,11 @@ class Dashboard(StageNode):
         self._body = declared_body(self)
         loss = declare_config(self, replace(DEFAULT_LOSS, threads=1), "loss.")
         parameters = declare(self, "params", "", "theta to begin with: JSON file or checkpoint; empty: the body as described")
-        self._limit = declare(self, "queue", 512, "messages that wait at most; the rest is dropped", bounds=(1, 1 << 20))
-        throws = declare(self, "throws", 0, "how many are planned, for `throw n of N`; 0: not known", bounds=(0, 10_000))
-        state = declare(self, "state", "", "file that says where it is served, once it is; empty: none")
+        self._limit = declare(
+            self, "queue", 512, "largest number of waiting messages; further ones are dropped", bounds=(1, 1 << 20)
+        )
+        throws = declare(self, "throws", 0, "number of planned throws, for `throw n of N`; 0: not known", bounds=(0, 10_000))
+        state = declare(self, "state", "", "file to write the dashboard's address to once it is served; empty: none")
         serving = declared_serving(self)
         theta, self._body = first_theta(parameters, self._body)
         self._screen = open_screen(serving, live_layout(self._body))
@@ -126,7 +129,7 @@ class Dashboard(StageNode):
 
     def _health_came(self, message: Any) -> None:
         """A handful of words, kept by node: nothing that could pile up."""
-        self._nodes.update({one.name: one for one in healths_of(message, self._seconds())})
+        self._nodes.update({one.name: one for one in healths_of(message, self._seconds()) if is_own(self, one.name)})
 
     def _guarded(self, job: Callable[[], None]) -> None:
         """On the worker's thread, as everything below but the last: a bad message is counted and dropped."""
@@ -200,12 +203,12 @@ def declared_serving(node: StageNode) -> ServingConfig:
     Raises:
         InvalidValueError: nowhere.
     """
-    recording = declare(node, "recording", "", ".rrd file that the session is written to; empty: none")
+    recording = declare(node, "recording", "", "Rerun file (.rrd) to write the session to; empty: none")
     if recording:
         check_replaceable("parameter recording", Path(recording), "a new name, or that of an earlier dashboard's file")
     return ServingConfig(
-        web_port=declare(node, "web_port", 9090, "port of the page to open in a browser; 0: none is served"),
-        grpc_port=declare(node, "grpc_port", 9876, "port of the data that the page shows"),
+        web_port=declare(node, "web_port", 9090, "port of the web page; 0: none is served"),
+        grpc_port=declare(node, "grpc_port", 9876, "port of the data that the web page shows"),
         bind=declare(node, "bind", "127.0.0.1", "address that the data are served at; 0.0.0.0: to other machines, too"),
         recording=Path(recording) if recording else None,
     )

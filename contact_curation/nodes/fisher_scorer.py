@@ -47,7 +47,7 @@ class FisherScorer(StageNode):
         self._body = declared_body(self)
         config = declare_config(self, ScoringConfig(loss=replace(DEFAULT_LOSS, threads=1)))
         parameters = declare(self, "params", "", "theta to begin with: JSON file or checkpoint; empty: the body as described")
-        store = Path(declare(self, "store", "information.sqlite", "file that information is kept in"))
+        store = Path(declare(self, "store", "information.sqlite", "file that stores information"))
         theta = theta_of_geometry(ContactGeometry.of_body(self._body))
         if parameters:
             theta, self._body = read_scored_theta(Path(parameters), self._body)

@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +9,11 @@ from contact_curation_msgs.msg import Toss as TossMessage
 from contact_curation_msgs.msg import TossRejected
 from contact_curation_msgs.srv import GetTosses
 from rclpy.clock import Clock, ClockType
+from std_msgs.msg import Bool
 
 from contact_curation.contact.body import Body
 from contact_curation.motion.calibration import NO_CORRECTION
-from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.ingest import IngestConfig, TossIngest
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.nodes.messages.toss import rejected_message, toss_message
@@ -53,9 +53,9 @@ class PoseIngest(StageNode):
         self._poses = declare_config(self, PoseTopicConfig())
         self._config = declared_ingest(self, self._body, self._poses)
         self._source = declare(self, "source", "", "name of the recording in toss ids; empty: the pose topic")
-        type_name = declare(self, "type", "", "ROS type of the pose topic; empty: as its publisher says")
-        depth = declare(self, "queue_depth", 32768, "poses kept until they are taken", bounds=(296, 1 << 20))
-        self._store = TossStore(Path(declare(self, "store", "tosses.sqlite", "file that tosses are kept in")))
+        type_name = declare(self, "type", "", "ROS type of the pose topic; empty: the publisher's type")
+        depth = declare(self, "queue_depth", 32768, "poses that wait to be processed", bounds=(296, 1 << 20))
+        self._store = TossStore(Path(declare(self, "store", "tosses.sqlite", "file that stores tosses")))
         self._warnings = ThrottledWarnings(self)
         self._inbox = Inbox[Received](MOST_WAITING, self.context.ok)
         self._received = Rate()
@@ -65,21 +65,32 @@ class PoseIngest(StageNode):
         self._taking = Latest(self._worker, self._take)
         self._tosses = self.create_publisher(TossMessage, "toss", latched(RESULTS_DEPTH))
         self._rejected = self.create_publisher(TossRejected, "toss_rejected", latched(RESULTS_DEPTH))
+        self._tracked = self.create_publisher(Bool, "tracked", latched(1))
+        self._said_tracked: bool | None = None
         self.create_service(GetTosses, "get_tosses", self._get_tosses)
         self._topics = PoseTopics(self, self._body.name, self._poses, type_name, depth, self._found, self._arrived)
-        self.create_timer(LOOK_PERIOD, self._topics.follow, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         HealthReport(self, self._health)
 
     def close(self) -> None:
         self._worker.stop()
         self._store.close()
 
+    def _look(self) -> None:
+        """Follows the graph, and says whether there is a tracker: without one nobody should throw."""
+        self._topics.follow()
+        if self._topics.has_publisher != self._said_tracked:
+            self._said_tracked = self._topics.has_publisher
+            self._tracked.publish(Bool(data=self._said_tracked))
+
     def _found(self, topic: str) -> dict[str, int]:
         """Takes up the work of an earlier run on this topic; what was left unannounced is announced."""
         source = self._source or topic
         self.get_logger().info(f"poses of {self._body.name} from {topic}")
-        self._ingest = TossIngest(self._config, self._body.polytope, body=self._body.name, source=source)
-        made_of = f"{self._config} {self._body.name} {self._body.vertices.tolist()} {source}"
+        self._ingest = TossIngest(self._config, self._body, source=source)
+        body = self._body
+        shape = f"{body.vertices.tolist()} {body.mass} {body.inertia.tolist()} {body.friction} {body.gravity}"
+        made_of = f"{self._config} {body.name} {shape} {source}"
         self._journal = IngestJournal(self._ingest, self._store, made_of, topic)
         while any(missed := self._journal.unannounced()):
             self._announce(*missed)
@@ -145,13 +156,12 @@ class PoseIngest(StageNode):
 
 def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> IngestConfig:
     """The stages' configuration; gravity is the body's, as in offline ranking."""
-    segmenter = declare_config(node, replace(SegmenterConfig(), gravity=body.gravity), "segmenter.")
-    recording = declare(node, "rules_of", "", "recording whose own rules complete the segmenter's; empty: none")
+    segmenter = declare_config(node, SegmenterConfig(), "segmenter.")
+    recording = declare(node, "rules_of", "", "recording whose segmenting rules are used where none are set; empty: none")
     if recording:
         with BagReader(Path(recording)) as reader:
             segmenter = with_recorded_rules(segmenter, reader.note(RULES_NOTE))
-    gates = declare_config(node, replace(GateConfig(), gravity=body.gravity), "gates.")
-    gates = gates.of_body(gates.gravity, body.friction)
+    gates = declare_config(node, GateConfig(), "gates.")
     return IngestConfig(poses.tracker(body, poses.board_frame), segmenter, gates, declare_config(node, NO_CORRECTION, "rig."))
 
 

@@ -20,6 +20,7 @@ from contact_curation.nodes.ros.health import Health, HealthReport, Rate
 from contact_curation.nodes.ros.message_definition import definition_text
 from contact_curation.nodes.ros.message_types import message_class
 from contact_curation.nodes.ros.node_main import StageNode, run
+from contact_curation.nodes.ros.own_namespace import is_own
 from contact_curation.nodes.ros.parameters import declare
 from contact_curation.nodes.ros.qos import offered, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
@@ -50,17 +51,21 @@ class Heard(NamedTuple):
 
 
 class SessionRecorder(StageNode):
-    """Records all topics that are not hidden."""
+    """Records all topics of its namespace that are not hidden."""
 
     longest_closing = 9.0
     """[s]: what was received is written, and the recording's index."""
 
     def __init__(self) -> None:
         super().__init__("session_recorder")
-        path = declare(self, "bag", "", "file to record into, *.mcap; one that is there is gone on with")
-        self._depth = declare(self, "queue_depth", 16384, "messages kept per topic until they are taken", bounds=(1, 1 << 20))
-        self._most = declare(self, "memory", 1 << 28, "bytes that may wait to be written", bounds=(1 << 20, 1 << 40))
-        period = declare(self, "flush_period", 1.0, "what is older than this outlives a kill [s]", bounds=(0.01, 60.0))
+        path = declare(self, "bag", "", "file to record into, *.mcap; an existing file is continued")
+        self._depth = declare(self, "queue_depth", 16384, "messages per topic that wait to be processed", bounds=(1, 1 << 20))
+        self._most = declare(
+            self, "memory", 1 << 28, "largest number of bytes that wait to be written", bounds=(1 << 20, 1 << 40)
+        )
+        period = declare(
+            self, "flush_period", 1.0, "messages older than this are on disk and survive a crash [s]", bounds=(0.01, 60.0)
+        )
         if Path(path).suffix != ".mcap":
             raise InvalidValueError("parameter bag", repr(path), "a file name ending in .mcap")
         self._warnings = ThrottledWarnings(self)
@@ -90,7 +95,7 @@ class SessionRecorder(StageNode):
         """Subscribes to what is new, or is offered in another way."""
         for topic, types in self.get_topic_names_and_types():
             hidden = any(part.startswith("_") for part in topic.split("/"))
-            if hidden or not self.count_publishers(topic):
+            if hidden or not is_own(self, topic) or not self.count_publishers(topic):
                 continue
             for more in types[1:]:
                 self._leave_out(topic, more, f"found the types {', '.join(types)}, expected one")

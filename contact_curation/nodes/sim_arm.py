@@ -2,7 +2,9 @@
 
 A goal that is refused ends at once, with the limit and the nearest feasible throw in its result. The arm begins disarmed.
 Whoever arms it (`~/arm`) can stop it (`~/stop`), and it stops by itself when the heartbeat fails; either latches until it is
-armed again.
+armed again. With `armed` it arms itself when it starts, and again when its own heartbeat comes back; a stop latches always.
+
+Topic `throw_begun` names the throw that the frames behind its stamp belong to, for whoever simulates what is seen of it.
 """
 
 import sys
@@ -10,6 +12,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
+from contact_curation_msgs.msg import Throw as ThrowMessage
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
@@ -22,11 +25,12 @@ from std_srvs.srv import Trigger
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.messages.arm_frame import joint_state_message, truth_message
 from contact_curation.nodes.messages.headers import Stamped, time_message
+from contact_curation.nodes.messages.throw import throw_message, throw_of
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
-from contact_curation.nodes.ros.qos import profile
+from contact_curation.nodes.ros.qos import latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
 from contact_curation.nodes.throw_server import ThrowServer
@@ -45,8 +49,11 @@ TRUTH_DEPTH = 2000
 BEAT = 0.1
 """Between the node's own heartbeats, of the thread that would hear a stop [s]."""
 
-BREATH = 1e-3
-"""Given to the other threads after a frame that nothing waits for, or the heartbeat would starve [s]."""
+LONGEST_HUSH = 10.0
+"""So long the simulation waits for the node's own heartbeat before its absence is taken for a failure [s]."""
+
+BREATH, BREATH_FRAMES = 1e-3, 4
+"""Given to the other threads after so many frames that nothing waits for, or the heartbeat would starve [s]."""
 
 IDLE = 0.05
 """Between looks for a goal where simulated time stands still [s]."""
@@ -65,12 +72,14 @@ class SimArm(StageNode):
         self._pace = Pace(declare(self, "rate", 1.0, about_rate, bounds=(0.0, 1e3), fixed=False))
         clock_hertz = declare(self, "clock", 0.0, "rate of /clock in simulated time [Hz]; 0: none", bounds=(0.0, 148.0))
         self._board_frame = declare(self, "board_frame", "body_surface", "frame of the board")
-        epoch = declare(self, "epoch", 0.0, "time at which the simulation begins [s]; 0: now", bounds=(0.0, 4e9))
+        epoch = declare(self, "epoch", 0.0, "start time of the simulation [s]; 0: now", bounds=(0.0, 4e9))
         about_state = "file that remembers how far time got, so that it never goes back after a restart; empty: none"
         state = declare(self, "state", "", about_state)
-        self._arm_first = declare(self, "armed", False, "be armed with the first heartbeat, without a call of ~/arm")
-        outside = declare(self, "external_heartbeat", False, "beat on topic ~/heartbeat (std_msgs/Empty), not the node itself")
-        seed = declare(self, "seed", 0, "of the gripper's delays", bounds=(0, 2**31))
+        about_armed = "arm at the start without a call of ~/arm, and again when the node's own heartbeat comes back"
+        self._arms_itself = declare(self, "armed", False, about_armed)
+        outside = declare(self, "external_heartbeat", False, "expect the heartbeat on topic ~/heartbeat (std_msgs/Empty)")
+        self._beats_itself = not outside
+        seed = declare(self, "seed", 0, "random seed of the gripper's delays", bounds=(0, 2**31))
         arm, control = declare_config(self, ArmConfig(), "arm."), declare_config(self, ControlConfig(), "control.")
         limits = declare_config(self, GateConfig(keep_out_place=(arm.base[0], arm.base[1])), "gate.")
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -80,12 +89,14 @@ class SimArm(StageNode):
         self._gate = SafetyGate(limits)
         self._stage = ArmStage(ArmFeasibility(ThrowPlanner(self._body, arm), limits), self._gate, control, seed)
         self._warnings = ThrottledWarnings(self)
-        self._ended, self._wake = False, threading.Event()
+        self._ended, self._wake, self._beaten = False, threading.Event(), threading.Event()
+        self._since_breath = 0
         self._publish(Ticks(clock_hertz))
         if outside:
             self.create_subscription(Empty, "~/heartbeat", lambda _: self._beat(), profile(1, reliable=True, latched=False))
         else:
             self.create_timer(BEAT, self._beat, clock=self._steady)
+            self._beat()  # armed before the first frame, so that every run begins alike
         self._worker = Worker(self.fail)
         self._worker.do(self._work)
         self.add_on_set_parameters_callback(self._parameters_set)
@@ -94,17 +105,19 @@ class SimArm(StageNode):
     def close(self) -> None:
         self._ended = True
         self._wake.set()
+        self._beaten.set()
         self._worker.stop()
         self._simulated.close()
         self._server.close()
 
     def _publish(self, ticks: Ticks) -> None:
         often = profile(50, reliable=True, latched=False)
-        self._joints = self.create_publisher(JointState, "/joint_states", often)
+        self._joints = self.create_publisher(JointState, "joint_states", often)
         self._truth = self.create_publisher(Odometry, "ground_truth", profile(TRUTH_DEPTH, reliable=True, latched=False))
+        self._begun = self.create_publisher(ThrowMessage, "throw_begun", latched(1))
         self._ticks = ticks
         if ticks.any:
-            self._time = self.create_publisher(ClockMessage, "/clock", profile(1, reliable=True, latched=False))
+            self._time = self.create_publisher(ClockMessage, "clock", profile(1, reliable=True, latched=False))
         self.create_service(Trigger, "~/stop", self._stop)
         self.create_service(Trigger, "~/arm", self._arm)
         self._server = ThrowServer(
@@ -123,10 +136,12 @@ class SimArm(StageNode):
         return SetParametersResult(successful=True)
 
     def _beat(self) -> None:
+        """Arms as `armed` says: once where the heartbeat is somebody else's, after every failure where it is its own."""
         self._gate.heartbeat(self._awake.now())
-        if self._arm_first:
-            self._arm_first = False
+        if self._arms_itself and not self._gate.was_stopped:
+            self._arms_itself = self._beats_itself
             self._gate.arm(self._awake.now())
+        self._beaten.set()
 
     def _stop(self, _: Any, response: Any) -> Any:
         self._gate.stop("the stop service was called")
@@ -143,10 +158,11 @@ class SimArm(StageNode):
     def _work(self) -> None:
         """On the worker's thread, until the node ends: frame after frame."""
         while not self._ended:
+            self._await_beat()
             now = self._awake.tick()
             goal = self._server.goal  # whose ending this is, whichever goal comes meanwhile
             if goal is not None and self._stage.waits:
-                self._server.conclude(goal, self._stage.begin())
+                self._begin(goal)
                 continue
             if self._pace.unlimited and self._stage.stands_still:
                 self._tell_time(self._stage.frame())
@@ -159,6 +175,17 @@ class SimArm(StageNode):
             self._tell(frame)
             self._server.conclude(goal, ending)
             self._keep_pace(frame.time)
+
+    def _await_beat(self) -> None:
+        """A busy machine may keep the executor's thread waiting: then simulated time does, rather than that the arm stops."""
+        if self._beats_itself and self._gate.silence(self._awake.now()) > 2.0 * BEAT:
+            self._beaten.clear()
+            self._beaten.wait(LONGEST_HUSH)
+
+    def _begin(self, goal: Any) -> None:
+        """The next frame is the first of this throw."""
+        self._begun.publish(throw_message(throw_of(goal.request.throw_command), self._stamped(self._stage.time)))
+        self._server.conclude(goal, self._stage.begin())
 
     def _tell(self, frame: ArmFrame) -> None:
         stamped = self._stamped(frame.time)
@@ -175,7 +202,9 @@ class SimArm(StageNode):
     def _keep_pace(self, time: float) -> None:
         """Waits until a frame's time has come."""
         ahead = self._pace.ahead(time, self._now())
-        if self._pace.unlimited:
+        self._since_breath += 1
+        if self._pace.unlimited and self._since_breath >= BREATH_FRAMES:
+            self._since_breath = 0
             self._wake.wait(BREATH)
         elif ahead > 0.0:
             self._wake.wait(ahead)

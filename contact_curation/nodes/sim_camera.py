@@ -1,16 +1,19 @@
 """sim_camera: the tracker of the simulated world. A body's true pose in; what a tracker, or a camera, would tell of it out.
 
 In mode `poses` that is TagSLAM's Odometry with a tracker's faults; in mode `rendered` images are rendered, and the tags that
-the AprilTag library finds in them are published. Stamps are those of the ground truth, however long rendering takes.
+the AprilTag library finds in them are published. Stamps are those of the ground truth, however long rendering takes. What is
+random depends on the throw (`throw_begun`) and the time since it began, so that neither a clock nor the machine's load matter.
 
 The last ones stay there for whoever comes late (`history`): a `pose_ingest` that was killed gets again what it missed.
 """
 
 import sys
+from collections import deque
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from contact_curation_msgs.msg import Throw as ThrowMessage
 from nav_msgs.msg import Odometry
 from rclpy.clock import Clock, ClockType
 
@@ -18,11 +21,12 @@ from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.tag_rig import rig_of
 from contact_curation.motion.pose_stream import BadPose
 from contact_curation.nodes.camera_modes import RenderedTags, Sight, TrackedPoses, TrueFrame
+from contact_curation.nodes.messages.headers import nanoseconds_of
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport, Rate
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
-from contact_curation.nodes.ros.qos import profile
+from contact_curation.nodes.ros.qos import latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
 from contact_curation.simulation.camera.camera import CameraConfig
@@ -34,6 +38,9 @@ from contact_curation.storage.tag_map_file import read_tag_rig
 
 TRUTH_DEPTH = 2000
 """Frames of the ground truth that may wait until they are taken."""
+
+THROWS_KNOWN = 2
+"""The newest throw, and the one before it: the first may be heard of before the last frames of the other."""
 
 SILENCE = 0.2
 """After so long [s] without a frame, what waits for its latency is told."""
@@ -48,8 +55,10 @@ class SimCamera(StageNode):
         self._body_frame = f"body_{self._body.name}"
         self._warnings = ThrottledWarnings(self)
         self._received, self._told, self._before = Rate(), 0, 0
+        self._begun: deque[tuple[int, str]] = deque(maxlen=THROWS_KNOWN)
         self._sight = self._declared_sight()
         self._worker = Worker(self.fail)
+        self.create_subscription(ThrowMessage, "throw_begun", self._throw_begun, latched(1))
         self.create_subscription(Odometry, "ground_truth", self._arrived, profile(TRUTH_DEPTH, reliable=True, latched=False))
         self.create_timer(SILENCE, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         HealthReport(self, self._health)
@@ -60,12 +69,12 @@ class SimCamera(StageNode):
 
     def _declared_sight(self) -> Sight:
         mode = declare(self, "mode", "poses", "what is published", choices=("poses", "rendered"))
-        seed = declare(self, "seed", 0, "of the noise", bounds=(0, 2**31))
-        board_frame = declare(self, "board_frame", "body_surface", "the board's frame, in which the ground truth is")
+        seed = declare(self, "seed", 0, "random seed of the noise", bounds=(0, 2**31))
+        board_frame = declare(self, "board_frame", "body_surface", "frame of the board, in which the ground truth is given")
         tag_map = declare(
             self, "tag_map", "", "YAML file with the tags; empty: one on each of the body's faces, seven on the board"
         )
-        history = declare(self, "history", 4096, "poses or detections kept for late subscribers", bounds=(1, 1 << 20))
+        history = declare(self, "history", 4096, "poses or detections that late subscribers still get", bounds=(1, 1 << 20))
         images = declare(self, "images", False, "publish rendered images too")
         noise = declare_config(self, TrackerNoiseConfig(), "noise.")
         camera, detector = declare_config(self, CameraConfig(), "camera."), declare_config(self, DetectorConfig(), "detector.")
@@ -84,8 +93,12 @@ class SimCamera(StageNode):
             self._warnings.note("bad pose", measured.why)
             return
         position, orientation = measured.pose
-        true = TrueFrame(measured.stamp_ns, Pose(np.array(position), np.array(orientation)))
+        begun_ns, throw_id = next((one for one in reversed(self._begun) if one[0] <= measured.stamp_ns), (0, ""))
+        true = TrueFrame(measured.stamp_ns, Pose(np.array(position), np.array(orientation)), throw_id, begun_ns)
         self._worker.do(lambda: self._see(true))
+
+    def _throw_begun(self, message: Any) -> None:
+        self._begun.append((nanoseconds_of(message.header.stamp), message.throw_id))
 
     def _see(self, true: TrueFrame) -> None:
         self._sight.see(true)

@@ -7,10 +7,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from contact_curation_msgs.msg import CuratedBuffer, ModelParameters, TossRejected
+from contact_curation_msgs.msg import CuratedBuffer, ModelParameters, TossRejected, TrainingStatus
 from contact_curation_msgs.msg import TossInformation as TossInformationMessage
 from contact_curation_msgs.srv import GetInformation, ProposeThrow
 from rclpy.clock import Clock, ClockType
+from std_msgs.msg import Bool
 
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.design.throw import ThrowKind
@@ -30,7 +31,7 @@ from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
 from contact_curation.nodes.throw_goals import Outcome, ThrowGoals
 from contact_curation.nodes.throw_reports import ThrowReports
-from contact_curation.stages.design import DesignStage
+from contact_curation.stages.design import DesignStage, RankedBuffer, TrainerRest
 from contact_curation.stages.records import Cursor, Proposal
 from contact_curation.stages.scored_theta import ScoredTheta, polytope_of, read_scored_theta
 from contact_curation.stages.throw_loop import ThrowLoop
@@ -38,8 +39,11 @@ from contact_curation.storage.stores.state import StateStore
 
 INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
 
-PERIOD = 0.2
+PERIOD = 0.05
 """[s] between looks at whether the next throw is due."""
+
+RESTING = (TrainingStatus.WAITING, TrainingStatus.FAILED)
+"""States of a trainer that does nothing until the buffer changes."""
 
 LONGEST_PROPOSAL = 120.0
 """[s] that the service waits for the worker."""
@@ -53,9 +57,12 @@ class ThrowDesigner(StageNode):
         self._body = declared_body(self)
         config = declared_design(self)
         parameters = declare(self, "params", "", "theta to begin with: JSON file or checkpoint; empty: none yet")
-        store = Path(declare(self, "store", "throws.sqlite", "file that throws, theta and what they taught are kept in"))
+        store = Path(declare(self, "store", "throws.sqlite", "file that stores throws, theta and gains"))
         self._board_frame = declare(self, "board_frame", "body_surface", "frame that throws are given in")
-        declare(self, "auto", False, "throws are made one after the other", fixed=False)
+        declare(self, "auto", False, "make one throw after the other", fixed=False)
+        about_tracker = "wait with throws until pose_ingest reports (topic tracked) that the body's poses are published"
+        self._awaits_tracker = declare(self, "await_tracker", True, about_tracker)
+        self._tracked = False
         loop = declared_loop(self)
         geometry: ContactGeometry | None = None
         if parameters:
@@ -75,7 +82,9 @@ class ThrowDesigner(StageNode):
         self.create_service(ProposeThrow, "propose_throw", self._propose)
         self.create_subscription(ModelParameters, "model_parameters", self._parameters_came, latched(1))
         self.create_subscription(CuratedBuffer, "curated_buffer", self._buffer_came, latched(1))
+        self.create_subscription(TrainingStatus, "training_status", self._status_came, latched(1))
         self.create_subscription(TossRejected, "toss_rejected", self._rejected_came, latched(RESULTS_DEPTH))
+        self.create_subscription(Bool, "tracked", self._tracked_came, latched(1))
         self._information = CatchUp(self, self._worker, INFORMATION, Cursor(), self._take)
         self.create_timer(PERIOD, self._look, clock=self._steady)
         HealthReport(self, self._health)
@@ -91,8 +100,19 @@ class ThrowDesigner(StageNode):
         if self._to_send is not None:
             message, self._to_send = self._to_send, None
             self._goals.send(message) if auto else self._told(Outcome(None, "auto was turned off"))
-        if auto and self._goals.ready and not self._goals.busy and self._loop.due():
+        if auto and not self._missing and not self._goals.busy and self._loop.due():
             self._worker.do(self._throw_next)
+
+    @property
+    def _missing(self) -> str:
+        """What throws have to wait for; empty where all is there."""
+        if not self._goals.ready:
+            return "a thrower (action execute_throw)"
+        tracked = self._tracked and self.count_publishers("tracked") > 0
+        return "" if tracked or not self._awaits_tracker else "a tracker (topic tracked of pose_ingest)"
+
+    def _tracked_came(self, message: Any) -> None:
+        self._tracked = bool(message.data)
 
     def _throw_next(self) -> None:
         """On the worker's thread."""
@@ -168,9 +188,24 @@ class ThrowDesigner(StageNode):
         """On the worker's thread."""
         try:
             check_format(message)
-            self._stage.select(tuple(message.toss_ids))
+            newest_ns = nanoseconds_of(message.header.stamp)
+            ids, version = tuple(message.toss_ids), message.parameters_version
+            self._stage.select(RankedBuffer(ids, message.revision, version, message.tosses_seen, newest_ns))
         except InvalidValueError as error:
             self._warnings.note("bad buffer", str(error))
+
+    def _status_came(self, message: Any) -> None:
+        self._worker.do(partial(self._rest, message))
+
+    def _rest(self, message: Any) -> None:
+        """On the worker's thread."""
+        try:
+            check_format(message)
+        except InvalidValueError as error:
+            self._warnings.note("bad status", str(error))
+            return
+        revision = message.buffer_revision if message.state in RESTING else 0
+        self._stage.rest(TrainerRest(revision, nanoseconds_of(message.header.stamp), message.parameters_version))
 
     def _rejected_came(self, message: Any) -> None:
         if message.body == self._body.name:
@@ -202,6 +237,7 @@ class ThrowDesigner(StageNode):
 
     def _health(self) -> Health:
         made, last = self._stage.throws, self._last
+        missing = self._missing if self.get_parameter("auto").value else ""
         values = {
             "throws": len(made),
             "under_way": self._goals.busy,
@@ -212,6 +248,8 @@ class ThrowDesigner(StageNode):
             "queue": self._worker.waiting,
             **self._warnings.counts,
         }
+        if missing:
+            return Health(f"{len(made)} throws made, waiting for {missing}", values, warning=True)
         if last is None:
             return Health(f"{len(made)} throws made", values)
         how = (

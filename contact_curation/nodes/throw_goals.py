@@ -30,7 +30,7 @@ class ThrowGoals:
     Args:
         node: that sends.
         told: called once per goal, on the executor's thread.
-        patience: a goal without an outcome is given up after this time of the steady clock [s].
+        patience: a goal of which nothing is heard, be it feedback or result, for this time of the steady clock is given up [s].
     """
 
     def __init__(self, node: Node, told: Callable[[Outcome], None], patience: float) -> None:
@@ -39,7 +39,7 @@ class ThrowGoals:
         self._patience = patience
         self._clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._lock = threading.RLock()
-        self._begun_ns: int | None = None
+        self._heard_ns: int | None = None
         self._handle: Any = None
         self._number = 0
 
@@ -51,28 +51,37 @@ class ThrowGoals:
     @property
     def busy(self) -> bool:
         """Whether a goal is under way."""
-        return self._begun_ns is not None
+        return self._heard_ns is not None
 
     def send(self, throw: Any) -> None:
         """Commands a throw, a message; not while another is under way."""
         with self._lock:
             self._number += 1
-            number, self._begun_ns = self._number, self._clock.now().nanoseconds
-            future = self._client.send_goal_async(ExecuteThrow.Goal(throw_command=throw))
+            number, self._heard_ns = self._number, self._clock.now().nanoseconds
+            goal = ExecuteThrow.Goal(throw_command=throw)
+            future = self._client.send_goal_async(goal, feedback_callback=lambda _: self._heard(number))
         future.add_done_callback(lambda done: self._answered(number, done))
 
     def look(self) -> None:
         """Gives up what takes too long, or what nobody works on any more; to be called now and then."""
         with self._lock:
-            if self._begun_ns is None:
+            if self._heard_ns is None:
                 return
-            waited = (self._clock.now().nanoseconds - self._begun_ns) / NANOSECONDS
+            waited = (self._clock.now().nanoseconds - self._heard_ns) / NANOSECONDS
             gone = not self.ready
             handle = self._handle
         if gone or waited > self._patience:
             if handle is not None and not gone:
                 handle.cancel_goal_async()
-            self._end(self._number, Outcome(None, "the thrower is gone" if gone else f"no result within {self._patience:g} s"))
+            self._end(
+                self._number, Outcome(None, "the thrower is gone" if gone else f"nothing heard of it for {self._patience:g} s")
+            )
+
+    def _heard(self, number: int) -> None:
+        """The thrower is at work on it: a simulated one may take long on a busy machine."""
+        with self._lock:
+            if self._heard_ns is not None and number == self._number:
+                self._heard_ns = self._clock.now().nanoseconds
 
     def _answered(self, number: int, future: Future) -> None:
         handle = future.result()
@@ -80,7 +89,7 @@ class ThrowGoals:
             self._end(number, Outcome(None, "the thrower did not take the goal"))
             return
         with self._lock:
-            given_up = self._begun_ns is None or number != self._number
+            given_up = self._heard_ns is None or number != self._number
             if not given_up:
                 self._handle = handle
         if given_up:
@@ -96,7 +105,7 @@ class ThrowGoals:
     def _end(self, number: int, outcome: Outcome) -> None:
         """Tells what became of a goal, unless that was told before."""
         with self._lock:
-            if self._begun_ns is None or number != self._number:
+            if self._heard_ns is None or number != self._number:
                 return
-            self._begun_ns, self._handle = None, None
+            self._heard_ns, self._handle = None, None
         self._told(outcome)

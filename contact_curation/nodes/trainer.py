@@ -16,7 +16,7 @@ from contact_curation.nodes.messages.bounds import MOST_IDS, check_size
 from contact_curation.nodes.messages.headers import Stamped, check_format, stamped_of
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.trained_model import model_message
-from contact_curation.nodes.messages.training_status import status_message
+from contact_curation.nodes.messages.training_status import status_message, waiting_message
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
@@ -26,6 +26,7 @@ from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.training_parameters import declared_first_model, declared_held_out, declared_protocol
 from contact_curation.nodes.ros.worker import Latest, Worker
 from contact_curation.nodes.toss_fetch import TossFetch
+from contact_curation.stages.held_out_tosses import HeldOutErrors
 from contact_curation.stages.scoring import checked_body
 from contact_curation.stages.training import Moment, RoundsConfig, SelectedSet, TrainingStage
 from contact_curation.storage.stores.tosses import TossStore
@@ -40,14 +41,19 @@ class Trainer(StageNode):
     def __init__(self) -> None:
         super().__init__("trainer")
         self._body = declared_body(self)
-        kind = declare(self, "model", DEFAULT_MODEL, "what is trained", choices=list(MODELS))
+        kind = declare(self, "model", DEFAULT_MODEL, "model to train", choices=list(MODELS))
         protocol = declared_protocol(self, kind)
         rounds = declare_config(self, RoundsConfig())
-        seed = declare(self, "seed", 0, "of the initialisation and the shuffles", bounds=(0, 1 << 31))
+        seed = declare(self, "seed", 0, "random seed of the initialisation and the shuffles", bounds=(0, 1 << 31))
         first = declared_first_model(self, kind, self._body, protocol.form, seed)
         self._held_out = declared_held_out(self, self._body)
-        store = Path(declare(self, "store", "trainer.sqlite", "file that fetched tosses are kept in"))
-        checkpoint = declare(self, "checkpoint", "", "file of the model and its training; empty: store, ending .safetensors")
+        store = Path(declare(self, "store", "trainer.sqlite", "file that stores fetched tosses"))
+        checkpoint = declare(
+            self,
+            "checkpoint",
+            "",
+            "file of the model and the state of its training; empty: the store's name, ending in .safetensors",
+        )
         self._tosses = TossStore(store)
         self._stage = TrainingStage(
             first,
@@ -60,6 +66,9 @@ class Trainer(StageNode):
         )
         self._warnings = ThrottledWarnings(self)
         self._stamped = Stamped(0, "")
+        self._kind = kind
+        self._said_to_rest: tuple[int, Stamped] | None = None
+        self._errors: tuple[str, HeldOutErrors] | None = None
         self._model_parameters = self.create_publisher(ModelParameters, "model_parameters", latched(1))
         self._status = self.create_publisher(TrainingStatus, "training_status", latched(STATUS_DEPTH))
         self._worker = Worker(self.fail)
@@ -90,6 +99,7 @@ class Trainer(StageNode):
         self._stage.follow(SelectedSet(message.revision, message.tosses_seen, tuple(message.toss_ids)))
         self._fetch.ask()
         self._training.want()
+        self._say_if_it_rests()
 
     def _fetched(self, messages: Sequence[Any], unknown: Sequence[str]) -> None:
         for message in messages:
@@ -108,6 +118,7 @@ class Trainer(StageNode):
             self._announce(moment)
         if self._stage.due:
             self._training.want()
+        self._say_if_it_rests()
 
     def _announce_again(self) -> None:
         """After a restart: those of the last round were perhaps never announced, and a latched message dies with its node."""
@@ -120,8 +131,26 @@ class Trainer(StageNode):
         version = model_version(moment.model)
         if moment.ended:
             self._model_parameters.publish(model_message(moment.model, version, moment.progress.gradient_steps, self._stamped))
-        errors = self._held_out.errors(moment.model)
-        self._status.publish(status_message(moment, version, errors, self._stamped, waiting=not self._stage.due))
+        self._say(moment, version)
+
+    def _say(self, moment: Moment, version: str) -> None:
+        if self._errors is None or self._errors[0] != version:
+            self._errors = version, self._held_out.errors(moment.model)
+        rests_on = self._stage.rests_on
+        self._said_to_rest = None if rests_on is None else (rests_on.revision, self._stamped)
+        revision = None if rests_on is None else rests_on.revision
+        self._status.publish(status_message(moment, version, self._errors[1], self._stamped, revision))
+
+    def _say_if_it_rests(self) -> None:
+        """Whoever waits for what is learned hears that nothing is to be learned of a buffer, too."""
+        rests_on, moment = self._stage.rests_on, self._stage.now
+        if rests_on is None or (rests_on.revision, self._stamped) == self._said_to_rest:
+            return
+        if moment is not None:
+            self._say(moment, model_version(moment.model))
+            return
+        self._said_to_rest = rests_on.revision, self._stamped
+        self._status.publish(waiting_message(self._kind, rests_on.revision, self._stamped))
 
     def _health(self) -> Health:
         progress, number = self._stage.progress, self._stage.round.number

@@ -11,7 +11,7 @@ from contact_curation.contact.models.registry import DEFAULT_MODEL
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.motion.calibration import NO_CORRECTION
-from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.pipeline.ranking import RankConfig
 from contact_curation.pipeline.reading import ReadingConfig

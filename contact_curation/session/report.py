@@ -129,9 +129,16 @@ def _replayed(
         return None, Replay(False, f"the bag could not be ranked: {error or 'found too little memory'}")
     selected = ranked.selected_ids
     same = selected == summary.selected
-    what = f"the same {len(selected)} tosses in the same order"
-    other = f"other tosses than the session: {', '.join(selected)}"
-    return ranked, Replay(same, f"rank gives {what if same else other}", str(folder.manifest))
+    if same:
+        what = f"rank gives the same {len(selected)} tosses in the same order"
+    elif summary.settled:
+        what = f"rank gives other tosses than the session: {', '.join(selected)}"
+    else:
+        what = (
+            "the session was interrupted before its last tosses were scored and trained on, so that its selection is not the "
+            f"final one; rank selects {', '.join(selected)}"
+        )
+    return ranked, Replay(same, what, str(folder.manifest))
 
 
 def _ranking(rows: Sequence[ManifestRow]) -> list[ReportedToss]:

@@ -91,9 +91,7 @@ def run_session(
         session.follow(supervisor, stopped)
         staying = config.stay and bool(session.state.dashboard) and not stopped()
         supervisor.stop([name for name in parameters if not (staying and name == DASHBOARD)])
-        summary = summary_of(
-            config, session.state, folder.checkpoint, supervisor.restarts, events.seconds, settled=session.settled
-        )
+        summary = summary_of(config, session.state, folder, supervisor.restarts, events.seconds, settled=session.settled)
         if config.record:
             reporter.say("all nodes have ended; replaying the recorded session, and writing its report")
             summary = finish_record(config, folder, parameters, command, summary, events)
@@ -219,7 +217,8 @@ class Session:
             self._tell(place)
 
     def _tell(self, place: int) -> None:
-        throw, outcome = self.state.throws[place], outcome_of(self.state, place)
+        throw = self.state.throws[place]
+        outcome = "accepted" if throw.toss_id else outcome_of(self.state, place)  # whether it is selected may change yet
         self._events.note(
             "throw",
             throw=throw.commanded.throw_id,

@@ -2,16 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
-from contact_curation.pipeline.reading import ReadingConfig
-from contact_curation.pipeline.tosses import evaluation_tosses
-from contact_curation.session.config import SessionConfig
-from contact_curation.session.node_parameters import held_out_inputs
+from contact_curation.session.config import SessionConfig, SessionFolder
+from contact_curation.session.learned import HeldOutSummary, LearnedSummary, learned_of
 from contact_curation.session.state import SessionState
-from contact_curation.stages.held_out_tosses import HeldOutTosses
 from contact_curation.stages.records import ThrowRecord
+
+INTERRUPTED = "; interrupted before everything was scored and trained on"
 
 
 @dataclass(frozen=True)
@@ -37,16 +35,6 @@ class ThrowOutcome:
     toss: str
     outcome: str
     gains: str
-
-
-@dataclass(frozen=True)
-class HeldOutSummary:
-    """Errors of the trained model on held-out tosses: means of position [% of the width], rotation [deg] and loss."""
-
-    position: float
-    rotation: float
-    loss: float
-    tosses: int
 
 
 @dataclass(frozen=True)
@@ -81,6 +69,7 @@ class SessionSummary:
         rounds: of training.
         gradient_steps: taken.
         held_out: errors of the trained model; None without recordings, or before it was trained.
+        learned: parameters of the trained model; None before it was trained, and for a network.
         restarts: how often each node was started again, if it was.
         settled: whether everything had come to rest.
         dashboard: its address; empty without one.
@@ -102,6 +91,7 @@ class SessionSummary:
     rounds: int
     gradient_steps: int
     held_out: HeldOutSummary | None
+    learned: LearnedSummary | None
     restarts: Mapping[str, int]
     settled: bool
     dashboard: str
@@ -117,7 +107,7 @@ class SessionSummary:
 
     def document(self) -> dict[str, Any]:
         """All of it, as JSON has it."""
-        content = asdict(self)
+        content = asdict(self) | {"learned_sentence": str(self.learned or "")}
         replay = content.pop("replay") or {}
         optional = {**replay, **{name: content.pop(name) for name in ("folder", "report")}}
         return content | {name: value for name, value in optional.items() if value != ""}
@@ -130,11 +120,15 @@ class SessionSummary:
             ("throws", f"{len(self.throws)} made, {self.designed} of them designed"),
             ("tosses", f"{self.tosses} sound, {len(self.rejected)} rejected"),
             ("gain", self._gain()),
+            ("learned", str(self.learned or "")),
             ("held out", self._errors()),
             ("buffer", f"{len(self.selected)} of {self.tosses} tosses selected"),
             ("training", f"{self.rounds} rounds, {self.gradient_steps} steps"),
             ("restarts", restarts),
-            ("time", f"{self.seconds:.0f} s" + ("" if self.settled else "; ended before all was at rest")),
+            (
+                "time",
+                f"{self.seconds:.0f} s" + ("" if self.settled else "; interrupted before everything was scored and trained on"),
+            ),
             *files,
             ("report", self.report),
             ("dashboard", self.dashboard),
@@ -163,7 +157,7 @@ class SessionSummary:
 def summary_of(
     config: SessionConfig,
     state: SessionState,
-    checkpoint: Path,
+    folder: SessionFolder,
     restarts: Mapping[str, int],
     seconds: float,
     *,
@@ -174,11 +168,12 @@ def summary_of(
     Args:
         config: what was asked for.
         state: of the session at its end.
-        checkpoint: the trainer's.
+        folder: of the session.
         restarts: of each node.
         seconds: since it began.
         settled: whether everything had come to rest.
     """
+    held_out, learned = learned_of(config, folder, state)
     scored = [throw for throw in state.throws if throw.realised_gain is not None]
     return SessionSummary(
         throws=tuple(_throw(state, place) for place in range(len(state.throws))),
@@ -192,7 +187,8 @@ def summary_of(
         parameters_version=state.buffer.version,
         rounds=state.training.round,
         gradient_steps=state.training.gradient_steps,
-        held_out=_held_out(config, checkpoint),
+        held_out=held_out,
+        learned=learned,
         restarts={name: count for name, count in restarts.items() if count},
         settled=settled,
         dashboard=state.dashboard,
@@ -230,16 +226,3 @@ def _throw(state: SessionState, place: int) -> ThrowOutcome:
         outcome=outcome_of(state, place),
         gains=gains(throw),
     )
-
-
-def _held_out(config: SessionConfig, checkpoint: Path) -> HeldOutSummary | None:
-    """Errors of the model in the checkpoint; None where there is none, or nothing to evaluate it on."""
-    if not (config.held_out and checkpoint.exists()):
-        return None
-    from contact_curation.storage.checkpoint_file import read_model  # torch takes over a second to import
-
-    body = config.body()
-    reading = ReadingConfig(body, held_out_inputs(config))
-    held_out = HeldOutTosses(evaluation_tosses("--held-out", config.held_out, reading))
-    errors = held_out.errors(read_model(checkpoint, body))
-    return HeldOutSummary(errors.position, errors.rotation, errors.loss, len(held_out.tosses))

@@ -2,8 +2,8 @@
 
 The white noise has the size of the real tosses' second differences in the air: 0.022 mm and 0.024 degrees per axis
 (method.md 3; the tests hold it against them). The other faults are off by default: of the real rig only the selected tosses are
-known. What is said of an instant hangs on the seed and its stamp alone, so that a tracker that is started again says the same
-of it.
+known. What is seen of a frame depends on the seed, the throw and the frame's place in it alone: the same throw is seen in the
+same way whenever it is made, and by a tracker that was started again.
 """
 
 from dataclasses import dataclass
@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from contact_curation.design.throw import throw_seed
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.poses import Pose
@@ -22,6 +23,9 @@ from contact_curation.motion.toss import NANOSECONDS
 BLOCK = 1024
 """Frames whose losses are drawn together."""
 
+PLACES = 16
+"""In a frame's period noise is drawn for so many places: stamps that are off by a nanosecond change nothing."""
+
 LONGEST_MEAN = 128.0
 """[frames] A loss ends within the block after its own, which one of so many frames on average practically always does."""
 
@@ -31,15 +35,17 @@ class TrackerNoiseConfig:
     """The faults of a tracker.
 
     Attributes:
-        position: white noise per axis, standard deviation [m].
-        turn: likewise [rad].
-        spike_rate: share of the poses that are far off.
-        spike_position: how far those are off per axis, standard deviation [m].
-        spike_turn: likewise [rad].
-        dropout_rate: share of the seen frames with which a loss of the tags begins.
-        dropout_frames: how many frames a loss lasts, on average.
-        frame_period: time between those frames [s]; others count by the time that they are in.
-        latency: from a frame's stamp until its pose is published [s].
+        position: standard deviation of the white noise of positions, per axis [m].
+        turn: standard deviation of the white noise of orientations, per axis [rad].
+        spike_rate: share of the poses that are outliers.
+        spike_position: standard deviation of an outlier's position error, per axis [m].
+        spike_turn: standard deviation of an outlier's orientation error, per axis [rad].
+        dropout_rate: probability that tracking is lost at a frame.
+        dropout_frames: mean number of frames that a loss of tracking lasts.
+        frame_period: time between the frames that these rates refer to [s].
+        latency: time from a frame's stamp until its pose is published [s].
+        spoilt_throw: name of one throw that is tracked badly; empty for none.
+        spoilt_rate: share of that throw's poses that are outliers.
     """
 
     position: float = RIG_NOISE
@@ -51,12 +57,14 @@ class TrackerNoiseConfig:
     dropout_frames: float = 3.0
     frame_period: float = 1.0 / 148.0
     latency: float = 0.0
+    spoilt_throw: str = ""
+    spoilt_rate: float = 0.05
 
     def __post_init__(self) -> None:
         for name in ("position", "turn", "spike_position", "spike_turn", "latency"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise InvalidValueError(name, getattr(self, name), "0 or more")
-        for name in ("spike_rate", "dropout_rate"):
+        for name in ("spike_rate", "dropout_rate", "spoilt_rate"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise InvalidValueError(name, getattr(self, name), "a share from 0 to 1")
         if not 1.0 <= self.dropout_frames <= LONGEST_MEAN:
@@ -79,25 +87,35 @@ class TrackerNoise:
         self._period_ns = round(config.frame_period * NANOSECONDS)
         self._losses_of = lru_cache(maxsize=2)(self._losses) if config.dropout_rate else None
 
-    def seen(self, stamp_ns: int, pose: Pose) -> Pose | None:
-        """What the tracker makes of a frame; None where it has lost the body."""
-        if self._lost(stamp_ns):
+    def seen(self, time_ns: int, pose: Pose, throw_id: str = "") -> Pose | None:
+        """What the tracker makes of a frame; None where it has lost the body.
+
+        Args:
+            time_ns: since the throw began; the frame's stamp where no throw is known.
+            pose: the true one.
+            throw_id: of the throw; empty where none is known.
+        """
+        throw = throw_seed(throw_id)
+        if self._lost(throw, time_ns):
             return None
-        config, rng = self.config, np.random.default_rng([self._seed, stamp_ns])
+        config, place = self.config, (PLACES * time_ns + self._period_ns // 2) // self._period_ns
+        rng = np.random.default_rng([self._seed, throw, place])
         white, far = rng.standard_normal((2, 3)), rng.standard_normal((2, 3))
-        spikes = rng.random() < config.spike_rate
+        spoilt = bool(throw_id) and throw_id == config.spoilt_throw
+        spikes = rng.random() < (config.spoilt_rate if spoilt else config.spike_rate)
         sizes = np.array([[config.position], [config.turn]])
         return _moved(pose, sizes * white + spikes * np.array([[config.spike_position], [config.spike_turn]]) * far)
 
-    def _lost(self, stamp_ns: int) -> bool:
+    def _lost(self, throw: int, time_ns: int) -> bool:
         if self._losses_of is None:
             return False
-        block, frame = divmod(stamp_ns // self._period_ns, BLOCK)
-        return bool(self._losses_of(block)[frame] or (block > 0 and self._losses_of(block - 1)[BLOCK + frame]))
+        block, frame = divmod((time_ns + self._period_ns // 2) // self._period_ns, BLOCK)
+        of_this, of_before = self._losses_of(throw, block), self._losses_of(throw, block - 1) if block > 0 else None
+        return bool(of_this[frame] or (of_before is not None and of_before[BLOCK + frame]))
 
-    def _losses(self, block: int) -> NDArray[np.bool_]:
+    def _losses(self, throw: int, block: int) -> NDArray[np.bool_]:
         """Frames (2 BLOCK,) of a block and the next one that are in a loss which began in this block."""
-        rng = np.random.default_rng([self._seed, block, BLOCK])
+        rng = np.random.default_rng([self._seed, throw, block, BLOCK])
         begins = rng.random(BLOCK) < self.config.dropout_rate
         lengths = rng.geometric(1.0 / self.config.dropout_frames, BLOCK)
         lost = np.zeros(2 * BLOCK, dtype=bool)

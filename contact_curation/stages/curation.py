@@ -32,9 +32,9 @@ class CurationConfig:
     """How the buffer is kept.
 
     Attributes:
-        selection: exact: ranks all tosses; streaming: bounded memory, criteria trace and log-det only.
-        prior_tosses: tosses that a streaming log-det takes its prior from.
-        coverage: a new theta takes over once this share of the known tosses is scored at it.
+        selection: exact ranks all tosses; streaming needs bounded memory and takes the criteria trace and log-det only.
+        prior_tosses: number of first tosses from which a streaming log-det estimates its prior.
+        coverage: a new theta replaces the old one when this share of the known tosses is scored at it.
     """
 
     selection: str = SELECTIONS[0]

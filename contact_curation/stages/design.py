@@ -8,6 +8,7 @@ new theta, throws are planned at the one before, at which everything is known.
 from collections.abc import Sequence
 from dataclasses import replace
 from math import nan
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,6 +35,39 @@ from contact_curation.stages.records import (
 )
 from contact_curation.stages.throw_log import ThrowLog
 from contact_curation.storage.stores.state import States
+
+
+class RankedBuffer(NamedTuple):
+    """What the curator selected.
+
+    Attributes:
+        toss_ids: selected.
+        revision: of the buffer.
+        version: of the theta that it is ranked at.
+        seen: how many tosses it was selected from.
+        newest_ns: stamp of the newest of them.
+    """
+
+    toss_ids: tuple[str, ...] = ()
+    revision: int = 0
+    version: str = ""
+    seen: int = 0
+    newest_ns: int = 0
+
+
+class TrainerRest(NamedTuple):
+    """That the trainer has nothing left to do for a buffer.
+
+    Attributes:
+        revision: of the buffer; 0 while there is something to do.
+        newest_ns: stamp of the buffer's newest toss.
+        version: of the theta that was trained last; empty where none was.
+    """
+
+    revision: int = 0
+    newest_ns: int = 0
+    version: str = ""
+
 
 THETA = "theta"
 """What its safetensors bytes are kept under."""
@@ -68,7 +102,8 @@ class DesignStage:
         self._infos: dict[str, dict[str, TossInformation]] = {}
         self._stamps: dict[str, int] = {}
         self._rejected: dict[int, tuple[str, ...]] = {}
-        self._selected: frozenset[str] = frozenset()
+        self._buffer, self._rest = RankedBuffer(), TrainerRest()
+        self._up_to_date = True
         self._particles: dict[str, Particle] = {}
         self._planners: dict[str, Planner] = {}
         self._log = ThrowLog(states)
@@ -110,11 +145,23 @@ class DesignStage:
         self._states.save({THETA: bytes_of_geometry(geometry)})
         self._take_up(particle)
         self._measure()
+        self._compare()
         return True
 
-    def select(self, toss_ids: Sequence[str]) -> None:
+    def select(self, buffer: RankedBuffer) -> None:
         """Other tosses are selected."""
-        self._selected = frozenset(toss_ids)
+        self._buffer = buffer
+        self._compare()
+
+    def rest(self, rest: TrainerRest) -> None:
+        """The trainer says where it is."""
+        self._rest = rest
+        self._compare()
+
+    @property
+    def is_up_to_date(self) -> bool:
+        """Whether everything that can be learned from the tosses that are known here has been learned, and is known here."""
+        return self._up_to_date
 
     def add(self, info: TossInformation, stamp_ns: int) -> None:
         """A toss was scored, at some theta.
@@ -131,6 +178,7 @@ class DesignStage:
         if info.toss_id not in self._stamps and self._states.load(record_key(FirstLoss, info.toss_id)) is None:
             self._states.save(stored_records(FirstLoss(info.mean_loss), name=info.toss_id))
         self._stamps[info.toss_id] = stamp_ns
+        self._compare()
         if not self._log.busy:  # else it may be that of the throw under way, whose release nobody has told of yet
             self._match(info.toss_id)
             self._measure()
@@ -197,6 +245,14 @@ class DesignStage:
         self._log.finish(executed, released_ns)
         self._match_all()
 
+    def _compare(self) -> None:
+        """Whether the buffer holds what is known here, the trainer rests on it, and its theta has come with all information."""
+        buffer, rest, known = self._buffer, self._rest, self._stamps
+        holds_all = buffer.seen >= len(known) and buffer.newest_ns >= max(known.values(), default=0)
+        rests = (rest.revision, rest.newest_ns, rest.version) == (buffer.revision, buffer.newest_ns, self.version)
+        scored = self._infos.get(self.version, {}).keys() >= known.keys() and self.version == buffer.version
+        self._up_to_date = not known or (holds_all and rests and (scored or not self.version))
+
     def _match_all(self) -> None:
         for toss_id in sorted(self._stamps, key=lambda one: (self._stamps[one], one)):
             self._match(toss_id)
@@ -247,7 +303,7 @@ class DesignStage:
 
     def _wanted(self) -> frozenset[str]:
         """The selected tosses and those of its own throws."""
-        return self._selected | {made.toss_id for made in self.throws}
+        return frozenset(self._buffer.toss_ids) | {made.toss_id for made in self.throws}
 
     def _best_known(self) -> str:
         """The version of the theta at which most of the wanted tosses are scored; the newest of several."""

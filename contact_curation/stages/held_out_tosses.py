@@ -2,16 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from contact_curation.contact.models.model import Model
 from contact_curation.geometry.quaternions import Array
-from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.motion.toss import Toss
 from contact_curation.storage.inputs.records import InputsConfig
+
+if TYPE_CHECKING:
+    from contact_curation.contact.models.model import Model
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,7 @@ class TrackerConfig:
     """The tracker that recorded the held-out tosses.
 
     Attributes:
-        tracker_noise: of the tracker of those recordings, as pose_ingest's.
+        tracker_noise: noise of the held-out recordings, as in pose_ingest's segmenter.tracker_noise.
     """
 
     tracker_noise: float = 1.0
@@ -30,8 +31,8 @@ class HeldOutConfig:
     """How recordings are read that a model is evaluated on.
 
     Attributes:
-        segmenter: how noisy their tracker is.
-        rig: how their poses are calibrated.
+        segmenter: noise of the tracker of the held-out recordings.
+        rig: rig calibration of the held-out recordings.
     """
 
     segmenter: TrackerConfig = TrackerConfig()
@@ -67,10 +68,12 @@ class HeldOutTosses:
     def __init__(self, tosses: Sequence[Toss]) -> None:
         self.tosses = tuple(tosses)
 
-    def errors(self, model: Model) -> HeldOutErrors:
+    def errors(self, model: "Model") -> HeldOutErrors:
         """How far the predicted motions are from the measured ones (method.md 1.11)."""
         if not self.tosses:
             return HeldOutErrors(np.nan, np.nan, np.nan, 0)
+        from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model  # torch takes seconds
+
         found = evaluate_model(model, self.tosses, EvaluationConfig())
         finite = found.errors.finite
         position, rotation = (_mean(values[finite]) for values in (found.errors.position, found.errors.rotation))

@@ -8,38 +8,34 @@ from contact_curation.errors import ContactCurationError
 from contact_curation.stages.design import DesignStage
 from contact_curation.stages.records import Proposal
 
-TOSS_OVERHEAD, GOAL_OVERHEAD = 3.0, 15.0
-"""Of the timeouts so much is no simulated time: planning, tracking, scoring [s]."""
-
 
 @dataclass(frozen=True)
 class LoopConfig:
     """How long the loop waits.
 
     Attributes:
-        max_throws: no more throws than these; 0: no end.
-        toss_timeout: waits so long for a throw's toss [s].
+        max_throws: stop after this many throws; 0 for no end.
+        toss_timeout: how long to wait for the toss of a throw [s].
+        theta_timeout: how long to wait after that until the trainer has used all tosses [s]; 0 designs with the theta that is
+            there.
         retry_period: pause after a throw that was not made [s].
-        goal_timeout: gives a throw up after this [s].
+        goal_timeout: time without feedback after which a throw is given up [s].
     """
 
     max_throws: int = 0
     toss_timeout: float = 15.0
+    theta_timeout: float = 0.0
     retry_period: float = 2.0
     goal_timeout: float = 60.0
 
     def at_rate(self, rate: float) -> "LoopConfig":
-        """The same with a simulated thrower.
+        """The same with a simulated thrower: as patient as with a real one, and more so with one in slow motion.
 
         Args:
             rate: simulated seconds a second; 0: as fast as possible.
         """
-        toss, goal = self.toss_timeout - TOSS_OVERHEAD, self.goal_timeout - GOAL_OVERHEAD
-        return replace(
-            self,
-            toss_timeout=TOSS_OVERHEAD + (toss / rate if rate else 0.0),
-            goal_timeout=GOAL_OVERHEAD + (goal / rate if rate else 0.0),
-        )
+        longer = max(1.0 / rate, 1.0) if rate else 1.0
+        return replace(self, toss_timeout=longer * self.toss_timeout, goal_timeout=longer * self.goal_timeout)
 
 
 class ThrowLoop:
@@ -62,6 +58,8 @@ class ThrowLoop:
     def due(self) -> bool:
         """Whether the next throw is to be designed; once so, it is at work until that throw has ended."""
         waits = self._stage.awaits_toss and self._now() < self._toss_until
+        theta_until = self._toss_until + self._config.theta_timeout
+        waits |= bool(self._config.theta_timeout) and not self._stage.is_up_to_date and self._now() < theta_until
         done = self._config.max_throws and len(self._stage.throws) >= self._config.max_throws
         due = not (self._at_work or waits or done or self._now() < self._not_before)
         self._at_work = self._at_work or due

@@ -48,10 +48,10 @@ class RoundsConfig:
     """When a round begins, and how finely it is cut.
 
     Attributes:
-        least_tosses: no round on fewer selected tosses.
+        least_tosses: a round needs at least this many selected tosses.
         settling_rounds: rounds that may follow one another without a toss that is new to the curator.
-        slice_steps: gradient steps between two looks at what came.
-        checkpoint_steps: gradient steps between two checkpoints in the middle of a round.
+        slice_steps: gradient steps between two checks for new messages.
+        checkpoint_steps: gradient steps between two checkpoints within a round.
     """
 
     least_tosses: int = 2
@@ -173,6 +173,11 @@ class TrainingStage:
         self._note()
 
     @property
+    def rests_on(self) -> SelectedSet | None:
+        """The newest selected set where nothing is left to do until there is another; None where something is, or none came."""
+        return None if self.due or self.missing else self._wanted
+
+    @property
     def due(self) -> bool:
         """Whether `advance` has something to do."""
         return self._running or self._round_due
@@ -242,16 +247,15 @@ class TrainingStage:
 
     def _note(self) -> None:
         """Keeps what a supervisor reads, where it has changed: after the checkpoint, which it tells of."""
-        wanted, before = self._wanted, self._record or TrainingRecord()
-        idle = wanted is not None and not self.due and not self.missing
+        rests_on, before = self.rests_on, self._record or TrainingRecord()
         ended = self._training is not None and not self._running
         record = TrainingRecord(
             round=self._round.number,
             gradient_steps=0 if self.progress is None else self.progress.gradient_steps,
             running=self._running,
             version=model_version(self._trained_so_far.trained()) if ended else before.version,
-            revision=wanted.revision if wanted is not None and idle else 0,
-            tosses_seen=wanted.tosses_seen if wanted is not None and idle else 0,
+            revision=0 if rests_on is None else rests_on.revision,
+            tosses_seen=0 if rests_on is None else rests_on.tosses_seen,
         )
         if record != self._record:
             self._record = record

@@ -87,7 +87,7 @@ def test_a_signal_ends_it_in_order_with_what_there_is(tmp_path: Path, how: signa
         online.send_signal(how)
         said = online.communicate(timeout=LONG)[0]
     assert online.returncode == 0  # no number of throws was asked for
-    assert "ended before all was at rest" in said
+    assert "interrupted before everything was scored and trained on" in said
     assert all(one["detail"] == "status 0" for one in events_of(folder) if one["event"] == "stopped")
     assert count(folder, "stopped") == 9
     assert not nodes_of(tmp_path)

@@ -11,7 +11,7 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import LOSS_TERMS, Cone, SolveStatus, evaluate
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
-from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 from contact_curation.storage.datasets.contactnets import read_contactnets
@@ -42,7 +42,7 @@ def test_every_transition_of_every_toss_is_there_without_a_gate(
     expected = evaluate(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE, rows.before, rows.after, rows.dt, config)
     count = len(rows.before)
     assert done.json["transitions"] == count > 2000
-    assert done.json["tosses"] == len(tosses) == 22  # 2 of 24 are no motions to rest; a gate would keep back one more
+    assert done.json["tosses"] == len(tosses) == 22  # 2 of 24 are no motions to rest; a gate would reject one more
     assert done.json["mean_loss"] == pytest.approx(expected.losses.mean())
     assert {name: array.shape for name, array in read.items()} == {
         **dict.fromkeys(("toss_id", "index", "loss", "status", "kkt_residual", *LOSS_TERMS), (count,)),

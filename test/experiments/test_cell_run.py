@@ -9,7 +9,7 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError
 from contact_curation.experiments.cell import Cell, Protocol
 from contact_curation.experiments.cell_run import Bench, Row, pool_of_cell, run_cell
-from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.gate_config import GateConfig
 from test.simulated import simulated_tosses
 
 

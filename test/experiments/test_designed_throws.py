@@ -15,7 +15,7 @@ from contact_curation.experiments.designed_throws import judged, throws_rows
 from contact_curation.experiments.throw_choice import DesignedThrows
 from contact_curation.experiments.throws import ThrowsCell
 from contact_curation.information.record import TossInformation
-from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.gate_config import GateConfig
 from test.design.cases import LOSS, SMALL, TRUE, other_theta
 from test.simulated import simulated_tosses
 

@@ -50,7 +50,14 @@ class Loop:
         return self.arm
 
     def started_designer(self) -> NodeProcess:
-        settings = {**SMALL, "params": self._theta, "readiness.enabled": False, "thrower": "arm", "toss_timeout": 20.0}
+        settings = {
+            **SMALL,
+            "await_tracker": True,
+            "params": self._theta,
+            "readiness.enabled": False,
+            "thrower": "arm",
+            "toss_timeout": 20.0,
+        }
         store, label = self.graph.folder / "throws.sqlite", f"designer{len(self.graph.processes)}"
         self.designer = self.graph.start(
             "throw_designer", label=label, store=store, auto=True, max_throws=self._throws, retry_period=0.3, **settings

@@ -71,7 +71,14 @@ def test_every_type_of_pose_topic_gives_the_same_tosses(
         label = topic.strip("/")
         heard[topic] = graph.tosses(f"/{label}/toss")
         asked, names = (topic, {}) if topic != "/pose" else ("asked", {f"/{label}/asked": topic})  # by a remap, too
-        graph.start("pose_ingest", {"__ns": f"/{label}", **names}, label, topic=asked, array_index=1, source="tracker")
+        graph.start(
+            "pose_ingest",
+            {"__ns": f"/{label}", "tf": "/tf", "tf_static": "/tf_static", **names},
+            label,
+            topic=asked,
+            array_index=1,
+            source="tracker",
+        )
     listening = {"/tf": len(kinds)}  # every node listens to the transforms, whatever its own topic is
     publish([tracker.topic(kind, topic, qos, listening.get(topic, 1)) for topic, (kind, qos) in kinds.items()], poses)
     expected = [toss.toss_id for toss in tosses_in((*rig, *poses), "tracker")]

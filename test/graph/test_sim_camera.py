@@ -115,7 +115,7 @@ def test_a_pose_ingest_that_is_killed_in_mid_throw_hears_from_the_camera_what_it
     calm, killed = graph.tosses("/calm/toss"), graph.tosses("/toss")
     rejected = graph.rejected()
     graph.start("sim_camera", seed=4)
-    graph.start("pose_ingest", {"__ns": "/calm"}, "calm", **ingest)
+    graph.start("pose_ingest", {"__ns": "/calm", "tf": "/tf", "tf_static": "/tf_static"}, "calm", **ingest)
     first = graph.start("pose_ingest", **ingest)
     frames = [(one.stamp_ns, one.true) for one in tagged_tosses(3)]
     middle = len(frames) // 2

@@ -33,6 +33,7 @@ SMALL: dict[str, Any] = {
     "forecast.executions": 2,
     "safety.motions": 20,
     "safety.share": 0.1,
+    "await_tracker": False,
 }
 
 
@@ -160,7 +161,7 @@ def test_a_goal_that_is_taken_when_it_was_given_up_is_cancelled(graph: Graph, mo
     settled(0.02)
     goals.look()
     answer.set_result(handle)
-    assert [one.message for one in outcomes] == ["no result within 0.01 s"]
+    assert [one.message for one in outcomes] == ["nothing heard of it for 0.01 s"]
     handle.cancel_goal_async.assert_called_once_with()
     assert not goals.busy
 

@@ -15,7 +15,7 @@ from contact_curation.motion.pose_stream import FramePose
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.simulation.tracker_noise import TrackerNoise, TrackerNoiseConfig
 
-CUBE = CONTACTNETS_CUBE.polytope
+CUBE = CONTACTNETS_CUBE
 HALF_WIDTH = CONTACTNETS_CUBE.length_scale
 PERIOD_NS = round(NANOSECONDS / 148)
 BOARD = ScalarPose((0.4, -1.3, 0.7), (cos(0.9), 0.6 * sin(0.9), 0.0, -0.8 * sin(0.9)))

@@ -1,27 +1,19 @@
 """The gates accept good tosses and reject tracking outliers (method.md 2.1, check 11)."""
 
 from dataclasses import replace
-from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
 
-from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
-from contact_curation.geometry.polytopes import Polytope
+from contact_curation.geometry.polytopes import box
 from contact_curation.motion import gates
-from contact_curation.motion.gates import (
-    GateConfig,
-    Steps,
-    cone_gate,
-    impulse_gate,
-    inspect,
-    spin_by_push,
-    steps_of,
-    twist_gate,
-)
+from contact_curation.motion.gate_config import GateBounds, GateConfig
+from contact_curation.motion.gates import Steps, cone_gate, impulse_gate, inspect, steps_of, twist_gate
+from contact_curation.motion.scales import RIG, scale_of
 from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import Toss
 from test.motion.faults import contaminated, with_outliers
@@ -29,6 +21,7 @@ from test.motion.streams import CUBE, PERIOD_NS, noisy, stream
 from test.motion.test_segmenter import cut
 
 CONFIG = GateConfig()
+BOUNDS = CONFIG.bounds(scale_of(CUBE), RIG)
 PERIOD = PERIOD_NS / 1e9
 
 
@@ -88,13 +81,13 @@ def test_a_clean_toss_passes(good: Toss) -> None:
     ],
 )
 def test_impulses_point_up_and_stay_in_the_cone_from_both_sides(gained: list[float], passes: bool) -> None:
-    steps = steps_of(pulled(gained), CUBE, CONFIG)
-    assert (not impulse_gate(steps, CONFIG) and not cone_gate(steps, CONFIG)) is passes
+    steps = steps_of(pulled(gained), CUBE, BOUNDS)
+    assert (not impulse_gate(steps, BOUNDS) and not cone_gate(steps, BOUNDS)) is passes
 
 
 def test_a_reason_says_what_was_found_where_and_what_was_expected() -> None:
-    steps = steps_of(pulled([0.0, 0.0, -0.3]), CUBE, CONFIG)
-    assert impulse_gate(steps, CONFIG) == "impulse that pulls down: found 0.3 m/s at frame 2, expected at most 0.1572 m/s"
+    steps = steps_of(pulled([0.0, 0.0, -0.3]), CUBE, BOUNDS)
+    assert impulse_gate(steps, BOUNDS) == "impulse that pulls down: found 0.3 m/s at frame 2, expected at most 0.1572 m/s"
 
 
 @pytest.mark.parametrize(
@@ -153,28 +146,30 @@ def twisted(spin: float, push: float = 0.0, late: int = 0) -> Toss:
     [
         (twisted(1.9), True),
         (twisted(2.1), False),
-        (twisted(51.0, push=1.0), True),  # 2 + 2.598 / 0.0524
-        (twisted(52.0, push=1.0), False),
-        (twisted(51.0, push=1.0, late=-1), True),
-        (twisted(51.0, push=1.0, late=1), True),
+        (twisted(42.0, push=1.0), True),  # 2 + sqrt(2) 0.0524 0.37 / 8.1e-4 (sqrt(1.25) + 9.81 / 148)
+        (twisted(42.2, push=1.0), False),
+        (twisted(42.0, push=1.0, late=-1), True),
+        (twisted(42.0, push=1.0, late=1), True),
         (twisted(232.0), False),
     ],
 )
 def test_a_body_is_twisted_by_a_push_or_not_at_all(toss: Toss, passes: bool) -> None:
-    assert (not twist_gate(steps_of(toss, CUBE, CONFIG), CONFIG)) is passes
+    assert (not twist_gate(steps_of(toss, CUBE, BOUNDS), BOUNDS)) is passes
 
 
-def test_a_long_box_turns_most_about_its_long_axis() -> None:
+def test_a_body_turns_most_about_the_axis_of_its_least_inertia_and_by_its_own_inertia() -> None:
     half = np.array([0.2, 0.03, 0.02])
-    box = Polytope(half * np.array(list(product((-1.0, 1.0), repeat=3))))
-    outermost, gyration = np.sqrt(np.sum(half**2)), (0.03**2 + 0.02**2) / 3.0
-    assert spin_by_push(box) == pytest.approx(outermost / gyration)
+    inertia = 2.0 / 3.0 * np.array([0.03**2 + 0.02**2, 0.2**2 + 0.02**2, 0.2**2 + 0.03**2])
+    rod = Body("rod", box(half).vertices, 2.0, inertia, 0.2, 0.05)
+    levers = np.sqrt([0.03**2 + 0.02**2, 0.2**2 + 0.02**2, 0.2**2 + 0.03**2]) * 2.0 / inertia
+    assert scale_of(rod).levers == pytest.approx(levers)
+    assert scale_of(replace(rod, inertia=0.5 * inertia)).levers == pytest.approx(2.0 * levers)
 
 
-def test_a_body_with_its_mass_inside_may_be_given_more_leverage() -> None:
-    loose = replace(CONFIG, twist_leverage=1.2)
-    steps = steps_of(twisted(60.0, push=1.0), CUBE, CONFIG)
-    assert twist_gate(steps, CONFIG).startswith("change of spin beyond what its push gives: found 10.42 rad/s at frame 2")
+def test_an_inertia_that_is_not_well_known_may_be_given_more_leverage() -> None:
+    loose = replace(CONFIG, twist_leverage=1.2).bounds(scale_of(CUBE), RIG)
+    steps = steps_of(twisted(45.0, push=1.0), CUBE, BOUNDS)
+    assert twist_gate(steps, BOUNDS).startswith("change of spin beyond what a contact's impulse gives: found 4.9")
     assert not twist_gate(steps, loose)
 
 
@@ -221,19 +216,18 @@ def test_of_a_body_that_still_moves_nothing_is_said_of_its_rest(good: Toss) -> N
 
 
 def test_the_cone_is_wide_enough_for_a_body_with_much_friction() -> None:
-    assert GateConfig().of_body(9.8, 0.18) == GateConfig(gravity=9.8)
-    rubber = GateConfig().of_body(9.81, 1.0)
-    assert rubber.largest_friction == 1.5
-    toss = pulled([1.2, 0.0, 1.0])
-    assert "outside the friction cone" in cone_gate(steps_of(toss, CUBE, CONFIG), CONFIG)
-    assert not cone_gate(steps_of(toss, CUBE, rubber), rubber)
+    rubber = CONFIG.bounds(scale_of(replace(CUBE, friction=1.0)), RIG)
+    assert (BOUNDS.largest_friction, rubber.largest_friction) == (0.5, 1.5)
+    steps = steps_of(pulled([1.2, 0.0, 1.0]), CUBE, BOUNDS)
+    assert "outside the friction cone" in cone_gate(steps, BOUNDS)
+    assert not cone_gate(steps, rubber)
 
 
-@pytest.mark.parametrize(("rate", "growth"), [(60, 1.0), (148, 1.0), (300, 2.0)])
+@pytest.mark.parametrize(("rate", "growth"), [(60, (9.81 / 60 + 8 * 2.2e-5 * 60) / 0.1572), (100, 1.0), (148, 1.0), (300, 2.0)])
 def test_bounds_grow_with_the_noise_of_a_faster_tracker(rate: float, growth: float) -> None:
     for share in (0.99, 1.01):
-        pull = replace(pulled([0.0, 0.0, -share * growth * CONFIG.impulse_tolerance]), frame_period=1.0 / rate)
-        assert (impulse_gate(steps_of(pull, CUBE, CONFIG), CONFIG) == "") == (share < 1.0)
+        pull = replace(pulled([0.0, 0.0, -share * growth * BOUNDS.impulse_tolerance]), frame_period=1.0 / rate)
+        assert (impulse_gate(steps_of(pull, CUBE, BOUNDS), BOUNDS) == "") == (share < 1.0)
 
 
 def test_a_toss_tracked_240_times_a_second_with_the_rigs_noise_passes() -> None:
@@ -243,7 +237,7 @@ def test_a_toss_tracked_240_times_a_second_with_the_rigs_noise_passes() -> None:
 
 
 def test_a_gate_that_is_added_to_the_table_is_asked(good: Toss, monkeypatch: pytest.MonkeyPatch) -> None:
-    def longest_gate(steps: Steps, config: GateConfig) -> str:
+    def longest_gate(steps: Steps, bounds: GateBounds) -> str:
         return f"frames: found {steps.toss.frames}, expected at most 2"
 
     monkeypatch.setattr(gates, "GATES", (*gates.GATES, longest_gate))
@@ -270,11 +264,12 @@ class TestOnTheRealTosses:
     """Numbers of method.md 2.1 and check 11; the tosses are ContactNets' 570."""
 
     def impulse_flags(self, tosses: list[Toss], config: GateConfig) -> set[int]:
-        steps = (steps_of(toss, CONTACTNETS_CUBE.polytope, config) for toss in tosses)
-        return {number for number, step in enumerate(steps) if impulse_gate(step, config) or cone_gate(step, config)}
+        bounds = config.bounds(scale_of(CUBE), RIG)
+        steps = (steps_of(toss, CUBE, bounds) for toss in tosses)
+        return {number for number, step in enumerate(steps) if impulse_gate(step, bounds) or cone_gate(step, bounds)}
 
     def test_no_clean_toss_is_flagged(self, real_tosses: list[Toss]) -> None:
-        flagged = [toss.toss_id for toss in real_tosses if inspect(toss, CONTACTNETS_CUBE.polytope, CONFIG)]
+        flagged = [toss.toss_id for toss in real_tosses if inspect(toss, CUBE, CONFIG)]
         assert len(real_tosses) == 570
         assert flagged == []
 
@@ -298,7 +293,7 @@ class TestOnTheRealTosses:
         jumps = {
             number
             for number, toss in enumerate(tosses)
-            if any(line.startswith("displacement") for line in inspect(toss, CONTACTNETS_CUBE.polytope, CONFIG))
+            if any(line.startswith("displacement") for line in inspect(toss, CUBE, CONFIG))
         }
         assert jumps == outliers
 

@@ -8,7 +8,7 @@ import pytest
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.body_tracker import BodyPose, TrackerConfig
-from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.ingest import IngestConfig, IngestEvent, TossIngest
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.segmenter_config import SegmenterConfig
@@ -20,7 +20,7 @@ MEASURED = [board_in_map(), *in_map(stream()), *in_map(stream(start_ns=9_000_000
 
 
 def fresh(config: IngestConfig = CONFIG) -> TossIngest:
-    return TossIngest(config, CUBE, body="cube", source="/odom")
+    return TossIngest(config, CUBE, source="/odom")
 
 
 def ingested(measured: list[FramePose], ingest: TossIngest) -> list[IngestEvent]:

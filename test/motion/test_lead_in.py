@@ -21,7 +21,7 @@ def cut_again(toss: Toss, before: int = 12, after: int = 3) -> tuple[list[Toss |
     """What the segmenter finds in the toss and its surroundings, and the stamp of the toss's own first frame."""
     made = surrounded(toss, before, after, RULES)
     stamps = NANOSECONDS + made.stamps_ns
-    segmenter = TossSegmenter(RULES, CUBE, body="cube", source="s")
+    segmenter = TossSegmenter(RULES, CUBE, source="s")
     rows = zip(stamps.tolist(), made.positions.tolist(), made.orientations_wxyz.tolist())
     found = [event for stamp, (x, y, z), (w, a, b, c) in rows for event in segmenter.push(stamp, (x, y, z), (w, a, b, c))]
     return [*found, *segmenter.flush()], int(stamps[made.before])

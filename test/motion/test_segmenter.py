@@ -10,6 +10,7 @@ from math import inf, nan
 import numpy as np
 import pytest
 
+from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import box
@@ -25,7 +26,7 @@ Outcome = Toss | Rejected
 
 
 def fresh(config: SegmenterConfig | None = None) -> TossSegmenter:
-    return TossSegmenter(config or SegmenterConfig(), CUBE, body="cube", source="/odom")
+    return TossSegmenter(config or SegmenterConfig(), CUBE, source="/odom")
 
 
 def pushed(segmenter: TossSegmenter, poses: Iterable[BodyPose]) -> list[Outcome]:
@@ -249,9 +250,9 @@ def test_the_rest_height_of_contactnets_is_an_option() -> None:
 
 
 def test_a_brick_may_rest_on_any_of_its_faces() -> None:
-    brick = box([0.0524, 0.08, 0.02])
+    brick = Body("brick", box([0.0524, 0.08, 0.02]).vertices, 0.37, np.array([8.4e-4, 3.9e-4, 1.13e-3]), 0.18, 0.05)
     upright = ScalarPose((0.0, 0.0, 0.0), (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0))
-    segmenter = TossSegmenter(SegmenterConfig(), brick, body="brick", source="/odom")
+    segmenter = TossSegmenter(SegmenterConfig(), brick, source="/odom")
     standing = [
         BodyPose(one.stamp_ns, ScalarPose(moved(one, 0.08 - 0.0524).pose.position, upright.orientation_wxyz))
         for one in stream()

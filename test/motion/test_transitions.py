@@ -33,7 +33,7 @@ def test_transitions_join_tosses_without_joining_their_ends(toss: Toss) -> None:
     np.testing.assert_array_equal(joined.toss_index, [0] * steps + [1] * steps)
     np.testing.assert_array_equal(joined.index_in_toss, [*range(steps), *range(steps)])
     np.testing.assert_allclose(joined.dt, toss.frame_period)
-    assert CUBE.corner_heights(toss.positions, toss.orientations_wxyz).min() > -1e-6
+    assert CUBE.polytope.corner_heights(toss.positions, toss.orientations_wxyz).min() > -1e-6
 
 
 def test_no_tosses_are_no_transitions() -> None:

@@ -15,7 +15,7 @@ from contact_curation.design.throw import Throw, ThrowKind, ThrowState
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.record import TossInformation
 from contact_curation.simulation.thrown_toss import thrown_toss
-from contact_curation.stages.design import DesignStage
+from contact_curation.stages.design import DesignStage, RankedBuffer, TrainerRest
 from contact_curation.storage.stores.state import StateStore
 from test.design.cases import CUBE, LOSS, PARTICLE, SMALL, TRUE, other_theta
 from test.simulated import simulated_tosses
@@ -53,7 +53,7 @@ def known(stage: DesignStage, count: int, seed: int = 0) -> list[TossInformation
     infos = [info for info in PARTICLE.scorer.score(simulated_tosses(count, seed)) if isinstance(info, TossInformation)]
     for number, info in enumerate(infos):
         stage.add(info, number)
-    stage.select([info.toss_id for info in infos])
+    stage.select(RankedBuffer(tuple(info.toss_id for info in infos)))
     return infos
 
 
@@ -91,21 +91,21 @@ def test_what_theta_learned_from_does_not_count_as_predicted(states: StateStore)
     infos = known(stage, 3)
     for info in infos:  # the same tosses at the theta that learned from them
         stage.add(replace(info, parameters_version=NEARLY.version, mean_loss=0.001), 5)
-    stage.select([info.toss_id for info in infos])
+    stage.select(RankedBuffer(tuple(info.toss_id for info in infos)))
     assert stage.distrust() == "thetas: found 1, expected two that agree"
     strange = replace(infos[0], toss_id="strange", mean_loss=7.0, parameters_version="some first theta")
     for number in range(4):
         one = replace(strange, toss_id=f"strange-{number}")
         stage.add(one, 10 + number)
         stage.add(replace(one, parameters_version=NEARLY.version, mean_loss=0.001), 10 + number)
-    stage.select([f"strange-{number}" for number in range(4)])
+    stage.select(RankedBuffer(tuple(f"strange-{number}" for number in range(4))))
     assert stage.distrust() == "loss: found a median of 7, expected at most 0.15"
     again = DesignStage(CUBE, CONFIG, states)
     for number in range(4):  # all that a scorer still has after a restart
         again.add(
             replace(strange, toss_id=f"strange-{number}", parameters_version=NEARLY.version, mean_loss=0.001), 10 + number
         )
-    again.select([f"strange-{number}" for number in range(4)])
+    again.select(RankedBuffer(tuple(f"strange-{number}" for number in range(4))))
     assert again.distrust() == "loss: found a median of 7, expected at most 0.15"
 
 
@@ -160,7 +160,7 @@ def test_the_first_toss_behind_a_throw_is_the_throws_whenever_it_is_heard_of(sta
     stage.add(old[0], 3)  # an old one, scored again
     assert stage.awaits_toss
     info, stamp_ns = information(throw, SECOND)
-    stage.select([*(one.toss_id for one in old), info.toss_id])  # the curator heard of it first
+    stage.select(RankedBuffer((*(one.toss_id for one in old), info.toss_id)))  # the curator heard of it first
     stage.add(info, stamp_ns)
     made = stage.throws[-1]
     assert made.toss_id == info.toss_id
@@ -308,3 +308,37 @@ def test_information_of_old_thetas_is_forgotten(states: StateStore) -> None:
     for version in ("a", "b", "c"):
         stage.add(replace(info, parameters_version=version), 3)
     assert stage.propose(1).throw.expected_information == before
+
+
+def test_it_is_up_to_date_when_the_trainer_rests_on_a_buffer_with_all_tosses_and_its_theta_has_come(states: StateStore) -> None:
+    stage = DesignStage(CUBE, CONFIG, states)
+    first, second = (info for info in PARTICLE.scorer.score(simulated_tosses(2, 0)) if isinstance(info, TossInformation))
+
+    def up_to_date() -> bool:
+        return stage.is_up_to_date
+
+    def ranked(version: str, revision: int, seen: int, newest_ns: int) -> None:
+        stage.select(RankedBuffer((first.toss_id,), revision, version, seen, newest_ns))
+
+    assert up_to_date()  # nothing is known
+    stage.add(replace(first, parameters_version="described"), 5)
+    ranked("described", 1, 1, 5)
+    assert not up_to_date()  # the trainer may be about to begin
+    stage.rest(TrainerRest(1, 5, ""))
+    assert up_to_date()  # one toss is too few to learn from
+    stage.add(replace(second, parameters_version="described"), 9)
+    ranked("described", 2, 2, 9)
+    assert not up_to_date()
+    stage.rest(TrainerRest(2, 9, PARTICLE.version))
+    stage.renew(TRUE)
+    assert not up_to_date()  # nothing is scored at it
+    ranked(PARTICLE.version, 3, 1, 9)
+    stage.rest(TrainerRest(3, 9, PARTICLE.version))
+    stage.add(first, 5)
+    assert not up_to_date()
+    stage.add(second, 9)
+    assert not up_to_date()  # of the buffer's tosses one is missing
+    ranked(PARTICLE.version, 3, 2, 9)
+    assert up_to_date()
+    stage.rest(TrainerRest())  # it trains
+    assert not up_to_date()

@@ -1,6 +1,7 @@
 """When the next throw of an automatic loop is due, by a clock of the test's own."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ from contact_curation.stages.records import ThrowLogRecord, load_record
 from contact_curation.stages.throw_loop import LoopConfig, ThrowLoop
 from contact_curation.storage.stores.state import StateStore
 from test.design.cases import CUBE, TRUE
-from test.stages.test_design import TRUSTING
+from test.stages.test_design import SECOND, TRUSTING, information
 
 CONFIG = LoopConfig(max_throws=3, toss_timeout=10.0, retry_period=2.0)
 
@@ -88,7 +89,27 @@ def test_why_there_is_no_throw_is_kept_for_whoever_supervises_until_there_is_one
     assert record.no_throw == ""
 
 
-@pytest.mark.parametrize(("rate", "toss", "goal"), [(1.0, 15.0, 60.0), (2.0, 9.0, 37.5), (0.0, 3.0, 15.0)])
-def test_timeouts_are_as_short_as_the_simulation_is_fast(rate: float, toss: float, goal: float) -> None:
+@pytest.mark.parametrize(
+    ("rate", "toss", "goal"), [(1.0, 15.0, 60.0), (0.5, 30.0, 120.0), (2.0, 15.0, 60.0), (0.0, 15.0, 60.0)]
+)
+def test_timeouts_grow_with_a_simulation_in_slow_motion_and_never_shrink_since_machines_may_be_busy(
+    rate: float, toss: float, goal: float
+) -> None:
     found = LoopConfig().at_rate(rate)
     assert (found.toss_timeout, found.goal_timeout) == (toss, goal)
+
+
+def test_with_a_time_for_theta_the_next_throw_waits_until_all_is_learned_or_that_time_is_over(states: StateStore) -> None:
+    steady, stage = Steady(), DesignStage(CUBE, TRUSTING, states, TRUE)
+    loop = ThrowLoop(stage, replace(CONFIG, theta_timeout=60.0), steady)
+    assert loop.due()  # nothing is known that could be learned from
+    proposal = loop.next()
+    stage.begin(proposal)
+    loop.finish(proposal.throw, SECOND)
+    stage.add(*information(proposal.throw, SECOND))
+    assert not stage.awaits_toss
+    assert not loop.due()  # nobody says that it was learned from
+    steady.time = 69.9
+    assert not loop.due()
+    steady.time = 70.0
+    assert loop.due()

@@ -106,7 +106,7 @@ def stages_of(arguments: argparse.Namespace, others: Mapping[str, Any]) -> dict[
         ContactCurationError: a setting that no stage accepts, or `--tag-map` names no map of tags.
     """
     from contact_curation.motion.calibration import NO_CORRECTION
-    from contact_curation.motion.gates import GateConfig
+    from contact_curation.motion.gate_config import GateConfig
     from contact_curation.motion.segmenter_config import SegmenterConfig
     from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 

@@ -28,11 +28,11 @@ class ServingConfig:
     """Where a dashboard goes.
 
     Attributes:
-        web_port: of the viewer; 0 to serve nothing.
-        grpc_port: of the data.
+        web_port: port of the web viewer; 0 serves nothing.
+        grpc_port: port of the data that the viewer shows.
         bind: address that the data are served at.
         recording: .rrd file, overwritten; None for none.
-        memory: what the server keeps for browsers that come later; beyond it the oldest is forgotten.
+        memory: memory limit of the server's history for browsers that connect later; the oldest data are dropped first.
     """
 
     web_port: int = 9090

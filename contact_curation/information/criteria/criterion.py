@@ -30,14 +30,14 @@ class RankingConfig:
     """How tosses are ranked.
 
     Attributes:
-        criterion: name of a registered one; log-det stands in for representative where a stream is not stored whole.
-        top: k, how many tosses are selected.
-        seed: of the random criterion.
+        criterion: name of a registered criterion; a stream that is not stored whole takes log-det in place of representative.
+        top: k, the number of tosses to select.
+        seed: random seed of the criterion random.
         prior: delta: the prior information A0 is this share of the pool's mean toss (method.md 1.6).
-        normalisation: which trace: one of `NORMALISATIONS`.
-        variant: which orthogonal selection: one of `VARIANTS`.
-        whiten: whether toss scores are whitened by the pooled information before orthogonal selection.
-        centre: whether toss scores are taken relative to the pool's mean score there.
+        normalisation: normalisation of the criterion trace: sum, mean or coherent.
+        variant: variant of the criterion orthogonal: pivoted, max-cosine or literal.
+        whiten: whether the criterion orthogonal whitens toss scores by the pooled information first.
+        centre: whether the criterion orthogonal subtracts the pool's mean score first.
         cut: eigenvalues of the pooled information below this share of the largest are not identifiable.
         certificate_steps: passes over the pool that tighten the certificate of log-det; 0 for none. Ten bring most of what
             there is and cost about as much as the selection, whatever the size of the pool: a small share of scoring it.

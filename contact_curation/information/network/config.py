@@ -13,8 +13,8 @@ class SketchConfig:
 
     Attributes:
         leading: rows of each projection that are leading directions of the reference.
-        random: rows that are random.
-        seed: of these and of the reference.
+        random: rows of each projection that are random.
+        seed: random seed of the random rows and of the reference.
     """
 
     leading: int = 16
@@ -42,8 +42,8 @@ class NetworkConfig:
         draws: backward passes per transition that stand for the Gauss-Newton matrix (method.md 1.5), all but one along its
             strongest directions (`leading_slopes`); a model without impulses to solve for, and explicit parameters alone, are
             taken exactly.
-        seed: of the draws.
-        sketch: how large gradients are kept.
+        seed: random seed of the draws.
+        sketch: how gradients are projected.
         physical_only: whether only the parameters outside the networks count, of a deep model those of its polytope.
     """
 

@@ -44,10 +44,10 @@ class InfluenceBound:
     """Which losses count as large, and what becomes of them.
 
     Attributes:
-        quantile: of a batch's losses; 1 for no bound.
-        multiple: of the quantile that is the bound.
-        least: the bound is no lower, so that where nearly all is explained the rest still counts.
-        shape: of what happens above.
+        quantile: quantile of a batch's losses from which the bound follows; 1 for no bound.
+        multiple: the bound is this multiple of the quantile.
+        least: smallest bound, so that the other losses still count where nearly all are small.
+        shape: how losses above the bound are reduced.
     """
 
     quantile: float = 1.0

@@ -15,15 +15,36 @@ STATES = {
 }
 
 
-def status_message(moment: Moment, version: str, errors: HeldOutErrors, stamped: Stamped, waiting: bool) -> TrainingStatus:
+def waiting_message(kind: str, revision: int, stamped: Stamped) -> TrainingStatus:
+    """Nothing is trained yet, and nothing is to be done for this buffer.
+
+    Args:
+        kind: of the model.
+        revision: of the buffer.
+        stamped: of the buffer.
+    """
+    unknown = dict.fromkeys(("training_loss", "held_out_loss", "position_error", "rotation_error"), float("nan"))
+    return TrainingStatus(
+        format_version=TrainingStatus.FORMAT_VERSION,
+        header=header_message(stamped),
+        model=kind,
+        buffer_revision=revision,
+        state=TrainingStatus.WAITING,
+        **unknown,
+    )
+
+
+def status_message(
+    moment: Moment, version: str, errors: HeldOutErrors, stamped: Stamped, rests_on: int | None
+) -> TrainingStatus:
     """Where training stands.
 
     Args:
         moment: at a round's start or end.
         version: of the parameters there.
         errors: of the motions that they predict of held-out tosses.
-        stamped: of the buffer that the round trains on.
-        waiting: whether nothing is left to do until the buffer changes.
+        stamped: of the newest buffer.
+        rests_on: revision of the buffer for which nothing is left to do; None while something is.
     """
     progress = moment.progress
     state = STATES[progress.state]
@@ -33,13 +54,13 @@ def status_message(moment: Moment, version: str, errors: HeldOutErrors, stamped:
         header=header_message(stamped),
         model=moment.model.kind,
         parameters_version=version,
-        buffer_revision=moment.round.revision,
+        buffer_revision=moment.round.revision if rests_on is None else rests_on,
         gradient_steps=progress.gradient_steps,
         epochs=progress.epochs,
         training_loss=progress.training_loss,
         held_out_loss=errors.loss,
         position_error=errors.position,
         rotation_error=errors.rotation,
-        state=TrainingStatus.WAITING if waiting and state == TrainingStatus.CONVERGED else state,
+        state=TrainingStatus.WAITING if rests_on is not None and state == TrainingStatus.CONVERGED else state,
         detail=progress.reason if state == TrainingStatus.FAILED else lost * bool(errors.not_finite),
     )

@@ -15,6 +15,7 @@ from rclpy.subscription import Subscription
 
 from contact_curation.errors import MissingTopicError
 from contact_curation.nodes.ros.message_types import message_class
+from contact_curation.nodes.ros.own_namespace import is_own
 from contact_curation.nodes.ros.qos import offered, profile
 from contact_curation.stages.ingest import published_before
 from contact_curation.storage.bags.records import OfferedQos
@@ -23,9 +24,6 @@ from contact_curation.storage.inputs.pose_source import PoseSource, PoseTopicCon
 from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIONS
 
 READ_TYPES = (*POSE_MESSAGES, DETECTIONS, CAMERA_INFO)
-
-TF_STATIC = "/tf_static"
-RIG = (TypedTopic("/tf", TF), TypedTopic(TF_STATIC, TF))
 
 LOOKS_FOR_THE_RIG = 10
 """So many looks at the graph a body's poses wait for the rig's static transforms: a fast bag would be far ahead of them.
@@ -65,7 +63,8 @@ class PoseTopics:
     Args:
         node: that subscribes.
         body: name of the body.
-        config: which topics; the names of the node's remaps and namespace hold for them.
+        config: which topics; the names of the node's remaps and namespace hold for them. What it leaves open is looked for
+            in the node's namespace only, transforms on its `tf` and `tf_static`.
         type_name: of the body's topic, where the graph has several under its name; empty for any.
         depth: samples kept per topic until they are taken.
         found: called once, with the body's topic when it is found; gives per topic the time of publication up to which
@@ -93,6 +92,8 @@ class PoseTopics:
         names = {"topic": config.topic, "camera_info": config.camera_info}
         resolved = {key: node.resolve_topic_name(name) for key, name in names.items() if name}
         self._config = replace(config, **resolved)
+        self._tf_static = node.resolve_topic_name("tf_static")
+        self._rig = (TypedTopic(node.resolve_topic_name("tf"), TF), TypedTopic(self._tf_static, TF))
         self._type_name = type_name
         self._depth = depth
         self._detections = config.detections(body)
@@ -112,6 +113,12 @@ class PoseTopics:
         """What is subscribed to, by topic."""
         return {topic: offer for topic, (offer, _) in self._subscriptions.items()}
 
+    @property
+    def has_publisher(self) -> bool:
+        """Whether the body's topic is followed, and somebody publishes it."""
+        topic = "" if self.source is None else self.source.body.name
+        return topic in self._subscriptions and self._node.count_publishers(topic) > 0
+
     def follow(self) -> None:
         """Looks at the graph and subscribes to what is new or has changed; cheap, to be called often."""
         try:
@@ -124,10 +131,10 @@ class PoseTopics:
             self._newest_pose_ns = self._newest.get(source.body.name, 0)
             self._config = replace(self._config, topic=source.body.name)
         self.source = source
-        rig = [one.name for one in RIG if one.name in self.source.topics and one.name != self.source.body.name]
+        rig = [one.name for one in self._rig if one.name in self.source.topics and one.name != self.source.body.name]
         self._follow_topics(rig)
         self._looks += 1
-        if self._looks > LOOKS_FOR_THE_RIG or TF_STATIC not in rig or self._rig_is_known():
+        if self._looks > LOOKS_FOR_THE_RIG or self._tf_static not in rig or self._rig_is_known():
             self._follow_topics([topic for topic in self.source.topics if topic not in rig])
 
     def _past(self, newest: Mapping[str, int]) -> dict[str, int]:
@@ -146,9 +153,9 @@ class PoseTopics:
 
     def _rig_is_known(self) -> bool:
         """Whether the static transforms have come, or their publishers keep none for late subscribers."""
-        if TF_STATIC not in self._subscriptions:
+        if self._tf_static not in self._subscriptions:
             return False
-        return TF_STATIC in self._heard or not self._subscriptions[TF_STATIC][0].qos.latched
+        return self._tf_static in self._heard or not self._subscriptions[self._tf_static][0].qos.latched
 
     def read(self, received: Received) -> tuple[str, int, tuple[Measured, ...]]:
         """What a message says, with the topic and the time of publication that it is known by from now on.
@@ -168,23 +175,25 @@ class PoseTopics:
 
     def _fitting(self) -> PoseSource:
         """The topics that fit; the body's own has to be there, TF is listened to in any case."""
+        named = {self._config.topic, self._config.camera_info, *(one.name for one in self._rig)}
         present = [
             TypedTopic(name, kind)
             for name, kinds in self._node.get_topic_names_and_types()
             for kind in kinds
             if kind in READ_TYPES and self._node.count_publishers(name) and self._accepted(name, kind)
+            if is_own(self._node, name, named)
         ]
-        if self._config.topic in [one.name for one in RIG]:
-            return find_pose_source("graph", [*present, *RIG], self._body, self._config)
+        if self._config.topic in [one.name for one in self._rig]:
+            return find_pose_source("graph", [*present, *self._rig], self._body, self._config)
         chosen = find_pose_source("graph", present, self._body, self._config).body
-        return find_pose_source("graph", [*present, *RIG], self._body, replace(self._config, topic=chosen.name))
+        return find_pose_source("graph", [*present, *self._rig], self._body, replace(self._config, topic=chosen.name))
 
     def _accepted(self, name: str, kind: str) -> bool:
         return not self._type_name or name != self._config.topic or kind == self._type_name
 
     def _offer(self, topic: str) -> Offer | None:
         """What the publishers of a topic offer; None while there are none of the right type."""
-        wanted = {one.name: one.type for one in (*RIG, *(self.source.typed if self.source else ()))}[topic]
+        wanted = {one.name: one.type for one in (*self._rig, *(self.source.typed if self.source else ()))}[topic]
         profiles = [info.qos_profile for info in self._node.get_publishers_info_by_topic(topic) if info.topic_type == wanted]
         if not profiles:
             return None

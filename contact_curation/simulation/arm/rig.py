@@ -77,7 +77,7 @@ class ArmRig:
     def _toss(self, made: ExecutedThrow) -> Toss | None:
         """What the segmenter and the gates make of the poses that the tracker saw."""
         config = IngestConfig(TrackerConfig(body_frame=f"body_{self.body.name}", board_frame=BOARD))
-        ingest = TossIngest(config, self.body.polytope, body=self.body.name, source=made.throw.throw_id)
+        ingest = TossIngest(config, self.body, source=made.throw.throw_id)
         events = [event for frame in self._frames(made) for event in ingest.push(frame)]
         found = [event for event in (*events, *ingest.flush()) if isinstance(event, Toss)]
         return found[0] if len(found) == 1 else None

@@ -22,15 +22,15 @@ class GateConfig:
     """Limits of commands; the defaults are those of throws that were made (method.md 5).
 
     Attributes:
-        largest_speed: of a release [m/s].
-        largest_spin: of a release [rad/s].
-        lowest_release: height of the body's centre [m].
-        highest_release: height of the body's centre [m].
+        largest_speed: largest speed of a release [m/s].
+        largest_spin: largest angular speed of a release [rad/s].
+        lowest_release: smallest height of the body's centre at release [m].
+        highest_release: largest height of the body's centre at release [m].
         workspace: releases lie within this of the board's middle, in x and y [m].
-        keep_out_place: x and y of the axis of a cylinder round the arm's foot [m].
-        keep_out_radius: releases lie outside of it [m].
-        least_pause: between the beginnings of throws, on a steady clock [s]; 0 for none.
-        heartbeat_timeout: without a heartbeat for longer the gate disarms itself [s].
+        keep_out_place: x and y of the axis of a cylinder around the arm's base [m].
+        keep_out_radius: radius of that cylinder; releases lie outside of it [m].
+        least_pause: shortest time between the starts of two throws, on a steady clock [s]; 0 for none.
+        heartbeat_timeout: the safety gate disarms itself after this time without a heartbeat [s].
     """
 
     largest_speed: float = 1.4
@@ -106,7 +106,7 @@ class SafetyGate:
         self._lock = threading.Lock()
         self._reason = "it was never armed"
         self._arming = 0
-        self._armed = False
+        self._armed = self._stopped = False
         self._heard = 0.0
         self._last_throw = -np.inf
 
@@ -122,18 +122,24 @@ class SafetyGate:
         with self._lock:
             return "" if self._armed else self._reason
 
+    @property
+    def was_stopped(self) -> bool:
+        """Whether somebody stopped it since it was armed; a heartbeat that failed did not."""
+        with self._lock:
+            return self._stopped
+
     def arm(self, now: float) -> int:
         """Allows motion from now on, and gives the arming's number; counts as a heartbeat."""
         with self._lock:
             self._arming += 0 if self._armed else 1
-            self._armed, self._heard = True, now
+            self._armed, self._stopped, self._heard = True, False, now
             return self._arming
 
     def stop(self, reason: str) -> None:
         """Forbids motion until the next arming. The first reason since then is kept."""
         with self._lock:
-            if self._armed:
-                self._armed, self._reason = False, reason
+            self._disarm(reason)
+            self._stopped = True
 
     def heartbeat(self, now: float) -> None:
         """Someone who could stop the arm is there."""
@@ -142,10 +148,16 @@ class SafetyGate:
 
     def watch(self, now: float) -> bool:
         """Whether the arm may move now; forbids it if the heartbeat has failed."""
-        silent = now - self._heard
+        silent = self.silence(now)
         if silent > self.config.heartbeat_timeout:
-            self.stop(f"no heartbeat for {silent:.2f} s, expected one every {self.config.heartbeat_timeout:g} s")
+            with self._lock:
+                self._disarm(f"no heartbeat for {silent:.2f} s, expected one every {self.config.heartbeat_timeout:g} s")
         return self.arming > 0
+
+    def silence(self, now: float) -> float:
+        """Time since the last heartbeat [s]."""
+        with self._lock:
+            return now - self._heard
 
     def admits(self, throw: Throw, now: float) -> str | None:
         """Why a throw may not begin now; None if it may, and then its beginning is noted."""
@@ -160,3 +172,8 @@ class SafetyGate:
                 return f"pause since the last throw: found {pause:.2f} s, expected at least {self.config.least_pause:g} s"
             self._last_throw = now
         return None
+
+    def _disarm(self, reason: str) -> None:
+        """With the lock held."""
+        if self._armed:
+            self._armed, self._reason = False, reason

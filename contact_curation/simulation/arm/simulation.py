@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 
 from contact_curation.contact.body import Body
+from contact_curation.design.throw import throw_seed
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.simulation.arm.frame import ArmFrame, Phase
@@ -35,17 +36,17 @@ class ControlConfig:
     """How motions are followed.
 
     Attributes:
-        stiffness: Kp [1/s^2].
-        damping: Kd [1/s].
-        release_jitter: the gripper opens late by the size of a normal number with this deviation [s].
-        braking: acceleration that a stop may take [rad/s^2].
-        return_rate: speed of the way back after a stop, as a share of the motion's.
-        rest_speed: a body slower than this rests [m/s].
-        rest_spin: and turning slower than this [rad/s].
-        rest_time: that it is watched resting before it is taken away [s].
-        longest_flight: after which it is taken away in any case [s].
-        still: joints slower than this stand still [rad/s].
-        reflex: when the arm gives way to a push.
+        stiffness: proportional gain Kp [1/s^2].
+        damping: derivative gain Kd [1/s].
+        release_jitter: the gripper opens late by the absolute value of a normal number with this standard deviation [s].
+        braking: joint acceleration of a stop [rad/s^2].
+        return_rate: speed of the way back after a stop, as a share of the planned motion's speed.
+        rest_speed: a body is at rest when it moves slower than this [m/s],
+        rest_spin: and when it turns slower than this [rad/s].
+        rest_time: time at rest before the body is taken away [s].
+        longest_flight: time after which the body is taken away in any case [s].
+        still: joints slower than this count as still [rad/s].
+        reflex: when the arm stops because something pushes it.
     """
 
     stiffness: float = 2500.0
@@ -77,14 +78,14 @@ class ArmSimulation:
         body: that is thrown.
         config: of the arm.
         control: of its motions.
-        seed: of the gripper's delay.
+        seed: of the gripper's delay, with the throw's name.
     """
 
     def __init__(
         self, body: Body, config: ArmConfig = DEFAULT_ARM, control: ControlConfig = DEFAULT_CONTROL, seed: int = 0
     ) -> None:
         self.body, self.config, self.control = body, config, control
-        self._rng = np.random.default_rng(seed)
+        self._seed = seed
         self._worlds = ArmWorlds(body, config, STEP)
         self.time = 0.0
         self.phase = Phase.RESTING
@@ -117,18 +118,22 @@ class ArmSimulation:
     def begin(self, motion: ThrowMotion) -> None:
         """Begins a throw: the body is put into the gripper the way the throw wants it.
 
+        The motion follows from the throw alone, whatever was thrown before.
+
         Raises:
             InvalidValueError: the arm is not at rest at home.
         """
         if self.phase is not Phase.RESTING:
             raise InvalidValueError("arm", self.phase.value, "an arm that rests at home")
-        self._worlds.take(motion.grip)
+        self._worlds.begin(motion.grip)
+        self._torques = self._worlds.now.data.qfrc_bias.copy()
         lead = -(len(motion.approach) + len(motion.swing) - 2) % STEPS_PER_FRAME  # so that the release falls on a frame
         before = JointPath.joined(_still(self.config.home_posture, lead + 1), motion.approach)
         self._path = JointPath.joined(before, motion.swing, motion.stopping, motion.returning)
         self._swing_row, self._release_row = len(before) - 1, len(before) + len(motion.swing) - 2
         self._stopped_row = self._release_row + len(motion.stopping) - 1
-        delay = abs(float(self._rng.standard_normal())) * self.control.release_jitter
+        late = np.random.default_rng([self._seed, throw_seed(motion.throw.throw_id)]).standard_normal()
+        delay = abs(float(late)) * self.control.release_jitter
         self._opens_at = self._release_row + round(delay / STEP)
         self._slowing = self.control.braking / max(float(np.abs(self._path.speeds).max()), 1e-6)
         self._at, self._rate, self._wanted, self.release = 0.0, 1.0, 1.0, None

@@ -60,8 +60,8 @@ class ArmWorlds:
         joint = self._free.model.joint(body.name).id
         self._place, self._motion = int(self._free.model.jnt_qposadr[joint]), int(self._free.model.jnt_dofadr[joint])
         self.held = True
-        self._holding.data.qpos[:] = config.home_posture
-        self.take_body()
+        self._home = config.home_posture
+        self.begin(_first_grip(body))
 
     @property
     def now(self) -> World:
@@ -70,9 +70,16 @@ class ArmWorlds:
 
     def take_body(self) -> None:
         """Puts the body into the gripper by the first face that it can be held by."""
-        self.take(_first_grip(self._body))
+        self._take(_first_grip(self._body))
 
-    def take(self, grip: Pose) -> None:
+    def begin(self, grip: Pose) -> None:
+        """The arm stands still at home, exactly, with the body in the gripper: what follows depends on nothing before."""
+        self.held = True
+        mujoco.mj_resetData(self._holding.model, self._holding.data)
+        self._holding.data.qpos[:] = self._home
+        self._take(grip)
+
+    def _take(self, grip: Pose) -> None:
         """Puts the body into the gripper, in the last link's frame; picking it up is not simulated."""
         put_into_gripper(self._holding.model, grip.position, grip.orientation_wxyz)
         holding = self._holding.data

@@ -15,11 +15,12 @@ class DetectorConfig:
     """Of the AprilTag library.
 
     Attributes:
-        decimate: quads are looked for in an image this many times smaller.
-        blur: standard deviation of a Gaussian blur before that [px].
-        refine_edges: move edges to the strongest gradient nearby.
-        refine_corners: then fit lines to all pixels of the edges (`corner_refinement`), which the library does not.
-        threads: that look for quads.
+        decimate: factor by which the image is reduced for the search for quads.
+        blur: standard deviation of a Gaussian blur before the search [px].
+        refine_edges: whether edges are moved to the strongest gradient nearby.
+        refine_corners: whether lines are then fitted to all pixels of the edges (`corner_refinement`), which the AprilTag
+            library does not do.
+        threads: number of threads that search for quads.
     """
 
     decimate: float = 2.0

@@ -9,7 +9,6 @@ import warnings
 import zipfile
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from pickle import UnpicklingError
@@ -172,8 +171,6 @@ def read_contactnets_tosses(path: Path, body: Body, config: InputsConfig) -> Inp
         UnreadableInputError: there are no files, or no file is a toss.
     """
     files = contactnets_files(path)
-    gates = config.gates.of_body(body.gravity, body.friction).of_tracker(config.segmenter.tracker_noise)
-    config = replace(config, gates=gates)
     digests = [file_sha256(file) for file in files]
     counts: Counter[str] = Counter()
     unreadable: list[UnreadableInputError] = []  # said once there is a toss; else the whole folder is something else
@@ -196,7 +193,7 @@ def read_contactnets_tosses(path: Path, body: Body, config: InputsConfig) -> Inp
 def _gated(file: Path, digest: str, body: Body, config: InputsConfig) -> Found:
     stored = read_contactnets_toss(file, body)
     toss = stored if config.as_stored else apply_calibration(restored(stored).toss, config.rig)
-    reasons = inspect(toss, body.polytope, config.gates)
+    reasons = inspect(toss, body, config.gates, config.segmenter.tracker)
     return Found(Rejected(toss, reasons) if reasons else toss, TossProvenance(str(file), digest))
 
 

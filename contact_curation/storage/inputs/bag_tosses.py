@@ -8,6 +8,7 @@ from contact_curation.contact.body import Body
 from contact_curation.errors import MissingTopicError, UnreadableInputError
 from contact_curation.motion.ingest import IngestConfig, IngestEvent, TossIngest
 from contact_curation.motion.pose_stream import BadPose, FramePose
+from contact_curation.motion.scales import scale_of
 from contact_curation.motion.toss import NANOSECONDS, Rejected
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.bags.records import BagMessage
@@ -87,20 +88,15 @@ class BagTosses:
         config: InputsConfig,
         numbers: RecordedNumbers = UNNUMBERED,
     ) -> None:
-        stages = IngestConfig(
-            config.poses.tracker(body, source.board_frame),
-            replace(config.segmenter, gravity=body.gravity),
-            config.gates.of_body(body.gravity, body.friction),
-            config.rig,
-        )
+        stages = IngestConfig(config.poses.tracker(body, source.board_frame), config.segmenter, config.gates, config.rig)
         self.origin = origin
         self.source = source
-        self.settle_time = config.segmenter.settle_time
+        self.settle_time = config.segmenter.bounds(scale_of(body), config.segmenter.tracker).settle_time
         self._body = body.name
         self._of_another = is_of_another(source.body.name, body.name, config.poses)
         self._numbers = numbers
         self._detections = config.poses.detections(body.name)
-        self._ingest = TossIngest(stages, body.polytope, body=body.name, source=source.body.name)
+        self._ingest = TossIngest(stages, body, source=source.body.name)
         self._first_ns: int | None = None
         self._last_ns: int | None = None
         self._steps, self._stepped = 0, 0.0

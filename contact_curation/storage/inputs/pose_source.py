@@ -29,16 +29,17 @@ class PoseTopicConfig:
     """Where the body's poses are; what is left empty is found.
 
     Attributes:
-        topic: with the body's poses, or a TF topic; empty: the one that fits.
-        body_frame: the body's frame; empty: `body_<name>`, as TagSLAM calls it. Only on TF does a message have to name it.
-        board_frame: the board's frame; empty: the one that the poses are given in.
-        array_index: which pose of a PoseArray is the body's.
-        tag_map: YAML file with the tags of body and board, ours or TagSLAM's; poses then come from AprilTagDetectionArray.
+        topic: topic with the body's poses, or a TF topic; empty: the only one that fits.
+        body_frame: frame of the body; empty: `body_<name>`, as TagSLAM names it. Only messages on TF must name it.
+        board_frame: frame of the board; empty: the frame that the poses are given in.
+        array_index: index of the body's pose in a PoseArray.
+        tag_map: YAML file with the tags of body and board, in our form or TagSLAM's; poses are then computed from
+            AprilTagDetectionArray.
         camera_info: topic of the camera that saw the tags; empty: the only one, or the one beside the detections.
-        rectified: tags were looked for in rectified images: P of CameraInfo holds for them; otherwise K and D.
-        tags: what is asked of a pose from tags.
-        largest_speed: from tags, faster than this from pose to pose is a jump [m/s].
-        largest_spin: likewise [rad/s].
+        rectified: whether tags were detected in rectified images, so that P of CameraInfo holds; otherwise K and D hold.
+        tags: requirements on a pose that is computed from tags.
+        largest_speed: largest speed between two poses from tags; a faster one is a tracking outlier [m/s].
+        largest_spin: largest angular speed between two poses from tags [rad/s].
     """
 
     topic: str = ""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
-from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig

@@ -68,14 +68,14 @@ def test_options_go_before_the_file_and_the_session_before_both(tmp_path: Path) 
     text = """
 /**: {ros__parameters: {seed: 3}}
 /**/curator: {ros__parameters: {top: 5, criterion: trace, store: elsewhere.sqlite}}
-/**/sim_arm: {ros__parameters: {rate: 2.0, armed: false}}
+/**/sim_arm: {ros__parameters: {rate: 0.5, armed: false}}
 """
     found = parameters_of(tmp_path, text, top=7, throws=12)
     assert found["curator"] == {"seed": 3, "top": 7, "criterion": "trace", "store": str(tmp_path / "stores" / "curator.sqlite")}
-    assert found["sim_arm"]["rate"] == 2.0
+    assert found["sim_arm"]["rate"] == 0.5
     assert found["sim_arm"]["armed"] is True
     assert found["throw_designer"]["max_throws"] == 12
-    assert found["throw_designer"]["toss_timeout"] == 3.0 + 12.0 / 2.0
+    assert found["throw_designer"]["toss_timeout"] == 30.0
     slow = parameters_of(tmp_path, "sim_arm: {ros__parameters: {rate: 1.0}}")["throw_designer"]
     usual = declared_parameters()["throw_designer"]
     assert all(slow[name] == usual[name] for name in ("toss_timeout", "goal_timeout"))
@@ -305,7 +305,7 @@ def test_a_session_says_once_where_the_dashboard_is_and_why_there_is_no_throw(tm
             session._look()
     assert said == [
         "dashboard: http://here",
-        "throw   1 of 2  gain 2 planned, 1.5 realised        not selected  (0 s)",
+        "throw   1 of 2  gain 2 planned, 1.5 realised        accepted  (0 s)",
         "no throw: releases: found 0",
         "no throw: releases: found 0",  # the same again, after a throw
         "no throw: the kernel",

@@ -7,7 +7,7 @@ from contact_curation.contact.evaluation import Cone
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.errors import ContactCurationError
 from contact_curation.information.scoring import ScoringConfig
-from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.segmenter_config import SegmenterConfig
 
 STAGES = {"gates": GateConfig(), "segmenter": SegmenterConfig(), "loss": LossConfig(), "scoring": ScoringConfig()}

@@ -23,9 +23,7 @@ def measured_of(bag: Path) -> tuple[FramePose, ...]:
 
 
 def fresh_ingest(source: str = "test") -> TossIngest:
-    return TossIngest(
-        IngestConfig(TrackerConfig("body_cube")), CONTACTNETS_CUBE.polytope, body=CONTACTNETS_CUBE.name, source=source
-    )
+    return TossIngest(IngestConfig(TrackerConfig("body_cube")), CONTACTNETS_CUBE, source=source)
 
 
 def tosses_in(measured: tuple[FramePose, ...], source: str = "test") -> list[Toss]:

@@ -12,7 +12,7 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError, MissingTopicError
 from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.calibration import RigCalibration, apply_calibration
-from contact_curation.motion.gates import GateConfig
+from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.pose_stream import FramePose
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected, Toss

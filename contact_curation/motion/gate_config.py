@@ -1,0 +1,147 @@
+"""The bounds of the quality checks. They follow from the body and its tracker; a user may set any of them in SI units.
+
+The numbers are those of method.md 2.1 for ContactNets' cube at its rig's rate and noise, where nothing of all 570 public tosses
+reaches them. Lengths go with the body's size and are at least `LENGTH_NOISE` times the noise of a vertex; bounds on velocities
+and accelerations are what noise makes of them; spins that contacts give go with the body's own levers (`scales`).
+"""
+
+from dataclasses import dataclass, fields
+from math import radians, sqrt
+
+import numpy as np
+
+from contact_curation.configs import ranged
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.pose_noise import RIG_NOISE, RIG_TURN
+from contact_curation.motion.scales import BodyScale, TrackerScale
+from contact_curation.motion.smoothing import QUIET_PERIOD
+
+LENGTH_NOISE, VELOCITY_NOISE, TURN_NOISE = 10.0, 8.0, 8.0
+"""So many standard deviations of poses no bound may be under: of lengths, of velocities (over a frame period), of turns."""
+
+FRICTION_MARGIN = 1.5
+"""A body's friction is what somebody took it for."""
+
+
+@dataclass(frozen=True)
+class GateConfig:
+    """Bounds that a user sets; None leaves one to the body and its tracker. In brackets what it then is for ContactNets' cube.
+
+    Bounds on velocities hold up to 150 frames a second for the real rig's noise; with more of either they grow, those on
+    accelerations with the square of the rate.
+
+    Attributes:
+        enabled: whether gates are applied; if not, every toss passes.
+        gravity: gravitational acceleration [m/s^2]; None: the body's.
+        largest_friction: mu_max, the friction coefficient of the cone; None: 1.5 times the body's friction, at least 0.5 [0.5].
+        impulse_tolerance: tolerance of impulses outside the friction cone [m/s]; None: 0.219 sqrt(size g) [0.157].
+        airborne_clearance: a body is in the air if its vertices are higher than this [m]; None: 0.191 sizes [0.010].
+        airborne_acceleration: a_max, largest acceleration in the air beside gravity [m/s^2]; None: 0.6 g [5.89].
+        airborne_spin_change: w_max, largest change of spin between frames in the air, beside free rotation [rad/s]; None: 2.
+        twist_leverage: factor on the levers of the body, larger than 1 where its inertia is not well known.
+        twist_tolerance: w_tol, tolerance of changes of spin that no contact impulse explains [rad/s]; None: 2, or more for a
+            noisy tracker of a small body [2].
+        energy_tolerance: e_tol, tolerance of a gain of energy per mass [m^2/s^2]; None: 0.1, or 0.04 m/s times the speed.
+        jump_velocity: v_max, largest difference of the velocity from the displacement over time [m/s]; None: 0.4, about 3 mm at
+            148 Hz.
+        jump_spin: the same for rotations, about any axis [rad/s]; None: what an impulse of 0.74 m/s at a vertex gives [25].
+        depth: largest depth of the lowest vertex under the board [m]; None: 0.15 sizes [0.0079].
+        rest_tilt: largest tilt of the face that the body comes to rest on [rad]; None: 0.024, 1.4 degrees.
+        rest_height: largest distance of that face from the board [m]; None: 0.0573 sizes [0.003].
+        resting_speed: a body is at rest at the end if it moves slower than this over the last frames [m/s]; None: 0.05,
+        resting_spin: and if it turns slower than this [rad/s]; None: 0.5.
+        quaternion_tolerance: largest deviation of a quaternion's norm from 1.
+        largest_gap: longest time between frames, in frame periods.
+    """
+
+    enabled: bool = True
+    gravity: float | None = ranged(None, 0.0, 100.0)
+    largest_friction: float | None = ranged(None, 0.0, 100.0)
+    impulse_tolerance: float | None = ranged(None, 0.0, 100.0)
+    airborne_clearance: float | None = ranged(None, 0.0, 10.0)
+    airborne_acceleration: float | None = ranged(None, 0.0, 1e5)
+    airborne_spin_change: float | None = ranged(None, 0.0, 1e4)
+    twist_leverage: float = ranged(1.0, 0.0, 1e3)
+    twist_tolerance: float | None = ranged(None, 0.0, 1e4)
+    energy_tolerance: float | None = ranged(None, 0.0, 1e4)
+    jump_velocity: float | None = ranged(None, 0.0, 100.0)
+    jump_spin: float | None = ranged(None, 0.0, 1e4)
+    depth: float | None = ranged(None, 0.0, 10.0)
+    rest_tilt: float | None = ranged(None, 0.0, 1.6)
+    rest_height: float | None = ranged(None, 0.0, 10.0)
+    resting_speed: float | None = ranged(None, 0.0, 100.0)
+    resting_spin: float | None = ranged(None, 0.0, 1e4)
+    quaternion_tolerance: float = ranged(1e-4, 0.0, 0.1)
+    largest_gap: float = ranged(1.5, 1.0, 1e3)
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if each.name != "enabled" and value is not None and not value > 0.0:
+                raise InvalidValueError(each.name, value, "a positive number")
+
+    def bounds(self, body: BodyScale, tracker: TrackerScale) -> "GateBounds":
+        """The bounds for a body and its tracker."""
+        vertex = LENGTH_NOISE * tracker.at(body.reach)
+        gravity = self.gravity or body.gravity
+        friction = self.largest_friction or max(0.5, FRICTION_MARGIN * body.friction)
+        pushed = VELOCITY_NOISE * RIG_NOISE / QUIET_PERIOD * sqrt(1.0 + friction**2)
+        return GateBounds(
+            gravity=gravity,
+            largest_friction=friction,
+            impulse_tolerance=self.impulse_tolerance or 0.21925646 * sqrt(gravity * body.size),
+            airborne_clearance=self.airborne_clearance or max(0.010 / 0.0524 * body.size, vertex),
+            airborne_acceleration=self.airborne_acceleration or 0.6 * gravity,
+            airborne_spin_change=self.airborne_spin_change or 2.0,
+            levers=self.twist_leverage * body.levers,
+            twist_tolerance=self.twist_tolerance or max(2.0, pushed * float(body.levers.max())),
+            energy_tolerance=self.energy_tolerance or 0.1,
+            energy_speed=0.0 if self.energy_tolerance else 0.04,
+            least_impulse=0.0 if self.impulse_tolerance else VELOCITY_NOISE * RIG_NOISE * tracker.position,
+            least_jump=0.0 if self.jump_velocity else VELOCITY_NOISE * RIG_NOISE * tracker.position,
+            jump_velocity=self.jump_velocity or 0.4,
+            jump_spins=np.full(3, self.jump_spin) if self.jump_spin else 0.7385451 * body.levers,
+            depth=self.depth or max(0.15 * body.size, vertex),
+            rest_tilt=self.rest_tilt or max(radians(1.4), TURN_NOISE * RIG_TURN * tracker.turn),
+            rest_height=self.rest_height or max(0.003 / 0.0524 * body.size, vertex),
+            resting_speed=self.resting_speed or 0.05,
+            resting_spin=self.resting_spin or 0.5,
+            quaternion_tolerance=self.quaternion_tolerance,
+            largest_gap=self.largest_gap,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class GateBounds:
+    """What `GateConfig` says for a body and its tracker, every field a number.
+
+    Attributes:
+        levers: (3,) about the principal axes of inertia, those of `scales` times `twist_leverage` [rad/m].
+        energy_speed: energy that a speed of 1 m/s may gain in the air, per mass [m/s]; zero where the user has set the bound.
+        least_impulse: from frame to frame noise may be taken for an impulse that is so long [m]; likewise.
+        least_jump: likewise for a jump [m].
+        jump_spins: (3,) about the principal axes [rad/s].
+    """
+
+    gravity: float
+    largest_friction: float
+    impulse_tolerance: float
+    airborne_clearance: float
+    airborne_acceleration: float
+    airborne_spin_change: float
+    levers: Array
+    twist_tolerance: float
+    energy_tolerance: float
+    energy_speed: float
+    least_impulse: float
+    least_jump: float
+    jump_velocity: float
+    jump_spins: Array
+    depth: float
+    rest_tilt: float
+    rest_height: float
+    resting_speed: float
+    resting_spin: float
+    quaternion_tolerance: float
+    largest_gap: float
