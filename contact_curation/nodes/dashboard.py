@@ -63,7 +63,7 @@ class Dashboard(StageNode):
         self._limit = declare(
             self, "queue", 512, "largest number of waiting messages; further ones are dropped", bounds=(1, 1 << 20)
         )
-        throws = declare(self, "throws", 0, "number of planned throws, for `throw n of N`; 0: not known", bounds=(0, 10_000))
+        throws = declare(self, "throws", 0, "number of planned throws, for `throw n of N`; 0: not known", bounds=(0, 1_000_000))
         state = declare(self, "state", "", "file to write the dashboard's address to once it is served; empty: none")
         serving = declared_serving(self)
         theta, self._body = first_theta(parameters, self._body)
