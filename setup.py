@@ -44,7 +44,7 @@ REQUIRES = [
         "rosbags>=0.10,<0.12",
         "safetensors>=0.4",
     ),
-    *("scipy>=1.11", "tqdm", "trimesh>=4", "zstandard"),
+    *("scipy>=1.14", "tqdm", "trimesh>=4", "zstandard"),
 ]
 """All that reading, ranking and drawing need for a polytope: no torch, no simulator, no ROS."""
 
@@ -134,7 +134,9 @@ if __name__ == "__main__":
         license=MANIFEST.findtext("license"),
         maintainer=MANIFEST.findtext("maintainer"),
         maintainer_email=next(MANIFEST.iter("maintainer")).get("email"),
-        project_urls={str(url.get("type")).capitalize(): url.text for url in MANIFEST.iter("url")},
+        project_urls={
+            "Paper" if "arxiv" in (url.text or "") else str(url.get("type")): url.text for url in MANIFEST.iter("url")
+        },
         long_description=(HERE / "README.md").read_text(encoding="utf-8"),
         long_description_content_type="text/markdown",
         python_requires=">=3.12",

@@ -4,13 +4,13 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
+from contact_curation.cli.options.body import chosen_body
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
 from contact_curation.cli.options.reading import (
     SHARED_STAGES,
     add_held_out_option,
     add_reading_options,
-    chosen_body,
     inputs_of,
     stages_of,
 )
@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     load_kernel()  # nothing else rolls out: better said before tosses are read
     check_outputs(overwrite=arguments.overwrite, figure=arguments.figure)
-    body = chosen_body(arguments)
+    body = chosen_body(arguments, models=[arguments.model, arguments.against])
     defaults = {"loss": DEFAULT_LOSS, "sweeps": DEFAULT_LIMITS, "bootstrap": BootstrapConfig(), "known": KnownConfig()}
     stages = stages_of(arguments, defaults)
     reading = ReadingConfig(body, inputs_of(stages, gated=not arguments.no_gate))

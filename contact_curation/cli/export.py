@@ -3,8 +3,9 @@
 import argparse
 from pathlib import Path
 
+from contact_curation.cli.options.body import chosen_body
 from contact_curation.cli.options.one_line_parser import OneLineParser
-from contact_curation.cli.options.reading import SHARED_STAGES, add_reading_options, chosen_body, inputs_of, stages_of
+from contact_curation.cli.options.reading import SHARED_STAGES, add_reading_options, inputs_of, stages_of
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.errors import InvalidValueError
@@ -46,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.per_toss and arguments.format != "mcap":
         raise InvalidValueError("--per-toss", f"--format {arguments.format}", "--format mcap")
     stages = stages_of(arguments, {})
-    reading = ReadingConfig(chosen_body(arguments), inputs_of(stages))
+    reading = ReadingConfig(chosen_body(arguments, manifest=arguments.manifest), inputs_of(stages))
     with staged_folder(arguments.out) as folder:
         job = export_job(arguments.inputs, reading, arguments.manifest, per_toss=arguments.per_toss)
         with Progress("reading", "tosses") as progress:

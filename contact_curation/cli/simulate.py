@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from contact_curation.cli.options.body import add_body_option, chosen_body
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
-from contact_curation.cli.options.reading import add_body_option, chosen_body
 from contact_curation.cli.options.settings import add_settings, with_settings
 from contact_curation.cli.options.types import natural_number
 from contact_curation.cli.progress import Progress
@@ -122,4 +122,4 @@ class _Thrower:
 def _thrower(arguments: argparse.Namespace) -> _Thrower:
     stages = with_settings({"simulation": DEFAULT_THROWN, "noise": DEFAULT_NOISE}, arguments.settings)
     noise = ExecutionNoise.expected(stages["noise"]) if arguments.execution_noise else None
-    return _Thrower(chosen_body(arguments), stages["simulation"], noise, arguments.seed)
+    return _Thrower(chosen_body(arguments, throws=arguments.throws), stages["simulation"], noise, arguments.seed)

@@ -203,9 +203,9 @@ def declared_serving(node: StageNode) -> ServingConfig:
     Raises:
         InvalidValueError: nowhere.
     """
-    recording = declare(node, "recording", "", "Rerun file (.rrd) to write the session to; empty: none")
+    recording = declare(node, "rrd", "", "Rerun file (.rrd) to write the session to; empty: none")
     if recording:
-        check_replaceable("parameter recording", Path(recording), "a new name, or that of an earlier dashboard's file")
+        check_replaceable("parameter rrd", Path(recording), "a new name, or that of an earlier dashboard's file")
     return ServingConfig(
         web_port=declare(node, "web_port", 9090, "port of the web page; 0: none is served"),
         grpc_port=declare(node, "grpc_port", 9876, "port of the data that the web page shows"),

@@ -142,5 +142,5 @@ class Ticks:
 
     @property
     def due(self) -> bool:
-        """Whether the newest frame is one of them."""
+        """Whether /clock is published with the newest frame."""
         return self.any and self._frames % self._every == 0

@@ -8,13 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from contact_curation.cli.options.body import chosen_body
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import check_outputs
 from contact_curation.cli.options.reading import (
     SHARED_STAGES,
     add_held_out_option,
     add_reading_options,
-    chosen_body,
     inputs_of,
     reading_words,
     stages_of,
@@ -82,6 +82,8 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--params",
+        "--checkpoint",
+        dest="params",
         type=Path,
         metavar="FILE",
         help="where to start: a checkpoint, or a polytope as JSON (default: the published random initialisation)",
@@ -202,7 +204,9 @@ def _configs(arguments: argparse.Namespace) -> "tuple[TrainConfig, ReadingConfig
     from contact_curation.pipeline.training import PROTOCOLS as PROTOCOL_OF
     from contact_curation.pipeline.training import TrainConfig, start_of
 
-    kind, body = arguments.model, chosen_body(arguments)
+    kind = arguments.model
+    resumed = arguments.out if arguments.resume and arguments.out.exists() else None
+    body = chosen_body(arguments, models=[arguments.params, resumed], manifest=arguments.manifest)
     _check_exact(arguments)
     ranking = RankingConfig(top=arguments.top or 1, seed=arguments.seed, certificate_steps=0)
     ranking = with_options(ranking, arguments, *CHOICES)

@@ -34,7 +34,7 @@ class Moments:
 
 @dataclass(frozen=True)
 class DescentRules:
-    """What steps go down, and how.
+    """The objective and rules of gradient steps.
 
     Attributes:
         loss: weights and solver.
@@ -113,7 +113,7 @@ class DescentTask(NamedTuple):
 
 
 class CompiledDescent(KernelStructure):
-    """Gradient steps and what they change."""
+    """Gradient steps and the arrays that they change."""
 
     KERNEL_NAME = "Descent"
 
@@ -192,7 +192,7 @@ class KernelDescent:
 
 
 def polytope_descent(geometry: ContactGeometry, body: Body, task: DescentTask) -> KernelDescent:
-    """Of a polytope in the published form.
+    """Makes gradient steps of a polytope in the published form.
 
     Args:
         geometry: what stays of theta, pivot and height, and the shapes.

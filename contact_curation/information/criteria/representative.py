@@ -1,4 +1,4 @@
-"""representative: the set from which a model learns what it would learn from the whole pool.
+"""representative: the set whose parameter estimate is nearest to the estimate from the whole pool.
 
 Selected is the set of which `expected_error` is small: what the pool's loss is expected to be above its lowest at what the set
 teaches. Where theta is far off the scores are as good as noise and the set is chosen for what it knows (A-optimality); near the
@@ -41,7 +41,7 @@ SLACK = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class SwapCosts:
-    """What a selected set costs with a toss more or less; errors as in `expected_error`, averaged over the particles.
+    """The expected error of a selected set with one toss more or less, averaged over the particles (`expected_error`).
 
     Attributes:
         error: of the set.
