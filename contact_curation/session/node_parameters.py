@@ -194,6 +194,6 @@ def _of_session(config: SessionConfig, body: Body, folder: SessionFolder) -> dic
     else:
         own["pose_ingest"] |= {"tag_map": "", "topic": f"/tagslam/odom/body_{body.name}"}
     own[RECORDER] = {"bag": str(folder.bag.absolute())}
-    own[DASHBOARD] = {"rrd": str(folder.recording.absolute()) if config.record else ""}
+    own[DASHBOARD] = {"throws": config.throws or 0, "rrd": str(folder.recording.absolute()) if config.record else ""}
     own[DASHBOARD] |= {"state": str(folder.dashboard.absolute())} if config.dashboard else {"web_port": 0}
     return own
