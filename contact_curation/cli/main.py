@@ -24,6 +24,7 @@ VERBS = {
     "check": ("cli.check", "what is wrong with recordings, and what to do: the diagnosis first"),
     "import": ("cli.import_data", "public data as the bag that a rig would have recorded of it"),
     "rank": ("cli.rank.command", "a ranked manifest of the tosses in recordings; nothing is deleted"),
+    "body": ("cli.body", "what was understood of an object: YAML, URDF, MJCF or a mesh"),
     "rig": ("cli.rig", "rig calibration from tosses: the board's tilt and height, and the tracker's length scale"),
     "score": ("cli.score", "loss terms, impulses and scores of every transition, as an .npz file"),
     "train": ("cli.train.command", "a model that learns from tosses, as a checkpoint"),
@@ -98,9 +99,19 @@ def _run(words: list[str]) -> int:
     _complete(parser)
     arguments = parser.parse_args(words)
     arguments.command = (NAME, *words)
-    status: int = arguments.run(arguments)
+    try:
+        status: int = arguments.run(arguments)
+    except NothingFoundError as error:
+        raise NothingFoundError("; ".join(filter(None, (str(error), _assumed(arguments)))), error.warnings) from error
     sys.stdout.flush()
+    if _assumed(arguments):
+        print(f"{NAME}: {_assumed(arguments)}", file=sys.stderr, flush=True)
     return status
+
+
+def _assumed(arguments: argparse.Namespace) -> str:
+    """What a verb assumed and its user should know, such as the body; empty where there is nothing."""
+    return getattr(arguments, "assumed", "")
 
 
 def _failed(why: str) -> int:

@@ -3,9 +3,8 @@
     T_board_body = (T_common_board)^-1 T_common_body T_body_mass
 
 where `common` is the nearest frame above both, and the last factor moves the origin to the body's centre of mass. Boards,
-cameras and robots may move; the body's own pose is taken as it was measured. A body pose waits for the rig's poses around
-its time, so that what comes out does not hang on the order in which topics arrive. What cannot be used comes out with its
-reason.
+cameras and robots may move; the body's own pose is taken as it was measured. A body pose waits for the rig's poses around its
+time, so that what comes out does not hang on the order in which topics arrive. What cannot be used comes out with its reason.
 """
 
 from collections import Counter, deque

@@ -41,7 +41,7 @@ class Curator(StageNode):
 
     def __init__(self) -> None:
         super().__init__("curator")
-        self._body = declared_body(self).name
+        self._body = declared_body(self)
         ranking = declare_config(self, RankingConfig(), fixed=False)
         config = declare_config(self, CurationConfig())
         store = Path(declare(self, "store", "buffer.sqlite", "file that stores the buffer and all information"))
@@ -69,8 +69,8 @@ class Curator(StageNode):
         """On the worker's thread."""
         for message in messages:
             try:
-                if message.body != self._body:
-                    raise InvalidValueError(f"body of toss {message.toss_id}", message.body, self._body)
+                if message.body != self._body.name:
+                    raise InvalidValueError(f"body of toss {message.toss_id}", message.body, self._body.name)
                 self._stage.add(information_of(message), *stamped_of(message.header))
             except InvalidValueError as error:
                 self._warnings.note("bad information", str(error))
@@ -112,7 +112,7 @@ class Curator(StageNode):
             return response
         try:
             check_replaceable("path", Path(request.path), "a new name, or that of an earlier manifest")
-            write_manifest(manifest_of(buffer, self._stage.last_stamp_ns), Path(request.path))
+            write_manifest(manifest_of(buffer, self._stage.last_stamp_ns, self._body.to_mapping()), Path(request.path))
         except ContactCurationError as error:
             response.message = str(error)
             return response

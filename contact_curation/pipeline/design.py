@@ -73,11 +73,13 @@ class DesignedThrows:
         plan: the throws, with what each is expected to add, and the releases that were refused.
         known: how many tosses were known.
         seed: that they were designed with.
+        body: that is thrown.
     """
 
     plan: Plan
     known: int
     seed: int
+    body: Body
 
     def save(self, path: str | Path) -> None:
         """Writes the throws as JSON, for `simulate` or a robot.
@@ -85,7 +87,7 @@ class DesignedThrows:
         Raises:
             InvalidValueError: the file cannot be written.
         """
-        write_throws(Path(path), self.plan.throws)
+        write_throws(Path(path), self.plan.throws, self.body)
 
     def document(self) -> dict[str, Any]:
         """Everything, as one object for JSON."""
@@ -155,7 +157,7 @@ def design_throws(task: DesignTask, count: int) -> DesignedThrows:
             plan = exploration_plan(planner, names, known, task.seed, [_release(toss) for toss in task.known])
         case _:
             plan = planner.plan(names, known, task.seed)
-    return DesignedThrows(plan, len(task.known), task.seed)
+    return DesignedThrows(plan, len(task.known), task.seed, task.thetas[0].body)
 
 
 def _prior(task: DesignTask, examples: Array) -> ReleasePrior:

@@ -122,6 +122,7 @@ def _manifest(config: RankConfig, scored: ScoredPool, pool: TossPool, curation: 
         seed=config.ranking.seed,
         package_version=__version__,
         command=config.command,
+        body=config.pool.reading.body.to_mapping(),
         inputs=tuple(InputProvenance(reading.path, reading.sha256, reading.warnings) for reading in readings),
     )
     network = asdict(config.pool.network) if config.pool.of_weights else None

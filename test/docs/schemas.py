@@ -38,6 +38,7 @@ STORES: Mapping[str, tuple[ModuleType, str]] = {
 }
 
 JSON_COMMANDS = {
+    "body": ["body", "contact_curation/config/cube.yaml"],
     "check": ["check", GOLDEN],
     "rank": ["rank", GOLDEN, "--top", "3", "--no-figure"],
     "rig": ["rig", GOLDEN],

@@ -3,7 +3,7 @@
 import argparse
 from dataclasses import replace
 
-from contact_curation.cli.options.reading import add_body_option
+from contact_curation.cli.options.body import add_body_option
 from contact_curation.cli.options.settings import add_fields, with_options
 from contact_curation.cli.report import add_json_option
 from contact_curation.information.ranker import criterion_names
@@ -22,7 +22,7 @@ SHOWN = {"record": "DIR", "evaluate_on": "INPUT", "params_file": "YAML", "top": 
 def add_online_options(parser: argparse.ArgumentParser) -> None:
     """Adds all options."""
     add_fields(parser, SessionConfig(), *OPTIONS, choices=CHOICES, shown=SHOWN, also=ALSO)
-    add_body_option(parser, "--body-file")  # the nodes' name for it
+    add_body_option(parser, "--body-file", details=False)  # the nodes' name for it
     add_json_option(parser)
 
 

@@ -285,8 +285,9 @@ def read_manifest(path: Path) -> Manifest:
 
 def manifest_of(head: Mapping[str, Any], rows: Iterable[ManifestRow]) -> Manifest:
     """The manifest of a head and its rows, as the readers of the formats give them."""
-    run = {field.name: head[field.name] for field in fields(RunProvenance)}
+    run = {field.name: head[field.name] for field in fields(RunProvenance) if field.name != "body"}
     inputs = tuple(InputProvenance(**{**entry, "losses": tuple(entry["losses"])}) for entry in head["inputs"])
+    run["body"] = head.get("body")  # older manifests have none
     run.update(command=tuple(head["command"]), inputs=inputs, influence_bound=_with_numbers(head["influence_bound"]))
     diagnostics = _renamed(_with_numbers(head["diagnostics"]), FIRST_NAMES)
     if "optimum_shift" in diagnostics:
