@@ -51,7 +51,7 @@ REQUIRES = [
 VERSION = MANIFEST.findtext("version", "")
 TRAIN = ["torch>=2.4"]
 SIM = ["daqp>=0.5", "mink>=0.0.6", "mujoco>=3.2", "opencv-python-headless>=4.8", "pupil-apriltags>=1.0.4"]
-DASHBOARD = ["rerun-sdk>=0.24"]
+DASHBOARD = ["rerun-sdk>=0.41"]
 ROS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces", f"contact_curation_msgs=={VERSION}"]
 ROS += ["contact_curation_vendored_apriltag_msgs", "contact_curation_vendored_tf2_msgs"]
 EXTRAS = {"train": TRAIN, "sim": SIM, "dashboard": DASHBOARD, "ros": ROS, "all": [*TRAIN, *SIM, *DASHBOARD, *ROS]}

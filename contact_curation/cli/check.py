@@ -23,8 +23,8 @@ NOT_OK = 1
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Says in one line what is wrong with recordings, or that tosses can be learned from them; then the reasons, the "
-        "settings that correct what can be corrected, and the next command to type. Nothing is written. The exit status is "
+        "Diagnoses recordings: prints the verdict in one line, then the reasons, the settings that correct what can be "
+        "corrected, and the next command to type. Nothing is written. The exit status is "
         "0 if recordings are ok, else 1."
     )
     add_reading_options(parser, SHARED_STAGES)

@@ -36,8 +36,8 @@ STAGES = ("design", *CANDIDATES, "refinement", "loss", *SHARED_STAGES)
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Chooses throws together: from a pool of safe releases, greedily by the log-det that each is expected to add to what "
-        "is known, under the noise of executions, and then moved to where they add more. Theta is a polytope's."
+        "Designs a batch of throws: picks them greedily from a pool of safe releases by their predicted gain in log-det "
+        "under execution noise, and then refines them. Theta must be a polytope's."
     )
     _add_theta_options(parser.add_argument_group("what is to be learned"))
     add_body_option(parser)

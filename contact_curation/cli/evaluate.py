@@ -31,8 +31,9 @@ STAGES = (*SHARED_STAGES, "loss", "sweeps", "bootstrap", "known")
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Rolls the model out from the first measured state of each toss that it did not learn from, and says how far it is "
-        "from what was measured. Of a polytope it also says how surely every parameter is known from the other tosses."
+        "Rolls the model out from the first measured state of each toss that it was not trained on, and reports the "
+        "errors of the predicted motion. For a polytope it also reports the uncertainty of each parameter, estimated from "
+        "the other tosses."
     )
     parser.add_argument(
         "model", type=Path, metavar="CHECKPOINT", help="a .safetensors file from `train`, or a polytope as a JSON file"

@@ -19,7 +19,7 @@ def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
         "Writes the tosses that a ranking selected: as parts of their recordings, as ContactNets' files, or as a LeRobot "
-        "dataset. Inputs and options are those that were ranked; no input is changed."
+        "dataset. Give the same inputs and options as for the ranking; no input is changed."
     )
     add_reading_options(parser, SHARED_STAGES)
     parser.add_argument("--manifest", type=Path, required=True, metavar="FILE", help="what `contact-curation rank` wrote")

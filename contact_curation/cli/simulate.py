@@ -32,8 +32,9 @@ EARLIEST, HOUR = 1_600_000_000, 3600
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Makes throws in MuJoCo and writes what a tracker would have seen as the bag of a TagSLAM rig, for `rank` and the "
-        "nodes to read. A throw after which the body does not come to rest is a line on standard error; the others are written."
+        "Simulates throws in MuJoCo and writes the poses that a tracker would have seen as the bag of a TagSLAM rig, for "
+        "`rank` and the nodes to read. For a throw after which the body does not come to rest a line is printed to "
+        "standard error; the others are written."
     )
     parser.add_argument("throws", type=Path, metavar="THROWS.json", help="what `contact-curation design` wrote")
     parser.add_argument("--out", type=Path, required=True, metavar="BAG.mcap", help="the bag; without .mcap a folder")

@@ -32,7 +32,14 @@ DEFAULTS = Path(__file__).resolve().parents[1] / "config" / "nodes.yaml"
 OF_ROS = ("use_sim_time", "qos_overrides.", "start_type_description_service")
 """Beginnings of parameters that every node has."""
 
-FORMER_NAMES = {"body_file": "body", "held_out": "evaluate_on", "recording": "rrd"}
+READINESS = ("enabled", "least_tosses", "recent", "largest_loss", "least_agreement", "most_tosses")
+FORMER_NAMES = {
+    "body_file": "body",
+    "held_out": "evaluate_on",
+    "recording": "rrd",
+    "warm_up": "prior_tosses",
+    **{f"canary.{name}": f"readiness.{name}" for name in READINESS},
+}
 """Of parameters, with their present ones; they are still taken."""
 
 KINDS = {bool: "true or false", int: "a whole number", float: "a number with a point", str: "a word", list: "a list"}
@@ -187,6 +194,6 @@ def _of_session(config: SessionConfig, body: Body, folder: SessionFolder) -> dic
     else:
         own["pose_ingest"] |= {"tag_map": "", "topic": f"/tagslam/odom/body_{body.name}"}
     own[RECORDER] = {"bag": str(folder.bag.absolute())}
-    own[DASHBOARD] = {"rrd": str(folder.recording.absolute()) if config.record else ""}
+    own[DASHBOARD] = {"throws": config.throws or 0, "rrd": str(folder.recording.absolute()) if config.record else ""}
     own[DASHBOARD] |= {"state": str(folder.dashboard.absolute())} if config.dashboard else {"web_port": 0}
     return own

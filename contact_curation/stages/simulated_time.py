@@ -88,7 +88,7 @@ class AwakeClock:
             return self._passed
 
 
-class Pace:
+class RateLimiter:
     """How long a simulation has to wait so that it runs at a rate.
 
     Args:

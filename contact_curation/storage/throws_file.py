@@ -4,8 +4,8 @@
      "throws": [{"throw_id", "body", "position", "orientation_wxyz", "linear_velocity", "angular_velocity",
                  "expected_information", "parameters_version"}, ...]}
 
-The body is described where `design` wrote the file. SI units; positions of the centre of mass and velocities in the board's
-frame, angular velocities in the body's.
+The body is described where `design` wrote the file. SI units; positions of the centre of mass and velocities are in the
+board's frame, angular velocities in the body's.
 """
 
 import json

@@ -115,10 +115,10 @@ def test_the_ros_packages_that_nodes_import_are_declared() -> None:
     assert ros <= declared
 
 
-def test_every_package_of_the_ubuntu_list_is_bounded_and_all_that_setup_needs_is_in_it_or_in_ubuntu() -> None:
+def test_every_package_of_the_ubuntu_list_is_bounded_and_what_the_nodes_need_is_in_it_or_in_ubuntu() -> None:
     lines = (REPOSITORY / "docs" / "ros" / "ubuntu_24.04.txt").read_text().splitlines()
     listed = dict(re.findall(r"^([\w-]+)(.*)$", "\n".join(line for line in lines if not line.startswith("#")), re.MULTILINE))
     assert all(">=" in bounds and "<" in bounds for bounds in listed.values()), listed
     setup = setup_module()
-    needed = {re.split("[<>=[]", name)[0] for name in [*setup.REQUIRES, *setup.TRAIN, *setup.SIM, *setup.DASHBOARD]}
+    needed = {re.split("[<>=[]", name)[0] for name in [*setup.REQUIRES, *setup.TRAIN, *setup.SIM]}
     assert needed - set(listed) == {"matplotlib", "PyYAML", "tqdm"}  # exec_depend of package.xml

@@ -47,9 +47,9 @@ SCORING = ("estimator", "influence_bound")
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Scores every toss that passes the gates and is not held out, ranks them, and says what to think of the result. An "
-        "input that cannot be read is a line on standard error, and the others are ranked; the exit status is 1 only if none "
-        "could be."
+        "Scores all tosses that pass the gates and are not held out, ranks them, and prints the ranking with its "
+        "diagnostics. For an input that cannot be read a line is printed to standard error and the others are ranked; the "
+        "exit status is 1 only if no input could be ranked."
     )
     add_reading_options(parser, STAGES)
     add_held_out_option(parser.add_argument_group("what is neither scored nor ranked"), "default none")

@@ -83,7 +83,7 @@ class RankDashboard:
 
     def end(self) -> None:
         """Serves until Ctrl-C or SIGTERM where that was asked for, and closes."""
-        from contact_curation.dashboard.live.serving import close_screen
+        from contact_curation.dashboard.live.serving import BLUEPRINT, close_screen
 
         if self._serving.web_port:
             with StopSignals() as signals:
@@ -93,12 +93,16 @@ class RankDashboard:
                     time.sleep(POLL)
         close_screen(self._screen)
         if self._partial and self._recording:
-            self._partial.replace(self._recording)
+            for ending in (self._recording.suffix, BLUEPRINT):
+                self._partial.with_suffix(ending).replace(self._recording.with_suffix(ending))
 
     def drop(self) -> None:
         """Leaves no part of a recording behind that did not come to its end; the one before stays."""
         if self._partial:
-            self._partial.unlink(missing_ok=True)
+            from contact_curation.dashboard.live.serving import BLUEPRINT
+
+            for ending in (self._partial.suffix, BLUEPRINT):
+                self._partial.with_suffix(ending).unlink(missing_ok=True)
 
 
 def dashboard_of(arguments: argparse.Namespace, config: RankConfig) -> RankDashboard | None:

@@ -57,9 +57,10 @@ ONLY_WITH_TOP = ("criterion", "variant", "estimator", "rerank_every", "rerank_wh
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Trains a model on every toss that passes the gates, on those that `rank` selected, or on the best K, which can be "
-        "selected again while it learns. Some tosses are held out and never learned from; their loss is watched. Ctrl-C "
-        "stops after the gradient step in progress and stores a checkpoint; the same command with --resume goes on."
+        "Trains a model on all tosses that pass the gates, on those that `rank` selected, or on the best K, which can be "
+        "selected again during training. Some tosses are held out: the model is not trained on them, but their loss is "
+        "monitored. Ctrl-C stops after the current gradient step and stores a checkpoint; the same command with --resume "
+        "continues from it."
     )
     add_reading_options(parser, STAGES)
     _add_model_options(parser)

@@ -88,7 +88,7 @@ class CompiledNetwork(KernelStructure):
     _fields_ = (("layers", ctypes.c_int64), ("rectified", ctypes.c_int64), ("layer", CompiledLayer * MAX_LAYERS))
 
 
-class StepPace(KernelStructure):
+class CompiledAdamW(KernelStructure):
     """AdamW's learning rate and weight decay for some of the parameters."""
 
     KERNEL_NAME = "Pace"
@@ -108,8 +108,8 @@ class DescentTask(NamedTuple):
     moments: Mapping[str, Moments]
     rows: DescentRows
     rules: DescentRules
-    polytope: StepPace
-    network: StepPace
+    polytope: CompiledAdamW
+    network: CompiledAdamW
 
 
 class CompiledDescent(KernelStructure):
@@ -122,8 +122,8 @@ class CompiledDescent(KernelStructure):
         ("shares", ctypes.c_void_p),
         ("steps", ctypes.c_int64),
         ("regularizer", ctypes.c_double),
-        ("polytope", StepPace),
-        ("network", StepPace),
+        ("polytope", CompiledAdamW),
+        ("network", CompiledAdamW),
         ("first_beta", ctypes.c_double),
         ("second_beta", ctypes.c_double),
         ("epsilon", ctypes.c_double),
