@@ -85,7 +85,9 @@ def test_two_different_bodies_are_one_line_that_names_both_files_and_the_value(t
     with pytest.raises(InvalidValueError, match=r"found 'brick', not the 'brick' of .*manifest.json \(other mass\)"):
         carried_body([model], manifest)
     cube = CarriedBody(CONTACTNETS_CUBE, "--body cube.yaml")
-    with pytest.raises(InvalidValueError, match=r"found 'cube', not the 'brick' of .* \(other vertices\), .*: leave out --body cube"):
+    with pytest.raises(
+        InvalidValueError, match=r"found 'cube', not the 'brick' of .* \(other vertices\), .*: leave out --body cube"
+    ):
         carried_body([model], given=cube)
 
 
