@@ -126,7 +126,7 @@ def _replayed(
         ranked.save(folder.manifest)
         ranked.save_figure(folder.ranking_figure)
     except (ContactCurationError, MemoryError) as error:
-        return None, Replay(False, f"the bag could not be ranked: {error or 'found too little memory'}")
+        return None, Replay(False, f"the bag could not be ranked: {str(error) or 'found too little memory'}")
     selected = ranked.selected_ids
     same = selected == summary.selected
     if same:
