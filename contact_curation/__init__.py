@@ -1,4 +1,4 @@
-"""Online curation of contact-rich robot tosses: which tosses teach, which to keep, what to throw next.
+"""Online curation of contact-rich robot tosses: which tosses are informative, which to select, what to throw next.
 
     import contact_curation as cc
 
@@ -15,8 +15,9 @@ from contact_curation.version import __version__ as __version__
 if TYPE_CHECKING:
     from contact_curation.contact.body import Body
     from contact_curation.motion.toss import Toss
-    from contact_curation.pipeline.api import design, evaluate, rank, read, score, train
+    from contact_curation.pipeline.api import check, design, evaluate, rank, read, score, train
     from contact_curation.pipeline.design import DesignedThrows
+    from contact_curation.pipeline.diagnosis import Diagnosis
     from contact_curation.pipeline.evaluated import Evaluation
     from contact_curation.pipeline.learned_model import LearnedModel, load_model
     from contact_curation.pipeline.ranked import RankedTosses
@@ -26,12 +27,14 @@ if TYPE_CHECKING:
 __all__ = [
     "Body",
     "DesignedThrows",
+    "Diagnosis",
     "Evaluation",
     "LearnedModel",
     "RankedTosses",
     "Toss",
     "TossScores",
     "Tosses",
+    "check",
     "design",
     "evaluate",
     "load_model",
@@ -44,6 +47,7 @@ __all__ = [
 _HOMES = {
     "Body": "contact.body",
     "Toss": "motion.toss",
+    "Diagnosis": "pipeline.diagnosis",
     "Tosses": "pipeline.tosses",
     "RankedTosses": "pipeline.ranked",
     "TossScores": "pipeline.toss_scores",
@@ -51,7 +55,7 @@ _HOMES = {
     "Evaluation": "pipeline.evaluated",
     "DesignedThrows": "pipeline.design",
     "load_model": "pipeline.learned_model",
-    **dict.fromkeys(("read", "score", "rank", "train", "evaluate"), "pipeline.api"),
+    **dict.fromkeys(("read", "check", "score", "rank", "train", "evaluate"), "pipeline.api"),
 }
 
 

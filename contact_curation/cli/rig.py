@@ -1,4 +1,4 @@
-"""`rig INPUT...`: what recorded tosses say of the rig that tracked them: how its board lies, and how long its metre is."""
+"""`rig INPUT...`: estimates the rig calibration from tosses: the board's tilt and height, and the tracker's length scale."""
 
 import argparse
 from collections.abc import Iterator, Sequence
@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from contact_curation.cli.options.body import chosen_body
 from contact_curation.cli.options.one_line_parser import OneLineParser
-from contact_curation.cli.options.reading import add_reading_options, chosen_body, inputs_of, stages_of
+from contact_curation.cli.options.reading import add_reading_options, inputs_of, stages_of
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.errors import InvalidValueError
@@ -25,10 +26,10 @@ BOOTSTRAP = BootstrapConfig(resamples=500)
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Says by recorded tosses alone how the board lies in the frame of the poses, and how long the tracker's metre is: "
-        "bodies come to rest flat on the board, and fall by their gravity. No gate is applied, since a rig that is far off "
-        "would have every toss rejected. The last line is what other verbs take to put tosses right. Intervals are 95 %, by "
-        "the bootstrap over tosses."
+        "Estimates the rig calibration from recorded tosses alone: bodies come to rest flat on the board, which gives its tilt "
+        "and height in the frame of the poses, and they fall by gravity, which gives the tracker's length scale. No gate is "
+        "applied, since a rig that is far off would have every toss rejected. The last line holds the options that correct "
+        "the tosses in all other commands. Intervals are 95 %, by the bootstrap over tosses."
     )
     add_reading_options(parser, ("poses", "segmenter", "rig"))
     add_json_option(parser)
@@ -40,7 +41,7 @@ def add_options(parser: OneLineParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Reads all inputs, and says what they tell.
+    """Reads all inputs and prints the calibration.
 
     Raises:
         ContactCurationError: too few tosses come to rest, or are long enough in the air.
@@ -63,14 +64,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _told(evidence: RigMeasurements, gravity: float) -> dict[str, Interval]:
-    """By name: lean [deg], scale, and height of the faces at rest [mm]."""
+    """By name: tilt [deg], scale, and height of the faces at rest [mm]."""
     own, count = _statistics(evidence, gravity), len(evidence.ends)
     draws = np.random.default_rng(BOOTSTRAP.seed).integers(count, size=(BOOTSTRAP.resamples, count))
     resampled = [_statistics(evidence.resampled(places), gravity) for places in draws]
     outside = 0.5 * (1.0 - BOOTSTRAP.confidence)
     low, high = np.nanquantile(resampled, [outside, 1.0 - outside], axis=0)
     told = (Interval(*map(float, each)) for each in zip(own, low, high, strict=True))
-    return dict(zip(("lean", "scale", "rest_height"), told, strict=True))
+    return dict(zip(("tilt", "scale", "rest_height"), told, strict=True))
 
 
 def _statistics(evidence: RigMeasurements, gravity: float) -> Array:
@@ -85,7 +86,7 @@ def _statistics(evidence: RigMeasurements, gravity: float) -> Array:
 def _document(
     evidence: RigMeasurements, rig: RigCalibration, told: dict[str, Interval], settings: str, warnings: Sequence[str]
 ) -> dict[str, Any]:
-    units = {"lean": "lean_degrees", "scale": "scale", "rest_height": "rest_height_mm"}
+    units = {"tilt": "tilt_degrees", "scale": "scale", "rest_height": "rest_height_mm"}
     return {
         "tosses": len(evidence.ends),
         "at_rest": int(evidence.rests.sum()),
@@ -98,21 +99,21 @@ def _document(
 
 
 def _lines(evidence: RigMeasurements, rig: RigCalibration, told: dict[str, Interval], settings: str) -> Iterator[str]:
-    lean, scale, height = told["lean"], told["scale"], told["rest_height"]
+    tilt, scale, height = told["tilt"], told["scale"], told["rest_height"]
     rests, falls = int(evidence.rests.sum()), int(evidence.falls.sum())
     yield f"{counted_tosses(len(evidence.ends))}: {rests} come to rest, {falls} are long enough in the air"
     normal = ", ".join(f"{value:.4f}" for value in rig.normal)
     yield (
-        f"board   leans by {lean.value:.2f} degrees ({lean.low:.2f} to {lean.high:.2f}) in the frame of the poses: "
-        f"its normal is {normal}"
+        f"tilt    the board is tilted by {tilt.value:.2f} degrees ({tilt.low:.2f} to {tilt.high:.2f}) in the frame of the "
+        f"poses: its normal is {normal}"
     )
     off = 100.0 * (scale.value - 1.0)
-    length = f"{abs(off):.1f} % {'short' if off > 0.0 else 'long'}"
-    yield f"metre   {length}: multiply lengths with {scale.value:.4f} ({scale.low:.4f} to {scale.high:.4f})"
+    length = f"{abs(off):.1f} % too {'short' if off > 0.0 else 'long'}"
+    yield f"scale   lengths are {length}: multiply them by {scale.value:.4f} ({scale.low:.4f} to {scale.high:.4f})"
     where = "under" if height.value < 0.0 else "over"
     yield (
         f"height  bodies at rest lie {abs(height.value):.1f} mm {where} the board "
-        f"({height.low:.1f} to {height.high:.1f}), by their corners as described"
+        f"({height.low:.1f} to {height.high:.1f}), by the described vertices"
     )
     if settings:
-        yield f"to put tosses right, wherever they are read: {settings}"
+        yield f"options that correct the tosses in other commands: {settings}"

@@ -15,11 +15,11 @@ class LossConfig:
 
     Attributes:
         match, complementarity_normal, complementarity_tangent, dissipation, penetration: weights of the terms.
-        regularization: eps, which picks the smallest of equally good impulses.
+        regularization: small weight eps that picks the smallest of equally good impulses.
         cone: shape of the friction cone.
-        tolerance: largest natural residual of impulses that count as solved.
-        max_iterations: of the interior point method.
-        threads: tosses are spread over so many; 0 for one per processor.
+        tolerance: largest natural residual at which impulses count as solved.
+        max_iterations: iteration limit of the interior point method.
+        threads: number of threads that tosses are spread over; 0 for one per processor.
     """
 
     match: float = ConeWeights.match

@@ -45,14 +45,14 @@ class DesignConfig:
     """How throws are designed.
 
     Attributes:
-        pool: safe releases that throws are picked from.
-        sieve: executions of each release of the pool by which the finalists are found; an even number.
-        finalists: releases of the pool that are looked at with all executions.
-        reference: releases of the prior whose mean information, times `share`, is the prior information A0; the readiness
-            check also asks about them.
-        share: delta of method.md 1.6.
+        pool: number of safe candidate throws.
+        sieve: simulated executions of each candidate in the first stage, which finds the finalists; an even number.
+        finalists: number of candidates that are evaluated with all executions.
+        reference: number of reference throws. Their mean information, times `share`, is the prior information A0, and the
+            readiness check compares thetas on them.
+        share: delta: the prior information A0 is this share of the mean information of the reference throws (method.md 1.6).
         candidates: how releases are evaluated.
-        refinement: how picked throws are moved.
+        refinement: how chosen throws are refined.
     """
 
     pool: int = 256
@@ -132,19 +132,19 @@ class Planner:
 
     @property
     def particles(self) -> tuple[Particle, ...]:
-        """The thetas."""
+        """The parameter particles."""
         return self.evaluator.particles
 
     @property
     def version(self) -> str:
-        """Of the thetas."""
+        """Version of the parameter particles."""
         return "+".join(particle.version for particle in self.particles)
 
     def known(self, informations: Sequence[Sequence[TossInformation]] = ()) -> tuple[Accumulated, ...]:
-        """What is known: A0 and the tosses.
+        """The accumulated information: A0 and the tosses.
 
         Args:
-            informations: per particle, what the selected tosses teach at it; none where there are none.
+            informations: per particle, the information of the selected tosses; empty without tosses.
 
         Raises:
             InvalidValueError: not once per particle, or scored at another theta or by another estimator.
@@ -188,11 +188,11 @@ class Planner:
         return Plan(tuple(throws), batch.fishers, refused, self.config.pool)
 
     def pool(self, seed: int) -> Candidates:
-        """Releases to pick from, and what they teach."""
+        """Candidate releases and their predicted information."""
         return self.evaluator.evaluate(self._drawn(seed))
 
     def finalists(self, seed: int, known: Sequence[Accumulated], count: int) -> Candidates:
-        """What the pool teaches, as far as it may come into question (successive halving, Jamieson and Talwalkar 2016).
+        """The candidates that are evaluated with all executions (successive halving, Jamieson and Talwalkar 2016).
 
         A few executions of each release say which come into question: those that add most alone and, where several throws are
         wanted, those that add most to the greedy batch that these few executions would give. Those that are refused stay.

@@ -1,4 +1,4 @@
-"""The readiness check: whether theta can be trusted with choosing throws (method.md 0.6, 2.4).
+"""The readiness check: whether theta is good enough to choose throws (method.md 0.6, 2.4).
 
 At a theta that training has not brought near the truth a ranking of throws is noise: two random initialisations rank them
 with a correlation of -0.01. Three things are asked, none of which needs the truth: enough tosses are known; theta predicted the
@@ -26,14 +26,14 @@ class ReadinessConfig:
     """When theta passes the readiness check.
 
     Attributes:
-        enabled: whether it is checked at all; without, any theta passes.
-        least_tosses: known at it.
-        recent: of so many newest tosses the losses are looked at.
-        largest_loss: median of what those had when they were first scored (method.md 1.2), characteristic units; None:
-            m (v / length scale)^2 with v = 33 mm/s, a velocity that no impulse explains: 0.15 for ContactNets' cube, whose real
-            tosses have 0.02 at the true parameters.
-        least_agreement: Spearman correlation of the reference throws' information between thetas.
-        most_tosses: from so many known tosses on agreement is no longer asked for, the loss still is; 0: always.
+        enabled: whether the readiness check is made; if not, any theta passes.
+        least_tosses: number of scored tosses that theta needs at least.
+        recent: number of newest tosses whose losses are checked.
+        largest_loss: largest median loss of the newest tosses, each when it was first scored, in characteristic units
+            (method.md 1.2); None: m (v / length scale)^2 with v = 33 mm/s, a velocity that no impulse explains: 0.15 for
+            ContactNets' cube, whose real tosses have 0.02 at the true parameters.
+        least_agreement: smallest Spearman correlation of the reference throws' information between two thetas.
+        most_tosses: from this many scored tosses on agreement is no longer required, only the loss; 0 requires it always.
     """
 
     enabled: bool = True

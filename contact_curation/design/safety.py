@@ -36,21 +36,22 @@ class SafetyConfig:
     """Limits of throws; the defaults are those of method.md 5 and of ContactNets' board.
 
     Attributes:
-        largest_speed: at release [m/s].
-        largest_spin: at release [rad/s].
-        lowest_release: height of the body's centre [m].
-        highest_release: height of the body's centre [m].
-        largest_energy: of the motion at release [J].
-        highest_apex: of the body's centre [m].
-        least_clearance: from the lowest corner to the board at release [m].
-        shortest_flight: from release to touch [s], for the tracker to see.
-        board_half_width: the body's centre rests this near the board's middle in x and in y [m].
-        keep_out_place: x and y of the axis of a cylinder round the thrower [m].
-        keep_out_radius: the body's centre stays out of it once it has touched the board [m]; 0 for no cylinder.
-        share: of executions that may go over a limit.
-        executions: looked at for what a release shows.
-        motions: looked at for what its motion shows; an even number.
-        seed: of the executions.
+        largest_speed: largest speed at release [m/s].
+        largest_spin: largest angular speed at release [rad/s].
+        lowest_release: smallest height of the body's centre at release [m].
+        highest_release: largest height of the body's centre at release [m].
+        largest_energy: largest kinetic energy at release [J].
+        highest_apex: largest height of the body's centre in flight [m].
+        least_clearance: smallest distance from the lowest vertex to the board at release [m].
+        shortest_flight: shortest time from release to contact, so that the tracker sees the flight [s].
+        board_half_width: the body's centre comes to rest within this of the board's middle, in x and in y [m].
+        keep_out_place: x and y of the axis of a cylinder around the thrower [m].
+        keep_out_radius: radius of that cylinder, which the body's centre does not enter after the first contact [m]; 0 for no
+            cylinder.
+        share: share of the simulated executions that may violate a limit.
+        executions: simulated executions that are checked at release.
+        motions: simulated executions whose whole motion is checked; an even number.
+        seed: random seed of the executions.
     """
 
     largest_speed: float = 1.4
@@ -156,7 +157,7 @@ class SafetySet:
         return tuple(self._worst(_motion_limits(self.config), values))
 
     def thrower_refusals(self, throws: Sequence[Throw]) -> tuple[str | None, ...]:
-        """What the thrower says.
+        """Why the thrower cannot make releases.
 
         Raises:
             InvalidValueError: it answers for another number of throws.

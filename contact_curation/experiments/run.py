@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from contact_curation.cli.options.reading import chosen_body, inputs_of, stages_of
+from contact_curation.cli.options.body import chosen_body
+from contact_curation.cli.options.reading import inputs_of, stages_of
 from contact_curation.cli.options.types import Arguments
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import print_json, warn
@@ -38,7 +39,7 @@ from contact_curation.pipeline.division import DivisionConfig, held_out_rule, le
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.pipeline.wording import counted
-from contact_curation.pipeline.workers import Advance, each
+from contact_curation.pipeline.workers import Advance, each, unheard
 from contact_curation.version import __version__
 
 
@@ -112,7 +113,7 @@ def _bench(arguments: Arguments) -> Bench:
 
     The gates see a pool again once faults are put into it.
     """
-    body = chosen_body(arguments)
+    body = chosen_body(arguments, said=False)
     stages = stages_of(arguments, {})
     reading = ReadingConfig(body, inputs_of(stages))
     rule = held_out_rule(arguments.held_out or PUBLIC_HELD_OUT)
@@ -141,7 +142,7 @@ def _run(left: list[AnyCell], bench: Bench, ledger: Ledger, jobs: int, cells: in
     if not all(isinstance(cell, ThrowsCell) for cell in left):
         _ = bench.reference  # once here, and not again in every process
     with Progress("running", "cells", cells, cells - len(left)) as bar:
-        for done in each(partial(finished, bench), left, jobs, lambda count: None):
+        for done in each(partial(finished, bench), left, jobs, unheard):
             if done.error:
                 failed.append(done.error)
             else:

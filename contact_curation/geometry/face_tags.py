@@ -60,11 +60,11 @@ def tags_on_faces(polytope: Polytope, frame: str, first_id: int = 0, share: floa
     """
     faces = faces_of(polytope)
     squares = [(pose, _rounded_down(share * BLACK_CELLS / CELLS * edge)) for pose, edge in _squares(faces)]
-    kept = [(pose, edge) for pose, edge in squares if edge >= smallest]
-    if not kept:
+    fitting = [(pose, edge) for pose, edge in squares if edge >= smallest]
+    if not fitting:
         largest = max(edge for _, edge in squares)
         raise InvalidValueError(f"faces of {frame}", f"room for a tag of {largest:.4g} m", f"{smallest:.4g} m or more")
-    return TagMap(frame, tuple(Tag(first_id + place, pose, edge) for place, (pose, edge) in enumerate(kept)))
+    return TagMap(frame, tuple(Tag(first_id + place, pose, edge) for place, (pose, edge) in enumerate(fitting)))
 
 
 def _rounded_down(edge: float) -> float:

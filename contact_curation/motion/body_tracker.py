@@ -1,11 +1,10 @@
-"""Poses of frames in frames become poses of the body in the board's frame.
+"""Computes poses of the body in the board's frame from poses of frames in frames.
 
     T_board_body = (T_common_board)^-1 T_common_body T_body_mass
 
 where `common` is the nearest frame above both, and the last factor moves the origin to the body's centre of mass. Boards,
-cameras and robots may move; the body's own pose is taken as it was measured. A body pose waits for the rig's poses around
-its time, so that what comes out does not hang on the order in which topics arrive. What cannot be used comes out with its
-reason.
+cameras and robots may move; the body's own pose is taken as it was measured. A body pose waits for the rig's poses around its
+time, so that what comes out does not hang on the order in which topics arrive. What cannot be used comes out with its reason.
 """
 
 from collections import Counter, deque
@@ -16,17 +15,23 @@ from typing import Any
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.scalars import IDENTITY, ScalarPose, Vector, angle_between, compose, inverse
-from contact_curation.motion.frame_tree import FrameTree, Link, composed
+from contact_curation.motion.frame_tree import HISTORY, FrameTree, Link, composed
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.toss import NANOSECONDS
+
+MOST_LISTED = 8
+"""Names of frames in one line."""
+
+SHORT_HISTORY = 256
+"""Poses that a frame remembers that is not needed so far: it may turn out to stand between the body and the board."""
 
 
 @dataclass(frozen=True)
 class TrackerConfig:
-    """Which frames matter, and how long to wait for them.
+    """Names of the frames, and how long to wait for them.
 
     Attributes:
-        body_frame: the body's, as it is tracked.
+        body_frame: tracked frame of the body.
         board_frame: the board's, z up, its surface at z = 0; empty where poses are given in it already.
         clock_jump: stamps that go back by more than this are a clock that jumped, e.g. a bag that loops [s].
         largest_wait: a body pose waits so long for the rig's poses, by the stamps [s].
@@ -100,8 +105,22 @@ class BodyTracker:
         self._moving = config.body_frame
         self._center = ScalarPose(config.center_of_mass, IDENTITY.orientation_wxyz)
         self._waiting: deque[FramePose] = deque()
+        self._parent = ""
+        self._needed: tuple[tuple[int, str], frozenset[str]] = ((-1, ""), frozenset())
         self._last_ns: int | None = None
         self._last_pose: BodyPose | None = None
+
+    @property
+    def needed_frames(self) -> frozenset[str]:
+        """The body, the board and the frames above them and above the frame that the body is measured in.
+
+        What other frames do, of a robot's arm for instance, changes no pose of the body.
+        """
+        made_of = (self._tree.shape, self._parent)
+        if self._needed[0] != made_of:
+            starts = (self.config.body_frame, self.config.board_frame, self._parent)
+            self._needed = made_of, frozenset(name for start in starts for name, _ in self._tree.ancestors(start))
+        return self._needed[1]
 
     def push(self, measured: FramePose | BadPose) -> tuple[TrackerEvent, ...]:
         """Takes in a measurement of the body or the rig; gives the body poses that are known now, in order of their stamps."""
@@ -111,7 +130,7 @@ class BodyTracker:
             events = self._body_measured(measured)
         else:
             self._rig_measured(measured)
-            events = self._known()
+            events = self._known() if measured.child in self.needed_frames else []
         return self._counted(events)
 
     def flush(self) -> tuple[TrackerEvent, ...]:
@@ -119,11 +138,13 @@ class BodyTracker:
         return self._counted(self._give_up(len(self._waiting), "the stream ended"))
 
     def snapshot(self) -> dict[str, Any]:
-        """The state as plain numbers, lists and names: JSON keeps it exactly."""
+        """The state as plain numbers, lists and names, which JSON keeps exactly, without moving frames that are not needed."""
+        needed = self.needed_frames
         return {
-            "links": {child: asdict(link) for child, link in self._tree.links.items()},
+            "links": {child: asdict(link) for child, link in self._tree.links.items() if link.static or child in needed},
             "waiting": [asdict(measured) for measured in self._waiting],
             "last_ns": self._last_ns,
+            "parent": self._parent,
             "last_pose": None if self._last_pose is None else asdict(self._last_pose),
             "counts": dict(self.counts),
         }
@@ -139,11 +160,13 @@ class BodyTracker:
             waiting = [_frame_pose_of(entry) for entry in snapshot["waiting"]]
             last_ns, counts = snapshot["last_ns"], Counter(snapshot["counts"])
             last = snapshot.get("last_pose")  # states of before there was one go on without
+            parent = str(snapshot.get("parent", ""))
             last_pose = None if last is None else BodyPose(last["stamp_ns"], _pose_of(last["pose"]))
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise InvalidValueError("tracker state", repr(snapshot)[:80], "what BodyTracker.snapshot gave") from error
         self._tree.links, self._waiting, self._last_ns, self.counts = links, deque(waiting), last_ns, counts
-        self._last_pose = last_pose
+        self._last_pose, self._parent = last_pose, parent
+        self._tree.shape += 1
         self._moving = self._tree.moving_ancestor(self.config.body_frame)
 
     def _body_measured(self, measured: FramePose) -> list[TrackerEvent]:
@@ -157,9 +180,8 @@ class BodyTracker:
             self._tree.forget_after(measured.stamp_ns + int(self.config.clock_jump * NANOSECONDS))
             self._last_pose = None
         elif self._last_ns is not None and back_ns >= 0:
-            how = "stands still" if back_ns == 0 else f"goes back by {back_ns / NANOSECONDS:.6f} s"
-            return [BadPose(measured.stamp_ns, measured.child, f"stamp: found one that {how}, expected a later one", "stamp")]
-        self._last_ns = measured.stamp_ns
+            return [BadPose(measured.stamp_ns, measured.child, _bad_stamp(measured.stamp_ns, back_ns), "stamp")]
+        self._last_ns, self._parent = measured.stamp_ns, measured.parent
         self._waiting.append(measured)
         return jump + self._known()
 
@@ -167,7 +189,7 @@ class BodyTracker:
         link = self._tree.links.get(measured.child)
         if link is not None and not link.static and link.newest_ns - measured.stamp_ns > self.config.clock_jump * NANOSECONDS:
             self._tree.forget_after(measured.stamp_ns)
-        self._tree.take(measured)
+        self._tree.take(measured, HISTORY if measured.child in self.needed_frames else SHORT_HISTORY)
         self._moving = self._tree.moving_ancestor(self.config.body_frame)
 
     def _known(self) -> list[TrackerEvent]:
@@ -224,11 +246,14 @@ class BodyTracker:
     def _give_up(self, number: int, why: str) -> list[TrackerEvent]:
         """Lets the oldest waiting body poses go."""
         lost = [self._waiting.popleft() for _ in range(number)]
-        wanted = f"expected poses that lead from frame '{self.config.board_frame}' to frame"
-        return [
-            BadPose(one.stamp_ns, one.child, f"board: found {why}, {wanted} '{one.parent}' at its time", "frame")
-            for one in lost
-        ]
+        return [BadPose(one.stamp_ns, one.child, f"board: found {why}, {self._wanted(one.parent)}", "frame") for one in lost]
+
+    def _wanted(self, parent: str) -> str:
+        """What a pose in frame `parent` waited for, which frames there are, and what to do."""
+        wanted = f"expected poses that lead from frame '{self.config.board_frame}' to frame '{parent}' at its time"
+        here = ", ".join(self._tree.frames[:MOST_LISTED]) or "none"
+        named = "" if parent else "; header.frame_id of the poses is empty: set it"
+        return f"{wanted}{named}; frames here: {here}; where poses are given on the board, use --board-frame ''"
 
     def _counted(self, events: list[TrackerEvent]) -> tuple[TrackerEvent, ...]:
         for event in events:
@@ -249,3 +274,12 @@ def _link_of(entry: Mapping[str, Any]) -> Link:
 
 def _frame_pose_of(entry: Mapping[str, Any]) -> FramePose:
     return FramePose(entry["stamp_ns"], entry["parent"], entry["child"], _pose_of(entry["pose"]), entry["static"])
+
+
+def _bad_stamp(stamp_ns: int, back_ns: int) -> str:
+    """What is wrong with a stamp that is not later than the one before, and what to do."""
+    if stamp_ns == 0 and back_ns == 0:
+        return "stamp: found header stamps of 0, expected the time of each pose: fill header.stamp"
+    if back_ns == 0:
+        return "stamp: found the same one twice, expected a later one: is the topic published twice, or by a coarse clock?"
+    return f"stamp: found one that goes back by {back_ns / NANOSECONDS:.6f} s, expected a later one"

@@ -47,22 +47,32 @@ class RigCalibration:
     """How poses of a rig are corrected; by default they are not.
 
     Attributes:
-        normal: of the board's plane, up, in the frame of the poses; of any length.
-        centre: about which poses are turned, amid where bodies come to rest; it stays where it is but for its height, which is
-            scaled [m].
-        scale: what lengths are multiplied with.
+        normal: upward normal of the board's plane in the frame of the poses; of any length.
+        centre: point about which poses are rotated, in the middle of where bodies come to rest [m]; its x and y stay, its
+            height is scaled.
+        scale: factor that lengths are multiplied with.
+        height: height of the board's surface in poses that were rotated and scaled; it is subtracted [m].
+        marker_turn: rotation vector of the tracked frame against the described body's, in that body's frame [rad].
+        marker_offset: place of the described body's origin seen from the tracked one, in the described body's frame [m].
     """
 
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     scale: float = 1.0
+    height: float = 0.0
+    marker_turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    marker_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         length = float(np.linalg.norm(self.normal))
         if not (np.shape(self.normal) == (3,) and np.isfinite(length) and self.normal[2] > STEEPEST * length):
             raise InvalidValueError("normal", self.normal, "three numbers that point up by more than across")
-        if not (np.shape(self.centre) == (3,) and np.isfinite(self.centre).all()):
-            raise InvalidValueError("centre", self.centre, "three numbers")
+        for name in ("centre", "marker_turn", "marker_offset"):
+            value = getattr(self, name)
+            if not (np.shape(value) == (3,) and np.isfinite(value).all()):
+                raise InvalidValueError(name, value, "three numbers")
+        if not np.isfinite(self.height):
+            raise InvalidValueError("height", self.height, "a number of metres")
         if not 0.5 <= self.scale <= 2.0:
             raise InvalidValueError("scale", self.scale, "a number from 0.5 to 2")
 
@@ -72,6 +82,11 @@ class RigCalibration:
         normal = np.array(self.normal)
         length = float(np.linalg.norm(normal))
         return normal if abs(length - 1.0) < ROUNDING else normal / length
+
+    @property
+    def has_marker(self) -> bool:
+        """Whether the tracked frame is not the described body's."""
+        return any(self.marker_turn) or any(self.marker_offset)
 
     @property
     def tilt(self) -> float:
@@ -85,7 +100,7 @@ NO_CORRECTION = RigCalibration()
 
 @dataclass(frozen=True, eq=False)
 class RigMeasurements:
-    """What is measured of a rig in K tosses.
+    """Measurements of a rig from K tosses.
 
     Attributes:
         normals: (K, 3) up, of the faces that they came to lie on; NaN where they did not.
@@ -125,7 +140,7 @@ class RigMeasurements:
         return RigCalibration(_triple(normal / np.linalg.norm(normal)), _triple(centre), gravity / float(seen))
 
     def resampled(self, places: NDArray[np.int64]) -> "RigMeasurements":
-        """Those of some of the tosses, as often as they are named."""
+        """The measurements of resampled tosses."""
         return RigMeasurements(*(getattr(self, field.name)[places] for field in fields(self)))
 
 
@@ -162,16 +177,39 @@ def apply_calibration(toss: Toss, rig: RigCalibration) -> Toss:
     """The toss as a level rig with a true length scale would have tracked it; unchanged where there is nothing to correct."""
     if rig == NO_CORRECTION:
         return toss
+    positions, orientations = calibrated_poses(toss.positions, toss.orientations_wxyz, rig)
+    velocities = calibrated_vectors(toss.linear_velocities, rig)
+    spins = toss.angular_velocities  # in the body's frame, which no board turns
+    if rig.has_marker:
+        spins = quaternions.rotate(quaternions.exp(rig.marker_turn), spins)
+        velocities = velocities + quaternions.rotate(orientations, np.cross(spins, np.array(rig.marker_offset)))
+    return replace(
+        toss, positions=positions, orientations_wxyz=orientations, linear_velocities=velocities, angular_velocities=spins
+    )
+
+
+def calibrated_poses(positions: Array, orientations_wxyz: Array, rig: RigCalibration) -> tuple[Array, Array]:
+    """Positions (T, 3) and orientations (T, 4) as a level rig with a true length scale and an exact marker would give them."""
+    turn, centre = _levelling(rig), np.array(rig.centre)
+    levelled = centre * [1.0, 1.0, rig.scale] + rig.scale * quaternions.rotate(turn, positions - centre)
+    levelled = levelled - np.array([0.0, 0.0, rig.height])
+    orientations = quaternions.multiply(turn, orientations_wxyz)
+    if rig.has_marker:
+        orientations = quaternions.multiply(orientations, quaternions.conjugate(quaternions.exp(rig.marker_turn)))
+        levelled = levelled + quaternions.rotate(orientations, rig.marker_offset)
+    return levelled, orientations
+
+
+def calibrated_vectors(vectors: Array, rig: RigCalibration) -> Array:
+    """Velocities or accelerations (T, 3) of the tracked origin, turned and scaled."""
+    return vectors if rig == NO_CORRECTION else rig.scale * quaternions.rotate(_levelling(rig), vectors)
+
+
+def _levelling(rig: RigCalibration) -> Array:
+    """(4,) the turn that brings the board's normal upright."""
     axis = np.cross(rig.up, [0.0, 0.0, 1.0])
     length = float(np.linalg.norm(axis))
-    turn = quaternions.exp(axis * (rig.tilt / length if length else 0.0))
-    centre = np.array(rig.centre)
-    return replace(
-        toss,
-        positions=centre * [1.0, 1.0, rig.scale] + rig.scale * quaternions.rotate(turn, toss.positions - centre),
-        orientations_wxyz=quaternions.multiply(turn, toss.orientations_wxyz),
-        linear_velocities=rig.scale * quaternions.rotate(turn, toss.linear_velocities),
-    )  # spins are in the body's frame, which no rig turns
+    return quaternions.exp(axis * (rig.tilt / length if length else 0.0))
 
 
 def _triple(vector: Array) -> tuple[float, float, float]:

@@ -1,4 +1,4 @@
-"""Where frames stand in each other: a tree of static and moving links, as /tf and odometry give it.
+"""The tree of frames: static and moving links, as /tf and odometry give them.
 
 A link that moves has a history. Asked for a time between two of its poses it is interpolated: only the rig (boards, cameras,
 robots) is looked up here, never the tossed body, which is not interpolated over contact.
@@ -13,6 +13,8 @@ from contact_curation.motion.pose_stream import FramePose
 
 HISTORY = 2048
 """Poses that a moving link remembers; the oldest half goes when it is full."""
+MOST_FRAMES = 10_000
+"""Links that a tree takes; far more than any robot has."""
 
 
 @dataclass(slots=True)
@@ -51,17 +53,35 @@ class Link:
 
 
 class FrameTree:
-    """The links that are known, by child frame."""
+    """The links that are known, by child frame.
+
+    Attributes:
+        links: by child frame.
+        shape: changes whenever a frame gets another parent, or one at all.
+    """
 
     def __init__(self) -> None:
         self.links: dict[str, Link] = {}
+        self.shape = 0
 
-    def take(self, frame_pose: FramePose) -> bool:
-        """Learns a pose; False when it comes with an older stamp than the link's newest and is left out.
+    @property
+    def frames(self) -> list[str]:
+        """The names of all frames that are known, in order."""
+        return sorted({name for child, link in self.links.items() for name in (child, link.parent) if name})
+
+    def take(self, frame_pose: FramePose, history: int = HISTORY) -> bool:
+        """Adds a pose; False when it is left out: older than the link's newest, or of one frame too many.
+
+        Args:
+            frame_pose: measured.
+            history: poses that a moving link remembers.
 
         Quaternions may be rounded, as launch files have them; links are products of many and hold unit ones.
         """
         link = self.links.get(frame_pose.child)
+        if link is None and len(self.links) >= MOST_FRAMES:
+            return False
+        self.shape += link is None or link.parent != frame_pose.parent
         pose = ScalarPose(frame_pose.pose.position, unit(frame_pose.pose.orientation_wxyz))
         if frame_pose.static:
             self.links[frame_pose.child] = Link(frame_pose.parent, True, poses=[pose])
@@ -70,8 +90,8 @@ class FrameTree:
             link = self.links[frame_pose.child] = Link(frame_pose.parent, False)
         if link.stamps_ns and frame_pose.stamp_ns <= link.newest_ns:
             return False
-        if len(link.stamps_ns) >= HISTORY:
-            del link.stamps_ns[: HISTORY // 2], link.poses[: HISTORY // 2]
+        if len(link.stamps_ns) >= history:
+            del link.stamps_ns[: -history // 2], link.poses[: -history // 2]
         link.stamps_ns.append(frame_pose.stamp_ns)
         link.poses.append(pose)
         return True
@@ -79,6 +99,7 @@ class FrameTree:
     def forget_after(self, stamp_ns: int) -> None:
         """Drops the moving links that know times after `stamp_ns`: the clock has jumped back."""
         self.links = {child: link for child, link in self.links.items() if link.static or link.newest_ns <= stamp_ns}
+        self.shape += 1
 
     def ancestors(self, frame: str) -> Iterator[tuple[str, Link | None]]:
         """The frame and those above it, each with its link to the next; ends where the tree does, or bites its tail."""

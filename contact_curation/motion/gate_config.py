@@ -32,25 +32,27 @@ class GateConfig:
     accelerations with the square of the rate.
 
     Attributes:
-        enabled: False lets everything pass.
-        gravity: [m/s^2]; None: the body's.
-        largest_friction: mu_max of the cone; None: 1.5 times the body's friction, at least 0.5 [0.5].
-        impulse_tolerance: tol [m/s]; None: 0.219 sqrt(size g) [0.157].
-        airborne_clearance: a body whose vertices are higher than this is in the air [m]; None: 0.191 sizes [0.010].
-        airborne_acceleration: a_max [m/s^2]; None: 0.6 g [5.89].
-        airborne_spin_change: w_max, from frame to frame, beside what the body's inertia does [rad/s]; None: 2.
-        twist_leverage: levers of the body are taken so many times, for an inertia that is not well known.
-        twist_tolerance: w_tol [rad/s]; None: 2, or more for a noisy tracker of a small body [2].
-        energy_tolerance: e_tol, per mass [m^2/s^2]; None: 0.1, or 0.04 m/s times the speed.
-        jump_velocity: v_max [m/s]; None: 0.4, about 3 mm at 148 Hz.
-        jump_spin: the same of turns, about any axis [rad/s]; None: what a push of 0.74 m/s at a vertex gives [25].
-        depth: of the lowest vertex under the board [m]; None: 0.15 sizes [0.0079].
-        rest_tilt: of the face that the body comes to lie on [rad]; None: 0.024, 1.4 degrees.
-        rest_height: of that face over or under the board [m]; None: 0.0573 sizes [0.003].
-        resting_speed: a body is at rest at the end if it is as slow as that over the last frames [m/s]; None: 0.05.
-        resting_spin: likewise [rad/s]; None: 0.5.
-        quaternion_tolerance: on the norm.
-        largest_gap: between frames, in frame periods.
+        enabled: whether gates are applied; if not, every toss passes.
+        gravity: gravitational acceleration [m/s^2]; None: the body's.
+        largest_friction: mu_max, the friction coefficient of the cone; None: 1.5 times the body's friction, at least 0.5 [0.5].
+        impulse_tolerance: tolerance of impulses outside the friction cone [m/s]; None: 0.219 sqrt(size g) [0.157].
+        airborne_clearance: a body is in the air if its vertices are higher than this [m]; None: 0.191 sizes [0.010].
+        airborne_acceleration: a_max, largest acceleration in the air beside gravity [m/s^2]; None: 0.6 g [5.89].
+        airborne_spin_change: w_max, largest change of spin between frames in the air, beside free rotation [rad/s]; None: 2.
+        twist_leverage: factor on the levers of the body, larger than 1 where its inertia is not well known.
+        twist_tolerance: w_tol, tolerance of changes of spin that no contact impulse explains [rad/s]; None: 2, or more for a
+            noisy tracker of a small body [2].
+        energy_tolerance: e_tol, tolerance of a gain of energy per mass [m^2/s^2]; None: 0.1, or 0.04 m/s times the speed.
+        jump_velocity: v_max, largest difference of the velocity from the displacement over time [m/s]; None: 0.4, about 3 mm at
+            148 Hz.
+        jump_spin: the same for rotations, about any axis [rad/s]; None: what an impulse of 0.74 m/s at a vertex gives [25].
+        depth: largest depth of the lowest vertex under the board [m]; None: 0.15 sizes [0.0079].
+        rest_tilt: largest tilt of the face that the body comes to rest on [rad]; None: 0.024, 1.4 degrees.
+        rest_height: largest distance of that face from the board [m]; None: 0.0573 sizes [0.003].
+        resting_speed: a body is at rest at the end if it moves slower than this over the last frames [m/s]; None: 0.05,
+        resting_spin: and if it turns slower than this [rad/s]; None: 0.5.
+        quaternion_tolerance: largest deviation of a quaternion's norm from 1.
+        largest_gap: longest time between frames, in frame periods.
     """
 
     enabled: bool = True
@@ -112,7 +114,7 @@ class GateConfig:
 
 @dataclass(frozen=True, eq=False)
 class GateBounds:
-    """What `GateConfig` says for a body and its tracker, every field a number.
+    """The bounds of `GateConfig` for a body and its tracker, every field a number.
 
     Attributes:
         levers: (3,) about the principal axes of inertia, those of `scales` times `twist_leverage` [rad/m].

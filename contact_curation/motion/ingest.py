@@ -1,7 +1,7 @@
-"""The whole way from measured poses to tosses that may be scored: track, segment, calibrate, gate."""
+"""Turns measured poses into tosses that may be scored: track, segment, calibrate, check."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -44,17 +44,21 @@ class TossIngest:
         config: of the stages.
         body: what is tossed.
         source: where the poses come from, e.g. a topic; part of the toss ids.
+        placed: hears every pose on the board, in order; nobody by default.
 
     Attributes:
         counts: how often what happened: "poses", "tosses", "rejected", and kinds of bad poses.
         noise: how much the poses scatter; no part of the state.
     """
 
-    def __init__(self, config: IngestConfig, body: TossedBody, *, source: str) -> None:
+    def __init__(
+        self, config: IngestConfig, body: TossedBody, *, source: str, placed: Callable[[BodyPose], None] | None = None
+    ) -> None:
         self.config = config
+        self._placed = placed
         self._body = body
         self._tracker = BodyTracker(config.tracker)
-        self._segmenter = TossSegmenter(config.segmenter, body, source=source)
+        self._segmenter = TossSegmenter(config.segmenter, body, source=source, rig=config.rig)
         self._outcomes: Counter[str] = Counter()
         self.noise = PoseNoise()
 
@@ -70,6 +74,11 @@ class TossIngest:
     def tossing(self) -> bool:
         """Whether a toss has started and not ended yet."""
         return self._segmenter.tossing
+
+    @property
+    def needed_frames(self) -> frozenset[str]:
+        """Frames whose moving poses may change a pose of the body."""
+        return self._tracker.needed_frames
 
     def push(self, measured: FramePose | BadPose) -> tuple[IngestEvent, ...]:
         """Takes in a measurement of the body or the rig; gives what became complete, in order."""
@@ -107,6 +116,8 @@ class TossIngest:
         followed: list[IngestEvent] = []
         for event in events:
             if isinstance(event, BodyPose):
+                if self._placed is not None:
+                    self._placed(event)
                 self.noise.push(event.stamp_ns, event.pose.position)
                 followed += self._segmenter.push(event.stamp_ns, event.pose.position, event.pose.orientation_wxyz)
             elif isinstance(event, ClockJump):

@@ -1,4 +1,4 @@
-"""A pose stream becomes tosses, pose by pose: release to rest.
+"""Cuts a pose stream into tosses, pose by pose, from release to rest.
 
     start   free fall over the board in two successive frames, every corner off the board
     end     nine successive displacements too small to see, the body flat on a face
@@ -15,6 +15,7 @@ from typing import Any
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.scalars import Quaternion, Vector, third_row
+from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.motion.scales import TossedBody, scale_of
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.smoothing import noise_growth
@@ -38,10 +39,12 @@ class TossSegmenter:
         config: the rules.
         body: what is tossed.
         source: where the poses come from; part of the toss ids.
+        rig: what tracked: heights count from its board, and motions are judged as it corrects them, but come out as recorded.
     """
 
-    def __init__(self, config: SegmenterConfig, body: TossedBody, *, source: str) -> None:
+    def __init__(self, config: SegmenterConfig, body: TossedBody, *, source: str, rig: RigCalibration = NO_CORRECTION) -> None:
         self.config = config
+        self._rig = rig
         self._bounds = config.bounds(scale_of(body), config.tracker)
         self.body = body.name
         self.source = source
@@ -235,7 +238,7 @@ class TossSegmenter:
 
     def _corner_heights(self, frame: Frame) -> list[float]:
         a, b, c = third_row(frame.orientation_wxyz)
-        z = frame.position[2]
+        z = frame.position[2] - self._rig.height
         return [a * u + b * v + c * w + z for u, v, w in self._corners]
 
     def _close(self, why: str) -> tuple[Toss | Rejected, ...]:
@@ -249,7 +252,7 @@ class TossSegmenter:
 
     def _ended(self, stop: int) -> Toss | Rejected:
         motion = self._cut(stop)
-        reasons = reasons_against(motion, self._polytope, self._bounds)
+        reasons = reasons_against(motion, self._polytope, self._bounds, self._rig)
         return Rejected(motion.toss, reasons) if reasons else motion.toss
 
     def _given_up(self, why: str) -> Rejected:

@@ -25,34 +25,37 @@ STILL_NOISE = 8.0
 
 @dataclass(frozen=True)
 class SegmenterConfig:
-    """When a toss starts and ends, and which motions are none.
+    """When a toss starts and ends, and which motions are not tosses.
 
     None leaves a bound to the body and its tracker. In brackets what it then is for ContactNets' cube at its rig's noise.
 
     Attributes:
-        gravity: [m/s^2]; None: the body's.
-        fall_tolerance: in free fall the upward acceleration stays under -gravity plus this [m/s^2]; None: 0.306 g [3].
-        fall_mean_tolerance: and the mean of two frames within this of -gravity [m/s^2]; None: 0.102 g [1].
-        release_clearance: every vertex is higher than this at the start [m]; None: 0.191 sizes of the body [0.010].
-        region_x: where over the board a toss may start [m]; finite bounds also demand that the body was outside before it.
-        region_y: likewise [m].
+        gravity: gravitational acceleration [m/s^2]; None: the body's.
+        fall_tolerance: a body is in free fall if its upward acceleration is under -gravity plus this [m/s^2]; None: 0.306 g
+            [3],
+        fall_mean_tolerance: and if the mean over two frames is within this of -gravity [m/s^2]; None: 0.102 g [1].
+        release_clearance: height of every vertex over the board at the start of a toss [m]; None: 0.191 sizes of the body
+            [0.010].
+        region_x: range of x in which a toss may start [m]; with finite bounds the body must also have been outside before.
+        region_y: range of y in which a toss may start [m].
         settle_time: time without free fall that separates two motions [s]; None: 4.1 sqrt(size / g) [0.3].
-        rest_displacement: a body at rest moves at most this from frame to frame [m]; None: 0.0057 sizes [0.0003].
-        rest_frames: so many displacements in a row; more over 150 frames a second, for as long a time.
-        flat_tolerance: a flat body has three vertices at most this over its lowest [m]; None: 0.055 of its reach [0.005].
-        rest_height: its origin is lower than this at rest [m]; see `CONTACTNETS_RULES`.
-        shortest: a toss takes at least this long [s]; None: 4.1 sqrt(size / g) [0.3].
-        lowest_corner: the lowest vertex of a whole toss is within this of the board [m]; None: 0.134 sizes [0.007].
-        airborne_clearance: a body with all vertices higher than this, in all frames that an acceleration comes from, is in the
-            air [m]; None: 0.191 sizes [0.010].
-        airborne_acceleration: and accelerates as gravity does, up to this [m/s^2]; None: 0.5 g [4.905].
+        rest_displacement: largest displacement between frames of a body at rest [m]; None: 0.0057 sizes [0.0003].
+        rest_frames: number of successive displacements of a body at rest; over 150 frames a second more, for the same time.
+        flat_tolerance: a body lies flat if three vertices are at most this over the lowest one [m]; None: 0.055 of its reach
+            [0.005].
+        rest_height: largest height of the body's origin at rest [m]; inf for no bound.
+        shortest: shortest duration of a toss [s]; None: 4.1 sqrt(size / g) [0.3].
+        lowest_corner: largest distance from the board to the lowest vertex over a whole toss [m]; None: 0.134 sizes [0.007].
+        airborne_clearance: a body is in the air if all vertices are higher than this in all frames that an acceleration comes
+            from [m]; None: 0.191 sizes [0.010],
+        airborne_acceleration: and if its acceleration differs from gravity by at most this [m/s^2]; None: 0.5 g [4.905].
         frame_period: nominal time between frames [s]; None: the median of the stamp differences.
         largest_gap: longest time between frames, in frame periods.
-        most_frames: a longer motion is given up.
-        tracker_noise: how many times as noisy from frame to frame as the real rig's the poses are, 0.022 mm and 0.024 degrees
-            per axis; bounds that noise reaches grow with it, those of the gates, too.
-        filter_orientations: take the median of three of the orientations first, for raw trackers; ContactNets' files had that
-            done.
+        most_frames: a motion with more frames than this is dropped.
+        tracker_noise: noise of the poses between frames as a multiple of the real rig's, 0.022 mm and 0.024 degrees per axis;
+            the bounds of segmenter and gates that noise reaches grow with it.
+        filter_orientations: whether a median of three is applied to orientations first, for raw trackers; ContactNets' files
+            are filtered already.
     """
 
     gravity: float | None = ranged(None, 0.0, 100.0)
@@ -127,7 +130,7 @@ class SegmenterConfig:
 
 @dataclass(frozen=True)
 class SegmenterBounds:
-    """What `SegmenterConfig` says for a body and its tracker, every field a number.
+    """The bounds of `SegmenterConfig` for a body and its tracker, every field a number.
 
     Attributes:
         rest_travel: how far a body at rest may come within `rest_frames` [m].

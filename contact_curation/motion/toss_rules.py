@@ -9,6 +9,7 @@ import numpy as np
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.scalars import Quaternion, Vector
+from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration, apply_calibration, calibrated_vectors
 from contact_curation.motion.segmenter_config import SegmenterBounds, SegmenterConfig
 from contact_curation.motion.smoothing import all_around, clear_steps, kinematics, median_orientations, vertex_travels
 from contact_curation.motion.toss import NANOSECONDS, Toss, toss_identity
@@ -120,9 +121,11 @@ def cut(run: Sequence[Frame], first: int, stop: int, body: str, source: str, con
     return Motion(toss, rates.accelerations[kept])
 
 
-def reasons_against(motion: Motion, polytope: Polytope, bounds: SegmenterBounds) -> tuple[str, ...]:
-    """Why a motion is no toss, one line each; empty when it is one."""
-    toss = motion.toss
+def reasons_against(
+    motion: Motion, polytope: Polytope, bounds: SegmenterBounds, rig: RigCalibration = NO_CORRECTION
+) -> tuple[str, ...]:
+    """Why a motion is no toss once its rig is corrected, one line each; empty when it is one."""
+    toss = apply_calibration(motion.toss, rig)
     lowest = polytope.corner_heights(toss.positions, toss.orientations_wxyz).min(axis=1)  # (T,)
     reasons = []
     duration = toss.frames * toss.frame_period
@@ -131,7 +134,8 @@ def reasons_against(motion: Motion, polytope: Polytope, bounds: SegmenterBounds)
     if abs(lowest.min()) > bounds.lowest_corner:
         expected = f"within {1e3 * bounds.lowest_corner:.3g} mm of the board"
         reasons.append(f"lowest corner of the toss: found {1e3 * lowest.min():.1f} mm, expected {expected}")
-    excess = np.linalg.norm(motion.accelerations + np.array([0.0, 0.0, bounds.gravity]), axis=1)  # (T,)
+    accelerations = calibrated_vectors(motion.accelerations, rig)
+    excess = np.linalg.norm(accelerations + np.array([0.0, 0.0, bounds.gravity]), axis=1)  # (T,)
     clear = np.append(clear_steps(lowest, vertex_travels(toss, bounds.reach)), True)  # (T,)
     airborne = all_around(lowest > bounds.airborne_clearance, 3, 1) & all_around(clear, 3, 0)
     excess = np.where(airborne, excess, 0.0)

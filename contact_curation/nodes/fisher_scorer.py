@@ -1,4 +1,4 @@
-"""fisher_scorer: tosses in, what each of them teaches out. Information is stored before it is announced."""
+"""fisher_scorer: computes the information of tosses. It is stored before it is announced."""
 
 import sys
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ class FisherScorer(StageNode):
         self._body = declared_body(self)
         config = declare_config(self, ScoringConfig(loss=replace(DEFAULT_LOSS, threads=1)))
         parameters = declare(self, "params", "", "theta to begin with: JSON file or checkpoint; empty: the body as described")
-        store = Path(declare(self, "store", "information.sqlite", "file that information is kept in"))
+        store = Path(declare(self, "store", "information.sqlite", "file that stores information"))
         theta = theta_of_geometry(ContactGeometry.of_body(self._body))
         if parameters:
             theta, self._body = read_scored_theta(Path(parameters), self._body)
@@ -86,6 +86,7 @@ class FisherScorer(StageNode):
     def _announce(self, batch: Sequence[Announcement]) -> None:
         for one in batch:
             self._publisher.publish(information_message(one.information, one.sequence, one.stamped))
+            self.get_logger().info(one.information.in_words())
         self._stage.announced(batch)
 
     def _parameters_came(self, message: Any) -> None:

@@ -48,19 +48,26 @@ class Player(StageNode):
     def __init__(self) -> None:
         super().__init__("player")
         path = declare(self, "bag", "", "recording: MCAP, rosbag2 folder or its storage file, ROS 1 bag")
-        rate = declare(self, "rate", 1.0, "recorded seconds a second", bounds=(1e-3, 1e3), fixed=False)
-        declare(self, "seek", 0.0, "jumps to so many seconds behind the recording's start", bounds=(0.0, FOREVER), fixed=False)
-        loop = declare(self, "loop", False, "begin again at the end")
-        offset = declare(self, "start_offset", 0.0, "seconds left out at the start", bounds=(0.0, FOREVER))
-        self._fast = declare(self, "as_fast_as_possible", False, "do not wait between messages")
+        rate = declare(self, "rate", 1.0, "playback rate: recorded seconds per second", bounds=(1e-3, 1e3), fixed=False)
+        declare(
+            self,
+            "seek",
+            0.0,
+            "position to jump to, in seconds after the start of the recording",
+            bounds=(0.0, FOREVER),
+            fixed=False,
+        )
+        loop = declare(self, "loop", False, "start again at the end")
+        offset = declare(self, "start_offset", 0.0, "seconds to skip at the start", bounds=(0.0, FOREVER))
+        self._fast = declare(self, "as_fast_as_possible", False, "play without waiting between messages")
         self._wait = declare(self, "wait_for", 0.0, "seconds to wait for a first subscriber", bounds=(0.0, FOREVER))
-        self._stay = declare(self, "stay", False, "stay at the end, so that late subscribers still get the history")
-        self._history = declare(self, "history", 30000, "messages kept per topic for late subscribers; 0: as recorded",
+        self._stay = declare(self, "stay", False, "keep running at the end, so that late subscribers still get the history")
+        self._history = declare(self, "history", 30000, "messages per topic that late subscribers still get; 0: as recorded",
                                 bounds=(0, 1 << 20))  # fmt: skip
         wanted = [name for name in declare(self, "topics", [""], "topics to play; empty: all") if name]
         renamed = [pair for pair in declare(self, "remap", [""], "topics to rename, as old:=new") if pair]
         hertz = declare(self, "clock", 0.0, "rate of /clock [Hz]; 0: none", bounds=(0.0, 1e4))
-        self._recorded_time = PlaybackClock(rate, declare(self, "start_paused", False, "wait for ~/resume"))
+        self._recorded_time = PlaybackClock(rate, declare(self, "start_paused", False, "wait for a call of ~/resume"))
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._published = 0
         if not path:

@@ -58,10 +58,14 @@ class SessionRecorder(StageNode):
 
     def __init__(self) -> None:
         super().__init__("session_recorder")
-        path = declare(self, "bag", "", "file to record into, *.mcap; one that is there is gone on with")
-        self._depth = declare(self, "queue_depth", 16384, "messages kept per topic until they are taken", bounds=(1, 1 << 20))
-        self._most = declare(self, "memory", 1 << 28, "bytes that may wait to be written", bounds=(1 << 20, 1 << 40))
-        period = declare(self, "flush_period", 1.0, "what is older than this outlives a kill [s]", bounds=(0.01, 60.0))
+        path = declare(self, "bag", "", "file to record into, *.mcap; an existing file is continued")
+        self._depth = declare(self, "queue_depth", 16384, "messages per topic that wait to be processed", bounds=(1, 1 << 20))
+        self._most = declare(
+            self, "memory", 1 << 28, "largest number of bytes that wait to be written", bounds=(1 << 20, 1 << 40)
+        )
+        period = declare(
+            self, "flush_period", 1.0, "messages older than this are on disk and survive a crash [s]", bounds=(0.01, 60.0)
+        )
         if Path(path).suffix != ".mcap":
             raise InvalidValueError("parameter bag", repr(path), "a file name ending in .mcap")
         self._warnings = ThrottledWarnings(self)

@@ -69,12 +69,12 @@ class SimCamera(StageNode):
 
     def _declared_sight(self) -> Sight:
         mode = declare(self, "mode", "poses", "what is published", choices=("poses", "rendered"))
-        seed = declare(self, "seed", 0, "of the noise", bounds=(0, 2**31))
-        board_frame = declare(self, "board_frame", "body_surface", "the board's frame, in which the ground truth is")
+        seed = declare(self, "seed", 0, "random seed of the noise", bounds=(0, 2**31))
+        board_frame = declare(self, "board_frame", "body_surface", "frame of the board, in which the ground truth is given")
         tag_map = declare(
             self, "tag_map", "", "YAML file with the tags; empty: one on each of the body's faces, seven on the board"
         )
-        history = declare(self, "history", 4096, "poses or detections kept for late subscribers", bounds=(1, 1 << 20))
+        history = declare(self, "history", 4096, "poses or detections that late subscribers still get", bounds=(1, 1 << 20))
         images = declare(self, "images", False, "publish rendered images too")
         noise = declare_config(self, TrackerNoiseConfig(), "noise.")
         camera, detector = declare_config(self, CameraConfig(), "camera."), declare_config(self, DetectorConfig(), "detector.")

@@ -57,10 +57,10 @@ class ThrowDesigner(StageNode):
         self._body = declared_body(self)
         config = declared_design(self)
         parameters = declare(self, "params", "", "theta to begin with: JSON file or checkpoint; empty: none yet")
-        store = Path(declare(self, "store", "throws.sqlite", "file that throws, theta and what they taught are kept in"))
+        store = Path(declare(self, "store", "throws.sqlite", "file that stores throws, theta and gains"))
         self._board_frame = declare(self, "board_frame", "body_surface", "frame that throws are given in")
-        declare(self, "auto", False, "throws are made one after the other", fixed=False)
-        about_tracker = "no throw before pose_ingest says (topic tracked) that somebody publishes the body's poses"
+        declare(self, "auto", False, "make one throw after the other", fixed=False)
+        about_tracker = "wait with throws until pose_ingest reports (topic tracked) that the body's poses are published"
         self._awaits_tracker = declare(self, "await_tracker", True, about_tracker)
         self._tracked = False
         loop = declared_loop(self)

@@ -41,14 +41,19 @@ class Trainer(StageNode):
     def __init__(self) -> None:
         super().__init__("trainer")
         self._body = declared_body(self)
-        kind = declare(self, "model", DEFAULT_MODEL, "what is trained", choices=list(MODELS))
+        kind = declare(self, "model", DEFAULT_MODEL, "model to train", choices=list(MODELS))
         protocol = declared_protocol(self, kind)
         rounds = declare_config(self, RoundsConfig())
-        seed = declare(self, "seed", 0, "of the initialisation and the shuffles", bounds=(0, 1 << 31))
+        seed = declare(self, "seed", 0, "random seed of the initialisation and the shuffles", bounds=(0, 1 << 31))
         first = declared_first_model(self, kind, self._body, protocol.form, seed)
         self._held_out = declared_held_out(self, self._body)
-        store = Path(declare(self, "store", "trainer.sqlite", "file that fetched tosses are kept in"))
-        checkpoint = declare(self, "checkpoint", "", "file of the model and its training; empty: store, ending .safetensors")
+        store = Path(declare(self, "store", "trainer.sqlite", "file that stores fetched tosses"))
+        checkpoint = declare(
+            self,
+            "checkpoint",
+            "",
+            "file of the model and the state of its training; empty: the store's name, ending in .safetensors",
+        )
         self._tosses = TossStore(store)
         self._stage = TrainingStage(
             first,

@@ -35,17 +35,17 @@ class TrackerNoiseConfig:
     """The faults of a tracker.
 
     Attributes:
-        position: white noise per axis, standard deviation [m].
-        turn: likewise [rad].
-        spike_rate: share of the poses that are far off.
-        spike_position: how far those are off per axis, standard deviation [m].
-        spike_turn: likewise [rad].
-        dropout_rate: share of the seen frames with which a loss of the tags begins.
-        dropout_frames: how many frames a loss lasts, on average.
-        frame_period: time between those frames [s]; others count by the time that they are in.
-        latency: from a frame's stamp until its pose is published [s].
+        position: standard deviation of the white noise of positions, per axis [m].
+        turn: standard deviation of the white noise of orientations, per axis [rad].
+        spike_rate: share of the poses that are outliers.
+        spike_position: standard deviation of an outlier's position error, per axis [m].
+        spike_turn: standard deviation of an outlier's orientation error, per axis [rad].
+        dropout_rate: probability that tracking is lost at a frame.
+        dropout_frames: mean number of frames that a loss of tracking lasts.
+        frame_period: time between the frames that these rates refer to [s].
+        latency: time from a frame's stamp until its pose is published [s].
         spoilt_throw: name of one throw that is tracked badly; empty for none.
-        spoilt_rate: share of that throw's poses that are far off.
+        spoilt_rate: share of that throw's poses that are outliers.
     """
 
     position: float = RIG_NOISE

@@ -1,4 +1,4 @@
-"""Tosses that a trainer holds out: how their recordings are read, and how well a model predicts them."""
+"""The trainer's held-out tosses: how their recordings are read, and how well a model predicts them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ class TrackerConfig:
     """The tracker that recorded the held-out tosses.
 
     Attributes:
-        tracker_noise: of the tracker of those recordings, as pose_ingest's.
+        tracker_noise: noise of the held-out recordings, as in pose_ingest's segmenter.tracker_noise.
     """
 
     tracker_noise: float = 1.0
@@ -31,8 +31,8 @@ class HeldOutConfig:
     """How recordings are read that a model is evaluated on.
 
     Attributes:
-        segmenter: how noisy their tracker is.
-        rig: how their poses are calibrated.
+        segmenter: noise of the tracker of the held-out recordings.
+        rig: rig calibration of the held-out recordings.
     """
 
     segmenter: TrackerConfig = TrackerConfig()

@@ -1,4 +1,4 @@
-"""Ingest that may be killed at any time: what it took in and what came of it become permanent together.
+"""Ingest that can be interrupted at any time: measurements and the tosses from them are stored in one transaction.
 
 Measurements are written down in small batches, with the tosses they completed, in one transaction. After a kill the last saved
 state is restored and the measurements since then are taken in again, which gives the same state, bit for bit. What the
@@ -45,7 +45,7 @@ class Arrival(NamedTuple):
 
 
 class Happened(NamedTuple):
-    """What a batch of measurements led to.
+    """The tosses and rejected motions from a batch of measurements.
 
     Attributes:
         bad: measurements that could not be used.
@@ -96,11 +96,16 @@ class IngestJournal:
     def take(self, arrivals: Sequence[Arrival]) -> Happened:
         """Takes in measurements; when it returns, they and what came of them are permanent."""
         events: list[IngestEvent] = []
+        before = self._ingest.needed_frames
         with self._store.transaction():
             for arrival in arrivals:
                 self._newest[arrival.topic] = arrival.published_ns
                 events += self._ingest.push(arrival.measured)
-            self._write_down([one.measured for one in arrivals if isinstance(one.measured, FramePose)])
+            needed = self._ingest.needed_frames
+            measured = [one.measured for one in arrivals if isinstance(one.measured, FramePose)]
+            self._write_down([one for one in measured if one.static or one.child in needed])
+            if needed != before:  # the state has what these frames did before they were needed
+                self._save()
             return self._stored(events)
 
     def unannounced(self) -> tuple[tuple[StoredToss, ...], tuple[StoredRejected, ...]]:

@@ -14,12 +14,12 @@ class LoopConfig:
     """How long the loop waits.
 
     Attributes:
-        max_throws: no more throws than these; 0: no end.
-        toss_timeout: waits so long for a throw's toss [s].
-        theta_timeout: waits so long after that until the trainer has learned from all tosses [s]; 0: designs with what is
-            known.
+        max_throws: stop after this many throws; 0 for no end.
+        toss_timeout: how long to wait for the toss of a throw [s].
+        theta_timeout: how long to wait after that until the trainer has used all tosses [s]; 0 designs with the theta that is
+            there.
         retry_period: pause after a throw that was not made [s].
-        goal_timeout: gives up a throw of which nothing was heard for so long [s].
+        goal_timeout: time without feedback after which a throw is given up [s].
     """
 
     max_throws: int = 0

@@ -44,13 +44,13 @@ def leaning(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_lean_and_a_short_metre_are_told_with_their_intervals(cli: Cli, crooked: Path) -> None:
+def test_tilt_and_length_scale_have_intervals(cli: Cli, crooked: Path) -> None:
     done = cli("rig", crooked, "--json")
     told = done.json
     assert (told["tosses"], told["at_rest"]) == (12, 12)
-    assert told["lean_degrees"]["value"] == pytest.approx(1.0, abs=0.1)
+    assert told["tilt_degrees"]["value"] == pytest.approx(1.0, abs=0.1)
     assert told["scale"]["value"] == pytest.approx(1.0 / METRE, rel=0.01)
-    for name in ("lean_degrees", "scale", "rest_height_mm"):
+    for name in ("tilt_degrees", "scale", "rest_height_mm"):
         assert told[name]["low"] <= told[name]["value"] <= told[name]["high"]
     assert np.linalg.norm(told["normal"][:2]) == pytest.approx(np.sin(LEAN[0]), abs=2e-3)  # along which heading a file forgets
 
@@ -58,18 +58,18 @@ def test_a_lean_and_a_short_metre_are_told_with_their_intervals(cli: Cli, crooke
 def test_people_are_told_the_same(cli: Cli, crooked: Path) -> None:
     lines = cli("rig", crooked).out.splitlines()
     assert lines[0].startswith("12 tosses: 12 come to rest")
-    assert lines[1].startswith(("board   leans by 1.0", "board   leans by 0.9"))
-    assert "% short: multiply lengths with 1.0" in lines[2]
+    assert lines[1].startswith(("tilt    the board is tilted by 1.0", "tilt    the board is tilted by 0.9"))
+    assert "% too short: multiply them by 1.0" in lines[2]
     assert "mm under the board" in lines[3] or "mm over the board" in lines[3]
 
 
 def test_what_it_says_puts_tosses_right(cli: Cli, leaning: Path, tmp_path: Path) -> None:
     told = cli("rig", leaning, "--json").json
-    assert told["lean_degrees"]["value"] == pytest.approx(1.6, abs=0.1)
+    assert told["tilt_degrees"]["value"] == pytest.approx(1.6, abs=0.1)
     settings = told["settings"].split()
     assert cli("rig", leaning).out.splitlines()[-1].endswith(told["settings"])
     mended = cli("rig", leaning, *settings, "--json").json
-    assert mended["lean_degrees"]["value"] < 0.05
+    assert mended["tilt_degrees"]["value"] < 0.05
     assert mended["scale"]["value"] == pytest.approx(1.0, abs=0.003)
     assert mended["settings"] == ""
     as_recorded = cli("rank", leaning, "--top", 2, "--out", tmp_path / "as_recorded.csv")
@@ -93,7 +93,7 @@ def test_a_model_of_tosses_corrected_is_judged_by_such(cli: Cli, golden: Path, t
 def test_a_rig_that_the_gates_would_keep_back_is_told_all_the_same(cli: Cli, golden: Path) -> None:
     done = cli("rig", golden, "--json")
     assert done.status == 0
-    assert done.json["lean_degrees"]["value"] < 0.05
+    assert done.json["tilt_degrees"]["value"] < 0.05
     assert done.json["scale"]["value"] == pytest.approx(1.0, abs=0.005)
 
 

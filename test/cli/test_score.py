@@ -42,7 +42,7 @@ def test_every_transition_of_every_toss_is_there_without_a_gate(
     expected = evaluate(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE, rows.before, rows.after, rows.dt, config)
     count = len(rows.before)
     assert done.json["transitions"] == count > 2000
-    assert done.json["tosses"] == len(tosses) == 22  # 2 of 24 are no motions to rest; a gate would keep back one more
+    assert done.json["tosses"] == len(tosses) == 22  # 2 of 24 are no motions to rest; a gate would reject one more
     assert done.json["mean_loss"] == pytest.approx(expected.losses.mean())
     assert {name: array.shape for name, array in read.items()} == {
         **dict.fromkeys(("toss_id", "index", "loss", "status", "kkt_residual", *LOSS_TERMS), (count,)),

@@ -77,13 +77,13 @@ def test_scorer_and_curator_that_come_late_and_a_new_theta_and_criterion(graph: 
 
 
 WRONG: dict[str, tuple[str, dict[str, Any], str]] = {
-    "no body": ("pose_ingest", {"body_file": "/nowhere/body.yaml"}, "/nowhere/body.yaml"),
+    "no body": ("pose_ingest", {"body": "/nowhere/body.yaml"}, "/nowhere/body.yaml"),
     "a word for a number": ("pose_ingest", {"gates.depth": "deep"}, "gates.depth"),
     "out of bounds": ("pose_ingest", {"queue_depth": 5}, "queue_depth"),
     "not positive": ("pose_ingest", {"segmenter.shortest": -1.0}, "shortest: found -1.0, expected a positive number"),
     "no such word": ("fisher_scorer", {"estimator": "guess"}, "one of empirical, gauss-newton"),
     "no store": ("fisher_scorer", {"store": "/nowhere/store"}, "/nowhere/store"),
-    "no criterion": ("curator", {"criterion": "beauty"}, "criterion: found beauty"),
+    "no criterion": ("curator", {"criterion": "beauty"}, "unknown criterion beauty"),
     "no bag": ("player", {}, "the path of a recording"),
     "no topic": ("player", {"topics": ["/nothing"]}, "expected /nothing"),
 }

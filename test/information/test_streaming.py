@@ -37,15 +37,15 @@ def test_a_stream_gives_what_the_whole_pool_gives(order: list[int], top: int, no
 @pytest.mark.parametrize("make", SELECTORS)
 def test_every_change_is_told(make: Callable[[int], Selector]) -> None:
     selector = make(6)
-    kept: set[str] = set()
+    chosen: set[str] = set()
     for info in tosses(80, SIZE, 3, seed=1):
         change = selector.offer(info)
-        assert not kept & set(change.added)
-        assert set(change.removed) <= kept
-        kept = kept - set(change.removed) | set(change.added)
-        assert kept == {info.toss_id for info in selector.selected}
+        assert not chosen & set(change.added)
+        assert set(change.removed) <= chosen
+        chosen = chosen - set(change.removed) | set(change.added)
+        assert chosen == {info.toss_id for info in selector.selected}
         assert bool(change) == bool(change.added or change.removed)
-    assert len(kept) <= 6
+    assert len(chosen) <= 6
     assert selector.seen == 80
 
 

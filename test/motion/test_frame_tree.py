@@ -3,7 +3,7 @@
 import pytest
 
 from contact_curation.geometry.scalars import IDENTITY, ScalarPose, compose, inverse
-from contact_curation.motion.frame_tree import HISTORY, FrameTree, composed
+from contact_curation.motion.frame_tree import HISTORY, MOST_FRAMES, FrameTree, composed
 from contact_curation.motion.pose_stream import FramePose
 from test.motion.streams import BOARD, yawed
 
@@ -107,3 +107,11 @@ def test_after_a_clock_jump_links_that_know_the_future_are_forgotten() -> None:
     known = tree(moving(100, at(1.0)), moving(900, at(1.0), child="arm"), FramePose(950, "map", "board", BOARD, static=True))
     known.forget_after(500)
     assert sorted(known.links) == ["board", "camera"]
+
+
+def test_a_tree_takes_so_many_frames_and_no_more() -> None:
+    known = tree(*(FramePose(0, "room", f"frame_{number}", at(0.0), True) for number in range(MOST_FRAMES)))
+    assert not known.take(FramePose(0, "room", "one_more", at(0.0), True))
+    assert len(known.links) == MOST_FRAMES
+    assert known.take(FramePose(0, "hall", "frame_3", at(1.0), True))  # what is known may change
+    assert known.links["frame_3"].parent == "hall"

@@ -19,7 +19,7 @@ class Server:
 
     def __init__(self, count: int, kind: str = "toss") -> None:
         self.stored = [numbered(k, kind) for k in range(1, count + 1)]
-        self.alive = True
+        self.alive = self.ready = True
         self.questions = 0
         self.heard: Callable[[Any], None] = lambda message: None
         self.tick: Callable[[], None] = lambda: None
@@ -36,7 +36,7 @@ class Server:
 
     # What CatchUp asks of a client
     def service_is_ready(self) -> bool:
-        return True
+        return self.ready
 
     def remove_pending_request(self, future: Any) -> None:
         return
@@ -201,3 +201,18 @@ def test_it_is_complete_when_all_that_the_source_holds_was_handled_and_says_so_t
     assert not following_.complete
     hand.work()
     assert (following_.complete, told) == (True, [10, 22])
+
+
+def test_a_source_that_was_away_and_lost_its_last_records_is_taken_from_the_start() -> None:
+    """Its numbers go up again meanwhile: the count alone would not tell."""
+    server = Server(10)
+    _, hand, taken = following(server)
+    server.tick()
+    hand.work()
+    server.ready = False
+    server.tick()
+    server.stored = [*server.stored[:7], *(numbered(number, "other") for number in range(8, 13))]
+    server.ready = True
+    server.tick()
+    hand.work()
+    assert taken == [*expected(1, 10), *expected(1, 7), *expected(8, 12, "other")]

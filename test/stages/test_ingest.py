@@ -1,13 +1,16 @@
 """An ingest that dies anywhere loses nothing and doubles nothing."""
 
-from itertools import batched
+from dataclasses import replace
+from itertools import batched, pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from contact_curation.geometry.scalars import IDENTITY, ScalarPose
 from contact_curation.motion.pose_stream import FramePose
 from contact_curation.stages.ingest import Arrival, IngestJournal
+from contact_curation.stages.records import IngestSnapshot, load_record
 from contact_curation.storage.stores.tosses import TossStore
 from test.graph.parts.measured import fresh_ingest, measured_of, tosses_in
 
@@ -105,4 +108,59 @@ def test_another_toss_under_a_known_id_is_a_conflict_and_the_first_stays(golden_
     happened = IngestJournal(fresh_ingest(), store, "another", "/odom").take(arrivals_of(moved))
     assert any("other content" in line for line in happened.conflicts)
     assert store.after(0, 100)[0].toss.digest() == first.digest()
+    store.close()
+
+
+def beside_a_robot(measured: tuple[FramePose, ...], links: int = 30) -> list[FramePose]:
+    """The same, with a robot's links between every two poses; the first leads to the room that nothing else hangs on."""
+    names = ["room", *(f"link_{number}" for number in range(links))]
+    mixed: list[FramePose] = []
+    for one in measured:
+        mixed.append(one)
+        if not one.static:
+            moved = ScalarPose((0.0, 0.0, 1e-9 * one.stamp_ns % 1.0), (1.0, 0.0, 0.0, 0.0))
+            mixed += [FramePose(one.stamp_ns, parent, child, moved) for parent, child in pairwise(names)]
+    return mixed
+
+
+def test_the_links_of_a_robot_change_no_toss_are_not_written_down_and_a_death_among_them_loses_nothing(
+    golden_bag: Path, tmp_path: Path
+) -> None:
+    measured = measured_of(golden_bag)[:MESSAGES]
+    store, journal = open_journal(tmp_path / "store")
+    longest = 0
+    for number, batch in enumerate(batched(arrivals_of(tuple(beside_a_robot(measured))), 700)):
+        journal.take(batch)
+        longest = max(longest, len(store.poses_since()))
+        assert not any(pose.child.startswith("link_") for _, pose in store.poses_since())
+        if number % 7 == 3:
+            store.close()
+            store, journal = open_journal(tmp_path / "store")
+    assert [one.toss.digest() for one in store.after(0, 100)] == [toss.digest() for toss in tosses_in(measured)]
+    snapshot = load_record(store.states.load, IngestSnapshot)
+    assert snapshot is not None
+    assert "link_3" not in str(snapshot.ingest)
+    assert longest < MESSAGES
+    store.close()
+
+
+def test_a_moving_robot_that_holds_the_board_is_written_down_from_the_moment_it_matters(
+    golden_bag: Path, tmp_path: Path
+) -> None:
+    """The board stands on the last of the robot's links, which is said only after the links have been heard for a while."""
+    measured = measured_of(golden_bag)[:MESSAGES]
+    fixed = [one for one in measured if one.static]
+    poses = [one for one in measured if not one.static]
+    arm = [FramePose(one.stamp_ns, poses[0].parent, "arm", IDENTITY) for one in poses]
+    boards = [replace(one, parent="arm") for one in fixed if one.child == "body_surface"]
+    others = [one for one in fixed if one.child != "body_surface"]
+    mixed = [*others, *arm[:100], *boards, *(one for pair in zip(arm[100:], poses[100:], strict=True) for one in pair)]
+    expected = tosses_in(tuple(mixed))
+    assert len(expected) > 3
+    store, journal = open_journal(tmp_path / "store")
+    for batch in batched(arrivals_of(tuple(mixed)), 90):
+        journal.take(batch)
+        store.close()
+        store, journal = open_journal(tmp_path / "store")
+    assert [one.toss.digest() for one in store.after(0, 100)] == [toss.digest() for toss in expected]
     store.close()

@@ -15,6 +15,9 @@ from contact_curation.dashboard.live.screen import Screen
 from contact_curation.errors import InvalidValueError
 
 APPLICATION = "contact_curation"
+BLUEPRINT = ".rbl"
+"""Of the layout's file beside a recording, for `rerun OTHER.rrd SESSION.rbl`."""
+
 ANYWHERE = "0.0.0.0"
 FLUSH_PERIOD = 0.5
 """[s] Rows wait so long for others of their entity: a viewer takes few long chunks faster than many short ones."""
@@ -25,11 +28,11 @@ class ServingConfig:
     """Where a dashboard goes.
 
     Attributes:
-        web_port: of the viewer; 0 to serve nothing.
-        grpc_port: of the data.
+        web_port: port of the web viewer; 0 serves nothing.
+        grpc_port: port of the data that the viewer shows.
         bind: address that the data are served at.
         recording: .rrd file, overwritten; None for none.
-        memory: what the server keeps for browsers that come later; beyond it the oldest is forgotten.
+        memory: memory limit of the server's history for browsers that connect later; the oldest data are dropped first.
     """
 
     web_port: int = 9090
@@ -73,6 +76,8 @@ def open_screen(config: ServingConfig, layout: rrb.Blueprint) -> Screen:
         )
         rr.serve_web_viewer(web_port=config.web_port, open_browser=False)
     stream.set_sinks(*sinks, default_blueprint=layout)
+    if config.recording is not None:
+        layout.save(APPLICATION, config.recording.with_suffix(BLUEPRINT))
     return Screen(stream)
 
 

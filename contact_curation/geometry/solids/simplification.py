@@ -4,6 +4,7 @@ The corners are added one after the other, each time the one that is farthest ou
 inside the hull, so that its Hausdorff distance from it is that of the farthest corner left out.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -58,8 +59,7 @@ def hull_corners(points: Array, most: int) -> Corners:
     if len(corners) <= most:
         return Corners(corners, len(corners), 0.0)
     taken = _farthest_first(corners, most, ROUNDING * size)
-    error = _largest_distance(corners[~taken], corners[taken])
-    return Corners(corners[taken], len(corners), error)
+    return Corners(corners[taken], len(corners), _largest_distance(corners[~taken], corners[taken]))
 
 
 def _without_flat_ones(corners: Array, tolerance: float) -> Array:
@@ -109,16 +109,19 @@ def _outside(points: Array, hull: "object") -> Array:
 
 
 def _largest_distance(points: Array, corners: Array) -> float:
-    """From points (N, 3) outside of a hull to it."""
+    """From points (N, 3) outside of a hull to it; the nearest place lies on a facet that the point is beyond."""
     from scipy.spatial import ConvexHull
-    from trimesh.triangles import closest_point
+    from trimesh import triangles as triangle_geometry
 
-    triangles = corners[ConvexHull(corners).simplices]  # (F, 3, 3)
+    closest_point: Callable[[Array, Array], Array] = triangle_geometry.closest_point
+    hull = ConvexHull(corners)
+    triangles, planes = corners[hull.simplices], hull.equations  # (F, 3, 3), (F, 4)
     largest = 0.0
     for first in range(0, len(points), AT_ONCE):
         some = points[first : first + AT_ONCE]
-        pairs = np.repeat(some, len(triangles), axis=0)
-        nearest = closest_point(np.tile(triangles, (len(some), 1, 1)), pairs)
-        distances = np.linalg.norm(nearest - pairs, axis=1).reshape(len(some), -1).min(axis=1)
-        largest = max(largest, float(distances.max()))
+        place, facet = np.nonzero(some @ planes[:, :3].T + planes[:, 3] > 0.0)
+        away = np.linalg.norm(closest_point(triangles[facet], some[place]) - some[place], axis=1)
+        nearest = np.full(len(some), np.inf)
+        np.minimum.at(nearest, place, away)
+        largest = max(largest, float(nearest[np.isfinite(nearest)].max(initial=0.0)))
     return largest

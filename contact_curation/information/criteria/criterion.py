@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.information.pool import Pool
 from contact_curation.information.ranking import Selection
 from contact_curation.information.record import TossInformation
@@ -25,19 +25,22 @@ STREAMED_CRITERION = "log-det"
 """What stands in for the default where tosses are let go unranked: the default needs the whole pool."""
 
 
+MOST_SELECTED = 1_000_000
+
+
 @dataclass(frozen=True)
 class RankingConfig:
     """How tosses are ranked.
 
     Attributes:
-        criterion: name of a registered one; log-det stands in for representative where a stream is not stored whole.
-        top: k, how many tosses are selected.
-        seed: of the random criterion.
+        criterion: name of a registered criterion; a stream that is not stored whole takes log-det in place of representative.
+        top: k, the number of tosses to select.
+        seed: random seed of the criterion random.
         prior: delta: the prior information A0 is this share of the pool's mean toss (method.md 1.6).
-        normalisation: which trace: one of `NORMALISATIONS`.
-        variant: which orthogonal selection: one of `VARIANTS`.
-        whiten: whether toss scores are whitened by the pooled information before orthogonal selection.
-        centre: whether toss scores are taken relative to the pool's mean score there.
+        normalisation: normalisation of the criterion trace: sum, mean or coherent.
+        variant: variant of the criterion orthogonal: pivoted, max-cosine or literal.
+        whiten: whether the criterion orthogonal whitens toss scores by the pooled information first.
+        centre: whether the criterion orthogonal subtracts the pool's mean score first.
         cut: eigenvalues of the pooled information below this share of the largest are not identifiable.
         certificate_steps: passes over the pool that tighten the certificate of log-det; 0 for none. Ten bring most of what
             there is and cost about as much as the selection, whatever the size of the pool: a small share of scoring it.
@@ -58,9 +61,9 @@ class RankingConfig:
         criterion_named(self.criterion)
         for name, accepted in (item for one in _REGISTERED.values() for item in one.choices.items()):
             if getattr(self, name) not in accepted:
-                raise InvalidValueError(f"ranking.{name}", getattr(self, name), f"one of {', '.join(accepted)}")
-        if self.top < 1:
-            raise InvalidValueError("ranking.top", self.top, "at least 1 toss to keep")
+                raise UnknownNameError(f"ranking.{name}", getattr(self, name), accepted)
+        if not 1 <= self.top <= MOST_SELECTED:
+            raise InvalidValueError("ranking.top", self.top, f"1 to {MOST_SELECTED} tosses to select")
         for name in ("seed", "certificate_steps"):
             if getattr(self, name) < 0:
                 raise InvalidValueError(f"ranking.{name}", getattr(self, name), "a number of at least 0")
@@ -71,7 +74,7 @@ class RankingConfig:
 
 
 class Need(Enum):
-    """What a criterion reads of a pool; whoever ranks by it provides that.
+    """Data that a criterion needs beside the factors; the caller provides it.
 
     THETA: the tosses' information at a theta; a criterion without it ranks the same tosses alike at every theta.
     SUBSPACE: the subspace that the pool identifies: at least one toss must carry information.
@@ -86,7 +89,7 @@ class Need(Enum):
 
 
 class Explanation(NamedTuple):
-    """What a dashboard says of each toss of a pool, by toss id.
+    """A gain and a reason for each toss of a pool, by toss id, for the dashboard.
 
     Attributes:
         gains: what the toss would add to the selected set.
@@ -164,7 +167,7 @@ def criterion_names() -> tuple[str, ...]:
 def criterion_named(name: str) -> Criterion:
     """The registered criterion of that name; InvalidValueError where there is none."""
     if name not in _REGISTERED:
-        raise InvalidValueError("ranking.criterion", name, f"one of {', '.join(_REGISTERED)}")
+        raise UnknownNameError("criterion", name, _REGISTERED)
     return _REGISTERED[name]
 
 

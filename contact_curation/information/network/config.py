@@ -13,8 +13,8 @@ class SketchConfig:
 
     Attributes:
         leading: rows of each projection that are leading directions of the reference.
-        random: rows that are random.
-        seed: of these and of the reference.
+        random: rows of each projection that are random.
+        seed: random seed of the random rows and of the reference.
     """
 
     leading: int = 16
@@ -36,14 +36,14 @@ class SketchConfig:
 
 @dataclass(frozen=True)
 class NetworkConfig:
-    """What is peculiar to networks; a model has a form of its own, so that that of `ScoringConfig` says nothing.
+    """Settings for networks; a model has a form of its own, so that that of `ScoringConfig` says nothing.
 
     Attributes:
         draws: backward passes per transition that stand for the Gauss-Newton matrix (method.md 1.5), all but one along its
             strongest directions (`leading_slopes`); a model without impulses to solve for, and explicit parameters alone, are
             taken exactly.
-        seed: of the draws.
-        sketch: how large gradients are kept.
+        seed: random seed of the draws.
+        sketch: how gradients are projected.
         physical_only: whether only the parameters outside the networks count, of a deep model those of its polytope.
     """
 
@@ -59,7 +59,7 @@ class NetworkConfig:
 
 
 def network_config_for(model: str) -> NetworkConfig:
-    """What is used for a model where nothing else is said: a sketch that meets method.md 6, check 15, for it.
+    """The default for a model: a sketch that meets method.md 6, check 15, for it.
 
     Raises:
         InvalidValueError: there is no such model.

@@ -39,8 +39,8 @@ class AdamWConfig:
     """AdamW for one group of parameters.
 
     Attributes:
-        learning_rate: at the start.
-        weight_decay: decoupled from the gradient.
+        learning_rate: initial learning rate.
+        weight_decay: decoupled weight decay.
     """
 
     learning_rate: float

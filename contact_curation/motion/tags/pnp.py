@@ -53,8 +53,8 @@ class CornerNoise:
     """How far corners are off, standard deviation per axis.
 
     Attributes:
-        deviation: of a tag that is seen well [px].
-        oblique: sine of the angle between the line of sight and a tag under which corners get worse, by the square of it.
+        deviation: standard deviation of a corner of a tag that is seen well [px].
+        oblique: sine of the angle between the line of sight and a tag's plane below which corners get less accurate.
     """
 
     deviation: float = 0.05

@@ -50,15 +50,16 @@ class TagPoseConfig:
     """What a pose must fulfil.
 
     Attributes:
-        corner_order: as the detector lists corners.
-        fewest_tags: seen at once.
-        largest_hamming: tags with more corrected bits are left out.
-        noise: of the corners.
-        largest_misfit: root mean square of the residuals, in deviations of the corners; of three tags and more the one that
-            fits worst is left out, and so on, until the others fit.
-        flip_angle: poses that differ by less are one [rad].
-        flip_ratio: another pose's misfit, at least 1, must be this many times the best one's.
-        largest_turn_deviation: of the pose, about its least known axis [rad].
+        corner_order: order in which the detector lists corners.
+        fewest_tags: smallest number of tags of a frame in one image.
+        largest_hamming: tags with more corrected bits are ignored.
+        noise: noise of the corners.
+        largest_misfit: largest root mean square of the residuals, in standard deviations of the corners; with three tags or
+            more the worst one is removed until the others fit.
+        flip_angle: two solutions that differ by less than this count as one [rad].
+        flip_ratio: a pose is ambiguous if the misfit of another solution, at least 1, is less than this multiple of the best
+            one's.
+        largest_turn_deviation: largest standard deviation of the orientation about its least certain axis [rad].
     """
 
     corner_order: CornerOrder = CornerOrder.APRILTAG

@@ -123,7 +123,10 @@ class CatchUp:
     def _ask(self) -> None:
         """Asks for the next page, unless an answer is due already or there is nobody to ask."""
         with self._lock:
-            if self._asked is not None or not self._client.service_is_ready():
+            if self._asked is not None:
+                return
+            if not self._client.service_is_ready():  # whoever comes back may have lost its last records with its machine
+                self._confirmed = self._cursor.sequence == 0
                 return
             after = self._cursor.sequence if self._confirmed else self._cursor.sequence - 1
             request = self._source.service.Request(after_sequence=after, limit=self._source.page)

@@ -13,7 +13,7 @@ from contact_curation.design.safety import Feasible
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.stages.throw_loop import LoopConfig
 
-WAITING = "waits so long after that until the trainer has learned from all tosses [s]; 0: designs with what is known"
+WAITING = "how long to wait after that until the trainer has used all tosses [s]; 0 designs with the theta that is there"
 
 JUDGED = ("forecast", "safety", "noise", "placement")
 
@@ -46,11 +46,11 @@ def declared_design(node: Node) -> DesignerConfig:
     """
     default = DesignConfig()
     described = {
-        "pool": "safe releases that throws are picked from",
-        "sieve": "executions of each release of the pool by which the finalists are found",
-        "finalists": "releases of the pool that are looked at with all executions",
-        "reference": "releases that make the prior information, and that the readiness check asks about",
-        "share": "of their mean information that is the prior information",
+        "pool": "number of safe candidate throws",
+        "sieve": "simulated executions of each candidate in the first stage, which finds the finalists",
+        "finalists": "number of candidates that are evaluated with all executions",
+        "reference": "number of reference throws, for the prior information and the readiness check",
+        "share": "the prior information is this share of the mean information of the reference throws",
     }
     own = {name: declare(node, f"design.{name}", getattr(default, name), text) for name, text in described.items()}
     candidates = CandidateConfig()
@@ -67,15 +67,17 @@ def declared_loop(node: Node) -> LoopConfig:
     """How long `auto` waits."""
     default = LoopConfig()
     return LoopConfig(
-        declare(node, "max_throws", default.max_throws, "no more throws than these in auto; 0: no end", bounds=(0, 1 << 31)),
-        declare(node, "toss_timeout", default.toss_timeout, "waits so long for a throw's toss [s]", bounds=(0.0, 3600.0)),
+        declare(node, "max_throws", default.max_throws, "stop after this many throws in auto; 0: no end", bounds=(0, 1 << 31)),
+        declare(
+            node, "toss_timeout", default.toss_timeout, "how long to wait for the toss of a throw [s]", bounds=(0.0, 3600.0)
+        ),
         declare(node, "theta_timeout", default.theta_timeout, WAITING, bounds=(0.0, 3600.0)),
         declare(node, "retry_period", default.retry_period, "pause after a throw that was not made [s]", bounds=(0.1, 3600.0)),
         declare(
             node,
             "goal_timeout",
             default.goal_timeout,
-            "gives up a throw of which nothing was heard for so long [s]",
+            "time without feedback after which a throw is given up [s]",
             bounds=(0.1, 3600.0),
         ),
     )

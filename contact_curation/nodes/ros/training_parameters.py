@@ -40,19 +40,25 @@ def declared_protocol(node: Node, kind: str) -> TrainingConfig:
     """
     ours = budgeted(kind)
     protocol = declare(node, "protocol", PROTOCOLS[0], PROTOCOLS_EXPLAINED, choices=PROTOCOLS)
-    form = Form(declare(node, "form", ours.form.value, "of theta", choices=[form.value for form in Form]))
+    form = Form(declare(node, "form", ours.form.value, "parameterisation of theta", choices=[form.value for form in Form]))
     has_optimum = model_class(kind).has_exact_fit(form)
     if protocol == "exact" and not has_optimum:
         raise InvalidValueError("protocol", f"exact for {kind}, {form.value}", "budgeted, or a polytope, physical")
     if protocol != "budgeted" and has_optimum:
         ours = exact(ROUND_TRIMMED)
-    trimmed = declare(node, "trimmed", ours.trimmed, "share of the transitions that an exact fit leaves out", bounds=(0.0, 0.5))
-    steps = declare(node, "steps", ROUND_STEPS, "gradient steps of a round", bounds=(1, 1 << 31))
+    trimmed = declare(
+        node,
+        "trimmed",
+        ours.trimmed,
+        "share of the worst explained transitions that an exact fit leaves out",
+        bounds=(0.0, 0.5),
+    )
+    steps = declare(node, "steps", ROUND_STEPS, "gradient steps in a round", bounds=(1, 1 << 31))
     return replace(
         ours,
         form=form,
         trimmed=trimmed,
-        batch=declare(node, "batch", ours.batch, "transitions of a gradient step", bounds=(1, 1 << 20)),
+        batch=declare(node, "batch", ours.batch, "transitions in a gradient step", bounds=(1, 1 << 20)),
         steps=steps,
         evaluation_steps=steps,
         polytope=declare_config(node, ours.polytope, "polytope."),
@@ -83,10 +89,10 @@ def declared_held_out(node: Node, body: Body) -> HeldOutTosses:
     Raises:
         InvalidValueError: there is no toss in them.
     """
-    paths = declare(node, "held_out", [""], "recordings that are never trained on, for the errors of training_status")
+    paths = declare(node, "evaluate_on", [""], "recordings on which training_status reports errors; they are never trained on")
     config = declare_config(node, HeldOutConfig())
     recordings = [Path(path) for path in paths if path]
-    return HeldOutTosses(evaluation_tosses("parameter held_out", recordings, ReadingConfig(body, config.inputs)))
+    return HeldOutTosses(evaluation_tosses("parameter evaluate_on", recordings, ReadingConfig(body, config.inputs)))
 
 
 def _stored_model(path: Path, body: Body, form: Form) -> Model:

@@ -133,8 +133,9 @@ class ReflexConfig:
     """When the arm gives way.
 
     Attributes:
-        share: of a joint's torque limit that may come from outside; the joints' friction is at most a twentieth.
-        time: that the torque is averaged over [s].
+        share: external torque at which the arm stops, as a share of a joint's torque limit; the joints' friction is at most a
+            twentieth of that limit.
+        time: time over which the external torque is averaged [s].
     """
 
     share: float = 0.1

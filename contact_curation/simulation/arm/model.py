@@ -121,12 +121,12 @@ class ArmConfig:
     board's middle and go along x are made sideways, which the arm is best at.
 
     Attributes:
-        base: place of its foot in the board's frame [m].
-        yaw: direction it faces, from the board's x axis [rad].
-        home: posture between throws [rad].
-        table_half_width: of the table that carries the board, in x and y [m].
-        clearance: between the moving parts and table or arm while a throw is planned [m].
-        margin: share of each limit that plans use; the rest is for the controller.
+        base: position of the arm's base in the board's frame [m].
+        yaw: direction that the arm faces, from the board's x axis [rad].
+        home: joint angles between throws [rad].
+        table_half_width: half the width of the table under the board, in x and y [m].
+        clearance: planned distance between moving parts and the table or the arm [m].
+        margin: share of each joint limit that plans use; the rest is reserved for the controller.
         friction: factor on the joints' dry friction.
     """
 

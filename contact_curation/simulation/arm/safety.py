@@ -22,15 +22,15 @@ class GateConfig:
     """Limits of commands; the defaults are those of throws that were made (method.md 5).
 
     Attributes:
-        largest_speed: of a release [m/s].
-        largest_spin: of a release [rad/s].
-        lowest_release: height of the body's centre [m].
-        highest_release: height of the body's centre [m].
+        largest_speed: largest speed of a release [m/s].
+        largest_spin: largest angular speed of a release [rad/s].
+        lowest_release: smallest height of the body's centre at release [m].
+        highest_release: largest height of the body's centre at release [m].
         workspace: releases lie within this of the board's middle, in x and y [m].
-        keep_out_place: x and y of the axis of a cylinder round the arm's foot [m].
-        keep_out_radius: releases lie outside of it [m].
-        least_pause: between the beginnings of throws, on a steady clock [s]; 0 for none.
-        heartbeat_timeout: without a heartbeat for longer the gate disarms itself [s].
+        keep_out_place: x and y of the axis of a cylinder around the arm's base [m].
+        keep_out_radius: radius of that cylinder; releases lie outside of it [m].
+        least_pause: shortest time between the starts of two throws, on a steady clock [s]; 0 for none.
+        heartbeat_timeout: the safety gate disarms itself after this time without a heartbeat [s].
     """
 
     largest_speed: float = 1.4

@@ -36,17 +36,17 @@ class ControlConfig:
     """How motions are followed.
 
     Attributes:
-        stiffness: Kp [1/s^2].
-        damping: Kd [1/s].
-        release_jitter: the gripper opens late by the size of a normal number with this deviation [s].
-        braking: acceleration that a stop may take [rad/s^2].
-        return_rate: speed of the way back after a stop, as a share of the motion's.
-        rest_speed: a body slower than this rests [m/s].
-        rest_spin: and turning slower than this [rad/s].
-        rest_time: that it is watched resting before it is taken away [s].
-        longest_flight: after which it is taken away in any case [s].
-        still: joints slower than this stand still [rad/s].
-        reflex: when the arm gives way to a push.
+        stiffness: proportional gain Kp [1/s^2].
+        damping: derivative gain Kd [1/s].
+        release_jitter: the gripper opens late by the absolute value of a normal number with this standard deviation [s].
+        braking: joint acceleration of a stop [rad/s^2].
+        return_rate: speed of the way back after a stop, as a share of the planned motion's speed.
+        rest_speed: a body is at rest when it moves slower than this [m/s],
+        rest_spin: and when it turns slower than this [rad/s].
+        rest_time: time at rest before the body is taken away [s].
+        longest_flight: time after which the body is taken away in any case [s].
+        still: joints slower than this count as still [rad/s].
+        reflex: when the arm stops because something pushes it.
     """
 
     stiffness: float = 2500.0

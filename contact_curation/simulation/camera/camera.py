@@ -31,13 +31,13 @@ class CameraConfig:
     """Where the camera is, in the board's frame, and what it sees.
 
     Attributes:
-        position: of its pinhole [m].
-        target: the point in the middle of its image [m].
+        position: position of the pinhole [m].
+        target: point that the camera looks at, in the middle of the image [m].
         vertical_view: angle of view, from the upper edge of the image to the lower [rad].
-        width: of the image [px].
-        height: of the image [px].
-        samples: per pixel, along its edges.
-        grey_noise: standard deviation of each pixel's grey value, of 255.
+        width: width of the image [px].
+        height: height of the image [px].
+        samples: antialiasing samples per pixel, along its edges.
+        grey_noise: standard deviation of each pixel's grey value, out of 255.
     """
 
     position: tuple[float, float, float] = (0.0, -0.8, 0.8)

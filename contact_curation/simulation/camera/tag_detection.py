@@ -15,11 +15,12 @@ class DetectorConfig:
     """Of the AprilTag library.
 
     Attributes:
-        decimate: quads are looked for in an image this many times smaller.
-        blur: standard deviation of a Gaussian blur before that [px].
-        refine_edges: move edges to the strongest gradient nearby.
-        refine_corners: then fit lines to all pixels of the edges (`corner_refinement`), which the library does not.
-        threads: that look for quads.
+        decimate: factor by which the image is reduced for the search for quads.
+        blur: standard deviation of a Gaussian blur before the search [px].
+        refine_edges: whether edges are moved to the strongest gradient nearby.
+        refine_corners: whether lines are then fitted to all pixels of the edges (`corner_refinement`), which the AprilTag
+            library does not do.
+        threads: number of threads that search for quads.
     """
 
     decimate: float = 2.0
@@ -55,6 +56,10 @@ class Detection:
     homography: Array
 
 
+SMALLEST_IMAGE = 16
+"""Pixels, of the shorter side: a tag has 10 cells a side with its border."""
+
+
 class TagDetector:
     """Looks for tags of the family 36h11.
 
@@ -72,7 +77,9 @@ class TagDetector:
         ).detector
 
     def detect(self, image: Image) -> tuple[Detection, ...]:
-        """The tags in a grey image (height, width), in order of their ids."""
+        """The tags in a grey image (height, width), in order of their ids; none in one that is too small for a tag."""
+        if min(image.shape) < SMALLEST_IMAGE:  # the library reads beyond the ends of images of 3 rows and fewer
+            return ()
         found = [
             Detection(
                 int(one.tag_id),

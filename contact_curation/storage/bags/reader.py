@@ -154,10 +154,29 @@ class BagReader:
         self._converter = MessageConverter(limits, self._losses)
         with ExitStack() as stack:
             self._folder = storage_files(self.path, self._losses)
-            self._storages = [open_storage(file, limits, self._losses, stack) for file in self._folder.files]
+            self._storages = self._opened_files(limits, stack)
             self._stack = stack.pop_all()
         if self._folder.metadata is not None:
             compare(self._folder.metadata, self._counts(), self._channels, self._losses)
+
+    def _opened_files(self, limits: BagLimits, stack: ExitStack) -> list[BagStorage]:
+        """Its storage files; of several, those that cannot be read are said and left out, as long as there is another.
+
+        Raises:
+            UnreadableInputError: none of them can be read.
+        """
+        storages: list[BagStorage] = []
+        errors: list[UnreadableInputError] = []
+        for file in self._folder.files:
+            try:
+                storages.append(open_storage(file, limits, self._losses, stack))
+            except UnreadableInputError as error:
+                errors.append(error)
+        if not storages:
+            raise errors[0]
+        for unread in errors:
+            self._losses.say((unread.path.name, "file"), f"{unread}: left out, the other files of the bag are read")
+        return storages
 
     @cached_property
     def topics(self) -> tuple[TopicInfo, ...]:

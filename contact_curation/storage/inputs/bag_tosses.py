@@ -1,11 +1,12 @@
 """The tosses of a bag: topics are found, messages become poses, poses become tosses."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import MissingTopicError, UnreadableInputError
+from contact_curation.motion.body_tracker import MOST_LISTED, BodyPose
 from contact_curation.motion.ingest import IngestConfig, IngestEvent, TossIngest
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.scales import scale_of
@@ -13,7 +14,7 @@ from contact_curation.motion.toss import NANOSECONDS, Rejected
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.bags.records import BagMessage
 from contact_curation.storage.inputs.pose_messages import Measured
-from contact_curation.storage.inputs.pose_source import PoseSource, TypedTopic, find_pose_source, is_of_another
+from contact_curation.storage.inputs.pose_source import BODY_PREFIX, PoseSource, TypedTopic, find_pose_source, is_of_another
 from contact_curation.storage.inputs.recording_notes import (
     NUMBERS_NOTE,
     RULES_NOTE,
@@ -25,6 +26,7 @@ from contact_curation.storage.inputs.records import Found, InputReading, InputsC
 from contact_curation.storage.provenance import TossProvenance
 
 MOTION = ", expected motions that fall freely (in metres, z up on the board) and come to rest"
+CHECK = "; `contact-curation check` says why"
 UNNUMBERED = RecordedNumbers()
 
 LOWEST_RATE = 55.0
@@ -50,8 +52,10 @@ def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReadin
         return tosses.summary(reader.losses)
 
 
-def bag_tosses(reader: BagReader, body: Body, config: InputsConfig) -> "BagTosses":
-    """What follows the messages of a bag, in the order of their log times.
+def bag_tosses(
+    reader: BagReader, body: Body, config: InputsConfig, placed: Callable[[BodyPose], None] | None = None
+) -> "BagTosses":
+    """What follows the messages of a bag, in the order of their log times; `placed` hears every pose on the board.
 
     Raises:
         MissingTopicError: no topic, or several, may hold the body's poses.
@@ -68,7 +72,7 @@ def bag_tosses(reader: BagReader, body: Body, config: InputsConfig) -> "BagTosse
     rules = with_recorded_rules(config.segmenter, reader.note(RULES_NOTE))
     origin = TossProvenance(str(reader.path), reader.sha256, source.body.name)
     numbers = recorded_numbers(reader.note(NUMBERS_NOTE))
-    return BagTosses(origin, source, body, replace(config, segmenter=rules), numbers)
+    return BagTosses(origin, source, body, replace(config, segmenter=rules), numbers, placed)
 
 
 class BagTosses:
@@ -87,6 +91,7 @@ class BagTosses:
         body: Body,
         config: InputsConfig,
         numbers: RecordedNumbers = UNNUMBERED,
+        placed: Callable[[BodyPose], None] | None = None,
     ) -> None:
         stages = IngestConfig(config.poses.tracker(body, source.board_frame), config.segmenter, config.gates, config.rig)
         self.origin = origin
@@ -96,7 +101,9 @@ class BagTosses:
         self._of_another = is_of_another(source.body.name, body.name, config.poses)
         self._numbers = numbers
         self._detections = config.poses.detections(body.name)
-        self._ingest = TossIngest(stages, body, source=source.body.name)
+        self._ingest = TossIngest(stages, body, source=source.body.name, placed=placed)
+        self._frames: set[str] = set()
+        self._parent: str | None = None
         self._first_ns: int | None = None
         self._last_ns: int | None = None
         self._steps, self._stepped = 0, 0.0
@@ -105,8 +112,15 @@ class BagTosses:
 
     def of(self, message: BagMessage) -> Iterator[Found]:
         """What became complete with a message."""
-        for measured in self._measured(message):
-            if isinstance(measured, FramePose) and message.topic == self.source.body.name:
+        return self.taken(self.measured(message), message.topic)
+
+    def taken(self, found: Iterable[Measured], topic: str) -> Iterator[Found]:
+        """What became complete with the poses in a message of a topic."""
+        for measured in found:
+            if isinstance(measured, FramePose):
+                self._frames.update((measured.parent, measured.child))
+            if isinstance(measured, FramePose) and topic == self.source.body.name:
+                self._parent = measured.parent if self._parent is None else self._parent
                 self._first_ns = measured.stamp_ns if self._first_ns is None else self._first_ns
                 step = 0.0 if self._last_ns is None else (measured.stamp_ns - self._last_ns) / NANOSECONDS
                 if 0.0 < step < LONGEST_STEP:
@@ -122,6 +136,9 @@ class BagTosses:
         """Lines about another body's poses, too few a second, too much noise, each kind left out, and no toss; as far as so."""
         if self._of_another:
             yield f"found no topic named after {self._body}, expected one, or a name for it: took {self.source.body.name}"
+        if self.taken_as_on_board:
+            wanted = f"nothing in the recording leads to the board '{self.source.wanted_board}'"
+            yield f"poses are given in frame '{self._parent}' and {wanted}: taken as given on it; if so, say --board-frame ''"
         if self._steps and self._steps < LOWEST_RATE * self._stepped:
             rate = self._steps / self._stepped
             yield f"found poses of {self.source.body.name} at {rate:.3g} Hz, expected 60 Hz or more: tosses may go unseen"
@@ -132,13 +149,32 @@ class BagTosses:
             yield f"{self._bad_counts[kind]} poses were left out, {which}, for this: {first.why}"
         poses = self._ingest.counts["poses"]
         if not self._ingest.counts["tosses"] + self._ingest.counts["rejected"]:
-            yield f"found no toss in {poses} poses of {self.source.body.name}{MOTION if poses else ''}"
+            seen = ", ".join(sorted(name for name in self._frames if name)[:MOST_LISTED]) or "no frame"
+            wanted = MOTION if poses else f": found {seen}, expected frames {self.source.body_frame} and {self._board}"
+            yield f"found no toss in {poses} poses of {self.source.body.name}{wanted}{CHECK if poses else ''}"
+
+    @property
+    def bad_poses(self) -> tuple[dict[str, int], dict[str, str]]:
+        """How many poses were left out by kind, and why the first of each."""
+        return dict(self._bad_counts), {kind: one.why for kind, one in self._bad.items()}
+
+    @property
+    def taken_as_on_board(self) -> bool:
+        """Whether poses in another frame than the board's are taken as given on it, for nothing leads there."""
+        wanted = self.source.wanted_board
+        names = {wanted, wanted.removeprefix(BODY_PREFIX)}
+        return bool(wanted) and not self.source.board_frame and self._parent is not None and self._parent not in names
+
+    @property
+    def _board(self) -> str:
+        return self.source.board_frame or "of the board"
 
     def summary(self, losses: tuple[str, ...]) -> InputSummary:
         origin, counts = self.origin, dict(self._ingest.counts)
         return InputSummary(origin.input, origin.input_sha256, origin.topic, self._first_ns, self._last_ns, counts, losses)
 
-    def _measured(self, message: BagMessage) -> tuple[Measured, ...]:
+    def measured(self, message: BagMessage) -> tuple[Measured, ...]:
+        """The poses in a message, or why there is none."""
         try:
             return self.source.measured(message.topic, message.message, self._detections)
         except (AttributeError, TypeError, ValueError) as error:  # a bag may define a well-known type name as it likes

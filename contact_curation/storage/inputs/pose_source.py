@@ -1,13 +1,14 @@
 """Which topics of a bag or a graph hold the body's poses, and how their messages are read."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from contact_curation.contact.body import Body
-from contact_curation.errors import InvalidValueError, MissingTopicError
+from contact_curation.errors import InvalidValueError, MissingTopicError, near_name
 from contact_curation.motion.body_tracker import TrackerConfig
+from contact_curation.motion.pose_stream import BadPose
 from contact_curation.motion.tags.pose import TagPoseConfig
 from contact_curation.storage.inputs.pose_messages import POSE_MESSAGES, TF, Measured, measured_pose, measured_transforms
 from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIONS, TagDetections
@@ -15,6 +16,8 @@ from contact_curation.storage.tag_map_file import read_tag_rig
 
 TF_STATIC_NAME = "tf_static"
 TRUTH_NAME = "ground_truth"
+BODY_PREFIX = "body_"
+"""Of TagSLAM's topics; its frames are called by the name alone."""
 
 
 class TypedTopic(NamedTuple):
@@ -29,16 +32,17 @@ class PoseTopicConfig:
     """Where the body's poses are; what is left empty is found.
 
     Attributes:
-        topic: with the body's poses, or a TF topic; empty: the one that fits.
-        body_frame: the body's frame; empty: `body_<name>`, as TagSLAM calls it. Only on TF does a message have to name it.
-        board_frame: the board's frame; empty: the one that the poses are given in.
-        array_index: which pose of a PoseArray is the body's.
-        tag_map: YAML file with the tags of body and board, ours or TagSLAM's; poses then come from AprilTagDetectionArray.
+        topic: topic with the body's poses, or a TF topic; empty: the only one that fits.
+        body_frame: frame of the body; empty: `body_<name>`, as TagSLAM names it. Only messages on TF must name it.
+        board_frame: frame of the board; empty: the frame that the poses are given in.
+        array_index: index of the body's pose in a PoseArray.
+        tag_map: YAML file with the tags of body and board, in our form or TagSLAM's; poses are then computed from
+            AprilTagDetectionArray.
         camera_info: topic of the camera that saw the tags; empty: the only one, or the one beside the detections.
-        rectified: tags were looked for in rectified images: P of CameraInfo holds for them; otherwise K and D.
-        tags: what is asked of a pose from tags.
-        largest_speed: from tags, faster than this from pose to pose is a jump [m/s].
-        largest_spin: likewise [rad/s].
+        rectified: whether tags were detected in rectified images, so that P of CameraInfo holds; otherwise K and D hold.
+        tags: requirements on a pose that is computed from tags.
+        largest_speed: largest speed between two poses from tags; a faster one is a tracking outlier [m/s].
+        largest_spin: largest angular speed between two poses from tags [rad/s].
     """
 
     topic: str = ""
@@ -90,6 +94,7 @@ class PoseSource:
         transforms: TF topics.
         array_index: which pose of a PoseArray is the body's.
         camera: topic with the camera's CameraInfo, where the body's topic has detections of tags.
+        wanted_board: the board's frame as configured, also where nothing leads to it.
     """
 
     body: TypedTopic
@@ -99,6 +104,7 @@ class PoseSource:
     transforms: tuple[str, ...]
     array_index: int = 0
     camera: TypedTopic | None = None
+    wanted_board: str = ""
 
     @property
     def typed(self) -> tuple[TypedTopic, ...]:
@@ -123,11 +129,23 @@ class PoseSource:
         if detections is not None and self.camera is not None and topic in (self.camera.name, self.body.name):
             return detections.calibrated(message) if topic == self.camera.name else detections.detected(message)
         if topic in self.transforms:
-            found = measured_transforms(message, static=_last_part(topic) == TF_STATIC_NAME)
+            transforms = measured_transforms(message, static=_last_part(topic) == TF_STATIC_NAME)
+            found = tuple(one for each in transforms if (one := self._named(each)) is not None)
             return found if self.body.type == TF else tuple(one for one in found if one.child != self.body_frame)
         if self.board is not None and topic == self.board.name:
             return (measured_pose(self.board.type, message, self.board_frame),)
         return (measured_pose(self.body.type, message, self.body_frame, self.array_index),)
+
+    def _named(self, transform: Measured) -> Measured | None:
+        """With frames that TagSLAM calls `cube` and `surface` as `body_cube` and `body_surface`; None between the two names."""
+        known = {frame.removeprefix(BODY_PREFIX): frame for frame in (self.body_frame, self.board_frame) if frame}
+        child = known.get(transform.child, transform.child)
+        if isinstance(transform, BadPose):
+            return transform if child == transform.child else replace(transform, child=child)
+        parent = known.get(transform.parent, transform.parent)
+        if (child, parent) == (transform.child, transform.parent):
+            return transform
+        return None if child == parent else replace(transform, child=child, parent=parent)
 
 
 def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: str, config: PoseTopicConfig) -> PoseSource:
@@ -135,7 +153,8 @@ def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: st
 
     The body's topic is the one configured; or the one named after the body (TagSLAM's `.../body_<name>`); or the only one of
     the first of `POSE_MESSAGES` that there is; or TF. What a simulation knows of the truth has to be named. The board has a
-    topic if one is named after its frame; where nothing else could lead to it, the poses are taken to be given on it.
+    topic if one is named after its frame; where nothing could lead to it, the poses are taken as given on it, which whoever
+    reads them says (`BagTosses.left_out`).
 
     Args:
         where: the bag or graph, for messages.
@@ -149,13 +168,15 @@ def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: st
     if config.tag_map:
         return _tag_source(where, topics, body, config)
     body_frame = config.body_frame_of(body)
-    board = next((one for one in topics if one.type in POSE_MESSAGES and _last_part(one.name) == config.board_frame), None)
+    named = _named(topics, config.topic) if config.topic else None
+    boards = (one for one in topics if one.type in POSE_MESSAGES and _last_part(one.name) == config.board_frame)
+    board = next((one for one in boards if one != named), None)
     transforms = tuple(one.name for one in topics if one.type == TF)
-    chosen = _named(topics, config.topic) if config.topic else _fitting(topics, board, {body, body_frame, f"body_{body}"})
+    chosen = named if config.topic else _fitting(topics, board, {body, body_frame, f"body_{body}"})
     if chosen is None:
         listed = sorted(f"{one.name} ({one.type})" for one in topics)
         wanted = (
-            f"topic {config.topic} with poses"
+            f"topic {config.topic} with poses{near_name(config.topic, [one.name for one in topics])}"
             if config.topic
             else f"one topic with poses of {body}; name it (`topic`) if there are several"
         )
@@ -163,7 +184,8 @@ def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: st
             wanted += "; detections of tags are read with a tag map"
         raise MissingTopicError(where, wanted, listed)
     leads_to_board = bool(transforms) or board is not None
-    return PoseSource(chosen, body_frame, board, config.board_frame if leads_to_board else "", transforms, config.array_index)
+    board_frame = config.board_frame if leads_to_board else ""
+    return PoseSource(chosen, body_frame, board, board_frame, transforms, config.array_index, wanted_board=config.board_frame)
 
 
 def is_of_another(topic: str, body: str, config: PoseTopicConfig) -> bool:

@@ -1,7 +1,8 @@
 """Manifests on disk: Parquet, CSV or JSON by the file's ending, with the same content in each.
 
     JSON      one object: the head, and a toss per line
-    CSV       comment lines `# name: JSON` with the head, then the table, a toss per line; an empty cell is no value
+    CSV       the table, a toss per line, an empty cell is no value; the head of m.csv is beside it in m.provenance.json
+              (format version 1 had it in comment lines `# name: JSON` before the table)
     Parquet   a row per toss; the head as JSON in the schema's metadata
 
 The head is all that is not about one toss. The same manifest always gives the same bytes.
@@ -10,7 +11,7 @@ The head is all that is not about one toss. The same manifest always gives the s
 import csv
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
 from io import BytesIO, StringIO
 from pathlib import Path
@@ -20,7 +21,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
-from contact_curation.files import check_version, write_atomically
+from contact_curation.files import check_version, read_bounded, write_atomically
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 from contact_curation.storage.provenance import InputProvenance, RunProvenance
 
@@ -99,6 +100,7 @@ def _mapped(value: Any, leaf: Callable[[Any], Any]) -> Any:
 
 
 COMMENT = "# "
+CSV, PROVENANCE = ".csv", ".provenance.json"
 COLUMNS = tuple(field.name for field in fields(ManifestRow))
 BOOLEANS = {"true": True, "false": False}
 READERS: dict[object, Callable[[str], Any]] = {
@@ -114,18 +116,47 @@ READERS: dict[object, Callable[[str], Any]] = {
 
 
 def to_csv(manifest: Manifest) -> bytes:
-    """The same manifest always gives the same bytes."""
+    """The table alone; the same manifest always gives the same bytes."""
+    rows = [COLUMNS, *([_cell(getattr(row, name)) for name in COLUMNS] for row in manifest.rows)]
+    return "".join(f"{_line(row)}\n" for row in rows).encode()
+
+
+def _line(cells: Sequence[str]) -> str:
+    """Cells with either character of a line's end in them are quoted, which csv does only for those of its own line end."""
     out = StringIO(newline="")
-    for name, value in {**head_of(manifest), ROWS: len(manifest.rows)}.items():
-        out.write(f"{COMMENT}{name}: {json.dumps(value, ensure_ascii=False)}\n")
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows([_cell(getattr(row, name)) for name in COLUMNS] for row in manifest.rows)
-    return out.getvalue().encode()
+    csv.writer(out, lineterminator="\r\n").writerow(cells)
+    return out.getvalue().removesuffix("\r\n")
+
+
+def provenance_of(path: Path) -> Path:
+    """The file beside a CSV manifest that holds all that is not about one toss."""
+    return path.with_suffix(PROVENANCE)
+
+
+def provenance_bytes(manifest: Manifest) -> bytes:
+    """What stands in that file, with the number of tosses, by which a table that was cut is known."""
+    head = {**head_of(manifest), ROWS: len(manifest.rows)}
+    return (json.dumps(head, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def joined_csv(provenance: bytes, table: bytes) -> bytes:
+    """A table behind comment lines with its head, as version 1 of the format had both in one file."""
+    lines = [f"{COMMENT}{name}: {json.dumps(value)}\n" for name, value in json.loads(provenance).items()]
+    return "".join(lines).encode() + table
+
+
+def _whole(path: Path, data: bytes) -> bytes:
+    """A CSV manifest with its head, which is beside it or in it."""
+    if data.startswith(COMMENT.encode()):
+        return data
+    beside = provenance_of(path)
+    if not beside.is_file():
+        raise ValueError(f"found no {beside.name} beside it: keep the two together, or rank again")
+    return joined_csv(read_bounded(beside, LARGEST_BYTES, "the provenance of a manifest"), data)
 
 
 def from_csv(data: bytes) -> Parsed:
-    """Reads what `to_csv` wrote."""
+    """Reads a table behind comment lines with its head."""
     lines = data.decode().split("\n")
     comments = 0
     while lines[comments].startswith(COMMENT):
@@ -187,11 +218,18 @@ def to_parquet(manifest: Manifest) -> bytes:
 
 def from_parquet(data: bytes) -> Parsed:
     """Reads what `to_parquet` wrote."""
+    rows = pq.read_metadata(BytesIO(data)).num_rows  # a few kB can claim any number
+    if rows > MOST_ROWS:
+        raise ValueError(f"found {rows} rows, expected at most {MOST_ROWS}")
     table = pq.read_table(BytesIO(data))
     head = json.loads((table.schema.metadata or {})[METADATA_KEY])
     return head, (row_of(row) for row in table.to_pylist())
 
 
+LARGEST_BYTES = 1 << 31
+"""Of a manifest file."""
+MOST_ROWS = 10_000_000
+"""Of a manifest."""
 AROUND = 20
 """Characters beside one that cannot be written, for the message."""
 
@@ -203,7 +241,7 @@ class _Format(NamedTuple):
 
 FORMATS = {
     ".parquet": _Format(to_parquet, from_parquet),
-    ".csv": _Format(to_csv, from_csv),
+    CSV: _Format(to_csv, from_csv),
     ".json": _Format(to_json, from_json),
 }
 
@@ -220,6 +258,8 @@ def write_manifest(manifest: Manifest, path: Path) -> None:
     except UnicodeEncodeError as error:
         near = error.object[max(0, error.start - AROUND) : error.end + AROUND]
         raise InvalidValueError("manifest", f"{near!r} in it", "names and paths that are Unicode") from error
+    if path.suffix == CSV:
+        write_atomically(provenance_of(path), provenance_bytes(manifest))
     write_atomically(path, data)
 
 
@@ -233,21 +273,21 @@ def read_manifest(path: Path) -> Manifest:
     """
     read = _format(path).read
     try:
-        head, rows = read(path.read_bytes())
+        data = read_bounded(path, LARGEST_BYTES, "a manifest of `contact-curation rank`")
+        head, rows = read(_whole(path, data) if path.suffix == CSV else data)
         check_version(path, "a manifest", head[FORMAT], VERSION)
         return manifest_of(head, rows)
-    except OSError as error:
-        raise UnreadableInputError(path, f"cannot be read: {error.strerror or error}") from error
     except UnreadableInputError:
         raise
-    except (ValueError, LookupError, TypeError, ContactCurationError) as error:
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError, ContactCurationError) as error:
         raise UnreadableInputError(path, f"is no manifest of `contact-curation rank`: {_why(error)}") from error
 
 
 def manifest_of(head: Mapping[str, Any], rows: Iterable[ManifestRow]) -> Manifest:
     """The manifest of a head and its rows, as the readers of the formats give them."""
-    run = {field.name: head[field.name] for field in fields(RunProvenance)}
+    run = {field.name: head[field.name] for field in fields(RunProvenance) if field.name != "body"}
     inputs = tuple(InputProvenance(**{**entry, "losses": tuple(entry["losses"])}) for entry in head["inputs"])
+    run["body"] = head.get("body")  # older manifests have none
     run.update(command=tuple(head["command"]), inputs=inputs, influence_bound=_with_numbers(head["influence_bound"]))
     diagnostics = _renamed(_with_numbers(head["diagnostics"]), FIRST_NAMES)
     if "optimum_shift" in diagnostics:

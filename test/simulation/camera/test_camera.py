@@ -176,6 +176,12 @@ def test_any_convex_body_can_be_seen(detector: TagDetector) -> None:
     assert degrees < 0.5
 
 
+def test_tags_that_are_given_in_another_frame_than_the_centre_of_mass_are_seen_at_the_same_places(view: CameraView) -> None:
+    beside = replace(CUBE, center_of_mass=np.array([0.02, -0.01, 0.03]))
+    with CameraView(beside, rig_of(beside.tracked_polytope, "body_cube", "body_surface"), SMALL) as other:
+        np.testing.assert_array_equal(other.image(POSES[1]), view.image(POSES[1]))
+
+
 @pytest.mark.parametrize(
     ("missing", "package"), [("mujoco.egl", "libegl1"), ("device", "libgl1-mesa-dri")], ids=["no EGL", "no driver"]
 )
@@ -225,3 +231,9 @@ def _projected(pose: Pose, tag_id: int) -> Array:
         return SMALL.pinhole.project(in_camera(BOARD.corners_in_body(tag_id), SMALL))
     on_body = quaternions.rotate(pose.orientation_wxyz, RIG.body.corners_in_body(tag_id))
     return SMALL.pinhole.project(in_camera(pose.position + on_body, SMALL))
+
+
+@pytest.mark.parametrize("height", [1, 2, 3, 4, 15, 16, 17])
+def test_an_image_that_is_too_small_for_a_tag_has_none(height: int) -> None:
+    for width in (1, 3, 15, 16, 640):
+        assert TagDetector().detect(np.zeros((height, width), dtype=np.uint8)) == ()

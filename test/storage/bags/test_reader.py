@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mcap.writer import CompressionType, IndexType
+from mcap.writer import CompressionType, IndexType, Writer
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
@@ -361,3 +361,34 @@ def test_an_input_is_left_exactly_as_it_was(tmp_path: Path) -> None:
     before = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in folder.iterdir()}
     read(folder)
     assert {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in folder.iterdir()} == before
+
+
+@pytest.mark.parametrize("spoil", [b"", b"garbage" * 100], ids=["empty", "garbage"])
+def test_one_split_that_cannot_be_read_costs_only_itself(tmp_path: Path, spoil: bytes) -> None:
+    sent = recording(39)
+    folder = tmp_path / "split"
+    folder.mkdir()
+    for part in range(2):
+        write_ours(folder / f"split_{part}.mcap", sent[20 * part : 20 * (part + 1)])
+    (folder / "split_2.mcap").write_bytes(spoil)
+    found, losses = read(folder)
+    assert_same(found, sent)
+    assert "split_2.mcap" in " ".join(losses)
+    assert "left out, the other files of the bag are read" in " ".join(losses)
+
+
+def test_a_type_that_was_recorded_without_msg_is_the_same_type(tmp_path: Path) -> None:
+    sent = [one for one in recording(5) if one.topic == CUBE]
+    path = tmp_path / "a.mcap"
+    text = JAZZY.generate_msgdef(ODOMETRY, ros_version=2)[0]
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2", "test")
+        schema = writer.register_schema("nav_msgs/Odometry", "ros2msg", text.encode())
+        channel = writer.register_channel(CUBE, "cdr", schema)
+        for one in sent:
+            writer.add_message(channel, one.log_time_ns, one.cdr, one.log_time_ns)
+        writer.finish()
+    with BagReader(path) as reader:
+        assert [topic.type for topic in reader.topics] == [ODOMETRY]
+    assert_same(read(path)[0], sent)

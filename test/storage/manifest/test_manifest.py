@@ -1,19 +1,31 @@
 """Manifests say the same in every format, in the same bytes every time, and are there whole or not at all."""
 
+import copy
 import csv
 import json
 import math
+import os
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.storage.manifest.file import FORMATS, manifest_of, read_manifest, write_manifest
+from contact_curation.storage.manifest.file import (
+    FORMATS,
+    joined_csv,
+    manifest_of,
+    provenance_bytes,
+    read_manifest,
+    write_manifest,
+)
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 from contact_curation.storage.provenance import InputProvenance, RunProvenance
 
@@ -100,8 +112,9 @@ def test_any_text_and_number_comes_back_from_every_format(
         RANKED, toss_id=toss_id, topic=topic, reasons=tuple(reasons), score=score, mean_loss=loss, first_stamp_ns=stamp
     )
     manifest = Manifest(replace(RUN, command=(topic, toss_id)), (row,), {"note": topic.replace("N", "n").replace("I", "i")})
-    for kind in FORMATS.values():
-        assert_equal(manifest_of(*kind.read(kind.write(manifest))), manifest)
+    for ending, kind in FORMATS.items():
+        data = joined_csv(provenance_bytes(manifest), kind.write(manifest)) if ending == ".csv" else kind.write(manifest)
+        assert_equal(manifest_of(*kind.read(data)), manifest)
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
@@ -128,11 +141,21 @@ def test_other_tools_read_the_three_formats(tmp_path: Path) -> None:
     assert pq.read_table(tmp_path / "m.parquet")["toss_id"].to_pylist() == ids
     assert pq.read_table(tmp_path / "m.parquet")["mean_loss"].null_count == 1
     with (tmp_path / "m.csv").open(newline="") as file:
-        table = csv.DictReader(line for line in file if not line.startswith("#"))
-        assert [row["toss_id"] for row in table] == ids
+        assert [row["toss_id"] for row in csv.DictReader(file)] == ids
+    assert json.loads((tmp_path / "m.provenance.json").read_text())["criterion"] == "log-det"
     strict = json.loads((tmp_path / "m.json").read_text(), parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
     assert [row["toss_id"] for row in strict["tosses"]] == ids
     assert strict["influence_bound"] == "Infinity"
+
+
+def test_a_table_that_lost_its_provenance_is_refused_with_the_remedy_and_an_older_file_has_it_inside(tmp_path: Path) -> None:
+    write_manifest(MANIFEST, tmp_path / "m.csv")
+    older = joined_csv((tmp_path / "m.provenance.json").read_bytes(), (tmp_path / "m.csv").read_bytes())
+    (tmp_path / "older.csv").write_bytes(older)
+    assert_equal(read_manifest(tmp_path / "older.csv"), MANIFEST)
+    (tmp_path / "m.provenance.json").unlink()
+    with pytest.raises(UnreadableInputError, match=r"found no m\.provenance\.json beside it: keep the two together, or rank"):
+        read_manifest(tmp_path / "m.csv")
 
 
 def test_kept_tosses_come_best_first() -> None:
@@ -216,3 +239,52 @@ def test_a_path_that_is_not_unicode_is_refused_before_anything_is_written(tmp_pa
         with pytest.raises(InvalidValueError, match=r"found '.{,60}bag.udcff\.mcap.{,60}' in it, .* Unicode"):
             write_manifest(Manifest(RUN, (row,)), tmp_path / f"m{ending}")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 100_000,
+        '{"a":' * 50_000,
+        "null",
+        "3",
+        '[{"contact_curation_manifest": 1}]',
+        '{"contact_curation_manifest": 1, "tosses": 3}',
+        '{"contact_curation_manifest": 1, "tosses": [3], "inputs": [[]], "diagnostics": []}',
+        '{"contact_curation_manifest": {}}',
+    ],
+)
+def test_what_is_json_and_no_manifest_is_one_line(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "manifest.json"
+    path.write_text(text)
+    with pytest.raises(UnreadableInputError, match=r"manifest\.json"):
+        read_manifest(path)
+
+
+def test_rows_of_other_types_are_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "manifest.json"
+    write_manifest(MANIFEST, path)
+    whole = json.loads(path.read_text())
+    (rows,) = (name for name, value in whole.items() if isinstance(value, list) and value and "toss_id" in value[0])
+    for name in whole[rows][0]:
+        for wrong in ([1], {"a": 1}, "words", 10**400):
+            changed = copy.deepcopy(whole)
+            changed[rows][0][name] = wrong
+            path.write_text(json.dumps(changed))
+            with suppress(UnreadableInputError):  # some names take words
+                read_manifest(path)
+
+
+def test_a_table_that_claims_a_billion_rows_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "manifest.parquet"
+    rows = pa.table({"toss_id": pa.array(np.zeros(10_000_001, dtype=np.int8))})
+    pq.write_table(rows, path, compression="zstd")
+    assert path.stat().st_size < 100_000
+    with pytest.raises(UnreadableInputError, match="found 10000001 rows, expected at most 10000000"):
+        read_manifest(path)
+
+
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "manifest.csv")
+    with pytest.raises(UnreadableInputError, match="is no regular file"):
+        read_manifest(tmp_path / "manifest.csv")

@@ -105,9 +105,10 @@ def parse_chunk(data: bytes, topics: Collection[str] | None, declarations: McapD
 def _channel(record: ChannelRecord, schema: Schema | None) -> Channel:
     name = schema.name if schema else ""
     encoding = schema.encoding if schema else SchemaEncoding.SelfDescribing
+    two_parts = name.count("/") == 1  # as ROS 1 writes it, and some recorders still do
     return Channel(
         topic=record.topic,
-        type=normalize_msgtype(name) if encoding == SchemaEncoding.ROS1 else name,
+        type=normalize_msgtype(name) if encoding == SchemaEncoding.ROS1 or two_parts else name,
         encoding=record.message_encoding,
         schema=schema.data.decode(errors="replace") if schema else "",
         schema_encoding=encoding,

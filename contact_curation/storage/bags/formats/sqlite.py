@@ -7,6 +7,8 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
+from rosbags.typesys.msg import normalize_msgtype
+
 from contact_curation.errors import UnreadableInputError
 from contact_curation.storage.bags.file import BagFile, Losses
 from contact_curation.storage.bags.records import Channel, StoredMessage, qos_from
@@ -138,7 +140,12 @@ class SqliteStorage:
         query = f"SELECT id, name, type, serialization_format, {qos}, {type_hash} FROM topics ORDER BY id"
         return {
             number: Channel(
-                str(name), str(kind), str(form), *definitions.get(str(kind), ("", "")), str(digest), qos_from(offered)
+                str(name),
+                _type_name(str(kind)),
+                str(form),
+                *definitions.get(str(kind), ("", "")),
+                str(digest),
+                qos_from(offered),
             )
             for number, name, kind, form, offered, digest in self._connection.execute(query)
         }
@@ -149,6 +156,11 @@ class SqliteStorage:
             return {}
         query = "SELECT topic_type, encoded_message_definition, encoding FROM message_definitions"
         return {str(kind): (str(text), str(encoding)) for kind, text, encoding in self._connection.execute(query)}
+
+
+def _type_name(kind: str) -> str:
+    """`nav_msgs/msg/Odometry`, also where the recorder left out `/msg/`."""
+    return str(normalize_msgtype(kind)) if kind.count("/") == 1 else kind
 
 
 def _beside(path: Path, ending: str) -> Path:

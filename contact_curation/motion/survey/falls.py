@@ -1,0 +1,257 @@
+"""Free falls in poses of unknown unit and axes: the acceleration that many windows share.
+
+A body in the air has one acceleration, whatever its pose, in every toss; hands and arms that carry it do not repeat theirs so
+closely. The acceleration with most windows near it is gravity in the unit and the axes of the poses.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.survey.series import SPAN, LocalFits, PoseSeries, local_fits, noise_of
+
+NEAR = 0.08
+"""Share of its length: windows whose accelerations differ by less have the same one."""
+
+BENT = 0.05
+"""A parabola fits where what is left of the window is at most this share of its bulge, or 3 times the noise."""
+
+CLEAR = 6.0
+"""Times the noise: the bulge of a window that says anything of an acceleration."""
+
+MOST_COMPARED = 1500
+"""Windows whose accelerations are compared with each other."""
+
+IMPACT = 2.0
+"""Times `BENT`: a fall ends in windows that fit no parabola, which what a hand or an arm does seldom does."""
+
+ALLOWED = 5.0
+"""Times the noise: a frame that is further from its flight's parabola belongs to it no more."""
+
+TOGETHER = 0.6
+"""Flights that follow one another within this time [s] are bounces of one throw."""
+
+LONGEST_SETTLING = 3.0
+"""A rest begins at most so long after the last flight [s]."""
+
+STILL = 0.003
+"""A body is still that is slower than what gravity gives it in this time [s]."""
+
+STILL_WINDOWS = 4
+"""In a row, for a rest."""
+
+REST_FRAMES = 30
+"""At most, over which a pose at rest is averaged."""
+
+
+class Flight(NamedTuple):
+    """A free flight: frames `first` to `stop` of a series."""
+
+    series: int
+    first: int
+    stop: int
+
+
+class Rest(NamedTuple):
+    """Where a body lies after its last flight.
+
+    Attributes:
+        first: frame that the rest begins with.
+        stop: the one after its last.
+        position: (3,).
+        orientation_wxyz: (4,).
+    """
+
+    first: int
+    stop: int
+    position: Array
+    orientation_wxyz: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Throw:
+    """One throw.
+
+    Attributes:
+        flights: the first, and bounces; at least one.
+        rest: None where it does not come to rest in sight.
+        acceleration: (3,) of its longest flight.
+        frames: of that flight.
+    """
+
+    flights: tuple[Flight, ...]
+    rest: Rest | None
+    acceleration: Array
+    frames: int
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """What several series show.
+
+    Attributes:
+        series: the poses.
+        noise: of positions, standard deviation per axis, in their unit.
+        gravity: (3,) the shared acceleration, in the unit and axes of the poses; None where none is shared.
+        throws: in the order of the series.
+        largest_speed: amid any window, in units of the poses per second.
+    """
+
+    series: tuple[PoseSeries, ...]
+    noise: float
+    gravity: Array | None
+    throws: tuple[Throw, ...]
+    largest_speed: float
+
+    @property
+    def up(self) -> Array:
+        """(3,) against gravity; z where there is none."""
+        if self.gravity is None:
+            return np.array([0.0, 0.0, 1.0])
+        return -self.gravity / np.linalg.norm(self.gravity)
+
+
+def survey(series: Sequence[PoseSeries]) -> Survey:
+    """Looks through series of poses.
+
+    Args:
+        series: each of one body, in one frame for all.
+    """
+    series = tuple(series)
+    fits = [local_fits(one) for one in series]
+    noises = [noise for one in series if (noise := noise_of(one))]
+    noise = float(np.median(noises)) if noises else 0.0
+    speeds = [float(np.linalg.norm(fit.velocities, axis=1).max()) for fit in fits if len(fit.first)]
+    shared = _shared_acceleration(fits, noise)
+    if shared is None:
+        return Survey(series, noise, None, (), max(speeds, default=0.0))
+    flights = [flight for place, fit in enumerate(fits) for flight in _flights(place, fit, shared, noise)]
+    throws = tuple(_throws(series, fits, flights, shared, noise))
+    weights = np.array([throw.frames**5.0 for throw in throws])
+    accelerations = np.array([throw.acceleration for throw in throws])
+    mean = _trimmed_mean(accelerations, weights) if len(throws) else shared
+    return Survey(series, noise, mean, throws, max(speeds, default=0.0))
+
+
+def _fitting(fit: LocalFits, noise: float) -> NDArray[np.bool_]:
+    """(W,) windows that are parabolas, and bent enough to say so."""
+    bulge = np.linalg.norm(fit.accelerations, axis=1) * SPAN**2 / 8.0
+    return np.asarray((bulge > CLEAR * noise) & (bulge > 0.0) & (fit.residuals < np.maximum(BENT * bulge, 3.0 * noise)))
+
+
+def _shared_acceleration(fits: Sequence[LocalFits], noise: float) -> Array | None:
+    """(3,) the acceleration with most others near it; None where hardly two are alike."""
+    rows = [fit.accelerations[_fitting(fit, noise) & _before_impact(fit)] for fit in fits]
+    found = np.concatenate(rows) if rows else np.zeros((0, 3))
+    if len(found) < 3:
+        return None
+    found = found[np.linspace(0, len(found) - 1, min(len(found), MOST_COMPARED)).astype(int)]
+    lengths = np.linalg.norm(found, axis=1)
+    apart = np.linalg.norm(found[:, np.newaxis] - found[np.newaxis], axis=2)
+    alike = (apart < NEAR * lengths[:, np.newaxis]).sum(axis=1)
+    best = int(np.argmax(alike))
+    if alike[best] < 3:
+        return None
+    return np.asarray(np.median(found[apart[best] < NEAR * lengths[best]], axis=0))
+
+
+def _before_impact(fit: LocalFits) -> NDArray[np.bool_]:
+    """(W,) windows behind which, within twice their length, one fits no parabola."""
+    if not len(fit.first):
+        return np.zeros(0, dtype=bool)
+    ahead = 2 * fit.frames
+    padded = np.concatenate([fit.residuals, np.zeros(ahead)])
+    worst = np.lib.stride_tricks.sliding_window_view(padded, ahead + 1).max(axis=1)
+    return np.asarray(worst > IMPACT * BENT * np.linalg.norm(fit.accelerations, axis=1) * SPAN**2 / 8.0)
+
+
+def _flights(place: int, fit: LocalFits, shared: Array, noise: float) -> list[Flight]:
+    """Runs of windows with the shared acceleration."""
+    near = np.linalg.norm(fit.accelerations - shared, axis=1) < 2.0 * NEAR * np.linalg.norm(shared)
+    falls = fit.first[near & _fitting(fit, noise)]
+    if not len(falls):
+        return []
+    parts = np.split(falls, np.flatnonzero(np.diff(falls) > 2) + 1)
+    return [Flight(place, int(part[0]), int(part[-1]) + fit.frames) for part in parts]
+
+
+def _throws(
+    series: Sequence[PoseSeries], fits: Sequence[LocalFits], flights: Sequence[Flight], shared: Array, noise: float
+) -> list[Throw]:
+    groups: list[list[Flight]] = []
+    for flight in flights:
+        last = groups[-1][-1] if groups else None
+        times = series[flight.series].times
+        if last and last.series == flight.series and times[flight.first] - times[last.stop - 1] < TOGETHER:
+            groups[-1].append(flight)
+        else:
+            groups.append([flight])
+    throws = []
+    for group, after in zip(groups, [*groups[1:], None], strict=False):
+        end = after[0].first if after and after[0].series == group[0].series else len(series[group[0].series])
+        longest = max(group, key=lambda flight: flight.stop - flight.first)
+        one = series[longest.series]
+        acceleration, frames = _acceleration(one, fits[longest.series], longest, noise)
+        rest = _rest(one, fits[longest.series], group[-1].stop, end, shared)
+        throws.append(Throw(tuple(group), rest, acceleration, frames))
+    return throws
+
+
+def _acceleration(series: PoseSeries, fit: LocalFits, flight: Flight, noise: float) -> tuple[Array, int]:
+    """(3,) over as many frames as one parabola fits, and their number; grown from the window that fits best."""
+    inside = _windows(fit, flight.first, flight.stop)
+    start = int(fit.first[inside][np.argmin(fit.residuals[inside])])
+    stop = start + fit.frames
+    allowed = max(ALLOWED * noise, 1e-3 * SPAN**2 * float(np.linalg.norm(fit.accelerations[inside][0])))
+    while True:
+        terms = np.linalg.lstsq(_powers(np.arange(start, stop) - start), series.positions[start:stop], rcond=None)[0]
+        ends = [(start - 1, -1), (stop, stop - start)]
+        off = [
+            float(np.abs(series.positions[at] - (_powers(np.array([when])) @ terms)[0]).max())
+            if flight.first <= at < flight.stop
+            else np.inf
+            for at, when in ends
+        ]
+        if min(off) > allowed:
+            return np.asarray(terms[2] / series.period**2), stop - start
+        start, stop = (start - 1, stop) if off[0] < off[1] else (start, stop + 1)
+
+
+def _powers(frames: NDArray[np.int64]) -> Array:
+    """(n, 3) of 1, k, k^2 / 2."""
+    return np.stack([np.ones(len(frames)), frames, 0.5 * frames**2], axis=1)
+
+
+def _rest(series: PoseSeries, fit: LocalFits, start: int, end: int, shared: Array) -> Rest | None:
+    """The first rest between two frames."""
+    length = np.linalg.norm(shared)
+    latest = np.searchsorted(series.times, series.times[min(start, len(series) - 1)] + LONGEST_SETTLING)
+    inside = _windows(fit, start, min(end, int(latest)))
+    speeds, pulls = (np.linalg.norm(each[inside], axis=1) for each in (fit.velocities, fit.accelerations))
+    places = fit.first[inside][(speeds < STILL * length) & (pulls < 0.1 * length)]
+    for part in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1):
+        if len(part) >= STILL_WINDOWS:
+            first, stop = int(part[0]), int(min(part[-1] + fit.frames, part[0] + REST_FRAMES))
+            turns = series.orientations_wxyz[first:stop]
+            mean = (turns * np.where(turns @ turns[0] < 0.0, -1.0, 1.0)[:, np.newaxis]).mean(axis=0)
+            position = np.median(series.positions[first:stop], axis=0)
+            return Rest(first, stop, position, quaternions.normalized(mean))
+    return None
+
+
+def _windows(fit: LocalFits, first: int, stop: int) -> slice:
+    """Those between two frames."""
+    low, high = np.searchsorted(fit.first, [first, stop - fit.frames + 1])
+    return slice(int(low), max(int(high), int(low)))
+
+
+def _trimmed_mean(values: Array, weights: Array) -> Array:
+    """(3,) weighted mean of rows (K, 3) without those far from the median."""
+    off = np.linalg.norm(values - np.median(values, axis=0), axis=1)
+    near = off <= max(4.0 * float(np.median(off)), 1e-12)
+    return np.asarray(weights[near] @ values[near] / weights[near].sum())

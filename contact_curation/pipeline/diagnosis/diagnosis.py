@@ -1,0 +1,126 @@
+"""`check`: one line of verdict, the reasons, the settings that mend what was found, and the command to type next."""
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
+from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.finding import Finding, Severity
+from contact_curation.pipeline.diagnosis.findings import FINDINGS
+from contact_curation.pipeline.diagnosis.recording import Recording, read_recording
+from contact_curation.pipeline.reading import ReadingConfig, settings_of
+from contact_curation.pipeline.workers import Advance, each, unheard
+
+MOST_MESSAGES = 30_000
+"""Of pose topics, of all recordings together: some 200 s at 148 Hz, and a few seconds of work."""
+
+FEWEST_MESSAGES = 2_000
+"""Of each recording, however many there are."""
+
+COMMAND = "contact-curation"
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What is to be said of recordings.
+
+    Attributes:
+        verdict: one line: what is wrong first of all, or that nothing is.
+        ok: whether tosses can be learned from as the recordings are.
+        reasons: all that was found, one line each, faults first.
+        settings: `--set` options that mend what settings can mend; empty where there are none.
+        next: the command to type next.
+    """
+
+    verdict: str
+    ok: bool
+    reasons: tuple[str, ...]
+    settings: str
+    next: str
+
+    def document(self) -> dict[str, Any]:
+        """For programs."""
+        return {**asdict(self), "reasons": list(self.reasons)}
+
+    def __str__(self) -> str:
+        mends = [f"settings: {self.settings}"] if self.settings else []
+        return "\n".join([self.verdict, *(f"  {line}" for line in self.reasons), *mends, f"next: {self.next}"])
+
+
+def diagnose(
+    paths: Sequence[Path],
+    config: ReadingConfig,
+    *,
+    words: Sequence[str] = (),
+    most_messages: int = MOST_MESSAGES,
+    jobs: int = 1,
+    advance: Advance = unheard,
+) -> Diagnosis:
+    """Reads recordings, as far as `most_messages` goes, and says what is wrong with them.
+
+    Args:
+        paths: at least one.
+        config: how they are read, the gates included.
+        words: options that were given, for the next command.
+        most_messages: of their pose topics, in all; of each recording at least `FEWEST_MESSAGES`.
+        jobs: so many are read at once.
+        advance: told of each recording that was read.
+    """
+    share = max(FEWEST_MESSAGES, most_messages // max(len(paths), 1))
+    recordings = tuple(each(partial(_read, config, share), list(paths), jobs, advance))
+    return concluded(Evidence(config, recordings), words)
+
+
+def _read(config: ReadingConfig, most_messages: int, path: Path, advance: Advance) -> Recording:
+    found = read_recording(path, config, most_messages)
+    advance(1)
+    return found
+
+
+def concluded(evidence: Evidence, words: Sequence[str] = ()) -> Diagnosis:
+    """What the findings of some evidence come to."""
+    found = [one for find in FINDINGS if (one := find(evidence)) is not None]
+    ordered = sorted(found, key=lambda one: -one.severity)  # stable: causes stand before what follows from them
+    worst = ordered[0]
+    ok = worst.severity < Severity.FAULT
+    settings = _settings(ordered, evidence.config.inputs.rig)
+    verdict = worst.line if worst.severity == Severity.FAULT else _sound(evidence, worst)
+    reasons = tuple(one.line for one in ordered if one is not worst or ok)
+    paths = [one.path for one in evidence.recordings]
+    return Diagnosis(
+        _one_line(verdict), ok, tuple(map(_one_line, reasons)), settings, _next(ordered, ok, paths, words, settings)
+    )
+
+
+def _sound(evidence: Evidence, worst: Finding) -> str:
+    count = f"{len(evidence.tosses)} of {len(evidence.outcomes)}" if evidence.rejected else f"all {len(evidence.tosses)}"
+    said = f"ok: {count} motions are sound tosses of {evidence.body.name}"
+    return f"{said}, but {worst.line}" if worst.severity == Severity.WARNING else said
+
+
+def _settings(found: Sequence[Finding], current: RigCalibration) -> str:
+    """All `--set` options; those of the rig only where no correction is in use already, which they would replace."""
+    rigs = [one.rig for one in found if one.rig is not None]
+    said = [settings_of(rigs[0])] if rigs and current == NO_CORRECTION else []
+    said += [f"--set {setting}" for one in found for setting in one.settings]
+    return " ".join(dict.fromkeys(part for part in said if part))
+
+
+def _next(found: Sequence[Finding], ok: bool, paths: Sequence[str], words: Sequence[str], settings: str) -> str:
+    """What to type: rank what is sound or can be mended, check again what has another remedy."""
+    faults = [one for one in found if one.severity == Severity.FAULT]
+    mended = bool(faults) and all(one.rig is not None or one.settings for one in faults[:1])
+    options = next((one.options for one in faults if one.options), ())
+    verb = ["rank"] if ok or (mended and not options) else ["check"]
+    shown = [*paths[:3], *(["..."] if len(paths) > 3 else [])]
+    end = ["--out", "ranked.csv"] if verb == ["rank"] else []
+    line = shlex.join([COMMAND, *verb, *shown, *words, *options])
+    return " ".join(part for part in (line, settings, shlex.join(end)) if part)
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

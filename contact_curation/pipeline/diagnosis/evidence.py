@@ -1,0 +1,141 @@
+"""All that findings look at: the recordings, and what their poses show together, each worked out when it is first asked for."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from contact_curation.contact.body import Body
+from contact_curation.errors import InvalidValueError
+from contact_curation.motion.survey.falls import Survey, survey
+from contact_curation.motion.survey.rig import Estimate, RigEstimate, estimate_rig
+from contact_curation.motion.survey.size import size_ratio
+from contact_curation.motion.toss import Rejected, Toss
+from contact_curation.pipeline.diagnosis.recording import Recording
+from contact_curation.pipeline.reading import ReadingConfig
+
+UNITS = {"metres": 1.0, "feet": 3.28084, "inches": 39.3701, "centimetres": 100.0, "millimetres": 1000.0}
+"""By name: so many of them are a metre."""
+
+NEAREST_UNIT = 1.5
+"""Times gravity in a unit, either way: outside, an acceleration is gravity in none."""
+
+STEEPEST = 20.0
+"""Degrees between gravity and an axis, from which on it is along none."""
+
+AXES = {"-z": (0, 0, -1), "z": (0, 0, 1), "-x": (-1, 0, 0), "x": (1, 0, 0), "-y": (0, -1, 0), "y": (0, 1, 0)}
+
+
+@dataclass(frozen=True, eq=False)
+class Fall:
+    """What bodies in the air say of unit and axes.
+
+    Attributes:
+        size: of the acceleration, in units of the poses per s^2.
+        unit: the poses'; empty where it fits none.
+        axis: along which bodies fall, e.g. "-z"; empty where they fall along none.
+        angle: between the acceleration and -z [degrees].
+    """
+
+    size: float
+    unit: str
+    axis: str
+    angle: float
+
+    @property
+    def sound(self) -> bool:
+        """Metres, z up."""
+        return self.unit == "metres" and self.axis == "-z"
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What findings look at.
+
+    Attributes:
+        config: how the recordings were read.
+        recordings: in the order given, at least one.
+    """
+
+    config: ReadingConfig
+    recordings: tuple[Recording, ...]
+
+    @property
+    def body(self) -> Body:
+        return self.config.body
+
+    @cached_property
+    def outcomes(self) -> tuple[Toss | Rejected, ...]:
+        """All motions that were cut, each once."""
+        seen: dict[str, Toss | Rejected] = {}
+        for recording in self.recordings:
+            for one in recording.outcomes:
+                seen.setdefault((one.toss if isinstance(one, Rejected) else one).toss_id, one)
+        return tuple(seen.values())
+
+    @cached_property
+    def tosses(self) -> tuple[Toss, ...]:
+        """Those that were accepted."""
+        return tuple(one for one in self.outcomes if isinstance(one, Toss))
+
+    @cached_property
+    def rejected(self) -> tuple[Rejected, ...]:
+        """Those that were not."""
+        return tuple(one for one in self.outcomes if isinstance(one, Rejected))
+
+    @property
+    def poses(self) -> int:
+        """On the board, of all recordings."""
+        return sum(one.poses for one in self.recordings)
+
+    @property
+    def mostly_rejected(self) -> bool:
+        """Whether fewer than half of the motions, or of the falls that were seen, are tosses."""
+        found = [one for recording in self.recordings for one in recording.outcomes]
+        accepted = sum(isinstance(one, Toss) for one in found)
+        return 2 * accepted < max(len(found), len(self.survey.throws), 1)
+
+    @cached_property
+    def survey(self) -> Survey:
+        """Falls and rests in the poses on the board."""
+        return survey([series for recording in self.recordings for series in recording.series])
+
+    @cached_property
+    def fall(self) -> Fall | None:
+        """None where nothing falls freely, or what seems to is gravity in no unit."""
+        if self.survey.gravity is None:
+            return None
+        size = float(np.linalg.norm(self.survey.gravity))
+        ratios = {name: size / (self.body.gravity * unit) for name, unit in UNITS.items()}
+        unit = min(ratios, key=lambda name: abs(np.log(ratios[name])))
+        if not 1.0 / NEAREST_UNIT < ratios[unit] < NEAREST_UNIT:
+            return None
+        angles = {name: _degrees(self.survey.gravity, np.array(axis, float)) for name, axis in AXES.items()}
+        axis = min(angles, key=lambda name: angles[name])
+        return Fall(size, unit, axis if angles[axis] < STEEPEST else "", angles["-z"])
+
+    @cached_property
+    def rig(self) -> RigEstimate | None:
+        """None where poses are not in metres with z up, or throws are too few."""
+        if self.fall is None or not self.fall.sound:
+            return None
+        try:
+            return estimate_rig(self.survey, self.body.polytope, self.body.gravity)
+        except InvalidValueError:
+            return None
+
+    @cached_property
+    def size(self) -> Estimate | None:
+        """The body's size over its description's; None where it cannot be told."""
+        return None if self.rig is None else size_ratio(self.survey, self.body.polytope, self.rig)
+
+    @cached_property
+    def period(self) -> float:
+        """Of the poses, median [s]; NaN where there are none."""
+        periods = [one.period for recording in self.recordings for one in recording.series if len(one) > 1]
+        return float(np.median(periods)) if periods else float("nan")
+
+
+def _degrees(one: np.ndarray, other: np.ndarray) -> float:
+    cosine = float(one @ other / (np.linalg.norm(one) * np.linalg.norm(other)))
+    return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))

@@ -1,0 +1,70 @@
+"""Whether the body that was thrown is the described one."""
+
+import numpy as np
+
+from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.finding import Finding, Severity
+from contact_curation.pipeline.diagnosis.findings.orientations import ASKEW, off_flat
+
+LARGEST = 20.0
+"""Times its height at rest: a body that is described larger is described in another unit."""
+
+USUAL = 0.97
+"""What `size_ratio` is for a body as described: rounded corners make it small."""
+
+BETTER = 0.02
+"""By so much nearer must a wrong size be to what is seen than a wrong height of the board."""
+
+UNEVEN = 0.0025
+"""[m] Heights at rest that differ by more in the median are not those of the described faces."""
+
+SMALLEST = 0.0035
+"""[m] Of a body that is higher over the board than described."""
+
+
+def other_unit(evidence: Evidence) -> Finding | None:
+    """A body that is described in millimetres."""
+    rig = evidence.rig
+    if rig is None:
+        return None
+    half, width = float(np.median(rig.rest_depths)), float(np.ptp(evidence.body.vertices, axis=0).max())
+    if half < LARGEST * (half + rig.height.value):
+        return None
+    what = f"{evidence.body.name} is {width:.3g} m wide as described, and lies {half + rig.height.value:.2g} m high"
+    return Finding(Severity.FAULT, what, "are its vertices in mm? expected metres")
+
+
+def other_shape(evidence: Evidence) -> Finding | None:
+    """Bodies that come to rest on none of the described faces, or higher on some than others."""
+    found = off_flat(evidence)
+    if found is not None and found["as read"] > ASKEW:
+        what = f"bodies at rest stand {found['as read']:.0f} degrees off every face of {evidence.body.name} as described"
+    elif evidence.rig is not None and evidence.rig.left_over > UNEVEN:
+        uneven = 1e3 * evidence.rig.left_over
+        what = f"bodies lie at heights that differ by {uneven:.0f} mm from face to face of {evidence.body.name} as described"
+    else:
+        return None
+    return Finding(Severity.FAULT, what, "is it the right --body, and are the tags in its frame?")
+
+
+def other_size(evidence: Evidence) -> Finding | None:
+    """A body larger or smaller than described, where heights on edges and at rest agree on it."""
+    rig = evidence.rig
+    if rig is None:
+        return None
+    vertices = evidence.body.vertices
+    width = float(np.ptp(vertices, axis=0).max())
+    half = float(np.median(rig.rest_depths))
+    by_rest = 1.0 + rig.height.value / half
+    size = evidence.size
+    if size is None or abs(rig.height.value) < SMALLEST:
+        return None
+    if abs(size.value - by_rest) + BETTER > abs(size.value - USUAL):
+        return None
+    off = 100.0 * (by_rest - 1.0)
+    larger = "larger" if off > 0.0 else "smaller"
+    what = (
+        f"the body is {abs(off):.0f} % {larger} than {evidence.body.name} as described ({1e3 * width:.0f} mm wide), "
+        "at rest and on its edges"
+    )
+    return Finding(Severity.FAULT, what, "measure the body and correct its --body file")

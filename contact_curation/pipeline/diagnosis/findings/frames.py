@@ -1,0 +1,61 @@
+"""Whether the board's frame was found, and whose poses these are."""
+
+from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.finding import Finding, Severity, by_recording, of_recordings
+from contact_curation.pipeline.diagnosis.recording import Recording
+from contact_curation.storage.inputs.pose_source import is_of_another
+
+ON_BOARD = ("--board-frame", "")
+MOST_LISTED = 8
+
+
+def board_is_not_found(evidence: Evidence) -> Finding | None:
+    """Most poses wait in vain for what leads from the board's frame to theirs."""
+
+    def line(one: Recording) -> str:
+        lost = one.bad.get("frame", 0)
+        if one.source is None or lost <= one.poses:
+            return ""
+        parent = max(one.parents, key=lambda name: one.parents[name], default="")
+        board = one.source.board_frame
+        if not parent:
+            return f"header.frame_id of {one.source.body.name} is empty, so that nothing leads from it to the board '{board}'"
+        there = ", ".join(sorted(one.frames)[:MOST_LISTED])
+        given = f"'{parent}', in which {one.source.body.name} gives poses"
+        return f"nothing leads from the board's frame '{board}' to {given}; frames there: {there}"
+
+    found = by_recording(evidence, line)
+    if not found:
+        return None
+    remedy = "record /tf_static, name the board with --board-frame NAME, or say --board-frame '' where poses are given on it"
+    return Finding(Severity.FAULT, of_recordings(evidence, found), remedy, options=ON_BOARD)
+
+
+def taken_as_on_board(evidence: Evidence) -> Finding | None:
+    """Poses in some other frame, and nothing at all that leads to the board."""
+
+    def line(one: Recording) -> str:
+        if one.source is None or not one.taken_as_on_board:
+            return ""
+        parent = next(iter(one.parents))
+        named = f"in frame '{parent}'" if parent else "without a header.frame_id"
+        return f"poses come {named} and nothing leads to the board '{one.source.wanted_board}': taken as given on it"
+
+    found = by_recording(evidence, line)
+    if not found:
+        return None
+    remedy = "if they are, say --board-frame ''; else record /tf and /tf_static"
+    return Finding(Severity.FAULT, of_recordings(evidence, found), remedy, options=ON_BOARD)
+
+
+def of_another_body(evidence: Evidence) -> Finding | None:
+    """A topic that is called after another body."""
+
+    def line(one: Recording) -> str:
+        if one.source is None or not is_of_another(one.source.body.name, evidence.body.name, evidence.config.inputs.poses):
+            return ""
+        return f"no topic is named after {evidence.body.name}: took {one.source.body.name}"
+
+    found = by_recording(evidence, line)
+    remedy = "give the body of these poses with --body, or name its topic with --topic"
+    return Finding(Severity.FAULT, of_recordings(evidence, found), remedy) if found else None

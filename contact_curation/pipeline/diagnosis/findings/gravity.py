@@ -1,0 +1,73 @@
+"""Free fall: whether anything falls, in which unit, and along which axis."""
+
+import numpy as np
+
+from contact_curation.motion.survey.series import PoseSeries
+from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.finding import Finding, Severity
+
+SLOWEST_THROW = 0.3
+"""[m/s] What moves no faster was not thrown."""
+
+STANDING = 0.02
+"""[m/s] What moves no faster did not move."""
+
+PUSHED, STRUCK = 1.2, 12.0
+"""Times gravity: hands and arms stay below the first, impacts of poses that are not smoothed lie above the second."""
+
+
+def nothing_moves(evidence: Evidence) -> Finding | None:
+    """An object that lies there."""
+    if not evidence.poses or evidence.survey.largest_speed > STANDING:
+        return None
+    speed = evidence.survey.largest_speed
+    remedy = "record while it is thrown, and check that --topic is the object's"
+    return Finding(Severity.FAULT, f"the object never moved (largest speed {speed:.2f} m/s in {evidence.poses} poses)", remedy)
+
+
+def other_unit(evidence: Evidence) -> Finding | None:
+    """Poses in millimetres, inches, ..."""
+    fall = evidence.fall
+    if fall is None or fall.unit == "metres":
+        return None
+    span = max(float(np.ptp(one.positions, axis=0).max()) for one in evidence.survey.series if len(one))
+    what = f"positions span {span:.0f} and fall at {fall.size:.0f} per s^2: {fall.unit}?"
+    return Finding(Severity.FAULT, f"{what} expected metres and {evidence.body.gravity:g} m/s^2", "publish poses in metres")
+
+
+def other_axis(evidence: Evidence) -> Finding | None:
+    """A frame whose z is not up."""
+    fall = evidence.fall
+    if fall is None or fall.axis == "-z":
+        return None
+    if fall.axis == "z":
+        what = f"bodies accelerate upwards ({fall.size:+.1f} m/s^2 along z): is the board frame z-down?"
+    elif fall.axis:
+        what = f"bodies fall along {fall.axis}, not along -z: is z up in the board's frame?"
+    else:
+        what = f"bodies fall {fall.angle:.0f} degrees away from -z: are poses given in a camera's or a map's frame?"
+    remedy = "give poses in a frame with z up on the board, or name one with --board-frame"
+    return Finding(Severity.FAULT, what, remedy)
+
+
+def no_fall(evidence: Evidence) -> Finding | None:
+    """Bodies that move, and never fall freely."""
+    if not evidence.poses or evidence.fall is not None or evidence.survey.largest_speed <= STANDING:
+        return None
+    gravity = evidence.body.gravity
+    hardest = max((_hardest(one) for one in evidence.survey.series), default=0.0)
+    speed = f"largest speed {evidence.survey.largest_speed:.2g} m/s"
+    if evidence.survey.largest_speed > SLOWEST_THROW and PUSHED < hardest / gravity < STRUCK:
+        what = f"nothing falls freely, and impacts are as soft as {hardest / gravity:.1f} g ({speed}): poses look smoothed"
+        return Finding(Severity.FAULT, what, "record raw poses, without a filter, and give header.stamp the time of exposure")
+    what = f"no free fall in {evidence.poses} poses ({speed}): the body was carried and never let go"
+    return Finding(Severity.FAULT, what, "throw or drop it from 5 cm or higher, in sight of the tracker until it rests")
+
+
+def _hardest(series: PoseSeries) -> float:
+    """The largest change of velocity from frame to frame, over the frame period, but for a few outliers."""
+    if len(series) < 8:
+        return 0.0
+    changes = np.linalg.norm(np.diff(series.positions, n=2, axis=0), axis=1) / series.period**2
+    even = np.abs(np.diff(series.steps)) < 0.5 * series.period
+    return float(np.percentile(changes[even], 99.9)) if even.any() else 0.0

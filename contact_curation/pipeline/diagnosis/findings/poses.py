@@ -1,0 +1,92 @@
+"""Poses that are none, that are missing, or that scatter."""
+
+import numpy as np
+
+from contact_curation.motion.pose_noise import LOUD, MOST, RIG_NOISE
+from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.finding import Finding, Severity, by_recording, of_recordings
+from contact_curation.pipeline.diagnosis.recording import Recording
+
+MANY = 0.02
+"""Share of bad or missing poses from which on it is worth a line; it is a fault where most motions are rejected."""
+
+BESIDE, QUIET, FAR, OFTEN = 4, 0.002, 0.001, 0.005
+"""Outliers: so many poses on either side that span at most so much [m], further away than that [m], in a share of them."""
+
+LONGEST = 0.2
+"""A longer time without poses is a pause [s]."""
+
+
+def not_poses(evidence: Evidence) -> Finding | None:
+    """Measurements that are no poses: numbers that are not finite, quaternions that are no rotations."""
+    worst = 0.0
+
+    def line(one: Recording) -> str:
+        nonlocal worst
+        bad = {kind: count for kind, count in one.bad.items() if kind not in ("frame", "stamp", "clock")}
+        if not bad:
+            return ""
+        most = max(bad, key=lambda kind: bad[kind])
+        total = max(len(one.measured), 1)
+        worst = max(worst, sum(bad.values()) / total)
+        return f"{sum(bad.values())} of {total} poses are unusable, most for this: {one.why_bad[most]}"
+
+    found = by_recording(evidence, line)
+    if not found:
+        return None
+    severity = Severity.FAULT if worst > 0.5 or evidence.mostly_rejected else Severity.WARNING
+    return Finding(severity, of_recordings(evidence, found), "publish nothing where the tracker has no pose")
+
+
+def frames_are_lost(evidence: Evidence) -> Finding | None:
+    """Frames that are missing between others."""
+    lost, there = 0, 0
+    for recording in evidence.recordings:
+        for series in recording.series:
+            steps = series.steps[series.steps < LONGEST]
+            there += len(series)
+            lost += int(np.maximum(np.rint(steps / series.period) - 1.0, 0.0).sum()) if len(steps) else 0
+    share = lost / max(lost + there, 1)
+    if share < MANY:
+        return None
+    severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
+    what = f"{100.0 * share:.2g} % of the frames are missing between others, at {1.0 / evidence.period:.4g} Hz"
+    remedy = "record with a larger queue, or track in fewer, brighter images: a toss with a gap is rejected"
+    return Finding(severity, what, remedy)
+
+
+def outliers(evidence: Evidence) -> Finding | None:
+    """Single poses far from where a body that hardly moves is."""
+    jumps, slow = list[float](), 0
+    for series in evidence.survey.series:
+        if len(series) < 4 * BESIDE or evidence.fall is None or not evidence.fall.sound:
+            continue
+        windows = np.lib.stride_tricks.sliding_window_view(series.positions, 2 * BESIDE + 1, axis=0)  # (W, 3, 9)
+        middle = np.median(windows, axis=2)
+        quiet = np.linalg.norm(np.percentile(windows, 80, axis=2) - np.percentile(windows, 20, axis=2), axis=1) < QUIET
+        distances = np.linalg.norm(series.positions[BESIDE:-BESIDE] - middle, axis=1)[quiet]
+        slow += len(distances)
+        jumps += distances[distances > max(FAR, 12.0 * evidence.survey.noise)].tolist()
+    if not slow or len(jumps) < OFTEN * slow:
+        return None
+    severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
+    share, away = 100.0 * len(jumps) / slow, 1e3 * float(np.median(jumps))
+    what = f"{share:.2g} % of the poses of a body that hardly moves are outliers, {away:.2g} mm away"
+    return Finding(severity, what, "are tags seen at a slant, or in two images? leave out what fits them badly")
+
+
+def noisy(evidence: Evidence) -> Finding | None:
+    """Poses that scatter more than the segmenter expects."""
+    multiple = evidence.survey.noise / RIG_NOISE
+    expected = evidence.config.inputs.segmenter.tracker_noise
+    if evidence.fall is None or not evidence.fall.sound or multiple <= LOUD * expected:
+        return None
+    severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
+    what = (
+        f"positions scatter by {1e3 * evidence.survey.noise:.2g} mm from frame to frame, "
+        f"expected {1e3 * RIG_NOISE * expected:.2g} mm"
+    )
+    if multiple > MOST:
+        return Finding(severity, what, "more light, larger tags or a nearer camera: with so much noise tosses are lost")
+    setting = f"segmenter.tracker_noise={np.ceil(10.0 * multiple) / 10.0:.1f}"
+    return Finding(severity, what, f"say --set {setting}", settings=(setting,))

@@ -1,0 +1,63 @@
+"""Whether there is anything to look at: inputs that cannot be read, topics that are missing, messages that are lost."""
+
+from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.finding import Finding, Severity, by_recording, of_recordings
+from contact_curation.pipeline.diagnosis.recording import Recording
+from contact_curation.pipeline.wording import counted
+
+
+def unreadable(evidence: Evidence) -> Finding | None:
+    """Inputs that are no recordings; a fault where none is one."""
+    found = by_recording(evidence, lambda one: one.unreadable)
+    if not found:
+        return None
+    severity = Severity.FAULT if len(found) == len(evidence.recordings) else Severity.WARNING
+    return Finding(severity, f"cannot be read: {of_recordings(evidence, found)}", "copy or record it again")
+
+
+def without_a_topic(evidence: Evidence) -> Finding | None:
+    """Bags where no topic, or several, may hold the body's poses."""
+    found = by_recording(evidence, lambda one: one.no_topic)
+    if not found:
+        return None
+    remedy = "name the topic with --topic, or give tag detections a --tag-map"
+    return Finding(Severity.FAULT, of_recordings(evidence, found), remedy)
+
+
+def without_a_message(evidence: Evidence) -> Finding | None:
+    """Topics that were chosen, and hold nothing of the body."""
+
+    def line(one: Recording) -> str:
+        if one.source is None or len(one.measured):
+            return ""
+        seen = ", ".join(sorted(one.frames)) or "none"
+        topic = one.source.body.name
+        read = f"{one.counted.get(topic, 0)} messages of {topic}"
+        return f"no pose of {one.source.body_frame} in {read}; frames there: {seen}"
+
+    found = by_recording(evidence, line)
+    return Finding(Severity.FAULT, of_recordings(evidence, found), "name the body's frame with --body-frame") if found else None
+
+
+def lost(evidence: Evidence) -> Finding | None:
+    """What could not be read of recordings that could."""
+    found = by_recording(evidence, _first_loss)
+    return Finding(Severity.WARNING, f"parts were lost: {of_recordings(evidence, found)}") if found else None
+
+
+def not_whole(evidence: Evidence) -> Finding | None:
+    """Long recordings are looked at as far as the first messages go."""
+    short = [one for one in evidence.recordings if not one.whole]
+    if not short:
+        return None
+    looked = sum(sum(one.counted.values()) or one.poses for one in short)
+    return Finding(
+        Severity.FACT, f"looked at the first {looked} messages of {counted(len(short), 'long recording')}, not at the rest"
+    )
+
+
+def _first_loss(one: Recording) -> str:
+    if one.unreadable or not one.losses:
+        return ""
+    more = f" (and {len(one.losses) - 1} more)" if len(one.losses) > 1 else ""
+    return one.losses[0].removeprefix(f"{one.name}: ") + more

@@ -1,0 +1,77 @@
+"""Level, height and length scale of the rig, and the marker in the body: what settings can correct."""
+
+import numpy as np
+
+from contact_curation.motion.survey.rig import RigEstimate, worth_correcting
+from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.finding import Finding, Severity
+from contact_curation.pipeline.diagnosis.findings.body import other_shape, other_size
+
+LARGEST_TILT, LARGEST_HEIGHT, LARGEST_SCALE = 0.75, 0.0025, 0.025
+"""Degrees, m, share: what is more is a fault; what is less but certain is worth settings."""
+
+WORTH_TILT, WORTH_HEIGHT, WORTH_SCALE = 0.2, 0.0008, 0.008
+"""What is worth a line."""
+
+MEND = "measure the rig again, or correct poses with the settings below"
+
+
+def height(evidence: Evidence) -> Finding | None:
+    """A board over or under the height that its frame says."""
+    rig = _rig(evidence)
+    if rig is None or other_size(evidence) is not None:
+        return None
+    found = rig.height
+    if abs(found.value) < WORTH_HEIGHT or found.holds_none:
+        return None
+    where = "under" if found.value < 0.0 else "over"
+    what = f"bodies at rest lie {1e3 * abs(found.value):.1f} mm {where} the board ({_range(1e3 * found.low, 1e3 * found.high)})"
+    return _finding(rig, abs(found.value) > LARGEST_HEIGHT, f"{what}: board height or body size off?")
+
+
+def tilt(evidence: Evidence) -> Finding | None:
+    """A board that leans in the frame of the poses."""
+    rig = _rig(evidence)
+    if rig is None or rig.tilt_degrees < WORTH_TILT or all(one.holds_none for one in rig.tilt):
+        return None
+    return _finding(
+        rig, rig.tilt_degrees > LARGEST_TILT, f"the board leans by {rig.tilt_degrees:.2f} degrees in the frame of the poses"
+    )
+
+
+def length_scale(evidence: Evidence) -> Finding | None:
+    """Lengths that are too short or too long: a wrong size of tags, or a clock that runs wrong."""
+    rig = _rig(evidence)
+    if rig is None or abs(rig.scale.value) < WORTH_SCALE or rig.scale.holds_none:
+        return None
+    fall = float(np.linalg.norm(evidence.survey.gravity)) if evidence.survey.gravity is not None else 0.0
+    length = "short" if rig.scale.value > 0.0 else "long"
+    what = (
+        f"bodies fall at {fall:.2f} m/s^2: lengths are {100.0 * abs(rig.scale.value):.1f} % too {length}, or the clock is off"
+    )
+    return _finding(rig, abs(rig.scale.value) > LARGEST_SCALE, what)
+
+
+def marker(evidence: Evidence) -> Finding | None:
+    """A tracked frame that is not the described body's."""
+    rig = _rig(evidence)
+    if rig is None or not rig.rig.has_marker:
+        return None
+    turn = float(np.degrees(np.linalg.norm(rig.rig.marker_turn)))
+    away = 1e3 * float(np.linalg.norm(rig.rig.marker_offset))
+    parts = [f"turned by {turn:.1f} degrees"] if turn else []
+    parts += [f"{away:.1f} mm away"] if away else []
+    what = f"the tracked frame is {' and '.join(parts)} from the described body's"
+    return _finding(rig, turn > LARGEST_TILT or away > 1e3 * LARGEST_HEIGHT, what)
+
+
+def _rig(evidence: Evidence) -> RigEstimate | None:
+    return None if other_shape(evidence) is not None else evidence.rig
+
+
+def _finding(rig: RigEstimate, large: bool, what: str) -> Finding:
+    return Finding(Severity.FAULT if large else Severity.WARNING, what, MEND, rig=worth_correcting(rig))
+
+
+def _range(low: float, high: float) -> str:
+    return f"{low:.1f} to {high:.1f}"

@@ -1,0 +1,159 @@
+"""Poses that are not as measured: repeated, interpolated, filtered, rounded.
+
+An impact changes a velocity within one frame. With a_k = (z_k+1 - 2 z_k + z_k-1) / dt^2 + g, what contact gives from frame to
+frame, the largest two neighbours hold nearly all of it in raw poses, and much less behind a filter. A filter shows in the
+noise, too: third differences of white noise correlate from one to the next by -0.75, of filtered noise by less or not at all.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.survey.falls import Survey
+from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.finding import Finding, Severity
+
+RAW = "record the tracker's raw poses, each once, at its own rate"
+
+MOST_REPEATED = 0.2
+"""Share of steps of nothing amid motion; of second differences of nothing."""
+
+SHARPEST = 0.75
+"""Share of an impact in two frames, at the 90th percentile of throws: over 0.9 in raw poses, under 0.75 behind filters."""
+
+WHITEST = -0.4
+"""Correlation of successive third differences in the air, from which on noise is filtered."""
+
+COARSEST = 2e-4
+"""[m] Rounding that moves velocities by more than tracking noise does."""
+
+FEWEST_FALLS = 3
+LONGEST_RUN = 9
+GAP = 3.5
+"""Median steps: where two poses are further apart, nothing is said of what lies between."""
+
+
+def repeated(evidence: Evidence) -> Finding | None:
+    """The last pose sent again until there is another."""
+    share = _share(evidence, order=1)
+    if share < MOST_REPEATED:
+        return None
+    rate = 1.0 / evidence.period
+    sent = f"a tracker of {rate * (1.0 - share):.0f} Hz sent at {rate:.0f} Hz"
+    what = f"{100.0 * share:.0f} % of the poses repeat the one before amid motion: {sent}"
+    return Finding(Severity.FAULT, what, RAW)
+
+
+def interpolated(evidence: Evidence) -> Finding | None:
+    """Straight lines between poses: no body falls along them."""
+    share = _share(evidence, order=2)
+    if share < MOST_REPEATED or _share(evidence, order=1) >= MOST_REPEATED:
+        return None
+    rate = 1.0 / evidence.period
+    sent = f"interpolated from {rate * (1.0 - share):.0f} to {rate:.0f} Hz"
+    what = f"{100.0 * share:.0f} % of the poses lie on straight lines between others: {sent}"
+    return Finding(Severity.FAULT, what, RAW)
+
+
+def smoothed(evidence: Evidence) -> Finding | None:
+    """Impacts that are spread over frames, or noise that is not white."""
+    if evidence.fall is None:
+        return None
+    sharpness, colour = _sharpness(evidence.survey), _colour(evidence.survey)
+    soft = len(sharpness) >= FEWEST_FALLS and float(np.percentile(sharpness, 90)) < SHARPEST
+    if soft:
+        share = 100.0 * float(np.percentile(sharpness, 90))
+        what = f"impacts are spread over several frames ({share:.0f} % of one within two frames, expected 80 % or more)"
+    elif colour is not None and colour > WHITEST:
+        what = f"what scatters in the air is not white (third differences correlate by {colour:+.2f}, expected -0.75)"
+    else:
+        return None
+    return Finding(Severity.FAULT, f"poses look smoothed: {what}", "record raw poses, without a filter behind the tracker")
+
+
+def rounded(evidence: Evidence) -> Finding | None:
+    """Positions with few decimals."""
+    if evidence.fall is None or not evidence.fall.sound:
+        return None
+    grids = [grid for one in evidence.recordings if (grid := _grid(one.measured.positions))]
+    if not grids:
+        return None
+    what = f"positions are rounded to {1e3 * max(grids):.2g} mm"
+    severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
+    return Finding(severity, what, "record them with all their digits")
+
+
+def _share(evidence: Evidence, order: int) -> float:
+    """Of differences of an order that are nothing, amid motion, in short runs; 0 where nothing moves."""
+    none = moving = 0
+    for series in evidence.survey.series:
+        if len(series) < 16:
+            continue
+        away = np.linalg.norm(series.positions[6:] - series.positions[:-6], axis=1)
+        apart = np.concatenate([[0], np.cumsum(series.steps > GAP * series.period)])
+        away[apart[6:] > apart[:-6]] = 0.0
+        largest = float(np.percentile(away, 99))
+        fast = np.concatenate([[False] * 3, away > 0.25 * max(largest, 1e-12), [False] * 3])
+        bent = np.linalg.norm(np.diff(series.positions, n=order, axis=0), axis=1)
+        nothing = _in_short_runs(bent <= 1e-7 * max(largest, 1e-12))
+        at = fast[1 : 1 + len(bent)]
+        none, moving = none + int(nothing[at].sum()), moving + int(at.sum())
+    return none / moving if moving else 0.0
+
+
+def _in_short_runs(marks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The same without runs longer than `LONGEST_RUN`: a body that is led evenly is no interpolation."""
+    padded = np.concatenate([[False], marks, [False]])
+    starts, stops = np.flatnonzero(padded[1:] & ~padded[:-1]), np.flatnonzero(~padded[1:] & padded[:-1])
+    short = np.zeros_like(marks)
+    for start, stop in zip(starts, stops, strict=True):
+        short[start:stop] = stop - start <= LONGEST_RUN
+    return short
+
+
+def _sharpness(found: Survey) -> Array:
+    """By throw, the share of its first impact in two frames."""
+    shares = []
+    size = 0.0 if found.gravity is None else float(np.linalg.norm(found.gravity))
+    for throw in found.throws:
+        series, hit = found.series[throw.flights[0].series], throw.flights[0].stop
+        first, last = hit - 6, hit + 14
+        if first < 1 or last + 1 >= len(series) or series.steps[first - 1 : last + 1].max() > 1.5 * series.period:
+            continue
+        heights = series.positions[first - 1 : last + 1] @ found.up
+        given = np.diff(heights, n=2) / series.period**2 + size
+        pairs = given[:-1] + given[1:]
+        at = int(np.argmax(pairs))
+        around = np.maximum(given[max(at - 3, 0) : at + 5], 0.0).sum()
+        if around > 0.0:
+            shares.append(float(pairs[at] / around))
+    return np.array(shares)
+
+
+def _colour(found: Survey) -> float | None:
+    """Correlation of successive third differences in the air; None where there are too few, or no noise."""
+    products = squares = count = 0.0
+    for throw in found.throws:
+        flight = max(throw.flights, key=lambda one: one.stop - one.first)
+        series = found.series[flight.series]
+        bent = np.diff(series.positions[flight.first + 2 : flight.stop - 2], n=3, axis=0)
+        if len(bent) < 3 or series.steps[flight.first : flight.stop - 1].max() > 1.5 * series.period:
+            continue
+        products += float((bent[:-1] * bent[1:]).sum())
+        squares += float((bent**2).sum())
+        count += len(bent)
+    size = 0.0 if found.gravity is None else float(np.linalg.norm(found.gravity))
+    if count < 40 or squares / count < (1e-7 * size) ** 2:
+        return None
+    return products / squares
+
+
+def _grid(positions: Array) -> float:
+    """The decimal grid that all positions lie on [m]; 0 where it is finer than `COARSEST`."""
+    rows = positions[np.isfinite(positions).all(axis=1)]
+    if len(rows) < 16:
+        return 0.0
+    for grid in (1e-2, 5e-3, 1e-3, 5e-4, 2.5e-4):
+        if grid >= COARSEST and np.abs(rows / grid - np.rint(rows / grid)).max() < 1e-5:
+            return grid
+    return 0.0

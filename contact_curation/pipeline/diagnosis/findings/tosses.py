@@ -1,0 +1,110 @@
+"""What becomes of motions: rejections by reason with their size and sign, recordings that end too early, duplicates."""
+
+import hashlib
+import re
+from collections import Counter, defaultdict
+
+import numpy as np
+
+from contact_curation.motion.toss import Toss
+from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.finding import Finding, Severity
+from contact_curation.pipeline.wording import counted_tosses, listed
+
+NUMBERS = re.compile(r"found (-?[\d.]+(?:e-?\d+)?) ?([^\s,]*).*?expected (?:at most|at least|within) (-?[\d.]+(?:e-?\d+)?)")
+"""In the reasons of gates and segmenter: what was found, its unit, and the bound."""
+
+HINTS = {
+    "gap": "frames are missing in mid-toss: record at a steady rate",
+    "end": "the recording ends, or pauses, before the body rests",
+    "frames": "the body does not come to rest in sight",
+    "lowest corner of the toss": "board height or body size off?",
+    "depth in the board": "board height or body size off?",
+    "acceleration in the air beyond gravity": "noise, jittering stamps or smoothed poses?",
+    "displacement beside the velocity": "tracking outliers: poses jump",
+    "turn beside the angular velocity": "orientations jump: flipped tags?",
+    "tilt at rest": "does the board lean?",
+    "height at rest": "board height or body size off?",
+}
+"""By the name of a reason."""
+
+FEW = 8
+SAME_LENGTH = 1e-4
+"""Poses that differ by less are the same in two recordings [m]."""
+
+
+def rejected(evidence: Evidence) -> Finding | None:
+    """Motions that are no sound tosses, by reason."""
+    if not evidence.rejected:
+        return None
+    reasons = defaultdict(list)
+    for one in evidence.rejected:
+        name, _, rest = one.reasons[0].partition(":")
+        reasons[name].append(rest)
+    counts = Counter({name: len(lines) for name, lines in reasons.items()})
+    parts = [f"{count} {name}{_sizes(reasons[name])}" for name, count in counts.most_common()]
+    first = counts.most_common(1)[0][0]
+    what = f"{len(evidence.rejected)} of {len(evidence.outcomes)} motions rejected: {'; '.join(parts)}"
+    severity = Severity.FAULT if evidence.mostly_rejected else Severity.FACT
+    return Finding(severity, what, HINTS.get(first, "") if severity == Severity.FAULT else "")
+
+
+def never_at_rest(evidence: Evidence) -> Finding | None:
+    """Throws that are seen to fall, and not to come to rest."""
+    throws = evidence.survey.throws
+    moving = sum(throw.rest is None for throw in throws)
+    if evidence.fall is None or 2 * moving <= len(throws):
+        return None
+    severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
+    what = f"{moving} of {len(throws)} throws do not come to rest in sight: caught, out of view, or cut off"
+    return Finding(severity, what, "record until the body lies still for half a second")
+
+
+def none_found(evidence: Evidence) -> Finding | None:
+    """No motion at all, though bodies fall."""
+    if evidence.outcomes or not evidence.poses:
+        return None
+    what = f"found no toss in {evidence.poses} poses, though {len(evidence.survey.throws)} falls are seen"
+    return Finding(Severity.FAULT, what, "let the body fall from 5 cm or higher over the board, and lie still before and after")
+
+
+def duplicates(evidence: Evidence) -> Finding | None:
+    """Tosses that are in the recordings twice, under one id or several."""
+    seen: dict[str, str] = {}
+    again = []
+    for recording in evidence.recordings:
+        for one in recording.outcomes:
+            if isinstance(one, Toss):
+                shape = _shape(one)
+                if shape in seen:
+                    again.append(f"{one.toss_id} of {recording.name} as in {seen[shape]}")
+                seen.setdefault(shape, recording.name)
+    if not again:
+        return None
+    accepted = sum(isinstance(one, Toss) for recording in evidence.recordings for one in recording.outcomes)
+    what = f"{counted_tosses(len(again))} of {accepted} are duplicates: {listed(again)}"
+    return Finding(Severity.WARNING, what, "give each recording once: held-out tosses must not be learned from")
+
+
+def few(evidence: Evidence) -> Finding | None:
+    """Fewer tosses than say anything."""
+    if not 0 < len(evidence.tosses) < FEW or evidence.mostly_rejected:
+        return None
+    what = f"only {counted_tosses(len(evidence.tosses))}"
+    return Finding(Severity.WARNING, what, f"record {FEW} or more: fewer identify neither vertices nor friction")
+
+
+def _sizes(lines: list[str]) -> str:
+    """The median of what was found, in its unit, and the bound."""
+    numbers = [match for line in lines if (match := NUMBERS.search(line))]
+    if not numbers:
+        return ""
+    found = float(np.median([float(each.group(1)) for each in numbers]))
+    unit = numbers[0].group(2)
+    return f" ({found:.3g}{f' {unit}' if unit else ''} in the median, allowed {float(numbers[0].group(3)):.3g})"
+
+
+def _shape(toss: Toss) -> str:
+    """A digest of how a toss moves, whatever its stamps and its place."""
+    moved = np.rint((toss.positions - toss.positions[0]) / SAME_LENGTH).astype(np.int64)
+    return hashlib.sha256(moved.tobytes()).hexdigest()

@@ -1,0 +1,64 @@
+"""The project's own former words for things that have a standard name stay out of code, docs and messages."""
+
+import re
+from collections.abc import Iterator
+
+import pytest
+
+from test.conftest import REPOSITORY
+
+FORBIDDEN = {
+    r"\bkept[ _]back\b|\bkeeps?[ _]back\b": "rejected",
+    r"\b(?:not |un)kept\b|\bkept[ _](?:toss(?:es)?|sets?|manifest|gram|transitions)\b": "selected, not selected",
+    r"glitch": "tracking outlier",
+    r"\b(?:put|puts|putting)[ _](?:\w+ )?right\b": "corrected, calibrated",
+    r"canar(?:y|ies)": "readiness check, or staleness of a selection",
+    r"\bwarm[-_ ]?ups?\b": "exploration throws",
+    r"\btwins?\b": "duplicate recordings",
+    r"\bout of sweeps\b": "iteration limit reached",
+    r"\b(?:drawn|made|begins?|computed|fitted|predicted) anew\b": "re-drawn, regenerated, starts over, recomputed",
+    r"\bless random\b": "difference to random",
+    r"\bcomplaints?\b|\bculprits?\b|\bsaid_of\b": "what it holds",
+    r"\bdoor of the\b": "entry point",
+}
+"""Patterns, and what to write instead."""
+
+OF_OLD_FILES = {
+    "contact_curation/cli/options/one_line_parser.py",
+    "contact_curation/session/node_parameters.py",
+    "contact_curation/storage/manifest/file.py",
+    "contact_curation/learning/checkpoints/selection_document.py",
+    "test/cli/test_main.py",
+    "test/session/test_former_names.py",
+    "test/storage/test_format_versions.py",
+}
+"""They name what version 0.1 wrote or accepted."""
+
+SUFFIXES = {".py", ".md", ".yaml", ".msg", ".srv", ".action", ".cpp", ".hpp", ".xml", ".toml"}
+ROOTS = ("contact_curation", "msg_defs", "test", "benchmarks", "bags", "examples", "docs", "README.md", "CONTRIBUTING.md")
+EXCEPT = {"docs/method.md", "test/docs/test_words.py", *OF_OLD_FILES}
+"""Beside older files: the method cites the paper and its studies."""
+
+
+def lines() -> Iterator[tuple[str, str]]:
+    """Each line of the project's texts, with where it stands."""
+    for root in ROOTS:
+        top = REPOSITORY / root
+        for path in [top] if top.is_file() else sorted(top.rglob("*")):
+            name = path.relative_to(REPOSITORY).as_posix()
+            if path.suffix in SUFFIXES and name not in EXCEPT:
+                for number, line in enumerate(path.read_text().splitlines(), start=1):
+                    yield f"{name}:{number}", line
+
+
+@pytest.mark.parametrize("pattern", FORBIDDEN)
+def test_a_standard_word_is_used_in_place_of_ours(pattern: str) -> None:
+    word = re.compile(pattern, re.IGNORECASE)
+    found = [f"{where}: {line.strip()}" for where, line in lines() if word.search(line)]
+    assert not found, f"write {FORBIDDEN[pattern]} instead:\n" + "\n".join(found)
+
+
+def test_descriptions_of_parameters_name_no_constant_of_the_code() -> None:
+    page = (REPOSITORY / "docs" / "ros" / "reference.md").read_text().partition("## contact_curation_msgs")[0]
+    leaked = [line for line in page.splitlines() if re.search(r"`[A-Z][A-Z_]{3,}`|\bCRITERIA\b|\bMETHOD\b|method\.md", line)]
+    assert not leaked, "\n".join(leaked)

@@ -1,0 +1,113 @@
+"""`check` names the fault of a recording in its first line, and what settings can mend they mend."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.data.check_faults import FAULTS, Fault, Session, diagnosed, simulated_session, spoilt_bag, write
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.pipeline.diagnosis import Diagnosis, diagnose
+from contact_curation.pipeline.diagnosis.findings.tosses import HINTS
+from contact_curation.pipeline.reading import ReadingConfig
+from test.cli.commands import Cli
+from test.conftest import REPOSITORY
+
+BY_NAME = {fault.name: fault for fault in FAULTS}
+QUICK = (
+    "sound",
+    "millimetres",
+    "z down",
+    "stamps 0",
+    "jitter 2 ms",
+    "mean of 5",
+    "poses repeated",
+    "wxyz",
+    "no transform",
+    "another board",
+    "nothing moves",
+    "described 12 % large",
+)
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return simulated_session(tosses=6)
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_the_first_line_names_the_fault(session: Session, tmp_path: Path, name: str) -> None:
+    fault = BY_NAME[name]
+    found = diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, session), fault)
+    assert found.ok == fault.ok
+    assert re.search(fault.verdict, found.verdict), found.verdict
+    assert found.next.startswith("contact-curation ")
+
+
+@pytest.mark.parametrize("name", ["10 mm low", "leans 2 degrees", "lengths 5 % short", "marker aside", "marker askew"])
+def test_its_settings_mend_what_they_can(cli: Cli, session: Session, tmp_path: Path, name: str) -> None:
+    bag = spoilt_bag(tmp_path / "a.mcap", BY_NAME[name], simulated_session() if name.startswith("marker") else session)
+    spoilt = cli("check", bag, "--json")
+    assert (spoilt.status, spoilt.json["ok"]) == (1, False)
+    assert re.search(BY_NAME[name].verdict, spoilt.json["verdict"])
+    mended = cli("check", bag, *spoilt.json["settings"].split(), "--json")
+    assert (mended.status, mended.json["ok"]) == (0, True), mended.json
+    assert spoilt.json["settings"] in spoilt.json["next"]
+
+
+def test_the_diagnosis_has_its_five_parts_in_json_and_begins_with_the_verdict(cli: Cli, golden: Path) -> None:
+    found = cli("check", golden, "--json").json
+    assert set(found) == {"verdict", "ok", "reasons", "settings", "next"}
+    assert (found["ok"], found["settings"]) == (True, "")
+    assert found["next"] == f"contact-curation rank {golden} --out ranked.csv"
+    assert cli("check", golden).out.splitlines()[0] == found["verdict"]
+
+
+def test_a_recording_that_is_no_bag_is_a_diagnosis_too(cli: Cli, golden: Path, tmp_path: Path) -> None:
+    (tmp_path / "bad.mcap").write_bytes(b"garbage" * 99)
+    alone = cli("check", tmp_path / "bad.mcap", "--json")
+    assert (alone.status, alone.json["ok"]) == (1, False)
+    assert alone.json["verdict"].startswith("cannot be read: begins with")
+    beside = cli("check", golden, tmp_path / "bad.mcap", "--json").json
+    assert beside["ok"]
+    assert "but cannot be read: bad.mcap" in beside["verdict"]
+
+
+def test_a_recording_given_twice_is_told_as_duplicates(golden: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy.mcap"
+    copy.write_bytes(golden.read_bytes())
+    found = diagnose([golden, copy], ReadingConfig(CONTACTNETS_CUBE))
+    assert "21 tosses of 42 are duplicates" in found.verdict
+
+
+def test_of_a_long_recording_only_the_first_messages_are_looked_at(golden: Path) -> None:
+    found = diagnose([golden], ReadingConfig(CONTACTNETS_CUBE), most_messages=2000)
+    assert found.ok
+    assert any("looked at the first 2000 messages" in line for line in found.reasons)
+
+
+def test_what_tosses_identify_is_said_in_plain_words(session: Session, tmp_path: Path) -> None:
+    write(tmp_path / "a.mcap", session)
+    found: Diagnosis = diagnose([tmp_path / "a.mcap"], ReadingConfig(CONTACTNETS_CUBE))
+    line = next(line for line in found.reasons if line.startswith("identifiable: "))
+    assert re.search(r"(all 8|\d of 8) vertices", line)
+    assert "friction by " in line
+
+
+def test_hints_are_for_reasons_that_there_are() -> None:
+    folder = REPOSITORY / "contact_curation" / "motion"
+    source = "".join(path.read_text() for path in folder.glob("*.py"))
+    assert [name for name in HINTS if name not in source] == []
+
+
+def test_the_document_is_json(golden: Path) -> None:
+    found = diagnose([golden], ReadingConfig(CONTACTNETS_CUBE))
+    assert json.loads(json.dumps(found.document()))["verdict"] == found.verdict
+
+
+def test_faults_are_put_in_from_the_seed_alone(session: Session) -> None:
+    fault: Fault = BY_NAME["jitter 2 ms"]
+    one, other = (fault.change(session, np.random.default_rng(5)).stamps_ns for _ in range(2))
+    assert np.array_equal(one, other)
