@@ -75,7 +75,7 @@ class Cell:
 def main() -> int:
     """Prints a row per cell; writes them, too, where a file is named."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--tosses", type=int, default=100, help="of each body (default 100)")
+    parser.add_argument("--tosses", type=int, default=40, help="of each body (default 40)")
     parser.add_argument("--seed", type=int, default=0, help="of throws, noise and faults (default 0)")
     parser.add_argument("--bodies", nargs="+", help="names (default all)")
     parser.add_argument("--out", type=Path, help="CSV file to write")

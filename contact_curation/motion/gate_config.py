@@ -105,8 +105,8 @@ class GateConfig:
             depth=self.depth or max(0.15 * body.size, vertex),
             rest_tilt=self.rest_tilt or max(radians(1.4), TURN_NOISE * RIG_TURN * tracker.turn),
             rest_height=self.rest_height or max(0.003 / 0.0524 * body.size, vertex),
-            resting_speed=self.resting_speed or 0.05,
-            resting_spin=self.resting_spin or 0.5,
+            resting_speed=(self.resting_speed or 0.05) * tracker.position,
+            resting_spin=(self.resting_spin or 0.5) * tracker.turn,
             quaternion_tolerance=self.quaternion_tolerance,
             largest_gap=self.largest_gap,
         )
