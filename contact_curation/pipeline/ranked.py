@@ -18,6 +18,7 @@ from contact_curation.errors import MissingDependencyError
 from contact_curation.information.curation import SUFFICIENT_EPSILON, Curation
 from contact_curation.information.diagnostics import block_shares
 from contact_curation.motion.toss import NANOSECONDS
+from contact_curation.pipeline.diagnosis.explained import explained
 from contact_curation.pipeline.pool import TossPool
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import Tosses, read_tosses
@@ -105,9 +106,8 @@ class RankedTosses:
         """
         if self.curation is None:
             paths = [one.path for one in self.manifest.run.inputs]
-            raise nothing_found(
-                paths, self.warnings, f"no toss that could be ranked{in_brackets(self.outcomes)}", "at least one"
-            )
+            found = f"no toss that could be ranked{in_brackets(self.outcomes)}"
+            raise explained(nothing_found(paths, self.warnings, found, "at least one"), paths, self.reading)
         return self.curation
 
     def save(self, path: str | Path) -> None:

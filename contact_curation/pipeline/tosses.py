@@ -17,6 +17,7 @@ from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.learning.evaluation.held_out import NumberedToss, toss_number
 from contact_curation.motion.toss import Rejected, Toss
+from contact_curation.pipeline.diagnosis.explained import explained
 from contact_curation.pipeline.reading import InputReader, Reading, ReadingConfig
 from contact_curation.pipeline.wording import counted_tosses, in_brackets, listed, nothing_found
 from contact_curation.pipeline.workers import Advance, each, unheard
@@ -210,10 +211,11 @@ class Tosses:
         """The same.
 
         Raises:
-            NothingFoundError: no toss was accepted; `found` and the reasons are in the message.
+            NothingFoundError: no toss was accepted; the message is what a diagnosis says first, or `found` and the reasons.
         """
         if not self.accepted:
-            raise nothing_found(self.paths, self.warnings, f"{found}{in_brackets(self.reasons)}", expected)
+            error = nothing_found(self.paths, self.warnings, f"{found}{in_brackets(self.reasons)}", expected)
+            raise explained(error, self.paths, self.config)
         return self
 
     def __len__(self) -> int:

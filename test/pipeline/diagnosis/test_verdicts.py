@@ -111,3 +111,15 @@ def test_faults_are_put_in_from_the_seed_alone(session: Session) -> None:
     fault: Fault = BY_NAME["jitter 2 ms"]
     one, other = (fault.change(session, np.random.default_rng(5)).stamps_ns for _ in range(2))
     assert np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("verb", [["rank"], ["train", "--out", "a.safetensors"]], ids=["rank", "train"])
+def test_verbs_that_find_no_toss_say_why(
+    cli: Cli, session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, verb: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    bag = spoilt_bag(tmp_path / "a.mcap", BY_NAME["10 mm low"], session)
+    done = cli(verb[0], bag, *verb[1:])
+    assert done.status == 1
+    assert done.err_lines[-1].startswith("contact-curation: error: bodies at rest lie 10.0 mm under the board")
+    assert "`contact-curation check` gives the reasons and the settings" in done.err_lines[-1]

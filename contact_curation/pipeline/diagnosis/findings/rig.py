@@ -13,7 +13,7 @@ LARGEST_TILT, LARGEST_HEIGHT, LARGEST_SCALE = 0.75, 0.0025, 0.025
 WORTH_TILT, WORTH_HEIGHT, WORTH_SCALE = 0.2, 0.0008, 0.008
 """What is worth a line."""
 
-MEND = "measure the rig again, or correct poses with the settings below"
+MEND = "measure the rig again, or correct poses by settings"
 
 
 def height(evidence: Evidence) -> Finding | None:
