@@ -152,7 +152,7 @@ def test_alone_it_is_an_error_that_says_why(cli: Cli, golden: Path, tmp_path: Pa
     done = cli(verb, path, *options)
     assert done.status == 1
     assert done.out == ""
-    assert says in done.err
+    assert says in done.err_lines[-1]
     assert done.err_lines[-1].startswith(f"contact-curation: error: {path}")
     assert len(done.err_lines) == 1
     assert not (tmp_path / "s.npz").exists()

@@ -26,4 +26,7 @@ def explained(error: NothingFoundError, paths: Sequence[Path | str], config: Rea
     if found.ok:
         return error
     more = "the reasons and the settings" if found.settings else "the reasons"
-    return NothingFoundError(f"{found.verdict} (`contact-curation check` gives {more})", (*error.warnings, str(error)))
+    line = f"{found.verdict} (`contact-curation check` gives {more})"
+    if len(named) == len(paths) == 1:
+        return NothingFoundError(f"{named[0]}: {line}", error.warnings)
+    return NothingFoundError(line, (*error.warnings, str(error)))

@@ -46,7 +46,7 @@ def test_the_first_line_names_the_fault(session: Session, tmp_path: Path, name: 
     assert found.next.startswith("contact-curation ")
 
 
-@pytest.mark.parametrize("name", ["10 mm low", "leans 2 degrees", "lengths 5 % short", "marker aside", "marker askew"])
+@pytest.mark.parametrize("name", ["10 mm low", "tilted 2 degrees", "lengths 5 % short", "marker aside", "marker askew"])
 def test_its_settings_mend_what_they_can(cli: Cli, session: Session, tmp_path: Path, name: str) -> None:
     bag = spoilt_bag(tmp_path / "a.mcap", BY_NAME[name], simulated_session() if name.startswith("marker") else session)
     spoilt = cli("check", bag, "--json")
@@ -121,5 +121,5 @@ def test_verbs_that_find_no_toss_say_why(
     bag = spoilt_bag(tmp_path / "a.mcap", BY_NAME["10 mm low"], session)
     done = cli(verb[0], bag, *verb[1:])
     assert done.status == 1
-    assert done.err_lines[-1].startswith("contact-curation: error: bodies at rest lie 10.0 mm under the board")
+    assert done.err_lines[-1].startswith(f"contact-curation: error: {bag}: bodies at rest lie 10.0 mm under the board")
     assert "`contact-curation check` gives the reasons and the settings" in done.err_lines[-1]

@@ -71,7 +71,7 @@ def board(evidence: Evidence) -> Finding | None:
     height = (
         f"bodies at rest {1e3 * rig.height.value:+.1f} mm from it ({1e3 * rig.height.low:.1f} to {1e3 * rig.height.high:.1f})"
     )
-    return _fact(f"board: leans by {rig.tilt_degrees:.2f} degrees, {height}; length scale {1.0 + rig.scale.value:.4f}")
+    return _fact(f"board: tilted by {rig.tilt_degrees:.2f} degrees, {height}; length scale {1.0 + rig.scale.value:.4f}")
 
 
 def noise(evidence: Evidence) -> Finding | None:

@@ -30,12 +30,12 @@ def height(evidence: Evidence) -> Finding | None:
 
 
 def tilt(evidence: Evidence) -> Finding | None:
-    """A board that leans in the frame of the poses."""
+    """A board that is tilted in the frame of the poses."""
     rig = _rig(evidence)
     if rig is None or rig.tilt_degrees < WORTH_TILT or all(one.holds_none for one in rig.tilt):
         return None
     return _finding(
-        rig, rig.tilt_degrees > LARGEST_TILT, f"the board leans by {rig.tilt_degrees:.2f} degrees in the frame of the poses"
+        rig, rig.tilt_degrees > LARGEST_TILT, f"the board is tilted by {rig.tilt_degrees:.2f} degrees in the frame of the poses"
     )
 
 
