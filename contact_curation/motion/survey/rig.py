@@ -51,6 +51,9 @@ FLATTEST = np.radians(12.0)
 SMALLEST_ERRORS = {"tilt": 2e-4, "height": 1e-4, "scale": 5e-4}
 """Standard deviations are no smaller, however many tosses there are: bodies are not described better [rad, m, 1]."""
 
+OF_MEDIAN = 1.2533
+"""Its standard deviation over that of a mean, of normal values."""
+
 ROUNDS = 6
 OUTLYING = 4.0
 """Rounds of leaving out residuals that are so many times the median."""
@@ -267,13 +270,12 @@ def _with_marker(rows: Array, seen: Array, board: int, several: bool, smallest: 
 
     The marker's are zeros where rests on few faces do not tell them, or they are too small to be worth it.
     """
-    count = rows.shape[2]
-    wanted = np.arange(count) < board
-    if several:
-        values, errors = _solved(rows, seen)
-        wanted[board:] = _certain(values[board:], errors[board:], smallest)
-    values, errors = np.zeros(count), np.zeros(count)
-    values[wanted], errors[wanted] = _solved(rows[:, :, wanted], seen)
+    values, errors = _solved(rows, seen) if several else (np.zeros(rows.shape[2]), np.zeros(rows.shape[2]))
+    if not several or not _certain(values[board:], errors[board:], smallest):
+        values, errors = np.zeros(rows.shape[2]), np.zeros(rows.shape[2])
+        values[:board] = np.median(seen, axis=0)  # the rows of the board are those of the identity
+        spread = 1.4826 * np.median(np.abs(seen - values[:board]), axis=0)
+        errors[:board] = OF_MEDIAN * spread / np.sqrt(len(seen))
     errors[:board] = np.hypot(errors[:board], floor)
     return tuple(_estimate(*each) for each in zip(values, errors, strict=True))
 
