@@ -61,6 +61,7 @@ bench: setup
 # The pictures in docs/images; the dashboard's, too, with DASHBOARD=1.
 figures: setup
 	$(PYTHON) -m test.docs.pictures $(if $(DASHBOARD),--dashboard)
+	$(PYTHON) -m test.docs.moving_picture
 
 setup: $(DONE)/package
 

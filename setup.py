@@ -44,14 +44,14 @@ REQUIRES = [
         "rosbags>=0.10,<0.12",
         "safetensors>=0.4",
     ),
-    *("scipy>=1.11", "tqdm", "trimesh>=4", "zstandard"),
+    *("scipy>=1.14", "tqdm", "trimesh>=4", "zstandard"),
 ]
 """All that reading, ranking and drawing need for a polytope: no torch, no simulator, no ROS."""
 
 VERSION = MANIFEST.findtext("version", "")
 TRAIN = ["torch>=2.4"]
 SIM = ["daqp>=0.5", "mink>=0.0.6", "mujoco>=3.2", "opencv-python-headless>=4.8", "pupil-apriltags>=1.0.4"]
-DASHBOARD = ["rerun-sdk>=0.24"]
+DASHBOARD = ["rerun-sdk>=0.41"]
 ROS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces", f"contact_curation_msgs=={VERSION}"]
 ROS += ["contact_curation_vendored_apriltag_msgs", "contact_curation_vendored_tf2_msgs"]
 EXTRAS = {"train": TRAIN, "sim": SIM, "dashboard": DASHBOARD, "ros": ROS, "all": [*TRAIN, *SIM, *DASHBOARD, *ROS]}
@@ -134,7 +134,9 @@ if __name__ == "__main__":
         license=MANIFEST.findtext("license"),
         maintainer=MANIFEST.findtext("maintainer"),
         maintainer_email=next(MANIFEST.iter("maintainer")).get("email"),
-        project_urls={str(url.get("type")).capitalize(): url.text for url in MANIFEST.iter("url")},
+        project_urls={
+            "Paper" if "arxiv" in (url.text or "") else str(url.get("type")): url.text for url in MANIFEST.iter("url")
+        },
         long_description=(HERE / "README.md").read_text(encoding="utf-8"),
         long_description_content_type="text/markdown",
         python_requires=">=3.12",

@@ -1,4 +1,4 @@
-"""Online curation of contact-rich robot tosses: which tosses teach, which to keep, what to throw next.
+"""Online curation of contact-rich robot tosses: which tosses are informative, which to select, what to throw next.
 
     import contact_curation as cc
 

@@ -9,10 +9,11 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from enum import Enum
+from math import isfinite
 from pathlib import Path
 from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnknownNameError
 
 _ATTRIBUTE = re.compile(r"^    (\w+(?:, \w+)*): (.+(?:\n {8,}.+)*)", re.MULTILINE)
 CITATION = re.compile(r"\s*\(method\.md [^)]*\)")
@@ -59,7 +60,7 @@ def field_of(config: Any, path: str) -> ConfigField:
     """
     found = {field.path: field for field in fields_of(config)}
     if path not in found:
-        raise InvalidValueError("field", path, f"one of {', '.join(sorted(found))}")
+        raise UnknownNameError("field", path, found)
     return found[path]
 
 
@@ -84,6 +85,33 @@ def with_fields[Config](config: Config, values: Mapping[str, Any]) -> Config:
 def with_field(config: Any, path: str, value: Any) -> Any:
     """A copy with one field changed; errors as of `with_fields`."""
     return with_fields(config, {path: value})
+
+
+LOWEST, HIGHEST = (-1e9, 0.0, 1.0), (1e9, 1e6, 180.0, 90.0, 1.0, 0.5)
+"""Bounds that ranges of fields have, the widest first."""
+
+
+def accepted_range(config: Any, field: ConfigField) -> tuple[float, float] | None:
+    """Smallest and largest of some usual bounds within which a config's class accepts a number; the bounds may be excluded.
+
+    Returns:
+        None where nothing can be said: the field holds no finite number, or every number is accepted.
+    """
+    if type(field.default) not in (int, float) or not isfinite(field.default):
+        return None
+
+    def accepts(value: float) -> bool:
+        try:
+            with_field(config, field.path, type(field.default)(value))
+        except (InvalidValueError, ValueError, ArithmeticError):
+            return False
+        return True
+
+    step = 0 if type(field.default) is int else 1e-9  # bounds of numbers with a point may be excluded
+    low = next((one for one in LOWEST if one <= field.default and (accepts(one) or accepts(one + step))), None)
+    high = next((one for one in HIGHEST if one >= field.default and (accepts(one) or accepts(one - step))), None)
+    known = low is not None and high is not None and low < high and (low, high) != (LOWEST[0], HIGHEST[0])
+    return (low, high) if known else None  # type: ignore[return-value]
 
 
 def parsed(kind: Any, text: str) -> Any:

@@ -7,6 +7,9 @@ from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 
+MOST_LISTED = 30
+"""Names that a message lists."""
+
 
 class ContactCurationError(Exception):
     """Base of every error that a user can cause; `str()` of it is one line."""
@@ -33,7 +36,14 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     accepted = sorted(known)
     lowered = {one.lower(): one for one in accepted}
     near = get_close_matches(name.lower(), lowered, n=1)
-    return f"did you mean {lowered[near[0]]}?" if near else f"expected one of {', '.join(accepted)}"
+    more = ["..."] if len(accepted) > MOST_LISTED else []
+    return f"did you mean {lowered[near[0]]}?" if near else f"expected one of {', '.join([*accepted[:MOST_LISTED], *more])}"
+
+
+def near_name(name: str, known: Iterable[str]) -> str:
+    """What to add to a message that lists the known names already: "; did you mean OTHER?", or nothing."""
+    meant = did_you_mean(name, known)
+    return f"; {meant}" if meant.startswith("did") else ""
 
 
 class UnknownNameError(InvalidValueError):

@@ -22,8 +22,10 @@ def read_bounded(path: Path, largest: int, expected: str) -> bytes:
         expected: what it should hold, for the message.
 
     Raises:
-        UnreadableInputError: there is no such file, or it is larger.
+        UnreadableInputError: there is no such file, it is a pipe or a device that nobody may ever write to, or it is larger.
     """
+    if path.exists() and not (path.is_file() or path.is_dir() or path.is_relative_to("/dev")):
+        raise UnreadableInputError(path, f"is no regular file, expected one with {expected}")
     try:
         with path.open("rb") as file:
             data = file.read(largest + 1)

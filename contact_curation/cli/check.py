@@ -2,11 +2,11 @@
 
 import argparse
 
+from contact_curation.cli.options.body import chosen_body
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.reading import (
     SHARED_STAGES,
     add_reading_options,
-    chosen_body,
     inputs_of,
     reading_words,
     stages_of,
@@ -23,8 +23,8 @@ NOT_OK = 1
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Says in one line what is wrong with recordings, or that tosses can be learned from them; then the reasons, the "
-        "settings that correct what can be corrected, and the next command to type. Nothing is written. The exit status is "
+        "Diagnoses recordings: prints the verdict in one line, then the reasons, the settings that correct what can be "
+        "corrected, and the next command to type. Nothing is written. The exit status is "
         "0 if recordings are ok, else 1."
     )
     add_reading_options(parser, SHARED_STAGES)

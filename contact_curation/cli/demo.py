@@ -87,7 +87,7 @@ def throw(record: Path, *, stay: bool) -> int:
     if folder.events.exists():
         shutil.rmtree(record)
     words = ["online", "--throws", str(THROWS), "--rate", "0", "--top", str(SELECTED), "--record", str(record)]
-    words += ["--held-out", str(GOLDEN_BAG), "--params-file", str(BUDGETS), "--stay" if stay else "--dashboard"]
+    words += ["--evaluate-on", str(GOLDEN_BAG), "--params-file", str(BUDGETS), "--stay" if stay else "--dashboard"]
     print(f"{THROWS} throws: designed, made by a simulated arm, tracked, scored, curated, and learned from.")
     print(f"Poses of {_spoilt()} are spoilt on purpose ({BUDGETS.name}): it has to be rejected.", flush=True)
     status = command_line(words)

@@ -1,17 +1,16 @@
-"""`design --out THROWS.json`: the throws that would teach most, given theta and what is known already."""
+"""`design --out THROWS.json`: the throws with the largest predicted information, given theta and the known tosses."""
 
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from contact_curation.cli.options.body import add_body_option, chosen_body
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
 from contact_curation.cli.options.reading import (
     SHARED_STAGES,
-    add_body_option,
     add_pose_options,
-    chosen_body,
     inputs_of,
     stages_of,
 )
@@ -37,8 +36,8 @@ STAGES = ("design", *CANDIDATES, "refinement", "loss", *SHARED_STAGES)
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Chooses throws together: from a pool of safe releases, greedily by the log-det that each is expected to add to what "
-        "is known, under the noise of executions, and then moved to where they add more. Theta is a polytope's."
+        "Designs a batch of throws: picks them greedily from a pool of safe releases by their predicted gain in log-det "
+        "under execution noise, and then refines them. Theta must be a polytope's."
     )
     _add_theta_options(parser.add_argument_group("what is to be learned"))
     add_body_option(parser)
@@ -82,14 +81,16 @@ def add_options(parser: OneLineParser) -> None:
 
 def _add_theta_options(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
+        "--params",
         "--checkpoint",
-        type=PathEndingIn(".safetensors"),
+        dest="params",
+        type=Path,
         action="append",
         default=[],
-        metavar="C",
-        help="theta as `train` wrote it; given several times, gains are averaged over them (default: the object as described)",
+        metavar="FILE",
+        help="theta: a polytope's checkpoint or JSON file; given several times, gains are averaged over them (default: the "
+        "object as described)",
     )
-    group.add_argument("--params", type=Path, action="append", default=[], metavar="FILE", help="the same, or a JSON file")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -125,8 +126,8 @@ def design_task(arguments: argparse.Namespace) -> tuple[DesignTask, ReadingConfi
     judged = {name: getattr(candidates, name) for name in CANDIDATES}
     stages = stages_of(arguments, {"design": design, **judged, "refinement": design.refinement, "loss": DEFAULT_LOSS})
     candidates = replace(candidates, **{name: stages[name] for name in CANDIDATES})
-    body = chosen_body(arguments)
-    thetas = tuple(polytope_of(path, body) for path in (*arguments.checkpoint, *arguments.params))
+    body = chosen_body(arguments, models=arguments.params, manifest=arguments.manifest)
+    thetas = tuple(polytope_of(path, body) for path in arguments.params)
     task = DesignTask(
         thetas=thetas or (described_polytope(body),),
         config=replace(stages["design"], candidates=candidates, refinement=stages["refinement"]),

@@ -4,13 +4,13 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
+from contact_curation.cli.options.body import chosen_body
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
 from contact_curation.cli.options.reading import (
     SHARED_STAGES,
     add_held_out_option,
     add_reading_options,
-    chosen_body,
     inputs_of,
     stages_of,
 )
@@ -31,8 +31,9 @@ STAGES = (*SHARED_STAGES, "loss", "sweeps", "bootstrap", "known")
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Rolls the model out from the first measured state of each toss that it did not learn from, and says how far it is "
-        "from what was measured. Of a polytope it also says how surely every parameter is known from the other tosses."
+        "Rolls the model out from the first measured state of each toss that it was not trained on, and reports the "
+        "errors of the predicted motion. For a polytope it also reports the uncertainty of each parameter, estimated from "
+        "the other tosses."
     )
     parser.add_argument(
         "model", type=Path, metavar="CHECKPOINT", help="a .safetensors file from `train`, or a polytope as a JSON file"
@@ -66,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     load_kernel()  # nothing else rolls out: better said before tosses are read
     check_outputs(overwrite=arguments.overwrite, figure=arguments.figure)
-    body = chosen_body(arguments)
+    body = chosen_body(arguments, models=[arguments.model, arguments.against])
     defaults = {"loss": DEFAULT_LOSS, "sweeps": DEFAULT_LIMITS, "bootstrap": BootstrapConfig(), "known": KnownConfig()}
     stages = stages_of(arguments, defaults)
     reading = ReadingConfig(body, inputs_of(stages, gated=not arguments.no_gate))

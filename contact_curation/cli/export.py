@@ -3,8 +3,9 @@
 import argparse
 from pathlib import Path
 
+from contact_curation.cli.options.body import chosen_body
 from contact_curation.cli.options.one_line_parser import OneLineParser
-from contact_curation.cli.options.reading import SHARED_STAGES, add_reading_options, chosen_body, inputs_of, stages_of
+from contact_curation.cli.options.reading import SHARED_STAGES, add_reading_options, inputs_of, stages_of
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.errors import InvalidValueError
@@ -18,7 +19,7 @@ def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
         "Writes the tosses that a ranking selected: as parts of their recordings, as ContactNets' files, or as a LeRobot "
-        "dataset. Inputs and options are those that were ranked; no input is changed."
+        "dataset. Give the same inputs and options as for the ranking; no input is changed."
     )
     add_reading_options(parser, SHARED_STAGES)
     parser.add_argument("--manifest", type=Path, required=True, metavar="FILE", help="what `contact-curation rank` wrote")
@@ -46,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.per_toss and arguments.format != "mcap":
         raise InvalidValueError("--per-toss", f"--format {arguments.format}", "--format mcap")
     stages = stages_of(arguments, {})
-    reading = ReadingConfig(chosen_body(arguments), inputs_of(stages))
+    reading = ReadingConfig(chosen_body(arguments, manifest=arguments.manifest), inputs_of(stages))
     with staged_folder(arguments.out) as folder:
         job = export_job(arguments.inputs, reading, arguments.manifest, per_toss=arguments.per_toss)
         with Progress("reading", "tosses") as progress:

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
+from contact_curation.cli.options.body import add_body_option, chosen_body
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
-from contact_curation.cli.options.reading import add_body_option, chosen_body
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.errors import InvalidValueError
@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
         report = import_contactnets(
             arguments.input,
             arguments.out,
-            chosen_body(arguments),
+            chosen_body(arguments, said=False),
             chosen=chosen,
             advance=lambda share: bar.advance(share=share),
         )

@@ -24,6 +24,7 @@ VERBS = {
     "check": ("cli.check", "what is wrong with recordings, and what to do: the diagnosis first"),
     "import": ("cli.import_data", "public data as the bag that a rig would have recorded of it"),
     "rank": ("cli.rank.command", "a ranked manifest of the tosses in recordings; nothing is deleted"),
+    "body": ("cli.body", "what was understood of an object: YAML, URDF, MJCF or a mesh"),
     "rig": ("cli.rig", "rig calibration from tosses: the board's tilt and height, and the tracker's length scale"),
     "score": ("cli.score", "loss terms, impulses and scores of every transition, as an .npz file"),
     "train": ("cli.train.command", "a model that learns from tosses, as a checkpoint"),
@@ -31,7 +32,7 @@ VERBS = {
         "cli.evaluate",
         "prediction errors of a model on measured tosses, and its uncertainty",
     ),
-    "design": ("cli.design", "the throws that would teach most, given what is known"),
+    "design": ("cli.design", "the throws with the largest predicted information gain"),
     "simulate": ("cli.simulate", "throws made in the simulated world, as the bag that a rig would have recorded"),
     "reproduce": ("experiments.reproduce", "an experiment over many trainings: tables and figures"),
     "online": ("cli.online.command", "the whole graph, closed to a loop: design, throw, track, score, curate, train"),
@@ -45,7 +46,7 @@ def build_parser(words: Sequence[str]) -> OneLineParser:
     """The parser of a command line; only the verbs among its `words` are imported, so that help comes at once."""
     parser = OneLineParser(
         prog=NAME,
-        description="Says how much each recorded toss teaches about an object's shape and friction, and keeps the best set.",
+        description="Computes each toss's information about an object's shape and friction, and selects the best set.",
         epilog="Exit status: 0 done, 1 a one-line error, 2 bad usage, 130 interrupted. VERB --help lists a verb's options.",
     )
     parser.add_argument("--version", action="version", version=f"{NAME} {__version__}")
@@ -98,9 +99,19 @@ def _run(words: list[str]) -> int:
     _complete(parser)
     arguments = parser.parse_args(words)
     arguments.command = (NAME, *words)
-    status: int = arguments.run(arguments)
+    try:
+        status: int = arguments.run(arguments)
+    except NothingFoundError as error:
+        raise NothingFoundError("; ".join(filter(None, (str(error), _assumed(arguments)))), error.warnings) from error
     sys.stdout.flush()
+    if _assumed(arguments):
+        print(f"{NAME}: {_assumed(arguments)}", file=sys.stderr, flush=True)
     return status
+
+
+def _assumed(arguments: argparse.Namespace) -> str:
+    """What a verb assumed and its user should know, such as the body; empty where there is nothing."""
+    return getattr(arguments, "assumed", "")
 
 
 def _failed(why: str) -> int:

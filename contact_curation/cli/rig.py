@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from contact_curation.cli.options.body import chosen_body
 from contact_curation.cli.options.one_line_parser import OneLineParser
-from contact_curation.cli.options.reading import add_reading_options, chosen_body, inputs_of, stages_of
+from contact_curation.cli.options.reading import add_reading_options, inputs_of, stages_of
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.errors import NothingFoundError

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, fields, replace
 from itertools import batched, pairwise
 from pathlib import Path
 
+from contact_curation.cli.options.body import chosen_body
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
-from contact_curation.cli.options.reading import add_reading_options, chosen_body, inputs_of, stages_of
+from contact_curation.cli.options.reading import add_reading_options, inputs_of, stages_of
 from contact_curation.cli.options.settings import add_fields, with_options
 from contact_curation.cli.options.types import PathEndingIn
 from contact_curation.cli.progress import Progress
@@ -34,12 +35,18 @@ BATCH = 64
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Writes what the loss says of every transition of every toss. No gate is applied. A transition whose "
-        "impulses carry no certificate is written as it is, with its status, and counted."
+        "Writes the loss terms, impulses and scores of every transition of every toss. No gate is applied. A transition "
+        "whose impulses have no certificate is written with its status, and counted."
     )
     add_reading_options(parser, ("poses", "segmenter", "loss"))
     parser.add_argument(
-        "--params", type=Path, required=True, metavar="FILE", help="theta, a JSON file or a polytope's checkpoint"
+        "--params",
+        "--checkpoint",
+        dest="params",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="theta, a JSON file or a polytope's checkpoint",
     )
     add_fields(parser, LossConfig(), "cone")
     parser.add_argument("--out", type=PathEndingIn(".npz"), required=True, metavar="FILE.npz", help="the arrays")
@@ -86,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Scores all inputs and says how it went."""
     load_kernel()  # better said before tosses are read
     check_outputs(overwrite=arguments.overwrite, out=arguments.out)
-    body = chosen_body(arguments)
+    body = chosen_body(arguments, models=[arguments.params])
     theta = polytope_of(arguments.params, body)
     stages = stages_of(arguments, {"loss": with_options(LossConfig(), arguments, "cone")})
     inputs = replace(inputs_of(stages, gated=False), as_stored=True)

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from contact_curation.cli.options.body import add_body_option, chosen_body
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
-from contact_curation.cli.options.reading import add_body_option, chosen_body
 from contact_curation.cli.options.settings import add_settings, with_settings
 from contact_curation.cli.options.types import natural_number
 from contact_curation.cli.progress import Progress
@@ -32,8 +32,9 @@ EARLIEST, HOUR = 1_600_000_000, 3600
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Makes throws in MuJoCo and writes what a tracker would have seen as the bag of a TagSLAM rig, for `rank` and the "
-        "nodes to read. A throw after which the body does not come to rest is a line on standard error; the others are written."
+        "Simulates throws in MuJoCo and writes the poses that a tracker would have seen as the bag of a TagSLAM rig, for "
+        "`rank` and the nodes to read. For a throw after which the body does not come to rest a line is printed to "
+        "standard error; the others are written."
     )
     parser.add_argument("throws", type=Path, metavar="THROWS.json", help="what `contact-curation design` wrote")
     parser.add_argument("--out", type=Path, required=True, metavar="BAG.mcap", help="the bag; without .mcap a folder")
@@ -122,4 +123,4 @@ class _Thrower:
 def _thrower(arguments: argparse.Namespace) -> _Thrower:
     stages = with_settings({"simulation": DEFAULT_THROWN, "noise": DEFAULT_NOISE}, arguments.settings)
     noise = ExecutionNoise.expected(stages["noise"]) if arguments.execution_noise else None
-    return _Thrower(chosen_body(arguments), stages["simulation"], noise, arguments.seed)
+    return _Thrower(chosen_body(arguments, throws=arguments.throws), stages["simulation"], noise, arguments.seed)

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from contact_curation.contact.body_description import (
-    AS_IN_THE_FILE,
     BodyDescription,
     BodyOptions,
     read_description,
@@ -87,12 +86,28 @@ class Body:
         return next((name for name in names if not np.array_equal(getattr(self, name), getattr(other, name))), "")
 
     @staticmethod
-    def from_file(path: str | Path, options: BodyOptions = AS_IN_THE_FILE) -> "Body":
+    def from_file(
+        path: str | Path,
+        *,
+        name: str | None = None,
+        mass: float | None = None,
+        density: float | None = None,
+        friction: float | None = None,
+        length_scale: float | None = None,
+        scale: float | None = None,
+        link: str | None = None,
+    ) -> "Body":
         """Reads the body that a file describes.
 
         Args:
             path: of a YAML file like contact_curation/config/cube.yaml, a URDF, an MJCF, or a mesh (STL, OBJ, PLY, OFF).
-            options: mass, density, friction and more where the file does not say: `cc.BodyOptions(mass=0.3, friction=0.2)`.
+            name: of the body; None as for the others leaves it to the file.
+            mass: [kg]; an inertia of the file is scaled with it.
+            density: in place of a mass, of the geometry filled evenly [kg/m^3].
+            friction: Coulomb coefficient.
+            length_scale: the unit of length of the loss [m].
+            scale: metres in a unit of a mesh: 0.001 for mm.
+            link: of a URDF or MJCF with several links.
 
         Returns:
             The body, in SI units.
@@ -106,6 +121,7 @@ class Body:
             >>> body.mass
             0.37
         """
+        options = BodyOptions(name, mass, density, friction, length_scale, scale, link)
         return Body.described(read_description(Path(path), options))
 
     @staticmethod

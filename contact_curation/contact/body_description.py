@@ -1,4 +1,4 @@
-"""What a file says of a body, and what its user adds: YAML, URDF, MJCF, or a mesh (STL, OBJ, PLY, OFF).
+"""Reads the description of a body and completes it by options: YAML, URDF, MJCF, or a mesh (STL, OBJ, PLY, OFF).
 
 A body's origin is its centre of mass and its axes are those of its file. Where the file has another origin, such as the frame
 of a link, `center_of_mass` says where the centre of mass is in the file's frame, which is the frame that a tracker follows.
@@ -48,7 +48,7 @@ ASSUMED_FRICTION = 0.5
 
 @dataclass(frozen=True, eq=False)
 class BodyOptions:
-    """What a user says of a body beside its geometry; None leaves it to the file.
+    """Options for a body beside its geometry; None takes the value of the file.
 
     Attributes:
         name: of the body.
@@ -93,7 +93,7 @@ AS_IN_THE_FILE = BodyOptions()
 
 
 class BodyDescription(NamedTuple):
-    """A body as it was understood; SI units.
+    """The description of a body, in SI units.
 
     Attributes:
         name, vertices, mass, inertia, friction, length_scale, gravity, center_of_mass: as of `contact.body.Body`.
@@ -120,7 +120,7 @@ class BodyDescription(NamedTuple):
 
 
 def read_description(path: Path, options: BodyOptions = AS_IN_THE_FILE) -> BodyDescription:
-    """The body that a file describes.
+    """Reads the description of a body from a file.
 
     Args:
         path: of a YAML, URDF, MJCF, STL, OBJ, PLY or OFF file.

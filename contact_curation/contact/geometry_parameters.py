@@ -1,4 +1,4 @@
-"""Where a body touches the board and how it rubs: the polytope's parameters theta (method.md 1.1), in characteristic lengths.
+"""The polytope's parameters theta: contact vertices, plane and friction (method.md 1.1), in characteristic lengths.
 
     phi_i(q)  = n . (R p_i + x - pivot) - height        gap of vertex i, 1
     phi_t,i(q) = T (R p^t_i + x)                         its place on the board times friction, 2

@@ -1,4 +1,4 @@
-"""Whole motions from their first state: the time step again and again, many trajectories at once (method.md 4.2)."""
+"""Rollouts: whole motions from their first state by repeated time steps, many trajectories at once (method.md 4.2)."""
 
 import ctypes
 from dataclasses import dataclass

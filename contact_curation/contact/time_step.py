@@ -76,7 +76,7 @@ class Steps:
 
 
 class CompiledDynamics(KernelStructure):
-    """What moves, and when its sweeps stop (contact/kernel/contact_sweeps.hpp)."""
+    """The moving body and the limits of the sweeps (contact/kernel/contact_sweeps.hpp)."""
 
     KERNEL_NAME = "Dynamics"
 
@@ -101,7 +101,7 @@ class CompiledDynamics(KernelStructure):
 
 
 class CompiledWorld(KernelStructure):
-    """A polytope over a plane, and what moves (contact/kernel/time_step.hpp)."""
+    """A polytope over a plane and the moving body (contact/kernel/time_step.hpp)."""
 
     KERNEL_NAME = "ContactWorld"
 

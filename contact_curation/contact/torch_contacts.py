@@ -52,7 +52,7 @@ class Theta(NamedTuple):
 
 
 class Frames(NamedTuple):
-    """What was measured of B transitions, characteristic lengths.
+    """Measured states of B transitions, in characteristic lengths.
 
     Attributes:
         rotations, rotations_next: (B, 3, 3) body to board.
@@ -99,7 +99,7 @@ class Contacts(NamedTuple):
 
 
 def contacts_of(theta: Theta, frames: Frames) -> Contacts:
-    """What a polytope's contacts are at measured poses."""
+    """Gaps and Jacobians of a polytope at measured poses."""
     return Contacts(
         gaps_at(theta, frames.rotations, frames.positions),
         gaps_at(theta, frames.rotations_next, frames.positions_next),

@@ -1,4 +1,4 @@
-"""How sure each vertex of a polytope is by the selected tosses, from their information alone (method.md 2.8).
+"""How sure a polytope's vertices and friction are by the selected tosses, from their information alone (method.md 2.8).
 
     Cramer-Rao   C = (A0 + H / sigma^2)^-1,    H = sum of the selected tosses' Gauss-Newton information
     sigma^2      tr(H_o^+ sum s s^T) / rank H_o   over tosses theta was not fitted to, s being a toss's sum of scores
@@ -19,7 +19,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.pool import Indices, Pool
 from contact_curation.information.subspace import identifiable_subspace
 
-VERTICES = "vertices_normal"
+VERTICES, FRICTION = "vertices_normal", "friction"
 PRIOR_DEVIATION = 0.4
 """Of every parameter before the first toss: the published initialisation (method.md 1.1) [characteristic lengths, shares,
 rad]."""
@@ -35,10 +35,12 @@ class VertexUncertainty:
     Attributes:
         half_axes: (V, 3) [characteristic lengths], shortest first.
         directions: (V, 3, 3) right-handed; columns are unit vectors along the axes.
+        friction: standard deviation of the friction coefficient's logarithm; NaN in a form that has no such parameter.
     """
 
     half_axes: Array
     directions: Array
+    friction: float
 
     @property
     def largest(self) -> Array:
@@ -64,12 +66,14 @@ def vertex_uncertainty(pool: Pool, selected: Sequence[str]) -> VertexUncertainty
     indices = pool.indices_of(selected)
     if indices.size:
         information = information + _information(pool, indices) / noise_variance(pool, selected)
-    covariance = np.linalg.inv(information)[block.start : block.stop, block.start : block.stop]
+    whole = np.linalg.inv(information)
+    covariance = whole[block.start : block.stop, block.start : block.stop]
     count = (block.stop - block.start) // 3
     blocks = np.einsum("kikj->kij", covariance.reshape(count, 3, count, 3))  # (V, 3, 3)
     variances, directions = np.linalg.eigh(blocks)
     directions[..., 0] *= np.sign(np.linalg.det(directions))[:, None]
-    return VertexUncertainty(np.sqrt(np.maximum(variances, 0.0)), directions)
+    friction = next((float(whole[one.start, one.start]) for one in pool.infos[0].blocks if one.name == FRICTION), np.nan)
+    return VertexUncertainty(np.sqrt(np.maximum(variances, 0.0)), directions, float(np.sqrt(friction)))
 
 
 def uncertainty_if_known(pool: Pool, selected: Sequence[str]) -> VertexUncertainty | None:

@@ -1,1 +1,1 @@
-"""Throws that teach most: where they may lie, what each is expected to teach, and which to make next."""
+"""Design of throws: candidates, their predicted information, safety, and the choice of the next throws."""

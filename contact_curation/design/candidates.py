@@ -1,4 +1,4 @@
-"""What releases are expected to teach, and whether they may be made, before anybody throws."""
+"""Candidate releases: their predicted information, and whether they are safe."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -53,7 +53,7 @@ class CandidateConfig:
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """K releases and what they teach.
+    """K releases and their predicted information.
 
     Attributes:
         releases: themselves.
@@ -69,11 +69,11 @@ class Candidates:
 
     @property
     def usable(self) -> NDArray[np.bool_]:
-        """(K,) which may be thrown."""
+        """(K,) whether each release may be thrown."""
         return np.array([refusal is None for refusal in self.refusals])
 
     def taken(self, indices: Sequence[int] | NDArray[np.int64]) -> "Candidates":
-        """Some of them."""
+        """The candidates at some indices."""
         chosen = np.asarray(indices, dtype=np.int64)
         return Candidates(
             self.releases.taken(chosen),
@@ -84,7 +84,7 @@ class Candidates:
 
     @staticmethod
     def joined(parts: Sequence["Candidates"]) -> "Candidates":
-        """One after the other."""
+        """Several sets of candidates as one."""
         return Candidates(
             Releases.joined([part.releases for part in parts]),
             np.concatenate([part.states for part in parts]),
@@ -116,7 +116,7 @@ class CandidateEvaluator:
         self._draws = balanced_draws(config.forecast.executions, np.random.default_rng(config.seed))
 
     def with_noise(self, noise: ExecutionNoise) -> "CandidateEvaluator":
-        """The same with other noise of executions."""
+        """The same evaluator with another execution noise."""
         return CandidateEvaluator(self.particles, noise, self.config, self.safety.feasible)
 
     def draw_safe(self, prior: ReleasePrior, count: int, rng: np.random.Generator) -> Releases:
@@ -157,7 +157,7 @@ class CandidateEvaluator:
         return tuple(found)
 
     def evaluate(self, releases: Releases, executions: int | None = None) -> Candidates:
-        """What releases teach; refused are those whose executions lead where they should not, or nowhere.
+        """Predicts the information of releases; unsafe ones, and ones that do not come to rest, are refused.
 
         Args:
             releases: to judge.
@@ -176,7 +176,7 @@ class CandidateEvaluator:
         return Candidates(releases, states, tuple(np.concatenate(parts) for parts in fishers), tuple(refusals))
 
     def _judged(self, states: Array, draws: Array) -> tuple[list[PredictedInformation], list[str | None]]:
-        """Per particle what a handful of releases (K, 13) teaches, and why each may not be thrown."""
+        """Predicted information of a few releases (K, 13) per particle, and why each may not be thrown."""
         config, executions = self.config.forecast, len(draws)
         executed = self.noise.executions(states, draws).reshape(-1, 13)
         informations: list[PredictedInformation] = []

@@ -1,10 +1,10 @@
 """The next throw, planned again after each one that was made (method.md 1.10, 2.4, 5).
 
 Until theta passes the readiness check, exploration throws are spread over first impacts, by flight and shape alone; from then
-on throws are those that are expected to teach most, planned at theta from all that is known.
+on throws have the largest predicted information, planned at theta from all known tosses.
 
 After each throw the noise of executions is re-estimated from commands and executions; the toss's own information at theta is
-added to what is known; and the next throws are planned from there. The ratio of what a toss taught to what was planned is the
+added to what is known; and the next throws are planned from there. The ratio of the realised to the planned gain is the
 loop's health: far below 1 the model, the thrower or the tracker is not what the plan took it for.
 """
 
@@ -32,7 +32,7 @@ from contact_curation.information.record import TossInformation
 
 @dataclass(frozen=True)
 class Realised:
-    """What a throw was planned to teach, and what its toss taught; log-det gains over what was known before it.
+    """Planned and realised gain of a throw, in log-det over the information before it.
 
     Attributes:
         throw_id: the throw.
@@ -48,7 +48,7 @@ class Realised:
 
     @property
     def ratio(self) -> float:
-        """Realised against planned; not a number where nothing was planned."""
+        """Ratio of realised to planned gain; NaN without a planned gain."""
         return self.realised / self.planned if self.planned > 0.0 else float("nan")
 
 
@@ -57,7 +57,7 @@ class AdaptiveDesign:
 
     Args:
         planner: at the present theta.
-        known: per particle, what the selected tosses teach at it.
+        known: per particle, the information of the selected tosses.
         throws: pairs of commands and executions so far.
     """
 
@@ -75,12 +75,12 @@ class AdaptiveDesign:
 
     @property
     def planner(self) -> Planner:
-        """With the noise as it is known now."""
+        """The planner with the current estimate of the execution noise."""
         return self._planner
 
     @property
     def noise(self) -> ExecutionNoise:
-        """As it is known now."""
+        """The current estimate of the execution noise."""
         return self._planner.evaluator.noise
 
     def plan(self, names: Sequence[str], seed: int) -> Plan:
@@ -88,7 +88,7 @@ class AdaptiveDesign:
         return self._planner.plan(names, self._known, seed)
 
     def made(self, commanded: Throw, executed: Throw) -> None:
-        """A throw was made, in this way."""
+        """Adds an executed throw to the estimate of the execution noise."""
         self._throws.append((commanded, executed))
         self._learn()
 
@@ -99,11 +99,11 @@ class AdaptiveDesign:
         return replace(throw, expected_information=gain, parameters_version=self._planner.version)
 
     def add(self, throw: Throw, realised: Sequence[TossInformation]) -> Realised:
-        """A throw's toss was scored; what it taught is known from now on.
+        """Adds the information of a throw's toss.
 
         Args:
             throw: as it was planned.
-            realised: per particle, what its toss teaches.
+            realised: per particle, the information of its toss.
 
         Raises:
             InvalidValueError: scored at other thetas.
@@ -124,7 +124,7 @@ class AdaptiveDesign:
 
 
 def overall_ratio(realised: Sequence[Realised]) -> float:
-    """What all tosses taught in relation to what was planned; not a number where nothing was planned."""
+    """Ratio of realised to planned gain over all tosses; NaN without a planned gain."""
     planned = sum(one.planned for one in realised)
     return sum(one.realised for one in realised) / planned if planned > 0.0 else float("nan")
 
@@ -135,7 +135,7 @@ ONE_THREAD = replace(DEFAULT_LOSS, threads=1)
 
 @dataclass(frozen=True)
 class DesignerConfig:
-    """How throws are designed and when theta is trusted with it.
+    """How throws are designed, and when theta is good enough for it.
 
     Attributes:
         planner: how throws are chosen.
@@ -150,7 +150,7 @@ class DesignerConfig:
 
 @dataclass(frozen=True, eq=False)
 class Designer:
-    """Decides for one body; remembers nothing.
+    """Designs throws of one body, without state.
 
     Attributes:
         body: as described.

@@ -1,4 +1,4 @@
-"""How a throw that is made differs from the one that was commanded, learned from throws (method.md 5).
+"""Execution noise: how executed throws differ from commanded ones, estimated from throws (method.md 5).
 
 The error of an execution has 12 numbers in the heading frame of the command: place (3) [m], turn (3) [rad], velocity (3) [m/s]
 and spin (3) [rad/s]. Each is taken in units of what is expected of it, which for the velocity grows with the speed; in these
@@ -63,7 +63,7 @@ DEFAULT_NOISE = NoiseConfig()
 
 @dataclass(frozen=True, eq=False)
 class ExecutionNoise:
-    """The errors of executions.
+    """Distribution of execution errors.
 
     Attributes:
         config: their units.
@@ -79,12 +79,12 @@ class ExecutionNoise:
 
     @staticmethod
     def expected(config: NoiseConfig = DEFAULT_NOISE) -> "ExecutionNoise":
-        """Before any throw was measured."""
+        """The prior, before any throw was measured."""
         return ExecutionNoise(config, np.zeros(ERRORS), np.eye(ERRORS))
 
     @staticmethod
     def learned(commanded: Array, executed: Array, config: NoiseConfig = DEFAULT_NOISE) -> "ExecutionNoise":
-        """From releases (K, 13) as commanded and as executed, in SI units.
+        """Estimates the noise from releases (K, 13) as commanded and as executed, in SI units.
 
         Raises:
             InvalidValueError: shapes that differ, or a number that is not finite.

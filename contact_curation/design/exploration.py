@@ -1,10 +1,10 @@
-"""Exploration throws, before theta can be trusted: different first impacts, by flight and shape alone (method.md 2.4).
+"""Exploration throws, before theta passes the readiness check: different first impacts, by flight and shape (method.md 2.4).
 
-What a toss can teach begins with how the body meets the board. Up to the first touch its motion is a ballistic flight with a
-constant spin (as in the model, without a gyroscopic term), whatever theta is; how it then stands and moves, seen from the
-body, is the feature: the direction of down, and the velocity of the body's centre. Throws are spread over these features as
-k-means++ spreads its seeds (Arthur and Vassilvitskii 2007), but always to the farthest: the next is the one farthest from all
-before it.
+The information of a toss depends on how the body first meets the board. Up to the first touch its motion is a ballistic
+flight with a constant spin (as in the model, without a gyroscopic term), whatever theta is; how it then stands and moves,
+seen from the body, is the feature: the direction of down, and the velocity of the body's centre. Throws are spread over
+these features as k-means++ spreads its seeds (Arthur and Vassilvitskii 2007), but always to the farthest: the next is the
+one farthest from all before it.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Throws for a batch: greedy from a pool of releases, by what each adds to what is known, and then refined (method.md 1.10, 5).
+"""Chooses a batch of throws: greedy picks from a pool of releases by their information gain, then refined (method.md 1.10, 5).
 
     next throw = argmax over pool of mean_theta [ logdet(A + E[F(x)]) - logdet A ],  A = A0 + selected tosses + throws so far
 
@@ -60,7 +60,7 @@ def prior_coordinates(fishers: Array, share: float, cut: float = EIGENVALUE_CUT)
 
 
 def accumulated(coordinates: Array, known: Sequence[TossInformation]) -> Accumulated:
-    """What is known from tosses, each about its own centroid.
+    """The accumulated information of tosses, each about its own centroid.
 
     Raises:
         InvalidValueError: a toss was scored by other parameters.
@@ -74,7 +74,7 @@ def accumulated(coordinates: Array, known: Sequence[TossInformation]) -> Accumul
 
 
 def with_fishers(state: Accumulated, fishers: Array) -> Accumulated:
-    """What is known with the information of throws (B, P, P) added."""
+    """The accumulated information with that of throws (B, P, P) added."""
     added = state.coordinates.T @ fishers.sum(axis=0) @ state.coordinates
     return Accumulated(state.coordinates, state.matrix + 0.5 * (added + added.T))
 
@@ -140,7 +140,7 @@ LEAST_GAIN = 1e-9
 
 @dataclass(frozen=True)
 class RefinementConfig:
-    """How throws are moved.
+    """How the throws of a batch are refined.
 
     Attributes:
         generations: generations of the search for each throw; 0 leaves throws where they are.

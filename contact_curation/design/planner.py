@@ -132,19 +132,19 @@ class Planner:
 
     @property
     def particles(self) -> tuple[Particle, ...]:
-        """The thetas."""
+        """The parameter particles."""
         return self.evaluator.particles
 
     @property
     def version(self) -> str:
-        """Of the thetas."""
+        """Version of the parameter particles."""
         return "+".join(particle.version for particle in self.particles)
 
     def known(self, informations: Sequence[Sequence[TossInformation]] = ()) -> tuple[Accumulated, ...]:
-        """What is known: A0 and the tosses.
+        """The accumulated information: A0 and the tosses.
 
         Args:
-            informations: per particle, what the selected tosses teach at it; none where there are none.
+            informations: per particle, the information of the selected tosses; empty without tosses.
 
         Raises:
             InvalidValueError: not once per particle, or scored at another theta or by another estimator.
@@ -188,11 +188,11 @@ class Planner:
         return Plan(tuple(throws), batch.fishers, refused, self.config.pool)
 
     def pool(self, seed: int) -> Candidates:
-        """Releases to pick from, and what they teach."""
+        """Candidate releases and their predicted information."""
         return self.evaluator.evaluate(self._drawn(seed))
 
     def finalists(self, seed: int, known: Sequence[Accumulated], count: int) -> Candidates:
-        """What the pool teaches, as far as it may come into question (successive halving, Jamieson and Talwalkar 2016).
+        """The candidates that are evaluated with all executions (successive halving, Jamieson and Talwalkar 2016).
 
         A few executions of each release say which come into question: those that add most alone and, where several throws are
         wanted, those that add most to the greedy batch that these few executions would give. Those that are refused stay.

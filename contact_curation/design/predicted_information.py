@@ -1,8 +1,8 @@
-"""What throws are expected to teach: the model's own motions, and their Gauss-Newton information (method.md 1.10).
+"""Predicts the information of throws: the model's motions and their Gauss-Newton information (method.md 1.10).
 
     E[F(x)] = mean over executions e of sum_t F_GN(t),      the toss rolled out at theta from the executed release x_e
 
-A toss ends once the body has rested for a few frames, as the segmenter ends one. Frames in the air teach nothing
+A toss ends once the body has rested for a few frames, as the segmenter ends one. Frames in the air carry no information
 (method.md 6.7) and are left out; where the body lies on three corners or more and goes on lying on them, frames differ little
 from one to the next, and one of every few stands for all. Each motion's tilt is taken about its own centroid, so that the place
 of a throw does not count; its heading does a little, since the tilt's axes are the board's.
@@ -30,7 +30,7 @@ from contact_curation.information.scoring import Scorer, ScoringConfig
 
 @dataclass(frozen=True, eq=False)
 class Particle:
-    """A theta; several of them stand for what is not known about it (method.md 2.4).
+    """A theta; several of them represent the uncertainty about it (method.md 2.4).
 
     Attributes:
         geometry: theta.
@@ -44,10 +44,10 @@ class Particle:
 
     @cached_property
     def scorer(self) -> Scorer:
-        """What says how much measured tosses teach at this theta, by the same parameters and estimator as designs use.
+        """The scorer of measured tosses at this theta, with the same parameters and estimator as in designs.
 
         Always Gauss-Newton: of a motion that the model itself predicted the empirical matrix is almost zero, and what is left
-        of it has nothing to do with what a real toss teaches (method.md 0.4).
+        of it is unrelated to the information of a real toss (method.md 0.4).
         """
         form = Form.PHYSICAL if is_physical(self.geometry) else Form.CONTACTNETS
         return Scorer(self.geometry, self.body, ScoringConfig(estimator=Estimator.GAUSS_NEWTON, form=form, loss=self.loss))
@@ -137,7 +137,7 @@ class Motions:
 
 
 class PredictedInformation(NamedTuple):
-    """What N motions teach.
+    """Information of N motions.
 
     Attributes:
         fishers: (N, P, P) Gauss-Newton sums, the tilt about each motion's centroid; zero where not known.
@@ -221,7 +221,7 @@ def _until_rest(motion: Array, rolled: Rollout, scale: float, config: Prediction
 
 
 def _kernel_sums(particle: Particle, motions: Motions, config: PredictionConfig) -> PredictedInformation:
-    """What motions teach by the kernel's own numbers, (N, Q, Q); a piece of them in one call."""
+    """Information of motions (N, Q, Q) from the kernel, in pieces of limited size."""
     size = 6 * particle.geometry.vertex_count + 10
     sums, known = np.zeros((len(motions.frames), size, size)), motions.finite.copy()
     for first in range(0, len(known), PIECE):
@@ -291,7 +291,7 @@ class _Rows(NamedTuple):
 
 
 def _teaching(particle: Particle, states: Array, frames: NDArray[np.int64], config: PredictionConfig) -> _Rows:
-    """The transitions of motions (M, T, 13) that teach, and that stand for others."""
+    """The transitions of motions (M, T, 13) that carry information, with weights for those they represent."""
     gaps = particle.geometry.gaps(states)  # (M, T, V)
     felt = gaps.min(axis=2) < config.airborne
     wanted = (np.arange(1, states.shape[1]) < frames[:, None]) & (felt[:, 1:] | felt[:, :-1])

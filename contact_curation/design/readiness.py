@@ -1,4 +1,4 @@
-"""The readiness check: whether theta can be trusted with choosing throws (method.md 0.6, 2.4).
+"""The readiness check: whether theta is good enough to choose throws (method.md 0.6, 2.4).
 
 At a theta that training has not brought near the truth a ranking of throws is noise: two random initialisations rank them
 with a correlation of -0.01. Three things are asked, none of which needs the truth: enough tosses are known; theta predicted the

@@ -24,7 +24,7 @@ MOTION = ("height", "speed along", "speed up", "spin along", "spin across", "spi
 
 @dataclass(frozen=True)
 class Placement:
-    """Where the thrower stands: what the physics leave open.
+    """Place and heading of releases, which the physics does not determine.
 
     Attributes:
         place: (2,) x and y of the release on the board [m]; the default is as far from the middle as in the published throws.
@@ -116,7 +116,7 @@ LEAST_RELEASES = 8
 
 
 class ReleasePrior(Protocol):
-    """What releases are drawn from."""
+    """A distribution of releases."""
 
     def draw(self, count: int, rng: np.random.Generator) -> Releases:
         """So many releases."""
@@ -181,7 +181,7 @@ def fitted_prior(states: ArrayLike) -> ThrowPrior:
 
 @dataclass(frozen=True, eq=False)
 class RawPrior:
-    """The paper's: one normal over the 13 numbers of a release in the board's frame. A baseline, not a suggestion.
+    """The prior of the paper: one normal distribution over the 13 numbers of a release in the board's frame. It is a baseline.
 
     Attributes:
         mean: (13,).
@@ -198,7 +198,7 @@ class RawPrior:
         return drawn
 
     def draw(self, count: int, rng: np.random.Generator) -> Releases:
-        """So many releases, seen in their heading frames: place and heading change nothing of what they teach."""
+        """So many releases, seen in their heading frames: place and heading do not change their information."""
         return Releases.of_states(self.states(count, rng))
 
 

@@ -157,7 +157,7 @@ class SafetySet:
         return tuple(self._worst(_motion_limits(self.config), values))
 
     def thrower_refusals(self, throws: Sequence[Throw]) -> tuple[str | None, ...]:
-        """What the thrower says.
+        """Why the thrower cannot make releases.
 
         Raises:
             InvalidValueError: it answers for another number of throws.

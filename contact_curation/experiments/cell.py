@@ -9,7 +9,7 @@ from enum import StrEnum
 
 from contact_curation.contact.models.registry import DEFAULT_MODEL, MODELS, model_class
 from contact_curation.contact.parameter_form import Form
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.experiments.faults import Fault
 from contact_curation.experiments.rules import RULES
 
@@ -55,7 +55,7 @@ class Cell:
         choices = {"rule": RULES, "model": [*MODELS], "protocol": [*Protocol], "fault": ["", *Fault]}
         for name, accepted in choices.items():
             if getattr(self, name) not in accepted:
-                raise InvalidValueError(name, getattr(self, name), f"one of {', '.join(accepted)}")
+                raise UnknownNameError(name, getattr(self, name), accepted)
         if self.size < 0 or self.seed < 0:
             raise InvalidValueError("size and seed", f"{self.size} and {self.seed}", "numbers of at least 0")
         if self.protocol == Protocol.EXACT and not model_class(self.model).has_exact_fit(Form.PHYSICAL):

@@ -103,7 +103,7 @@ class Bench:
 
     @cached_property
     def reference(self) -> ContactGeometry:
-        """What all training tosses together teach."""
+        """The information of all training tosses together."""
         data = transitions_of(self.training, self.body.length_scale)
         return fit_held(self.initial_polytope(0), data, FIT).model.geometry()
 
@@ -186,7 +186,7 @@ def _learn_exactly(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> Learne
 
 
 def _selected_exactly(cell: Cell, bench: Bench, tosses: tuple[Toss, ...]) -> tuple[str, ...]:
-    """Some rounds of selection, each at what the last set taught a polytope."""
+    """Some rounds of selection, each at the polytope that was fitted to the last set."""
     start = bench.initial_polytope(cell.seed)
     model, rule = start, RULES[cell.rule]
     size = len(tosses) if cell.size == ALL else cell.size

@@ -74,7 +74,7 @@ class RoundsLearner:
 
 
 def throws_rows(cell: ThrowsCell, bench: Bench, config: DesignerConfig = DEFAULT_DESIGN) -> tuple[Row, ...]:
-    """A row per throw: how it was chosen, what its toss taught, and, after some, how well held-out motion is predicted.
+    """A row per throw: how it was chosen, the information of its toss, and, after some, how well held-out motion is predicted.
 
     Args:
         cell: which.

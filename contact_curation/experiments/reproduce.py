@@ -18,11 +18,11 @@ PUBLIC_DATA, TOSSES = "CONTACTNETS_DATA", "tosses_processed"
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Runs an experiment cell by cell: a rule keeps some tosses, a model learns from them, held-out motion judges it. Every "
-        "finished cell is a line of DIR/cells.jsonl; the same command goes on where it was stopped. Ends with rows.csv, "
-        "summary.csv (medians over seeds, differences to random and longest, 95 % bootstrap intervals) and figure.png. Of "
-        "designed-throws the rules are ways of choosing what a simulated arm throws, and the sizes numbers of throws. Without "
-        f"INPUT it takes ContactNets' tosses, from the folder {TOSSES}/ in the one that {PUBLIC_DATA} names."
+        "Runs an experiment cell by cell: a rule selects tosses, a model is trained on them and evaluated on held-out motion. "
+        "Each finished cell is a line of DIR/cells.jsonl, from which the same command continues after a stop. At the end it "
+        "writes rows.csv, summary.csv (medians over seeds, differences to random and longest, 95 % bootstrap intervals) and "
+        "figure.png. In designed-throws the rules are ways to choose throws of a simulated arm, and the sizes are numbers of "
+        f"throws. Without INPUT it reads ContactNets' tosses in folder {TOSSES}/ of the folder that {PUBLIC_DATA} names."
     )
     parser.add_argument("experiment", choices=EXPERIMENTS, metavar="EXPERIMENT", help=", ".join(EXPERIMENTS))
     add_reading_options(parser, SHARED_STAGES, needed=False)

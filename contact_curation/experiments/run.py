@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from contact_curation.cli.options.reading import chosen_body, inputs_of, stages_of
+from contact_curation.cli.options.body import chosen_body
+from contact_curation.cli.options.reading import inputs_of, stages_of
 from contact_curation.cli.options.types import Arguments
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import print_json, warn
@@ -112,7 +113,7 @@ def _bench(arguments: Arguments) -> Bench:
 
     The gates see a pool again once faults are put into it.
     """
-    body = chosen_body(arguments)
+    body = chosen_body(arguments, said=False)
     stages = stages_of(arguments, {})
     reading = ReadingConfig(body, inputs_of(stages))
     rule = held_out_rule(arguments.held_out or PUBLIC_HELD_OUT)

@@ -28,7 +28,7 @@ from contact_curation.learning.training.curated import toss_scorer
 
 @dataclass(frozen=True)
 class TheoremCell:
-    """One rule's sets, at what all training tosses teach.
+    """One rule's sets, at the fit to all training tosses.
 
     Attributes:
         rule: one of `RULES`.

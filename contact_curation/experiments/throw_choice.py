@@ -34,7 +34,7 @@ class Chooser(Protocol):
         """What it chose was made."""
 
     def came(self, toss: Toss) -> Realised | None:
-        """Its toss, before anybody learns from it; what it taught, if it was designed."""
+        """Its toss before any training on it, and its gain if it was designed."""
 
     def learned(self, geometry: ContactGeometry, tosses: Sequence[Toss]) -> None:
         """Theta is another, after these tosses."""
@@ -106,7 +106,7 @@ class ExplorationThrows:
 
 
 class DesignedThrows:
-    """Throws that are expected to teach most, from the one on for which theta is trusted.
+    """Designed throws, from the first one at which theta passes the readiness check.
 
     Args:
         designer: decides.
@@ -127,7 +127,7 @@ class DesignedThrows:
         self._planned: Throw | None = None
 
     def choose(self, number: int) -> Choice:
-        """What is expected to teach most, or an exploration throw and why."""
+        """The designed throw, or an exploration throw and why."""
         reason = self._unready_reason()
         self._planned, self._design = None, None
         if reason is None:
@@ -142,7 +142,7 @@ class DesignedThrows:
         self._exploration.thrown(commanded, executed)
 
     def came(self, toss: Toss) -> Realised | None:
-        """Takes its loss, which the readiness check asks for, and what it taught at the theta that it was designed at."""
+        """Takes its loss, for the readiness check, and its gain at the theta that it was designed at."""
         for info in _scored(self._particle, [toss]):
             self._losses[info.toss_id] = info.mean_loss
             if self._design is not None and self._planned is not None:

@@ -7,7 +7,7 @@ import json
 from dataclasses import asdict, dataclass
 
 from contact_curation.contact.models.registry import DEFAULT_MODEL, MODELS
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.experiments.cell import Protocol
 
 RANDOM, RAW = "random", "raw"
@@ -42,7 +42,7 @@ class ThrowsCell:
         choices = {"rule": ARMS, "protocol": PROTOCOLS, "model": [name for name, entry in MODELS.items() if entry.is_geometry]}
         for name, accepted in choices.items():
             if getattr(self, name) not in accepted:
-                raise InvalidValueError(f"{name} of designed-throws", getattr(self, name), f"one of {', '.join(accepted)}")
+                raise UnknownNameError(f"{name} of designed-throws", getattr(self, name), accepted)
         if not self.judged or min(self.judged) < 1 or list(self.judged) != sorted(set(self.judged)):
             raise InvalidValueError("numbers of throws", self.judged, "rising numbers from 1 on")
         if (self.steps > 0) != (self.protocol == Protocol.BUDGETED):

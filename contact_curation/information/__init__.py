@@ -1,1 +1,1 @@
-"""How much each toss teaches: scores, Fisher matrices, criteria, ranking, streaming selection, diagnostics."""
+"""The information of tosses about theta: scores, Fisher matrices, criteria, ranking, streaming selection, diagnostics."""

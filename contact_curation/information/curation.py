@@ -1,4 +1,4 @@
-"""From scored tosses to a curated set and its evidence: what `rank` prints and what the curator publishes.
+"""Curates scored tosses: the selected set and its diagnostics, which `rank` prints and the curator publishes.
 
 Beside the ranking stand the spectrum of the selected set's information against the pool's (method.md 1.9), the efficiencies of
 method.md 2.3, each parameter block's share of the trace (method.md 2.2), and how far the selected set's optimum is from the
@@ -34,7 +34,7 @@ SUFFICIENT_EPSILON = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Curation:
-    """A ranking and what to think of it; with several parameter particles the evidence is that of the first.
+    """A ranking and its diagnostics; with several parameter particles the diagnostics are at the first one.
 
     Attributes:
         ranking: all tosses, the selected ones first.

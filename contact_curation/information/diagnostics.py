@@ -1,4 +1,4 @@
-"""How well a selected set stands for its pool (method.md 1.9, 2.2, 2.3).
+"""How well a selected set represents its pool (method.md 1.9, 2.2, 2.3).
 
 The paper's theorem as a diagnostic: with the pooled information F whitened to the identity on the identifiable subspace, the
 spectrum of F^(-1/2) (sum_S a F_tau) F^(-1/2) says in which directions the selected set S knows less or more than the pool.
@@ -49,7 +49,7 @@ class SpectralDistance:
 
 @dataclass(frozen=True)
 class Efficiency:
-    """What a selected set knows per toss, in units of the pool's mean toss (or per transition, of its mean transition).
+    """Information of a selected set per toss in units of the pool's mean toss, or per transition of its mean transition.
 
     Attributes:
         determinant: D-efficiency: geometric mean over the directions.

@@ -1,4 +1,4 @@
-"""Which theta a model has, in 16 letters: equal numbers, equal version, whoever computes it."""
+"""The version of theta: a digest in 16 letters, equal for equal numbers."""
 
 import hashlib
 

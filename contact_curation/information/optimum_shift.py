@@ -35,7 +35,7 @@ class OptimumShift:
     at_random: float
 
     def to_mapping(self) -> dict[str, Any]:
-        """As manifests hold it."""
+        """The values as manifests hold them."""
         return {"distance": self.distance, "at_random": self.at_random}
 
 
@@ -70,7 +70,7 @@ class PoolScores:
 
     @cached_property
     def shift(self) -> Array:
-        """(p,) d, from theta to the pool's optimum."""
+        """(p,) d, the difference from theta to the pool's optimum."""
         return np.asarray(self.scores.sum(axis=0) / (self.prior + len(self.scores)))
 
 

@@ -1,4 +1,4 @@
-"""Ranking: tosses and a configuration in, a ranking out.
+"""Ranks scored tosses by a configuration.
 
 The same tosses give the same ranking in whatever order they come; ties go to the smaller id. Several parameter particles,
 each with its own information of the same tosses, are ranked together (method.md 2.4): log-det, representative and min-eig

@@ -1,4 +1,4 @@
-"""What is known of a toss once it is scored: everything that ranking needs, in a few kB."""
+"""The record of a scored toss: everything that ranking needs, in a few kB."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -96,6 +96,12 @@ class TossInformation:
     def trace(self) -> float:
         """Exact trace of the Fisher sum."""
         return float(self.block_traces.sum())
+
+    def in_words(self) -> str:
+        """One line about the toss, for logs."""
+        scored = self.transitions - self.not_scored
+        size = f"trace {self.trace:.4g}, loss {self.mean_loss:.3g}"
+        return f"scored {self.toss_id}: {size}, {scored} of {self.transitions} transitions"
 
     def fisher(self) -> Array:
         """(P, P) Fisher sum, up to the factor's truncation."""

@@ -1,4 +1,4 @@
-"""A toss becomes information: its transitions are scored at one theta and summed into a Fisher matrix, kept as a factor.
+"""Computes the information of tosses: transitions are scored at one theta and summed into a Fisher matrix, stored as a factor.
 
 This is the only place where motion meets contact. The ground's tilt is taken about each toss's own centroid, so that no number
 depends on where the board's origin lies; `pool` brings them to a common pivot.
@@ -112,7 +112,7 @@ class Scorer:
         return tuple(sums.losses[part][solved[part]] for part in (slice(*ends) for ends in pairwise(rows.starts)))
 
     def score(self, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:
-        """What each toss teaches, in the order given.
+        """The information of each toss, in the order given.
 
         Raises:
             InvalidValueError: no toss, or a toss of another body.

@@ -44,7 +44,7 @@ LEADING_DIRECTIONS = 64
 
 @dataclass(frozen=True, eq=False)
 class IdentifiableSubspace:
-    """What a pool of tosses can tell about theta.
+    """The directions of theta that a pool of tosses identifies.
 
     Attributes:
         whitening: (P, p) C with C^T F C = I for the pooled F; a toss's factor W becomes W C.
@@ -70,7 +70,7 @@ class IdentifiableSubspace:
 
 
 def pool_subspace(pool: Pool, cut: float = EIGENVALUE_CUT) -> IdentifiableSubspace:
-    """The subspace in which a pool's tosses are compared: all that they can tell, or of a network what they tell best.
+    """The subspace in which a pool's tosses are compared: all identifiable directions, or the leading ones of a network.
 
     `cut` and errors as in `identifiable_subspace`.
     """
@@ -102,7 +102,7 @@ def identifiable_subspace(fisher: Array, cut: float = EIGENVALUE_CUT) -> Identif
 
 
 def leading_subspace(fisher: Array, directions: int, cut: float = EIGENVALUE_CUT) -> IdentifiableSubspace:
-    """The directions that a pool knows best, for models of more parameters than any pool can tell (method.md 2.7).
+    """The leading directions of a pool, for models with more parameters than a pool identifies (method.md 2.7).
 
     It is taken in the parameters' own units: the columns of a sketch have none of their own to scale by.
 

@@ -1,1 +1,1 @@
-"""Training on tosses, and what comes of it: re-ranking, checkpoints, errors of motion, what is known of theta."""
+"""Training on tosses: re-ranking, checkpoints, evaluation, and the uncertainty of theta."""

@@ -1,1 +1,1 @@
-"""A pose stream becomes tosses: segmenting, smoothing, gates, transitions."""
+"""Turns a pose stream into tosses: segmenting, smoothing, quality checks, transitions."""

@@ -1,11 +1,10 @@
-"""Poses of frames in frames become poses of the body in the board's frame.
+"""Computes poses of the body in the board's frame from poses of frames in frames.
 
     T_board_body = (T_common_board)^-1 T_common_body T_body_mass
 
 where `common` is the nearest frame above both, and the last factor moves the origin to the body's centre of mass. Boards,
-cameras and robots may move; the body's own pose is taken as it was measured. A body pose waits for the rig's poses around
-its time, so that what comes out does not hang on the order in which topics arrive. What cannot be used comes out with its
-reason.
+cameras and robots may move; the body's own pose is taken as it was measured. A body pose waits for the rig's poses around its
+time, so that what comes out does not hang on the order in which topics arrive. What cannot be used comes out with its reason.
 """
 
 from collections import Counter, deque
@@ -29,7 +28,7 @@ SHORT_HISTORY = 256
 
 @dataclass(frozen=True)
 class TrackerConfig:
-    """Which frames matter, and how long to wait for them.
+    """Names of the frames, and how long to wait for them.
 
     Attributes:
         body_frame: tracked frame of the body.
@@ -181,8 +180,7 @@ class BodyTracker:
             self._tree.forget_after(measured.stamp_ns + int(self.config.clock_jump * NANOSECONDS))
             self._last_pose = None
         elif self._last_ns is not None and back_ns >= 0:
-            how = "stands still" if back_ns == 0 else f"goes back by {back_ns / NANOSECONDS:.6f} s"
-            return [BadPose(measured.stamp_ns, measured.child, f"stamp: found one that {how}, expected a later one", "stamp")]
+            return [BadPose(measured.stamp_ns, measured.child, _bad_stamp(measured.stamp_ns, back_ns), "stamp")]
         self._last_ns, self._parent = measured.stamp_ns, measured.parent
         self._waiting.append(measured)
         return jump + self._known()
@@ -276,3 +274,12 @@ def _link_of(entry: Mapping[str, Any]) -> Link:
 
 def _frame_pose_of(entry: Mapping[str, Any]) -> FramePose:
     return FramePose(entry["stamp_ns"], entry["parent"], entry["child"], _pose_of(entry["pose"]), entry["static"])
+
+
+def _bad_stamp(stamp_ns: int, back_ns: int) -> str:
+    """What is wrong with a stamp that is not later than the one before, and what to do."""
+    if stamp_ns == 0 and back_ns == 0:
+        return "stamp: found header stamps of 0, expected the time of each pose: fill header.stamp"
+    if back_ns == 0:
+        return "stamp: found the same one twice, expected a later one: is the topic published twice, or by a coarse clock?"
+    return f"stamp: found one that goes back by {back_ns / NANOSECONDS:.6f} s, expected a later one"

@@ -100,7 +100,7 @@ NO_CORRECTION = RigCalibration()
 
 @dataclass(frozen=True, eq=False)
 class RigMeasurements:
-    """What is measured of a rig in K tosses.
+    """Measurements of a rig from K tosses.
 
     Attributes:
         normals: (K, 3) up, of the faces that they came to lie on; NaN where they did not.
@@ -140,7 +140,7 @@ class RigMeasurements:
         return RigCalibration(_triple(normal / np.linalg.norm(normal)), _triple(centre), gravity / float(seen))
 
     def resampled(self, places: NDArray[np.int64]) -> "RigMeasurements":
-        """Those of some of the tosses, as often as they are named."""
+        """The measurements of resampled tosses."""
         return RigMeasurements(*(getattr(self, field.name)[places] for field in fields(self)))
 
 

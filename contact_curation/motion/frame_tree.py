@@ -1,4 +1,4 @@
-"""Where frames stand in each other: a tree of static and moving links, as /tf and odometry give it.
+"""The tree of frames: static and moving links, as /tf and odometry give them.
 
 A link that moves has a history. Asked for a time between two of its poses it is interpolated: only the rig (boards, cameras,
 robots) is looked up here, never the tossed body, which is not interpolated over contact.
@@ -70,7 +70,7 @@ class FrameTree:
         return sorted({name for child, link in self.links.items() for name in (child, link.parent) if name})
 
     def take(self, frame_pose: FramePose, history: int = HISTORY) -> bool:
-        """Learns a pose; False when it is left out: older than the link's newest, or of one frame too many.
+        """Adds a pose; False when it is left out: older than the link's newest, or of one frame too many.
 
         Args:
             frame_pose: measured.

@@ -114,7 +114,7 @@ class GateConfig:
 
 @dataclass(frozen=True, eq=False)
 class GateBounds:
-    """What `GateConfig` says for a body and its tracker, every field a number.
+    """The bounds of `GateConfig` for a body and its tracker, every field a number.
 
     Attributes:
         levers: (3,) about the principal axes of inertia, those of `scales` times `twist_leverage` [rad/m].

@@ -1,4 +1,4 @@
-"""What a toss must pass before it is scored, or one bad frame of the tracker looks like the best toss of all.
+"""The quality checks (gates) of a toss before it is scored; without them one tracking outlier can look like the best toss.
 
 See method.md 0.2, 2.1.
 
@@ -75,7 +75,7 @@ class Steps:
 
 
 def steps_of(toss: Toss, body: TossedBody, bounds: GateBounds, tracker: TrackerScale = RIG) -> Steps:
-    """What all gates look at, worked out once."""
+    """Computes the quantities that all gates use."""
     polytope, scale = body.polytope, scale_of(body)
     lowest = polytope.corner_heights(toss.positions, toss.orientations_wxyz).min(axis=1)
     dt = np.diff(toss.stamps_ns) / NANOSECONDS
@@ -142,23 +142,23 @@ def inspect(toss: Toss, body: TossedBody, config: GateConfig, tracker: TrackerSc
 
 
 def stamps_gate(steps: Steps, bounds: GateBounds) -> str:
-    """No frame is missing."""
+    """Checks that no frame is missing."""
     return _worst("time between frames", steps.dt / steps.toss.frame_period, bounds.largest_gap, "frame periods")
 
 
 def quaternion_gate(steps: Steps, bounds: GateBounds) -> str:
-    """Orientations are rotations."""
+    """Checks that quaternions have norm 1."""
     off = np.abs(np.linalg.norm(steps.toss.orientations_wxyz, axis=1) - 1.0)
     return _worst("quaternion norm beside 1", off, bounds.quaternion_tolerance, "", first=0)
 
 
 def depth_gate(steps: Steps, bounds: GateBounds) -> str:
-    """The body does not go into the board."""
+    """Checks that the body does not penetrate the board."""
     return _worst("depth in the board", -steps.lowest, bounds.depth, "m", first=0)
 
 
 def rest_gate(steps: Steps, bounds: GateBounds) -> str:
-    """A body at rest lies flat, ..."""
+    """Checks that a body at rest lies flat."""
     if steps.footing is None:
         return ""
     tilt = float(np.degrees(np.arccos(min(rest_normal(steps.footing)[2], 1.0))))
@@ -167,7 +167,7 @@ def rest_gate(steps: Steps, bounds: GateBounds) -> str:
 
 
 def rest_height_gate(steps: Steps, bounds: GateBounds) -> str:
-    """... and on the board."""
+    """Checks that a body at rest lies on the board."""
     height = 0.0 if steps.footing is None else float(steps.footing[:, 2].mean())
     if abs(height) <= bounds.rest_height:
         return ""
@@ -175,12 +175,12 @@ def rest_height_gate(steps: Steps, bounds: GateBounds) -> str:
 
 
 def impulse_gate(steps: Steps, bounds: GateBounds) -> str:
-    """What contact gives points up, ..."""
+    """Checks that contact impulses point up."""
     return _worst("impulse that pulls down", -steps.contact_velocities[:, 2], impulse_bound(steps, bounds), "m/s")
 
 
 def cone_gate(steps: Steps, bounds: GateBounds) -> str:
-    """... and stays within the friction cone."""
+    """Checks that contact impulses stay within the friction cone."""
     sideways = np.linalg.norm(steps.contact_velocities[:, :2], axis=1)
     outside = sideways - bounds.largest_friction * np.maximum(steps.contact_velocities[:, 2], 0.0)
     return _worst("impulse outside the friction cone", outside, impulse_bound(steps, bounds), "m/s")
@@ -194,14 +194,14 @@ def impulse_bound(steps: Steps, bounds: GateBounds) -> float:
 
 
 def airborne_gate(steps: Steps, bounds: GateBounds) -> str:
-    """Nothing but gravity moves a body in the air."""
+    """Checks that only gravity accelerates a body in the air."""
     pushed = np.where(steps.airborne, np.linalg.norm(steps.contact_velocities, axis=1) / steps.dt, 0.0)
     bound = bounds.airborne_acceleration * steps.growth(steps.tracker.position, 2)
     return _worst("acceleration in the air beyond gravity", pushed, bound, "m/s^2")
 
 
 def spin_gate(steps: Steps, bounds: GateBounds) -> str:
-    """Nothing twists a body in the air."""
+    """Checks that the spin of a body in the air changes only by free rotation."""
     changes = np.where(steps.airborne, np.linalg.norm(steps.spin_changes, axis=1), 0.0)
     bound = bounds.airborne_spin_change * steps.growth(steps.tracker.turn)
     return _worst("change of spin in the air", changes, bound, "rad/s")
@@ -231,7 +231,7 @@ def energy_gate(steps: Steps, bounds: GateBounds) -> str:
 
 
 def jump_gate(steps: Steps, bounds: GateBounds) -> str:
-    """The body moves by its velocity."""
+    """Checks that displacements agree with velocities."""
     rates = np.diff(steps.toss.positions, axis=0) / steps.dt[:, np.newaxis]
     off = np.linalg.norm(rates - steps.toss.linear_velocities[1:], axis=1)
     bound = max(bounds.jump_velocity * steps.growth(), bounds.least_jump / steps.toss.frame_period)
@@ -239,7 +239,7 @@ def jump_gate(steps: Steps, bounds: GateBounds) -> str:
 
 
 def turn_gate(steps: Steps, bounds: GateBounds) -> str:
-    """The body turns by its angular velocity."""
+    """Checks that rotations agree with angular velocities."""
     shares = np.abs(steps.turn_offsets) / bounds.jump_spins
     axis = int(np.argmax(shares.max(axis=0)))
     bound = float(bounds.jump_spins[axis]) * steps.growth()

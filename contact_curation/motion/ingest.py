@@ -1,4 +1,4 @@
-"""The whole way from measured poses to tosses that may be scored: track, segment, calibrate, gate."""
+"""Turns measured poses into tosses that may be scored: track, segment, calibrate, check."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping

@@ -1,4 +1,4 @@
-"""The frames around a stored toss, made up so that the segmenter cuts the same toss out again.
+"""Generates frames around a stored toss, so that the segmenter cuts out the same toss again.
 
 ContactNets' public files start at the detected release and end at rest; what the tracker saw before and after was not
 published. These frames are synthetic and belong to no toss: a body carried at constant velocity that is let go one frame before

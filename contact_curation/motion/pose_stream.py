@@ -32,7 +32,7 @@ class FramePose:
 
 @dataclass(frozen=True, slots=True)
 class BadPose:
-    """A measurement that is no pose, or that came when it could not be used.
+    """A measurement that is not a pose or cannot be used, with the reason.
 
     Attributes:
         stamp_ns: its header stamp.

@@ -1,4 +1,4 @@
-"""What the bounds of segmenter and quality checks are multiples of: a body's lengths, time and levers, and its tracker's noise.
+"""Scales of the bounds of segmenter and quality checks: a body's lengths, time and levers, and its tracker's noise.
 
     size      (det C)^(1/6), with C the covariance of the vertices: half the width of a cube, (a b c)^(1/3) of a box
     reach     distance of the farthest vertex from the centre of mass
@@ -23,7 +23,7 @@ from contact_curation.motion.pose_noise import RIG_NOISE, RIG_TURN
 
 
 class TossedBody(Protocol):
-    """What is asked of a body; `contact.body.Body` is one."""
+    """The properties of a body that are needed; `contact.body.Body` has them."""
 
     @property
     def name(self) -> str: ...

@@ -1,4 +1,4 @@
-"""A pose stream becomes tosses, pose by pose: release to rest.
+"""Cuts a pose stream into tosses, pose by pose, from release to rest.
 
     start   free fall over the board in two successive frames, every corner off the board
     end     nine successive displacements too small to see, the body flat on a face

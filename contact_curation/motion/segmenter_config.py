@@ -25,7 +25,7 @@ STILL_NOISE = 8.0
 
 @dataclass(frozen=True)
 class SegmenterConfig:
-    """When a toss starts and ends, and which motions are none.
+    """When a toss starts and ends, and which motions are not tosses.
 
     None leaves a bound to the body and its tracker. In brackets what it then is for ContactNets' cube at its rig's noise.
 
@@ -130,7 +130,7 @@ class SegmenterConfig:
 
 @dataclass(frozen=True)
 class SegmenterBounds:
-    """What `SegmenterConfig` says for a body and its tracker, every field a number.
+    """The bounds of `SegmenterConfig` for a body and its tracker, every field a number.
 
     Attributes:
         rest_travel: how far a body at rest may come within `rest_frames` [m].

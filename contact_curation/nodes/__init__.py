@@ -5,6 +5,16 @@ wait for each other on few cores turn an eigenvalue decomposition of 1 ms into o
 """
 
 import os
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+from contact_curation.errors import MissingDependencyError
+
+for library in ("rclpy", "contact_curation_msgs"):
+    if find_spec(library) is None:
+        why = MissingDependencyError(library, "source a ROS 2 Jazzy workspace, or pip install 'contact-curation[ros]'")
+        sys.exit(f"{Path(sys.argv[0]).stem}: {why}")
 
 for library in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):  # read when NumPy or torch is imported, which is after this
     os.environ.setdefault(library, "1")

@@ -17,6 +17,7 @@ from contact_curation.information.ranker import RankingConfig
 from contact_curation.nodes.messages.curated_buffer import buffer_message
 from contact_curation.nodes.messages.headers import stamped_of
 from contact_curation.nodes.messages.toss_information import information_of
+from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.catch_up import CatchUp, Source
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
@@ -40,7 +41,7 @@ class Curator(StageNode):
 
     def __init__(self) -> None:
         super().__init__("curator")
-        self._body = declare(self, "body", "cube", "name of the body whose tosses are selected")
+        self._body = declared_body(self)
         ranking = declare_config(self, RankingConfig(), fixed=False)
         config = declare_config(self, CurationConfig())
         store = Path(declare(self, "store", "buffer.sqlite", "file that stores the buffer and all information"))
@@ -68,8 +69,8 @@ class Curator(StageNode):
         """On the worker's thread."""
         for message in messages:
             try:
-                if message.body != self._body:
-                    raise InvalidValueError(f"body of toss {message.toss_id}", message.body, self._body)
+                if message.body != self._body.name:
+                    raise InvalidValueError(f"body of toss {message.toss_id}", message.body, self._body.name)
                 self._stage.add(information_of(message), *stamped_of(message.header))
             except InvalidValueError as error:
                 self._warnings.note("bad information", str(error))
@@ -85,6 +86,7 @@ class Curator(StageNode):
             return
         if self._buffer is not None:
             self._publisher.publish(buffer_message(self._buffer))
+            self.get_logger().info(self._buffer.in_words())
 
     def _parameters_set(self, parameters: list[Parameter]) -> SetParametersResult:
         """Ranks by the new criterion from now on, if it is one; the next ones may come before that is done."""
@@ -110,7 +112,7 @@ class Curator(StageNode):
             return response
         try:
             check_replaceable("path", Path(request.path), "a new name, or that of an earlier manifest")
-            write_manifest(manifest_of(buffer, self._stage.last_stamp_ns), Path(request.path))
+            write_manifest(manifest_of(buffer, self._stage.last_stamp_ns, self._body.to_mapping()), Path(request.path))
         except ContactCurationError as error:
             response.message = str(error)
             return response

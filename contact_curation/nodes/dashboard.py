@@ -63,11 +63,12 @@ class Dashboard(StageNode):
         self._limit = declare(
             self, "queue", 512, "largest number of waiting messages; further ones are dropped", bounds=(1, 1 << 20)
         )
+        throws = declare(self, "throws", 0, "number of planned throws, for `throw n of N`; 0: not known", bounds=(0, 1_000_000))
         state = declare(self, "state", "", "file to write the dashboard's address to once it is served; empty: none")
         serving = declared_serving(self)
         theta, self._body = first_theta(parameters, self._body)
         self._screen = open_screen(serving, live_layout(self._body))
-        self._session = LiveSession(self._screen, self._body, theta, loss)
+        self._session = LiveSession(self._screen, self._body, theta, loss, throws)
         self._dropped: Counter[str] = Counter()
         self._warnings = ThrottledWarnings(self)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -175,7 +176,9 @@ class Dashboard(StageNode):
 
     def _draw_health(self) -> None:
         if not self._closing:
-            self._session.show_health(dict(self._nodes), dict(self._dropped), self._seconds())
+            nodes = dict(self._nodes)
+            running = {f"{space.rstrip('/')}/{name}" for name, space in self.get_node_names_and_namespaces()}
+            self._session.show_health(nodes, dict(self._dropped), self._seconds(), nodes.keys() - running)
 
     def _seconds(self) -> float:
         nanoseconds: int = self._steady.now().nanoseconds
@@ -200,9 +203,9 @@ def declared_serving(node: StageNode) -> ServingConfig:
     Raises:
         InvalidValueError: nowhere.
     """
-    recording = declare(node, "recording", "", "Rerun file (.rrd) to write the session to; empty: none")
+    recording = declare(node, "rrd", "", "Rerun file (.rrd) to write the session to; empty: none")
     if recording:
-        check_replaceable("parameter recording", Path(recording), "a new name, or that of an earlier dashboard's file")
+        check_replaceable("parameter rrd", Path(recording), "a new name, or that of an earlier dashboard's file")
     return ServingConfig(
         web_port=declare(node, "web_port", 9090, "port of the web page; 0: none is served"),
         grpc_port=declare(node, "grpc_port", 9876, "port of the data that the web page shows"),

@@ -1,4 +1,4 @@
-"""fisher_scorer: tosses in, what each of them teaches out. Information is stored before it is announced."""
+"""fisher_scorer: computes the information of tosses. It is stored before it is announced."""
 
 import sys
 from collections.abc import Sequence
@@ -86,6 +86,7 @@ class FisherScorer(StageNode):
     def _announce(self, batch: Sequence[Announcement]) -> None:
         for one in batch:
             self._publisher.publish(information_message(one.information, one.sequence, one.stamped))
+            self.get_logger().info(one.information.in_words())
         self._stage.announced(batch)
 
     def _parameters_came(self, message: Any) -> None:

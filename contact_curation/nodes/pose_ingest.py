@@ -12,6 +12,7 @@ from rclpy.clock import Clock, ClockType
 from std_msgs.msg import Bool
 
 from contact_curation.contact.body import Body
+from contact_curation.errors import UnknownNameError
 from contact_curation.motion.calibration import NO_CORRECTION
 from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.ingest import IngestConfig, TossIngest
@@ -21,7 +22,7 @@ from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport, Rate
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
-from contact_curation.nodes.ros.pose_topics import PoseTopics, Received
+from contact_curation.nodes.ros.pose_topics import READ_TYPES, PoseTopics, Received
 from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Inbox, Latest, Worker
@@ -53,7 +54,7 @@ class PoseIngest(StageNode):
         self._poses = declare_config(self, PoseTopicConfig())
         self._config = declared_ingest(self, self._body, self._poses)
         self._source = declare(self, "source", "", "name of the recording in toss ids; empty: the pose topic")
-        type_name = declare(self, "type", "", "ROS type of the pose topic; empty: the publisher's type")
+        type_name = declared_type(self)
         depth = declare(self, "queue_depth", 32768, "poses that wait to be processed", bounds=(296, 1 << 20))
         self._store = TossStore(Path(declare(self, "store", "tosses.sqlite", "file that stores tosses")))
         self._warnings = ThrottledWarnings(self)
@@ -123,6 +124,7 @@ class PoseIngest(StageNode):
             self.get_logger().info(f"rejected {one.rejected.toss.toss_id}: {'; '.join(one.rejected.reasons)}")
         for stored in tosses:
             self._tosses.publish(toss_message(stored.toss, stored.sequence, self._poses.board_frame))
+            self.get_logger().info(f"toss {stored.toss.toss_id}: {stored.toss.frames} frames, {stored.toss.duration:.2f} s")
         if self._journal is not None and (tosses or rejected):
             last = tosses[-1].sequence if tosses else 0
             self._journal.announced(last, rejected[-1].sequence if rejected else 0)
@@ -163,6 +165,20 @@ def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> Inge
             segmenter = with_recorded_rules(segmenter, reader.note(RULES_NOTE))
     gates = declare_config(node, GateConfig(), "gates.")
     return IngestConfig(poses.tracker(body, poses.board_frame), segmenter, gates, declare_config(node, NO_CORRECTION, "rig."))
+
+
+def declared_type(node: StageNode) -> str:
+    """The type of the pose topic; empty for that of its publisher.
+
+    Raises:
+        UnknownNameError: nobody here reads messages of that type.
+    """
+    given = declare(node, "type", "", "ROS type of the pose topic, e.g. nav_msgs/msg/Odometry; empty: as its publisher says")
+    package, _, name = given.partition("/")
+    full = given if not given or "/msg/" in given else f"{package}/msg/{name}"
+    if full and full not in READ_TYPES:
+        raise UnknownNameError("message type", given, READ_TYPES)
+    return str(full)
 
 
 def main() -> int:

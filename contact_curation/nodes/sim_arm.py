@@ -41,7 +41,7 @@ from contact_curation.simulation.arm.safety import GateConfig, SafetyGate
 from contact_curation.simulation.arm.simulation import ControlConfig
 from contact_curation.simulation.arm.throw_motion import ThrowPlanner
 from contact_curation.stages.arm import ArmStage
-from contact_curation.stages.simulated_time import AwakeClock, Pace, SimulatedTime, Ticks
+from contact_curation.stages.simulated_time import AwakeClock, RateLimiter, SimulatedTime, Ticks
 
 TRUTH_DEPTH = 2000
 """Frames that a slow listener may lag behind."""
@@ -69,7 +69,7 @@ class SimArm(StageNode):
         super().__init__("sim_arm")
         self._body = declared_body(self)
         about_rate = "simulated seconds a second; 0: as fast as possible"
-        self._pace = Pace(declare(self, "rate", 1.0, about_rate, bounds=(0.0, 1e3), fixed=False))
+        self._limiter = RateLimiter(declare(self, "rate", 1.0, about_rate, bounds=(0.0, 1e3), fixed=False))
         clock_hertz = declare(self, "clock", 0.0, "rate of /clock in simulated time [Hz]; 0: none", bounds=(0.0, 148.0))
         self._board_frame = declare(self, "board_frame", "body_surface", "frame of the board")
         epoch = declare(self, "epoch", 0.0, "start time of the simulation [s]; 0: now", bounds=(0.0, 4e9))
@@ -131,7 +131,7 @@ class SimArm(StageNode):
     def _parameters_set(self, parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:
             if parameter.name == "rate":
-                self._pace.set_rate(parameter.value)
+                self._limiter.set_rate(parameter.value)
         self._wake.set()
         return SetParametersResult(successful=True)
 
@@ -164,7 +164,7 @@ class SimArm(StageNode):
             if goal is not None and self._stage.waits:
                 self._begin(goal)
                 continue
-            if self._pace.unlimited and self._stage.stands_still:
+            if self._limiter.unlimited and self._stage.stands_still:
                 self._tell_time(self._stage.frame())
                 self._wake.wait(IDLE)
                 self._wake.clear()
@@ -201,9 +201,9 @@ class SimArm(StageNode):
 
     def _keep_pace(self, time: float) -> None:
         """Waits until a frame's time has come."""
-        ahead = self._pace.ahead(time, self._now())
+        ahead = self._limiter.ahead(time, self._now())
         self._since_breath += 1
-        if self._pace.unlimited and self._since_breath >= BREATH_FRAMES:
+        if self._limiter.unlimited and self._since_breath >= BREATH_FRAMES:
             self._since_breath = 0
             self._wake.wait(BREATH)
         elif ahead > 0.0:

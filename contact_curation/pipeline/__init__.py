@@ -1,1 +1,1 @@
-"""Recordings to tosses, scored pool, ranking and manifest: one way for all callers."""
+"""Turns recordings into tosses, a scored pool, a ranking and a manifest, in the same way for all callers."""

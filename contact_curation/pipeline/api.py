@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.models.registry import DEFAULT_MODEL, model_entry
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.extras import says_what_to_install
 from contact_curation.information.network.config import network_config_for
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.evaluation.held_out import HeldOutRule
 from contact_curation.motion.toss import Toss
+from contact_curation.pipeline.carried_body import ASSUMED, carried_body
 from contact_curation.pipeline.diagnosis import MOST_MESSAGES, Diagnosis, diagnose
 from contact_curation.pipeline.division import DivisionConfig, held_out_rule, learning_tosses
 from contact_curation.pipeline.ranked import RankedTosses
@@ -35,6 +36,8 @@ if TYPE_CHECKING:  # torch takes over a second to import, which reading and rank
     from contact_curation.pipeline.evaluated import Evaluation
     from contact_curation.pipeline.learned_model import LearnedModel
 
+NO_BODY = f"no body given: assuming {ASSUMED}"
+
 RANKING, SCORING = RankingConfig(), ScoringConfig()
 """The defaults."""
 
@@ -42,18 +45,18 @@ RANKING, SCORING = RankingConfig(), ScoringConfig()
 @says_what_to_install
 def read(
     inputs: Inputs,
-    body: Body = CONTACTNETS_CUBE,
+    body: Body | None = None,
     *,
     config: InputsConfig | None = None,
     jobs: int = 1,
     progress: Progress = silent,
 ) -> Tosses:
-    """Reads the tosses of recordings, and what was rejected, with the reasons.
+    """Reads the tosses of recordings, and the rejected motions with their reasons.
 
     Args:
         inputs: an MCAP file, a rosbag2 folder or its storage file, a ROS 1 bag, a folder of ContactNets' `.pt` files or one of
             them; several of those; or a pattern such as ``"bags/*.mcap"``.
-        body: what was tossed.
+        body: what was tossed; None assumes ContactNets' cube, which is a warning.
         config: topics, rules of segmenting, gates, calibration of the rig.
         jobs: so many recordings are read at once, each in a process.
         progress: hears how far it is.
@@ -74,13 +77,15 @@ def read(
         'displacement beside the velocity'
     """
     with progress("reading", "tosses") as bar:
-        return read_tosses(input_paths(inputs), ReadingConfig(body, config or InputsConfig()), jobs, bar.advance)
+        reading = ReadingConfig(body or CONTACTNETS_CUBE, config or InputsConfig())
+        found = read_tosses(input_paths(inputs), reading, jobs, bar.advance)
+    return found if body else replace(found, warnings=(NO_BODY, *found.warnings))
 
 
 @says_what_to_install
 def check(
     inputs: Inputs,
-    body: Body = CONTACTNETS_CUBE,
+    body: Body | None = None,
     *,
     config: InputsConfig | None = None,
     most_messages: int = MOST_MESSAGES,
@@ -90,7 +95,7 @@ def check(
 
     Args:
         inputs: as of `read`.
-        body: what was tossed.
+        body: what was tossed; None assumes ContactNets' cube.
         config: topics, rules of segmenting, quality checks, calibration of the rig.
         most_messages: so many messages of pose topics are looked at, the first ones of each recording.
         progress: hears how far it is.
@@ -109,22 +114,22 @@ def check(
     """
     paths = input_paths(inputs)
     with progress("checking", "recordings", len(paths)) as bar:
-        reading = ReadingConfig(body, config or InputsConfig())
+        reading = ReadingConfig(body or CONTACTNETS_CUBE, config or InputsConfig())
         return diagnose(paths, reading, most_messages=most_messages, advance=bar.advance)
 
 
 def score(
     tosses: Tosses | Inputs,
     *,
-    body: Body = CONTACTNETS_CUBE,
+    body: Body | None = None,
     model: "LearnedModel | str | PathLike[str] | None" = None,
     estimator: str = SCORING.estimator.value,
 ) -> TossScores:
-    """Scores tosses: what each of them teaches about theta.
+    """Scores tosses: computes the information of each one about theta.
 
     Args:
         tosses: as `read` gives them, or what `read` takes.
-        body: what was tossed, where `tosses` are recordings.
+        body: what was tossed, where `tosses` are recordings; None for that of the model, or ContactNets' cube.
         model: whose parameters theta are, or its file; None for the body as it is described.
         estimator: of the Fisher matrix: ``gauss-newton`` or ``empirical``.
 
@@ -141,7 +146,7 @@ def score(
         >>> info.factors[0].shape[1], len(info.losses[0])
         (52, 99)
     """
-    found = _tosses(tosses, body).check_some("no toss to score")
+    found = _tosses(tosses, _body(body, model)).check_some("no toss to score")
     config = _pool_config(found.config, _theta(model, found.body), estimator)
     (scorer,) = config.scorers(config.fixed_bounds, jobs=1)
     return toss_scores(scorer, found.accepted)
@@ -152,7 +157,7 @@ def rank(
     tosses: Tosses | Inputs,
     top: int = RANKING.top,
     *,
-    body: Body = CONTACTNETS_CUBE,
+    body: Body | None = None,
     criterion: str = RANKING.criterion,
     model: "LearnedModel | str | PathLike[str] | None" = None,
     estimator: str = SCORING.estimator.value,
@@ -166,10 +171,10 @@ def rank(
     Args:
         tosses: as `read` gives them, or what `read` takes: then no more than 64 tosses of a recording are in memory at a time.
         top: how many are selected.
-        body: what was tossed, where `tosses` are recordings.
+        body: what was tossed, where `tosses` are recordings; None for that of the model, or ContactNets' cube.
         criterion: by what: ``representative``, ``log-det``, ``trace``, ``min-eig``, ``orthogonal``, ``leverage``, ``longest``,
             ``random``, or one of your own (`information.criteria.criterion.register`).
-        model: whose parameters the tosses teach about, or its file; None for the body as it is described.
+        model: the information is about its parameters; a model or its file, None for the body as described.
         estimator: of the Fisher matrix: ``gauss-newton`` or ``empirical``.
         seed: of criterion random.
         held_out: what is neither scored nor ranked: numbers (``"400-569"``), a share (``"0.2"``), or a file of ids.
@@ -191,7 +196,8 @@ def rank(
         >>> ranking.save("manifest.parquet")
     """
     source = tosses if isinstance(tosses, Tosses) else input_paths(tosses)
-    reading = tosses.config if isinstance(tosses, Tosses) else ReadingConfig(body)
+    known = _body(body, model)
+    reading = tosses.config if isinstance(tosses, Tosses) else ReadingConfig(known or CONTACTNETS_CUBE)
     theta = _theta(model, reading.body)
     config = RankConfig(
         pool=_pool_config(reading, theta, estimator),
@@ -203,7 +209,7 @@ def rank(
     )
     ranked = rank_tosses(source, config, progress)
     ranked.evidence()  # refuses where nothing was ranked
-    return ranked
+    return ranked if known or isinstance(tosses, Tosses) else replace(ranked, warnings=(NO_BODY, *ranked.warnings))
 
 
 @says_what_to_install
@@ -211,7 +217,7 @@ def train(
     tosses: Tosses | Inputs,
     model: str = DEFAULT_MODEL,
     *,
-    body: Body = CONTACTNETS_CUBE,
+    body: Body | None = None,
     protocol: str = "budgeted",
     steps: int | None = None,
     seed: int = 0,
@@ -224,7 +230,7 @@ def train(
     Args:
         tosses: to learn from, as `read` or `RankedTosses.selected` gives them, or what `read` takes.
         model: ``polytope``, ``deep``, ``deepvertex`` or ``end_to_end``.
-        body: what was tossed, where `tosses` are recordings.
+        body: what was tossed, where `tosses` are recordings; None for that of the model, or ContactNets' cube.
         protocol: ``budgeted``: so many steps in batches; ``published``: ContactNets', until the held-out loss stops falling;
             ``exact``: a polytope's optimum at once.
         steps: gradient steps at most; None for the protocol's own.
@@ -250,11 +256,11 @@ def train(
     from contact_curation.pipeline.training import PROTOCOLS, TrainConfig, TrainingRun, start_of
 
     torch.set_num_threads(1)  # threads that share busy cores wait for each other, and the sums' order would depend on them
-    found = _tosses(tosses, body)
+    found = _tosses(tosses, _body(body, start))
     model_entry(model)  # refuses what is none
     load_kernel()
     if protocol not in PROTOCOLS:
-        raise InvalidValueError("protocol", protocol, f"one of {', '.join(PROTOCOLS)}")
+        raise UnknownNameError("protocol", protocol, PROTOCOLS)
     config = PROTOCOLS[protocol](model)
     division = DivisionConfig(HeldOutRule() if held_out is None else held_out_rule(held_out), said=held_out is not None)
     running = TrainingRun.begun(
@@ -285,7 +291,7 @@ def evaluate(
     seed: int = 0,
     progress: Progress = silent,
 ) -> "Evaluation":
-    """Evaluates a model: rolls it out from the first measured state of each toss, and compares with what was measured.
+    """Evaluates a model: rolls it out from the first measured state of each toss, and compares with the measured motion.
 
     Args:
         model: as `train` or `load_model` gives it.
@@ -325,19 +331,19 @@ def design(
     *,
     known: Tosses | Sequence[Toss] = (),
     throws: int = 8,
-    body: Body = CONTACTNETS_CUBE,
+    body: Body | None = None,
     method: str = "information",
     arm: bool = False,
     seed: int = 0,
     name: str = "throw",
 ) -> "DesignedThrows":
-    """Designs throws: those that together are expected to add most to what is known.
+    """Designs the throws that together have the largest predicted information gain.
 
     Args:
         model: a polytope, or several, over which gains are averaged; None for the body as it is described.
         known: tosses that were selected until now.
         throws: how many.
-        body: what is thrown, where there is no model.
+        body: what is thrown, where there is no model; None for ContactNets' cube.
         method: ``information``; ``exploration``: different first impacts, for an unknown theta; ``paper`` and ``prior`` are
             baselines.
         arm: only throws that the simulated arm can make.
@@ -361,13 +367,23 @@ def design(
 
     load_kernel()
     models = [] if model is None else list(model) if isinstance(model, Sequence) else [model]
-    thetas = tuple(_polytope(one) for one in models) or (described_polytope(body),)
+    thetas = tuple(_polytope(one) for one in models) or (described_polytope(body or CONTACTNETS_CUBE),)
     by_id = sorted(known, key=lambda toss: toss.toss_id)
     return design_throws(DesignTask(thetas, tuple(by_id), method=method, arm=arm, seed=seed, name=name), throws)
 
 
-def _tosses(tosses: Tosses | Inputs, body: Body) -> Tosses:
+def _tosses(tosses: Tosses | Inputs, body: Body | None) -> Tosses:
     return tosses if isinstance(tosses, Tosses) else read(tosses, body)
+
+
+def _body(body: Body | None, model: "LearnedModel | str | PathLike[str] | None") -> Body | None:
+    """The body that is given, or that of the model; None where neither says."""
+    if body is not None or model is None:
+        return body
+    if not isinstance(model, str | PathLike):
+        return model.body
+    found = carried_body([Path(model)])
+    return found.body if found else None
 
 
 def _theta(model: "LearnedModel | str | PathLike[str] | None", body: Body) -> Theta:
@@ -380,7 +396,7 @@ def _theta(model: "LearnedModel | str | PathLike[str] | None", body: Body) -> Th
 
 def _pool_config(reading: ReadingConfig, theta: Theta, estimator: str) -> PoolConfig:
     if estimator not in tuple(Estimator):
-        raise InvalidValueError("estimator", estimator, f"one of {', '.join(Estimator)}")
+        raise UnknownNameError("estimator", estimator, Estimator)
     network = network_config_for(DEFAULT_MODEL if isinstance(theta, Parameters) else theta.kind)
     scoring = ScoringConfig(estimator=Estimator(estimator), form=form_of(None, (theta,)))
     return PoolConfig(reading, (theta,), scoring, network=network)

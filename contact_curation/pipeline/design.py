@@ -1,4 +1,4 @@
-"""The throws that would teach most, given theta and what is known."""
+"""Designs the throws with the largest predicted information, given theta and the known tosses."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from contact_curation.design.predicted_information import Particle
 from contact_curation.design.releases import PUBLISHED_PRIOR, ReleasePrior, fitted_prior, published_releases, raw_prior
 from contact_curation.design.safety import Feasible
 from contact_curation.design.throw import Throw
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import UnknownNameError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
 from contact_curation.motion.toss import Toss
@@ -36,7 +36,7 @@ METHODS = ("information", EXPLORATION, *BASELINES)
 
 @dataclass(frozen=True, eq=False)
 class DesignTask:
-    """What a design starts from.
+    """The inputs of a design.
 
     Attributes:
         thetas: polytopes; gains are averaged over them.
@@ -62,7 +62,7 @@ class DesignTask:
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
-            raise InvalidValueError("method", self.method, f"one of {', '.join(METHODS)}")
+            raise UnknownNameError("method", self.method, METHODS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,11 +73,13 @@ class DesignedThrows:
         plan: the throws, with what each is expected to add, and the releases that were refused.
         known: how many tosses were known.
         seed: that they were designed with.
+        body: that is thrown.
     """
 
     plan: Plan
     known: int
     seed: int
+    body: Body
 
     def save(self, path: str | Path) -> None:
         """Writes the throws as JSON, for `simulate` or a robot.
@@ -85,7 +87,7 @@ class DesignedThrows:
         Raises:
             InvalidValueError: the file cannot be written.
         """
-        write_throws(Path(path), self.plan.throws)
+        write_throws(Path(path), self.plan.throws, self.body)
 
     def document(self) -> dict[str, Any]:
         """Everything, as one object for JSON."""
@@ -155,7 +157,7 @@ def design_throws(task: DesignTask, count: int) -> DesignedThrows:
             plan = exploration_plan(planner, names, known, task.seed, [_release(toss) for toss in task.known])
         case _:
             plan = planner.plan(names, known, task.seed)
-    return DesignedThrows(plan, len(task.known), task.seed)
+    return DesignedThrows(plan, len(task.known), task.seed, task.thetas[0].body)
 
 
 def _prior(task: DesignTask, examples: Array) -> ReleasePrior:

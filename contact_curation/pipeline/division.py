@@ -1,4 +1,4 @@
-"""Which tosses are learned from and which are held out; whatever is left out is a line.
+"""Divides tosses into training tosses and held-out tosses, with a line for each toss that is left out.
 
 The tosses are read before they are divided, since a training toss can be the duplicate of a held-out one that comes in a later
 recording.
@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
 from contact_curation.learning.evaluation.held_out import Duplicate, HeldOutRule, NumberedToss, split
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.tosses import Tosses
@@ -28,7 +28,7 @@ DUPLICATE = "duplicate of a held-out toss"
 
 
 def held_out_rule(spec: str) -> HeldOutRule:
-    """What a specification holds out: numbers as 400-569 or 3,7-9, a share as 0.2, a file of ids, a manifest, or none.
+    """Parses which tosses are held out: numbers as 400-569 or 3,7-9, a share as 0.2, a file of ids, a manifest, or none.
 
     Raises:
         InvalidValueError: it is nothing of what is accepted.
@@ -53,6 +53,19 @@ def spans_of(spec: str) -> tuple[tuple[int, int], ...] | None:
     return tuple(_span(part) for part in spec.split(",")) if NUMBERS.fullmatch(spec) else None
 
 
+class OtherRecordingsError(ContactCurationError):
+    """A manifest is of other recordings than those that were given."""
+
+    def __init__(self, manifest: Path | None, given: Sequence[str]) -> None:
+        made = [one.path for one in read_manifest(manifest).run.inputs] if manifest else []
+        what = f"{manifest} was made from {listed(_names(made)) or 'other tosses'}"
+        super().__init__(f"{what}; you gave {listed(_names(given))}, which holds none of its selected tosses")
+
+
+def _names(paths: Sequence[str]) -> list[str]:
+    return [Path(path).name for path in paths if path]
+
+
 def selected_ids(manifest: Path) -> tuple[str, ...]:
     """Ids of the tosses that a ranking selected, best first.
 
@@ -68,7 +81,7 @@ def selected_ids(manifest: Path) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class HeldOutTosses:
-    """What is kept out of a pool.
+    """Tosses that are held out of a pool.
 
     Attributes:
         reasons: by toss id, in one line.
@@ -80,7 +93,7 @@ class HeldOutTosses:
 
 
 def held_out_tosses(tosses: Tosses, rule: HeldOutRule) -> HeldOutTosses:
-    """Which tosses are held out, and which are the same motion under another id.
+    """Finds the held-out tosses and their duplicates under other ids.
 
     Raises:
         InvalidValueError: the rule holds out none of the tosses.
@@ -88,7 +101,7 @@ def held_out_tosses(tosses: Tosses, rule: HeldOutRule) -> HeldOutTosses:
     pool = tosses.numbered
     parts = split(pool, rule)
     if pool:
-        _check_something_is_held_out(rule, len(parts.held_out), len(pool))
+        _check_something_is_held_out(rule, len(parts.held_out), pool)
     reasons = {toss.toss_id: HELD_OUT for toss in parts.held_out}
     reasons |= {duplicate.left_out: f"{DUPLICATE}: {duplicate.held_out}" for duplicate in parts.duplicates}
     return HeldOutTosses(reasons, tuple(_unknown_ids(rule, pool)))
@@ -96,7 +109,7 @@ def held_out_tosses(tosses: Tosses, rule: HeldOutRule) -> HeldOutTosses:
 
 @dataclass(frozen=True, eq=False)
 class DivisionConfig:
-    """What tosses are for.
+    """How tosses are divided into training tosses and held-out tosses.
 
     Attributes:
         rule: what is held out.
@@ -115,7 +128,7 @@ class DivisionConfig:
 
 @dataclass(frozen=True, eq=False)
 class LearningTosses:
-    """What a training gets; both sides in the order of their ids.
+    """Training tosses and held-out tosses, both in the order of their ids.
 
     Attributes:
         training: to learn from.
@@ -133,7 +146,7 @@ class LearningTosses:
 
 
 def learning_tosses(tosses: Tosses, config: DivisionConfig) -> LearningTosses:
-    """Divides tosses.
+    """Divides tosses into training tosses and held-out tosses.
 
     Raises:
         NothingFoundError: there is no toss.
@@ -144,11 +157,10 @@ def learning_tosses(tosses: Tosses, config: DivisionConfig) -> LearningTosses:
     exempt = frozenset() if config.said or selected is None else selected
     held_out = [one for one in pool if one.toss.toss_id not in exempt and config.rule.holds_out(one)]
     if config.said:
-        _check_something_is_held_out(config.rule, len(held_out), len(pool))
+        _check_something_is_held_out(config.rule, len(held_out), pool)
     others = [one for one in pool if selected is None or one.toss.toss_id in selected]
     if not others:
-        absent = f"none in the inputs: no {listed(config.selected or ())}"
-        raise InvalidValueError(f"selected tosses of {config.manifest}", absent, "some")
+        raise OtherRecordingsError(config.manifest, tosses.paths)
     ids = frozenset(one.toss.toss_id for one in held_out)
     parts = split(
         [*held_out, *(one for one in others if one.toss.toss_id not in ids)], HeldOutRule(ids=ids), config.with_duplicates
@@ -175,10 +187,20 @@ def _missing(tosses: Sequence[NumberedToss], held_out: frozenset[str], config: D
     return lines
 
 
-def _check_something_is_held_out(rule: HeldOutRule, held_out: int, of: int) -> None:
-    """InvalidValueError when a rule that a user gave holds nothing out of so many tosses."""
-    if not held_out and rule != HeldOutRule():
-        raise InvalidValueError("--held-out", f"none of {counted_tosses(of)}", "at least one")
+def _check_something_is_held_out(rule: HeldOutRule, held_out: int, pool: Sequence[NumberedToss]) -> None:
+    """InvalidValueError when a rule that a user gave holds nothing out of a pool."""
+    if held_out or rule == HeldOutRule():
+        return
+    tosses = counted_tosses(len(pool))
+    if rule.spans:
+        spans = ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in rule.spans)
+        least, most = (best(one.number for one in pool) for best in (min, max))
+        raise InvalidValueError("--held-out", f"numbers {spans}", f"some of the {tosses} that passed, from {least} to {most}")
+    if rule.ids:
+        found = f"{len(rule.ids)} ids, none of them of the {tosses}"
+        raise InvalidValueError("--held-out", found, "ids of these recordings: is it the file of others?")
+    expected = f"more tosses, a larger share, or numbers such as 0-{max(0, len(pool) // 5)}"
+    raise InvalidValueError("--held-out", f"a share of {rule.share:g} that takes none of {tosses}", expected)
 
 
 def _unknown_ids(rule: HeldOutRule, tosses: Sequence[NumberedToss]) -> list[str]:

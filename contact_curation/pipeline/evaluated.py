@@ -1,4 +1,4 @@
-"""An evaluation as its user has it: tables, one object for programs, and a picture of predicted and measured motion."""
+"""The result of an evaluation: tables, a JSON object, and a figure of predicted and measured motion."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -28,7 +28,7 @@ PICTURED = (("median", 0.5), ("90th percentile", 0.9), ("worst", 1.0))
 
 @dataclass(frozen=True, eq=False)
 class JudgingTosses:
-    """What a model is evaluated on.
+    """The tosses that a model is evaluated on.
 
     Attributes:
         judged_by: at least one.

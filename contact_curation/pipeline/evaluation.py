@@ -1,4 +1,4 @@
-"""Models evaluated on tosses: rolled out from the first measured state, and of a polytope what is known of its parameters."""
+"""Evaluates models on tosses: rollouts from the first measured state, and the uncertainty of a polytope's parameters."""
 
 import os
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ def evaluate_models(
     known_config: KnownConfig | None = None,
     progress: Progress = silent,
 ) -> Evaluation:
-    """Rolls models out along the tosses that judge them.
+    """Rolls models out along the evaluation tosses.
 
     Args:
         models: one, or two that are compared.
@@ -64,7 +64,7 @@ def evaluate_models(
 
 
 def judging_tosses(tosses: Tosses, spec: str | None, models: Sequence[LearnedModel]) -> JudgingTosses:
-    """Divides tosses by which models are judged, and which they were fitted to.
+    """Divides tosses into those that models are evaluated on and those that they were trained on.
 
     Args:
         tosses: at least one.

@@ -1,4 +1,4 @@
-"""What a ranking selected, for other tools: parts of recordings, ContactNets' files, or a LeRobot dataset."""
+"""Exports selected tosses for other tools: as parts of recordings, ContactNets' files, or a LeRobot dataset."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 
 @dataclass(frozen=True, eq=False)
 class ExportJob:
-    """What is exported.
+    """The selected tosses and where to write them.
 
     Attributes:
         inputs: recordings, at least one.
@@ -55,7 +55,7 @@ class ExportJob:
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written.
+    """The files that were written.
 
     Attributes:
         places: by toss id, best first: the file in the folder.

@@ -1,4 +1,4 @@
-"""A model with what it says of its own training: out of a training, a checkpoint, or a polytope's JSON file."""
+"""A model and the record of its training, from a training, a checkpoint, or a polytope's JSON file."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,7 @@ OPTIMUM = "optimum"
 
 @dataclass(frozen=True, eq=False)
 class LearnedModel:
-    """A model, and which tosses it learned from.
+    """A model and the ids of its training tosses.
 
     Attributes:
         model: itself: `model.kind`, `model.body`, and its parameters as torch has them.
@@ -49,7 +49,7 @@ class LearnedModel:
 
     @property
     def body(self) -> Body:
-        """Whose motion it explains."""
+        """The body whose motion the model describes."""
         return self.model.body
 
     def save(self, path: str | Path) -> None:

@@ -1,4 +1,4 @@
-"""Every toss of every recording once, scored; and the curation of those that could be."""
+"""The pool: every toss of all recordings once, with its scores, and the curation of the scored ones."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class TossPool:
 
     @property
     def rankable(self) -> tuple[PoolToss, ...]:
-        """Those that were scored."""
+        """The tosses that were scored at every theta."""
         return tuple(toss for toss in self.tosses if toss.scores and not toss.reasons)
 
     def curated(self, config: RankingConfig, exact_scores: ScoreFolder | None = None) -> Curation:

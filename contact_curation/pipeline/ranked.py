@@ -1,5 +1,6 @@
-"""A ranking of tosses as its user has it: the manifest, tables, a figure, and what to think of the selected set."""
+"""The result of a ranking: the manifest, tables, a figure, and diagnostics of the selected set."""
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
@@ -37,13 +38,15 @@ COLUMNS = ("rank", "toss", "file", "time (UTC)", "lasts [s]", "info [%]", "gain"
 """info: the toss's share of the information of all ranked tosses, by the trace of its Fisher matrix."""
 TEXTS = ("toss", "file", "why")
 
+NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
+
 EARLIEST = 1e8
 """[s] Clocks that count from the start of a machine are below, those that count from 1970 above."""
 
 
 @dataclass(frozen=True, eq=False)
 class RankedTosses:
-    """A ranking of tosses: which to keep, and why. `print` shows a table and the evidence, a notebook a table.
+    """A ranking of tosses: which are selected, and why. `print` shows a table and the evidence, a notebook a table.
 
     Attributes:
         manifest: every toss with its place; what was rejected, and why.
@@ -82,17 +85,17 @@ class RankedTosses:
 
     @property
     def ranked_rows(self) -> tuple[ManifestRow, ...]:
-        """Of the ranked tosses, best first."""
+        """The manifest rows of the ranked tosses, best first."""
         return tuple(row for row in self.manifest.rows if row.rank is not None)
 
     @property
     def information(self) -> float:
-        """Of all ranked tosses together: the trace of their Fisher matrices."""
+        """The trace of the summed Fisher matrices of all ranked tosses."""
         return sum(row.trace or 0.0 for row in self.ranked_rows)
 
     @cached_property
     def outcomes(self) -> dict[str, int]:
-        """How many tosses went which way: selected, not selected, and by the first reason against the others."""
+        """Counts of tosses: selected, not selected, and rejected by their first reason."""
         counts = Counter(_outcome(row) for row in self.manifest.rows)
         first = (SELECTED, NOT_SELECTED)
         others = sorted((name for name in counts if name not in first), key=lambda name: (-counts[name], name))
@@ -106,8 +109,9 @@ class RankedTosses:
         """
         if self.curation is None:
             paths = [one.path for one in self.manifest.run.inputs]
-            found = f"no toss that could be ranked{in_brackets(self.outcomes)}"
-            raise explained(nothing_found(paths, self.warnings, found, "at least one"), paths, self.reading)
+            found = f"no toss that could be ranked{self._typical_reason()}{in_brackets(self.outcomes)}"
+            expected = "at least one; `contact-curation check` says what to do"
+            raise explained(nothing_found(paths, self.warnings, found, expected), paths, self.reading)
         return self.curation
 
     def save(self, path: str | Path) -> None:
@@ -135,11 +139,11 @@ class RankedTosses:
         return self.to_arrow().to_pandas()
 
     def plot(self) -> "Figure":
-        """What the tosses are worth and how far the selected ones stand for all, as a matplotlib figure."""
+        """Draws the scores and how well the selected tosses represent the pool, as a matplotlib figure."""
         return ranking_figure(self._picture())
 
     def save_figure(self, path: str | Path) -> None:
-        """Draws the same into a PNG file.
+        """Writes the same figure to a PNG file.
 
         Raises:
             InvalidValueError: the file cannot be written.
@@ -165,6 +169,15 @@ class RankedTosses:
     def _repr_html_(self) -> str:
         return _html(self)
 
+    def _typical_reason(self) -> str:
+        """The most frequent reason to be rejected, as the median toss has it: ``, mostly for depth: found 0.01 m, ...``."""
+        first = [row.reasons[0] for row in self.manifest.rows if row.reasons]
+        if not first:
+            return ""
+        name = Counter(reason.partition(":")[0] for reason in first).most_common(1)[0][0]
+        alike = sorted((reason for reason in first if reason.startswith(name)), key=_first_number)
+        return f", mostly for {alike[len(alike) // 2]}"
+
     def _picture(self) -> RankingPicture:
         curation, run = self.evidence(), self.manifest.run
         selected = set(self.selected_ids)
@@ -180,6 +193,11 @@ class RankedTosses:
             shares={share.name: (share.share, part.share) for share, part in zip(curation.block_shares, own)},
             outcomes=tuple(self.outcomes.items()),
         )
+
+
+def _first_number(reason: str) -> float:
+    found = NUMBER.search(reason)
+    return float(found[0]) if found else 0.0
 
 
 def _outcome(row: ManifestRow) -> str:

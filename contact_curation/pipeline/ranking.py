@@ -1,4 +1,4 @@
-"""Recordings to a ranking: what is held out is set aside, the others are scored, ranked, and written down as a manifest."""
+"""Ranks recordings: sets held-out tosses aside, scores and ranks the others, and makes the manifest."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -47,7 +47,7 @@ class RankConfig:
     command: tuple[str, ...] = ()
 
     def with_exact_scores_in(self, folder: Path) -> "RankConfig":
-        """The same; where the criterion asks for networks' scores themselves they go to a folder, whole."""
+        """The same configuration with a folder for exact network scores, where the criterion needs them."""
         wanted = criterion_named(self.ranking.criterion).reads_exact_scores(self.ranking)
         if not (wanted and self.pool.of_weights):
             return self
@@ -122,6 +122,7 @@ def _manifest(config: RankConfig, scored: ScoredPool, pool: TossPool, curation: 
         seed=config.ranking.seed,
         package_version=__version__,
         command=config.command,
+        body=config.pool.reading.body.to_mapping(),
         inputs=tuple(InputProvenance(reading.path, reading.sha256, reading.warnings) for reading in readings),
     )
     network = asdict(config.pool.network) if config.pool.of_weights else None

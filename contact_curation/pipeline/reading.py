@@ -1,4 +1,4 @@
-"""Reading one recording: its motions come out one after the other, what stays of them once they are forgotten is noted."""
+"""Reads one recording as a stream of motions, and remembers a summary of each one."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -28,7 +28,7 @@ class ReadingConfig:
 
 @dataclass(frozen=True)
 class Reading:
-    """A recording that was read as far as it goes.
+    """Summary of a recording that was read as far as possible.
 
     Attributes:
         path: as given; empty for tosses that came from no recording.
@@ -48,7 +48,7 @@ class Reading:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """All that is wrong with it, one line each."""
+        """The problems of the recording, one line each."""
         own = f"{Path(self.path).name}: "  # of a bag that is one file
         return (*self.problems, *(f"{self.path}: {line.removeprefix(own)}" for line in self.losses))
 
@@ -64,7 +64,7 @@ class InputReader:
         self._problems: list[str] = []
 
     def outcomes(self) -> Iterator[Toss | Rejected]:
-        """All motions; of two of one id the second takes the place of the first."""
+        """Iterates over all motions; a second one with the same id replaces the first."""
         for item in self._inputs:
             if isinstance(item, Problem):
                 self._problems.append(str(item))
@@ -77,11 +77,11 @@ class InputReader:
             yield item
 
     def tosses(self) -> Iterator[Toss]:
-        """Those that passed the gates and are not held out."""
+        """Iterates over the tosses that passed the gates and are not held out."""
         return (item for item in self.outcomes() if isinstance(item, Toss))
 
     def reading(self) -> Reading:
-        """What was found, once the tosses came to their end."""
+        """The summary of the recording, available after the last toss."""
         summary = self._inputs.summaries[0] if self._inputs.summaries else None
         return Reading(
             path=str(self._path),

@@ -1,4 +1,4 @@
-"""From recordings to scored tosses: each is read, gated, scored and forgotten; what stays in memory is a kB or two a toss.
+"""Scores recordings toss by toss: each is read, checked, scored and released; one or two kB per toss stay in memory.
 
 Recordings are worked on one after the other or, several of them, in processes. A recording is scored in batches of its own, so
 that the result is the same for any number of processes, and its factors go to disk when it is done. A bound on the influence of
@@ -37,7 +37,7 @@ BOUND_QUANTILE = 0.985
 """Losses above this quantile of the pool's count as this much (method.md 2.1: 98 to 99 %)."""
 
 Scores = tuple[TossInformation | NotScored, ...]
-"""What one toss teaches, once per theta."""
+"""The information of one toss, once per theta."""
 
 
 type Source = Path | Recording
@@ -46,7 +46,7 @@ type Source = Path | Recording
 
 @dataclass(frozen=True, eq=False)
 class PoolConfig:
-    """How a pool is made.
+    """How recordings become a scored pool.
 
     Attributes:
         reading: how recordings become tosses.

@@ -1,4 +1,4 @@
-"""Which theta the tosses teach about: the object as described, JSON files of a polytope, or checkpoints of any model.
+"""The theta at which tosses are scored: the body as described, a polytope's JSON files, or checkpoints of any model.
 
 Importing torch takes over a second, which a polytope's ranking does without: it is imported only to read a checkpoint and to
 score for a network.

@@ -1,4 +1,4 @@
-"""What each toss teaches about theta, as arrays with names and units."""
+"""The information of each toss about theta, as arrays with names and units."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ UNITS = {"vertices_normal": LENGTH, "vertices_tangent": LENGTH, "height": LENGTH
 
 @dataclass(frozen=True, eq=False)
 class TossScores:
-    """What K tosses teach about P parameters.
+    """The information of K tosses about P parameters.
 
     Attributes:
         toss_ids: K ids.

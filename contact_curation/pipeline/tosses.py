@@ -1,4 +1,4 @@
-"""The tosses of several recordings, each once: the one reader of all that need them in memory.
+"""Reads the tosses of several recordings into memory, each toss once.
 
 A toss that is in several recordings belongs to the first that has it whole (`storage.inputs.known_tosses`). What
 streams instead (`pipeline.scoring`, `score`) keeps only what it saw, and merges that by the same rule.
@@ -29,7 +29,7 @@ type Inputs = str | PathLike[str] | Sequence[str | PathLike[str]]
 
 
 class Taken(NamedTuple):
-    """The one of its id that counts.
+    """The toss that counts among those with the same id.
 
     Attributes:
         recording: its place among the recordings, from 0.
@@ -43,7 +43,7 @@ class Taken(NamedTuple):
 
 
 class EachOnce:
-    """Takes note of recordings one after the other, and says which toss of an id counts.
+    """Decides which of several tosses with the same id counts, over several recordings.
 
     Attributes:
         taken: by id, in the order of the recordings.
@@ -87,11 +87,11 @@ class Recording:
     read: Reading
 
     def tosses(self) -> Iterator[Toss]:
-        """As of `InputReader`."""
+        """The same as in `InputReader`."""
         return iter(self.found)
 
     def reading(self) -> Reading:
-        """As of `InputReader`."""
+        """The same as in `InputReader`."""
         return self.read
 
 

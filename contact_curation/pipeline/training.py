@@ -1,4 +1,4 @@
-"""A training of tosses that were divided: what decides it, its run, and the model that comes out."""
+"""Trains a model on the training tosses: configuration, run, and the trained model."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -55,7 +55,7 @@ class TrainingFailedError(ContactCurationError):
 
 @dataclass(frozen=True, eq=False)
 class TrainConfig:
-    """What decides a training beside its tosses.
+    """The configuration of a training.
 
     Attributes:
         kind: of the model.
@@ -98,7 +98,7 @@ class TrainConfig:
 
 
 def start_of(path: Path | None, kind: str, body: Body) -> Model | Parameters | None:
-    """What a training begins with.
+    """The initial parameters of a training.
 
     Raises:
         ContactCurationError: the file holds no such model.

@@ -43,7 +43,7 @@ def json_line(content: Mapping[str, Any]) -> str:
 
 
 def nothing_found(paths: Sequence[Path | str], warnings: Sequence[str], found: str, expected: str) -> NothingFoundError:
-    """The error where no input gave anything: what is wrong with the only one, or a summary with a warning for each cause.
+    """The error for inputs without any toss: the cause for a single input, otherwise a summary with a warning for each cause.
 
     What was `found` stands behind it, too, where reasons are counted in brackets at its end.
     """

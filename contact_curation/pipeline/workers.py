@@ -1,4 +1,4 @@
-"""The same work for each of several inputs, in this process or in several; and who hears how far it is."""
+"""Runs the same work for several inputs, in one process or several, and reports progress."""
 
 import multiprocessing
 import multiprocessing.connection
@@ -16,14 +16,14 @@ from contact_curation.errors import ContactCurationError
 
 
 class Advance(Protocol):
-    """Told how many tosses more are done, and now and then which share of all work."""
+    """Called with the number of tosses done since the last call, and sometimes the share of all work."""
 
     def __call__(self, count: int, /, *, share: float | None = None) -> None:
         """So many more are done; `share` of the whole work, from 0 to 1, where that is known."""
 
 
 def unheard(count: int, /, *, share: float | None = None) -> None:
-    """For who wants to hear of no progress."""
+    """Ignores progress."""
 
 
 class Bar(Protocol):
@@ -53,7 +53,7 @@ class _Silent:
 
 
 def silent(what: str, unit: str, total: int | None = None, done: int = 0) -> AbstractContextManager[Bar]:
-    """Progress that nobody hears of."""
+    """Progress that is not shown."""
     return nullcontext(_Silent())
 
 

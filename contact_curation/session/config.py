@@ -5,7 +5,7 @@ from math import inf
 from pathlib import Path
 
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnknownNameError
 
 CAMERAS = ("poses", "rendered")
 
@@ -25,7 +25,7 @@ class SessionConfig:
         criterion: by what the best tosses are selected (default representative).
         seed: of everything random (default 0).
         rate: simulated seconds a second; 0: as fast as possible (default 1).
-        held_out: recordings that are never trained on, to evaluate the model on (default none).
+        evaluate_on: recordings that are never trained on, to evaluate the model on (default none).
         params_file: parameters of the nodes, a file like contact_curation/config/nodes.yaml.
     """
 
@@ -39,7 +39,7 @@ class SessionConfig:
     criterion: str | None = None
     seed: int | None = None
     rate: float | None = None
-    held_out: tuple[Path, ...] = ()
+    evaluate_on: tuple[Path, ...] = ()
     params_file: Path | None = None
 
     def __post_init__(self) -> None:
@@ -50,7 +50,7 @@ class SessionConfig:
         if self.rate is not None and not 0.0 <= self.rate < inf:
             raise InvalidValueError("rate", self.rate, "a number of at least 0")
         if self.camera not in CAMERAS:
-            raise InvalidValueError("camera", self.camera, f"one of {', '.join(CAMERAS)}")
+            raise UnknownNameError("camera", self.camera, CAMERAS)
 
     @property
     def rendered(self) -> bool:

@@ -71,8 +71,10 @@ def learned_of(
     body = config.body()
     model = read_model(folder.checkpoint, body)
     held_out = HeldOutTosses(())
-    if config.held_out:
-        held_out = HeldOutTosses(evaluation_tosses("--held-out", config.held_out, ReadingConfig(body, held_out_inputs(config))))
+    if config.evaluate_on:
+        held_out = HeldOutTosses(
+            evaluation_tosses("--evaluate-on", config.evaluate_on, ReadingConfig(body, held_out_inputs(config)))
+        )
     errors = held_out.errors(model)
     summary = HeldOutSummary(errors.position, errors.rotation, errors.loss, len(held_out.tosses)) if held_out.tosses else None
     return summary, _parameters(model, folder, state, held_out.tosses)

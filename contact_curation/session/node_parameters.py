@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from contact_curation.contact.body import Body
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.files import write_atomically
 from contact_curation.geometry.tag_rig import rig_of
 from contact_curation.session.config import SessionConfig, SessionFolder
@@ -32,6 +32,16 @@ DEFAULTS = Path(__file__).resolve().parents[1] / "config" / "nodes.yaml"
 OF_ROS = ("use_sim_time", "qos_overrides.", "start_type_description_service")
 """Beginnings of parameters that every node has."""
 
+READINESS = ("enabled", "least_tosses", "recent", "largest_loss", "least_agreement", "most_tosses")
+FORMER_NAMES = {
+    "body_file": "body",
+    "held_out": "evaluate_on",
+    "recording": "rrd",
+    "warm_up": "prior_tosses",
+    **{f"canary.{name}": f"readiness.{name}" for name in READINESS},
+}
+"""Of parameters, with their present ones; they are still taken."""
+
 KINDS = {bool: "true or false", int: "a whole number", float: "a number with a point", str: "a word", list: "a list"}
 """What parameters are, in words."""
 
@@ -52,7 +62,7 @@ def session_parameters(config: SessionConfig, body: Body, folder: SessionFolder)
         ContactCurationError: the parameter file is none, or is for nodes that there are not.
     """
     names = [*STAGES, *([DASHBOARD] if config.dashboard or config.record else []), *([RECORDER] if config.record else [])]
-    given, optional, own = _given(config), _of_options(config, body), _of_session(config, body, folder)
+    given, optional, own = _given(config), _of_options(config), _of_session(config, body, folder)
     merged: dict[str, Parameters] = {}
     for name in names:
         merged[name] = {**given.get(EVERY_NODE, {}), **given.get(name, {}), **optional.get(name, {})}
@@ -99,8 +109,16 @@ def _value(parameters: Mapping[str, Parameters], node: str, name: str) -> Any:
 def _given(config: SessionConfig) -> dict[str, Parameters]:
     """By node, what the parameter file says."""
     given = read_node_parameters(config.params_file) if config.params_file else {}
+    given = {node: _with_present_names(node, values) for node, values in given.items()}
     _check_names(given, config.params_file)
     return given
+
+
+def _with_present_names(node: str, values: Parameters) -> Parameters:
+    declared = declared_parameters()
+    own = {name for each in declared.values() for name in each} if node == EVERY_NODE else set(declared.get(node, {}))
+    now = {former: present for former, present in FORMER_NAMES.items() if present in own}
+    return {now.get(name, name): value for name, value in values.items()}
 
 
 def _check_names(given: Mapping[str, Parameters], path: Path | None) -> None:
@@ -110,13 +128,13 @@ def _check_names(given: Mapping[str, Parameters], path: Path | None) -> None:
     declared: dict[str, Parameters] = {EVERY_NODE: {}, **declared_parameters()}
     unknown = sorted(set(given) - set(declared))
     if unknown:
-        raise InvalidValueError(f"nodes in {path}", ", ".join(unknown), f"some of {', '.join(declared)}")
+        raise UnknownNameError(f"node in {path}:", unknown[0], declared)
     for values in declared_parameters().values():
         declared[EVERY_NODE] |= values
     for node, values in given.items():
         unknown = [name for name in values if name not in declared[node] and not name.startswith(OF_ROS)]
         if unknown:
-            raise InvalidValueError(f"parameters of {node} in {path}", ", ".join(unknown), "those of config/nodes.yaml")
+            raise UnknownNameError(f"parameter of {node} in {path}:", unknown[0], declared[node])
         for name, value in values.items():
             default = declared[node].get(name)
             if default is not None and not _is_like(value, default):
@@ -130,19 +148,19 @@ def _is_like(value: object, default: object) -> bool:
     return type(value) is type(default) and value == value  # and not .nan
 
 
-def _of_options(config: SessionConfig, body: Body) -> dict[str, Parameters]:
+def _of_options(config: SessionConfig) -> dict[str, Parameters]:
     """What was asked for on the command line; what many nodes have is told to all of them that do."""
     shared: Parameters = {} if config.seed is None else {"seed": config.seed}
     if config.body_file is not None:
-        shared["body_file"] = str(config.body_file.absolute())
+        shared["body"] = str(config.body_file.absolute())
     optional = {
         node: {name: value for name, value in shared.items() if name in declared}
         for node, declared in declared_parameters().items()
     }
-    curator = {"top": config.top, "criterion": config.criterion, "body": None if config.body_file is None else body.name}
+    curator = {"top": config.top, "criterion": config.criterion}
     optional["curator"] |= {name: value for name, value in curator.items() if value is not None}
-    if config.held_out:
-        optional["trainer"]["held_out"] = [str(path.absolute()) for path in config.held_out]
+    if config.evaluate_on:
+        optional["trainer"]["evaluate_on"] = [str(path.absolute()) for path in config.evaluate_on]
     if config.rate is not None:
         optional["sim_arm"]["rate"] = config.rate
     return optional
@@ -176,6 +194,6 @@ def _of_session(config: SessionConfig, body: Body, folder: SessionFolder) -> dic
     else:
         own["pose_ingest"] |= {"tag_map": "", "topic": f"/tagslam/odom/body_{body.name}"}
     own[RECORDER] = {"bag": str(folder.bag.absolute())}
-    own[DASHBOARD] = {"recording": str(folder.recording.absolute()) if config.record else ""}
+    own[DASHBOARD] = {"throws": config.throws or 0, "rrd": str(folder.recording.absolute()) if config.record else ""}
     own[DASHBOARD] |= {"state": str(folder.dashboard.absolute())} if config.dashboard else {"web_port": 0}
     return own

@@ -33,7 +33,7 @@ PATIENCE = 120.0
 """[s] without any change, after the last throw, that are waited for, beyond the time that the designer gives a toss."""
 
 GAIN_PATIENCE = 20.0
-"""[s] that are waited for what the last throw's toss taught: after a kill it may never be known."""
+"""[s] that are waited for the gain of the last throw's toss, which may never be known after a kill."""
 
 LONGEST_PAUSE = 180.0
 """[s] between two throws, beyond the time that the designer gives a throw's toss: images may take minutes to be rendered."""
@@ -43,13 +43,13 @@ MOST_STARTS = 3
 
 
 class SessionReporter(Protocol):
-    """Says how a session goes."""
+    """Reports how a session goes."""
 
     def say(self, line: str) -> None:
-        """On the way."""
+        """Reports progress."""
 
     def conclude(self, summary: SessionSummary) -> None:
-        """What came of it."""
+        """The summary of the session."""
 
 
 def run_session(
@@ -59,7 +59,7 @@ def run_session(
     stopped: Callable[[], bool],
     reporter: SessionReporter,
 ) -> SessionSummary:
-    """A session from its start to what came of it.
+    """Runs a session from its start to its summary.
 
     Args:
         config: what is asked for.
@@ -113,9 +113,9 @@ def check_recordings(config: SessionConfig) -> None:
         ContactCurationError: one of them cannot be read, or there is no toss in any.
     """
     reading = ReadingConfig(config.body(), held_out_inputs(config))
-    found = [_first_toss(path, reading) for path in config.held_out]
+    found = [_first_toss(path, reading) for path in config.evaluate_on]
     if found and not any(isinstance(one, Toss) for one in found):
-        raise InvalidValueError("--held-out", next(str(one) for one in found), "recordings of tosses")
+        raise InvalidValueError("--evaluate-on", next(str(one) for one in found), "recordings of tosses")
 
 
 def _first_toss(path: Path, config: ReadingConfig) -> Toss | str:

@@ -1,4 +1,4 @@
-"""Where a session is: the records that its stages keep, read from their stores.
+"""The state of a session: the records of its stages, read from their stores.
 
 A stage stores before it announces, so that what is read here is never ahead of what a restarted one would know.
 """
@@ -27,7 +27,7 @@ PAGE = 64
 
 @dataclass(frozen=True)
 class SessionState:
-    """Where a session is.
+    """The state of a session.
 
     Attributes:
         throws: that were made, in order.
@@ -58,7 +58,7 @@ class SessionState:
 
     @property
     def awaits_gain(self) -> bool:
-        """Whether the last throw's toss was scored, and what it taught is not known so far."""
+        """Whether the last throw's toss was scored, and its gain is not known so far."""
         return bool(self.throws) and self.throws[-1].awaits_gain
 
     @property

@@ -1,4 +1,4 @@
-"""What came of a session: one record, as a table for people and as an object for programs."""
+"""The summary of a session: one record, as a table and as a JSON object."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -14,7 +14,7 @@ INTERRUPTED = "; interrupted before everything was scored and trained on"
 
 @dataclass(frozen=True)
 class ThrowOutcome:
-    """A throw and what came of it.
+    """A throw and its outcome.
 
     Attributes:
         number: from 1.
@@ -39,7 +39,7 @@ class ThrowOutcome:
 
 @dataclass(frozen=True)
 class Replay:
-    """What ranking a session's bag offline gave.
+    """Result of ranking a session's bag offline.
 
     Attributes:
         same: whether the session's own ranking.
@@ -54,7 +54,7 @@ class Replay:
 
 @dataclass(frozen=True)
 class SessionSummary:
-    """What came of a session.
+    """The summary of a session.
 
     Attributes:
         throws: that were made.
@@ -163,7 +163,7 @@ def summary_of(
     *,
     settled: bool,
 ) -> SessionSummary:
-    """From what the nodes left.
+    """Makes the summary from the records of the nodes.
 
     Args:
         config: what was asked for.
@@ -197,7 +197,7 @@ def summary_of(
 
 
 def gains(throw: ThrowRecord) -> str:
-    """What a throw was planned to add, and what its toss did, in words."""
+    """Planned and realised gain of a throw, in words."""
     if throw.planned_gain is None:
         return throw.report.kind.value
     realised = "none known" if throw.realised_gain is None else f"{throw.realised_gain:.3g} realised"
@@ -205,7 +205,7 @@ def gains(throw: ThrowRecord) -> str:
 
 
 def outcome_of(state: SessionState, place: int) -> str:
-    """What became of the toss of a throw, in words."""
+    """The outcome of the toss of a throw, in words."""
     throw, selected = state.throws[place], state.buffer.selected
     if throw.toss_id in selected:
         return f"selected, rank {selected.index(throw.toss_id) + 1} of {len(selected)}"

@@ -1,4 +1,4 @@
-"""What sim_arm does, without threads, topics or a clock: one goal at a time through gate, planner and simulation.
+"""The work of sim_arm without threads, topics or a clock: one goal at a time through safety gate, planner and simulation.
 
 Every call is given the time of a steady clock. `admits` may be called from any thread, everything else belongs to one.
 """
@@ -15,7 +15,7 @@ from contact_curation.simulation.arm.simulation import ArmSimulation, ControlCon
 
 
 class Ending(NamedTuple):
-    """What became of a goal.
+    """The outcome of a goal.
 
     Attributes:
         success: whether the throw was made, the body rests and the arm is home.

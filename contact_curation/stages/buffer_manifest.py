@@ -1,6 +1,7 @@
 """A buffer as a manifest: every toss that was ranked, with its place and the evidence for it."""
 
 from collections.abc import Callable
+from typing import Any
 
 from contact_curation.information.record import TossInformation
 from contact_curation.motion.toss import NANOSECONDS
@@ -11,12 +12,13 @@ from contact_curation.storage.provenance import RunProvenance, SeenToss, TossPro
 from contact_curation.version import __version__
 
 
-def manifest_of(buffer: Buffer, last_stamp_ns: Callable[[str], int]) -> Manifest:
+def manifest_of(buffer: Buffer, last_stamp_ns: Callable[[str], int], body: dict[str, Any] | None = None) -> Manifest:
     """The manifest of a buffer; tosses came live, so that no recording is named.
 
     Args:
         buffer: what is selected, and from what.
         last_stamp_ns: gives the stamp of a toss's last frame.
+        body: what was tossed, as `Body.to_mapping` gives it; None where that is not known.
     """
     sample, curation = buffer.candidates[0], buffer.curation
     run = RunProvenance(
@@ -30,6 +32,7 @@ def manifest_of(buffer: Buffer, last_stamp_ns: Callable[[str], int]) -> Manifest
         package_version=__version__,
         command=(),
         inputs=(),
+        body=body,
     )
     others = {"tosses_seen": buffer.seen, "log_det": buffer.log_det, "efficiency_bound": buffer.efficiency_bound}
     tosses = [PoolToss(_seen(one, last_stamp_ns(one.toss_id)), (one,)) for one in buffer.candidates]

@@ -1,4 +1,4 @@
-"""Curating that may be killed at any time: what came is kept on disk, and the buffer always follows from that.
+"""Curation that can be interrupted at any time: all information is on disk, and the buffer follows from it.
 
 Information of different thetas is never mixed. A new theta takes over once enough of the known tosses are scored at it, so
 that the buffer does not shrink to a handful of tosses while the others are being scored again. New is the theta whose
@@ -7,7 +7,7 @@ information came last: a training may come back to where it was.
 
 from dataclasses import dataclass, replace
 
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.information.accumulated import Accumulated
 from contact_curation.information.curation import Curation, curate
 from contact_curation.information.pool import pool_of
@@ -29,7 +29,7 @@ from contact_curation.storage.stores.information import InformationStore
 
 @dataclass(frozen=True)
 class CurationConfig:
-    """How the buffer is kept.
+    """How the buffer is selected.
 
     Attributes:
         selection: exact ranks all tosses; streaming needs bounded memory and takes the criteria trace and log-det only.
@@ -43,7 +43,7 @@ class CurationConfig:
 
     def __post_init__(self) -> None:
         if self.selection not in SELECTIONS:
-            raise InvalidValueError("selection", self.selection, f"one of {', '.join(SELECTIONS)}")
+            raise UnknownNameError("selection", self.selection, SELECTIONS)
         if self.prior_tosses < 1:
             raise InvalidValueError("prior_tosses", self.prior_tosses, "at least 1 toss")
         if not 0.0 < self.coverage <= 1.0:
@@ -74,9 +74,15 @@ class Buffer:
     log_det: float
     frame_id: str
 
+    def in_words(self) -> str:
+        """One line, for logs."""
+        selected = self.curation.ranking.selected_ids
+        best = f", best {selected[0]}" if selected else ""
+        return f"buffer {self.revision}: {len(selected)} of {self.seen} tosses selected by {self.ranking.criterion}{best}"
+
     @property
     def efficiency_bound(self) -> float:
-        """What is proven of the selected set's D-efficiency against every other of its size.
+        """The proven lower bound on the selected set's D-efficiency against every other set of its size.
 
         0 where nothing is: by criteria that carry no certificate, and of tosses that were seen and let go.
         """
@@ -85,7 +91,7 @@ class Buffer:
 
 
 class CurationStage:
-    """Keeps the best tosses of one body.
+    """Selects the best tosses of one body.
 
     Args:
         ranking: criterion and number of tosses; log-det replaces the default criterion where a stream is not stored whole.
@@ -124,11 +130,11 @@ class CurationStage:
 
     @property
     def cursor(self) -> Cursor:
-        """Behind the last information that is kept."""
+        """Position after the last stored information."""
         return (load_record(self._states.load, CuratorPosition) or CuratorPosition()).cursor
 
     def add(self, information: TossInformation, stamp_ns: int, frame_id: str) -> None:
-        """Keeps the information of a toss.
+        """Stores the information of a toss.
 
         Raises:
             InvalidValueError: tosses are known at the same theta, scored in another way.
@@ -160,7 +166,7 @@ class CurationStage:
             self._informations.drop_version(version)
 
     def buffer(self) -> Buffer | None:
-        """What is selected of everything that came so far; None while nothing did.
+        """The selection from all information so far; None without any.
 
         Raises:
             ContactCurationError: the tosses so far cannot be ranked, e.g. because none carries information.

@@ -1,4 +1,4 @@
-"""Design of throws, restartable: what was thrown is on disk, and the next throw follows from that and what is known.
+"""Design of throws that can be interrupted at any time: all throws are on disk, and the next one follows from them.
 
 Until theta passes the readiness check, throws are spread over first impacts (`design.exploration`); from then on they are those
 that are expected to add most information, given the selected tosses and its own throws. While everything is scored again at a
@@ -77,7 +77,7 @@ MOST_VERSIONS = 3
 
 
 class DesignStage:
-    """Proposes throws of one body, and learns from those that were made.
+    """Proposes throws of one body, from theta and the throws that were made.
 
     Args:
         body: as described.
@@ -114,7 +114,7 @@ class DesignStage:
 
     @property
     def version(self) -> str:
-        """Of the newest theta; empty while there is none."""
+        """Version of the newest theta; empty while there is none."""
         return next(reversed(self._particles), "")
 
     @property
@@ -134,7 +134,7 @@ class DesignStage:
 
     @property
     def ratio(self) -> float:
-        """What tosses taught in relation to what was planned; not a number where nothing was planned."""
+        """Ratio of realised to planned gain; NaN without a planned gain."""
         return overall_ratio([made.realised for made in self.throws if made.realised])
 
     def renew(self, geometry: ContactGeometry) -> bool:
@@ -149,7 +149,7 @@ class DesignStage:
         return True
 
     def select(self, buffer: RankedBuffer) -> None:
-        """Other tosses are selected."""
+        """Takes over a new selection of tosses."""
         self._buffer = buffer
         self._compare()
 
@@ -164,10 +164,10 @@ class DesignStage:
         return self._up_to_date
 
     def add(self, info: TossInformation, stamp_ns: int) -> None:
-        """A toss was scored, at some theta.
+        """Takes in the information of a toss at some theta.
 
         Args:
-            info: what it teaches.
+            info: its information.
             stamp_ns: of its last frame.
         """
         self._infos[info.parameters_version] = self._infos.pop(info.parameters_version, {})  # the newest last
@@ -184,7 +184,7 @@ class DesignStage:
             self._measure()
 
     def reject(self, first_ns: int, reasons: Sequence[str]) -> None:
-        """A motion was rejected, which will be no toss.
+        """Takes in a rejected motion, which gives no toss.
 
         Args:
             first_ns: stamp of its first frame.
@@ -220,7 +220,7 @@ class DesignStage:
         self._log.refuse(reason)
 
     def distrust(self) -> str | None:
-        """Why theta is not trusted with choosing throws; None when it is."""
+        """Why theta does not pass the readiness check; None when it does."""
         if not self._particles:
             return "parameters: found none, expected model_parameters"
         version = self._best_known()
@@ -276,7 +276,7 @@ class DesignStage:
             self._log.replace(place, replace(self.throws[place], toss_id=toss_id))
 
     def _measure(self) -> None:
-        """Measures what the last throw taught, if it was designed and its toss is scored at a theta that is known here.
+        """Computes the gain of the last throw, if it was designed and its toss is scored at a theta that is known here.
 
         Where that is not the theta of the plan, the expected gain is predicted again: only gains at one theta compare.
         """

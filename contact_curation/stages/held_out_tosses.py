@@ -1,4 +1,4 @@
-"""Tosses that a trainer holds out: how their recordings are read, and how well a model predicts them."""
+"""The trainer's held-out tosses: how their recordings are read, and how well a model predicts them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

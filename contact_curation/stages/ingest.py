@@ -1,4 +1,4 @@
-"""Ingest that may be killed at any time: what it took in and what came of it become permanent together.
+"""Ingest that can be interrupted at any time: measurements and the tosses from them are stored in one transaction.
 
 Measurements are written down in small batches, with the tosses they completed, in one transaction. After a kill the last saved
 state is restored and the measurements since then are taken in again, which gives the same state, bit for bit. What the
@@ -45,7 +45,7 @@ class Arrival(NamedTuple):
 
 
 class Happened(NamedTuple):
-    """What a batch of measurements led to.
+    """The tosses and rejected motions from a batch of measurements.
 
     Attributes:
         bad: measurements that could not be used.

@@ -1,4 +1,4 @@
-"""What the stages remember between runs, as typed records; only this module knows how they are written.
+"""The state of the stages between runs, as typed records; only this module knows their format.
 
 A record is a frozen dataclass or named tuple of numbers, texts, tuples, mappings, throws and other records. On disk it is one
 JSON object: its fields, and under `format` the version of this layout. A newer one, or something else, is refused in one line;
@@ -187,7 +187,7 @@ class ThrowRecord:
         released_ns: when it left.
         exploration: why it was no designed one; None when it was.
         toss_id: its toss, once one was scored.
-        realised: what that taught; None until it was scored at a theta that is known here, and for exploration.
+        realised: its realised gain; None until it was scored at a theta that is known here, and for exploration.
         rejected: why its motion was rejected; empty where it was not.
     """
 
@@ -219,7 +219,7 @@ class ThrowRecord:
 
     @property
     def awaits_gain(self) -> bool:
-        """Whether its toss was scored, and what it taught is not known so far."""
+        """Whether its toss was scored, and its gain is not known so far."""
         return bool(self.toss_id) and self.exploration is None and self.realised is None
 
     @property
@@ -297,7 +297,7 @@ class ServedDashboard:
 
 
 def record_bytes(record: Any) -> bytes:
-    """A record as it is kept."""
+    """A record as bytes."""
     return json.dumps({"format": FORMAT, **_document(record)}).encode()
 
 
@@ -348,7 +348,7 @@ def stored_records(*records: Any, name: str = "") -> dict[str, bytes]:
 
 
 def record_key(kind: Any, name: str = "") -> str:
-    """What a record is kept under."""
+    """The key of a record in a state store."""
     return f"{kind.KEY}/{name}" if name else str(kind.KEY)
 
 

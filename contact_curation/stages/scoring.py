@@ -1,4 +1,4 @@
-"""Scoring that may be killed at any time: what was scored is kept, and where it stopped.
+"""Scoring that can be interrupted at any time: all results and the position in the stream are on disk.
 
 A toss is scored once per theta. Its information is stored under its own number before anybody hears of it; after a kill the
 numbers that were perhaps never announced are announced again.
@@ -44,7 +44,7 @@ class Announcement(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """What scoring some tosses gave: what is new, and what could not be scored, one line each."""
+    """The results of scoring some tosses: new information, and a line for each toss that could not be scored."""
 
     new: tuple[Announcement, ...]
     not_scored: tuple[NotScored, ...]
@@ -79,7 +79,7 @@ class ScoringStage:
 
     @property
     def cursor(self) -> Cursor:
-        """Behind the last toss that was scored at this theta."""
+        """Position after the last toss that was scored at this theta."""
         known = load_record(self._states.load, ScorerPosition)
         return known.cursor if known is not None and known.version == self.version else Cursor()
 
@@ -124,7 +124,7 @@ class ScoringStage:
         return ScoredTheta(model.decode(), data) if data and model else None
 
     def score(self, tosses: Sequence[Toss], frames: Mapping[str, str]) -> Batch:
-        """Scores what is not scored yet and keeps the results.
+        """Scores the tosses that have no result yet, and stores the results.
 
         Args:
             tosses: of this body.

@@ -1,4 +1,4 @@
-"""What a curator keeps in memory of a stream of scored tosses: all of them, or a bounded number.
+"""The scored tosses that a curator holds in memory: all of them, or a bounded number.
 
 `exact` keeps everything and ranks it all: the selected set is that of `contact-curation rank` on the same tosses. `streaming`
 keeps what one pass can, by criteria that can select in one pass: the k largest traces, exactly; or for log-det exchanges,

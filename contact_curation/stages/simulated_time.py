@@ -88,7 +88,7 @@ class AwakeClock:
             return self._passed
 
 
-class Pace:
+class RateLimiter:
     """How long a simulation has to wait so that it runs at a rate.
 
     Args:
@@ -142,5 +142,5 @@ class Ticks:
 
     @property
     def due(self) -> bool:
-        """Whether the newest frame is one of them."""
+        """Whether /clock is published with the newest frame."""
         return self.any and self._frames % self._every == 0

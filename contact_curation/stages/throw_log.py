@@ -1,4 +1,4 @@
-"""Which throws were made and what became of each, on disk, so that a designer that is killed knows it when it comes back.
+"""The log of all throws and their outcomes on disk, from which a designer continues after a restart.
 
 A throw that was under way when the designer died counts as lost: whether it was made is not known, and its toss, if there is
 one, is kept and known like any other.

@@ -1,4 +1,4 @@
-"""Training that may be killed at any time: rounds on the selected tosses, each from where the last one ended.
+"""Training that can be interrupted at any time, in rounds on the selected tosses, each starting where the last one ended.
 
 A round takes the newest selected set whose tosses are all there, gives it the protocol's budget of gradient steps, and ends
 with new parameters. These change the ranking, thus the selected set, thus the next round. So that it comes to rest, only so
@@ -30,7 +30,7 @@ ROUND = "round"
 
 
 class SelectedSet(NamedTuple):
-    """What the curator selected.
+    """The tosses that the curator selected.
 
     Attributes:
         revision: of the buffer.

@@ -7,7 +7,7 @@ from contact_curation.contact.models.model import Model
 from contact_curation.files import read_bounded, write_atomically
 from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes, training_of_bytes
 from contact_curation.learning.checkpoints.safetensors_bytes import LARGEST_BYTES
-from contact_curation.learning.checkpoints.stored_model import model_bytes, model_of_bytes, notes_of_bytes
+from contact_curation.learning.checkpoints.stored_model import body_of_bytes, model_bytes, model_of_bytes, notes_of_bytes
 from contact_curation.learning.training.training import Training
 from contact_curation.motion.transitions import Transitions
 
@@ -38,6 +38,11 @@ def resume_training(path: Path, data: Transitions, held_out: Transitions | None,
 def read_model(path: Path, body: Body | None = None, last: bool = False) -> Model:
     """The model of a checkpoint or of a model's file; see `learning.checkpoints.stored_model.model_of_bytes`."""
     return model_of_bytes(_content(path), path, body, last)
+
+
+def read_body(path: Path) -> Body:
+    """The body that either is for."""
+    return body_of_bytes(_content(path), path)
 
 
 def read_notes(path: Path) -> dict[str, str]:

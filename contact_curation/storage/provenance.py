@@ -1,6 +1,7 @@
 """Where a toss and a ranking came from, byte for byte."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from contact_curation.motion.toss import Toss
 
@@ -84,6 +85,7 @@ class RunProvenance:
         package_version: of this package.
         command: the command line, word by word; empty when the library was called.
         inputs: the recordings, in the order they were read.
+        body: what was tossed, as `Body.to_mapping` gives it; None where that is not known.
     """
 
     criterion: str
@@ -96,3 +98,4 @@ class RunProvenance:
     package_version: str
     command: tuple[str, ...]
     inputs: tuple[InputProvenance, ...]
+    body: dict[str, Any] | None = None

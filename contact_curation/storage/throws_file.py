@@ -1,9 +1,11 @@
 """Throws as a JSON file: what `design` writes, and `simulate` or a robot reads.
 
-    {"version": 1, "throws": [{"throw_id", "body", "position", "orientation_wxyz", "linear_velocity", "angular_velocity",
-                               "expected_information", "parameters_version"}, ...]}
+    {"version": 1, "body": {...},
+     "throws": [{"throw_id", "body", "position", "orientation_wxyz", "linear_velocity", "angular_velocity",
+                 "expected_information", "parameters_version"}, ...]}
 
-SI units; positions and velocities in the board's frame, angular velocities in the body's.
+The body is described where `design` wrote the file. SI units; positions of the centre of mass and velocities are in the
+board's frame, angular velocities in the body's.
 """
 
 import json
@@ -11,8 +13,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from contact_curation.contact.body import Body
 from contact_curation.design.throw import Throw
-from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
 from contact_curation.files import check_version, read_json, write_atomically
 
 VERSION = 1
@@ -20,13 +23,19 @@ LARGEST_BYTES = 64 << 20
 MOST_THROWS = 100_000
 
 
-def write_throws(path: Path, throws: Sequence[Throw]) -> None:
+def write_throws(path: Path, throws: Sequence[Throw], body: Body | None = None) -> None:
     """Writes throws, whole or not at all.
+
+    Args:
+        path: of the file.
+        throws: of one body.
+        body: that is thrown, for whoever reads them.
 
     Raises:
         InvalidValueError: the file cannot be written there.
     """
-    document = {"version": VERSION, "throws": [throw.to_mapping() for throw in throws]}
+    described = {} if body is None else {"body": body.to_mapping()}
+    document = {"version": VERSION, **described, "throws": [throw.to_mapping() for throw in throws]}
     write_atomically(path, (json.dumps(document, indent=1) + "\n").encode())
 
 
@@ -47,6 +56,22 @@ def read_throws(path: Path) -> tuple[Throw, ...]:
             raise UnreadableInputError(path, f"throw {number}: {error}") from error
     _check_ids(path, throws)
     return tuple(throws)
+
+
+def read_throws_body(path: Path) -> Body | None:
+    """The body that the throws in a file are of; None where it does not say.
+
+    Raises:
+        UnreadableInputError: there is no such file, or it describes no body.
+    """
+    document = read_json(path, LARGEST_BYTES, "throws")
+    told = document.get("body") if isinstance(document, dict) else None
+    if told is None:
+        return None
+    try:
+        return Body.from_mapping(told)
+    except (ContactCurationError, TypeError, AttributeError) as error:
+        raise UnreadableInputError(path, f"body: {error}") from error
 
 
 def _listed(path: Path, document: Any) -> list[Any]:

@@ -24,8 +24,11 @@ from test.conftest import GOLDEN
 COLOURS = 192
 """Of the picture: few colours make a small file."""
 
-LOOKS = 4
-"""At most until the page counts as at rest: nodes that have ended are told by the second."""
+LOOKS = 12
+"""At most until the page counts as at rest."""
+
+ARRIVAL = 60.0
+"""[s] Until a viewer without a GPU has taken a session in."""
 
 SERVED_STILL = re.compile(r"dashboard goes on.*?(http://[^\s,]+)")
 
@@ -61,7 +64,7 @@ def main() -> int:
         throws, rate = arguments.throws, arguments.rate
         address = arguments.address or running.enter_context(session(throws, rate, Path(folder)))
         page = running.enter_context(opened(address))
-        page.wait(20.0)
+        page.wait(ARRIVAL)
         settled(page, most=LOOKS)
         taken = page.png()
     picture = Image.open(io.BytesIO(taken)).convert("RGB")

@@ -49,6 +49,9 @@ def regions(layout: rrb.Blueprint) -> dict[str, Region]:
 
 
 def _regions(part: Any, region: Region) -> Iterator[tuple[str, Region]]:
+    if isinstance(part, rrb.Tabs):  # the first is open
+        yield from _regions(next(iter(part.contents)), region)
+        return
     if not isinstance(part, rrb.Horizontal | rrb.Vertical):
         yield str(part.name), region
         return

@@ -236,7 +236,8 @@ def test_a_reader_that_goes_away_ends_it_without_a_traceback(golden: object) -> 
 
 
 @pytest.mark.parametrize(
-    ("where", "status", "says"), [(">/dev/full", 1, "No space left on device"), (">&-", 0, ""), (">&- 2>&-", 0, "")]
+    ("where", "status", "says"),
+    [(">/dev/full", 1, "No space left on device"), (">&-", 0, "no --body given"), (">&- 2>&-", 0, "")],
 )
 def test_an_output_that_takes_nothing_is_at_most_one_line(where: str, status: int, says: str, golden: object) -> None:
     command = f"{sys.executable} -m contact_curation.cli.main rank {golden} --json {where}"

@@ -36,7 +36,7 @@ TRIANGLES = (
 
 def corners_mm(half: np.ndarray = HALF, center: np.ndarray = CENTER) -> np.ndarray:
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    return 1000.0 * (center + half * signs)
+    return np.asarray(1000.0 * (center + half * signs))
 
 
 def stl_text(corners: np.ndarray, triangles: tuple[tuple[int, ...], ...] = TRIANGLES) -> str:
@@ -147,8 +147,8 @@ def test_a_mesh_alone_takes_its_mass_from_the_options(files: dict[str, Path]) ->
     mesh = files["binary.stl"].with_name("binary.stl")
     with pytest.raises(UnreadableInputError, match=r"mass: found none in the file, expected --mass KG or --density"):
         read_description(mesh, BodyOptions(scale=1e-3))
-    by_mass = Body.from_file(mesh, BodyOptions(scale=1e-3, mass=MASS, friction=FRICTION, name="brick"))
-    by_density = Body.from_file(mesh, BodyOptions(scale=1e-3, density=MASS / (8.0 * HALF.prod()), friction=FRICTION))
+    by_mass = Body.from_file(mesh, scale=1e-3, mass=MASS, friction=FRICTION, name="brick")
+    by_density = Body.from_file(mesh, scale=1e-3, density=MASS / (8.0 * HALF.prod()), friction=FRICTION)
     np.testing.assert_allclose(by_mass.inertia, by_density.inertia, rtol=1e-9)
     assert by_density.name == "binary"
     assert any("0.5 assumed" in line for line in read_description(mesh, BodyOptions(scale=1e-3, mass=MASS)).warnings)
@@ -156,7 +156,7 @@ def test_a_mesh_alone_takes_its_mass_from_the_options(files: dict[str, Path]) ->
 
 def test_a_mass_that_is_given_scales_the_inertia_of_the_file(files: dict[str, Path]) -> None:
     for name in ("brick.urdf", "brick.xml", "brick.yaml"):
-        body = Body.from_file(files[name], BodyOptions(mass=2.0 * MASS))
+        body = Body.from_file(files[name], mass=2.0 * MASS)
         np.testing.assert_allclose(body.inertia, 2.0 * np.diag(INERTIA), atol=1e-12)
 
 
@@ -168,7 +168,7 @@ def test_an_l_of_two_pieces_touches_with_the_corners_of_its_hull_and_has_its_own
     )
     file = tmp_path / "l.urdf"
     file.write_text(f'<robot name="ell"><link name="l">{collisions}</link></robot>')
-    body = Body.from_file(file, BodyOptions(density=500.0, friction=0.3))
+    body = Body.from_file(file, density=500.0, friction=0.3)
     weights = np.array([8.0 * np.prod(half) for half, _ in boxes])
     center = weights @ np.array([place for _, place in boxes]) / weights.sum()
     assert len(body.vertices) == 10  # an L has 12 corners; the two at its inner edge lie in the hull
@@ -224,7 +224,7 @@ def test_of_forty_vertices_in_yaml_the_solvers_32_are_taken_and_the_error_is_sai
 
 def test_the_length_scale_of_a_cube_is_its_half_width(tmp_path: Path) -> None:
     (tmp_path / "cube.obj").write_text(obj_text(corners_mm(np.full(3, 0.0524), np.zeros(3))))
-    assert Body.from_file(tmp_path / "cube.obj", BodyOptions(scale=1e-3, mass=0.37)).length_scale == pytest.approx(0.0524)
+    assert Body.from_file(tmp_path / "cube.obj", scale=1e-3, mass=0.37).length_scale == pytest.approx(0.0524)
 
 
 def test_mjcf_is_understood_as_mujoco_understands_it(tmp_path: Path) -> None:
@@ -247,9 +247,9 @@ def test_mjcf_is_understood_as_mujoco_understands_it(tmp_path: Path) -> None:
     (tmp_path / "thing.xml").write_text(text)
     found = read_description(tmp_path / "thing.xml")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "thing.xml"))
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, model.body_iquat[1])
-    turn = turn.reshape(3, 3)
+    flat = np.zeros(9)
+    mujoco.mju_quat2Mat(flat, model.body_iquat[1])
+    turn = flat.reshape(3, 3)
     assert found.mass == pytest.approx(model.body_mass[1], rel=1e-9)
     assert found.friction == 0.7
     np.testing.assert_allclose(found.center_of_mass, model.body_ipos[1], atol=1e-9)
@@ -319,8 +319,9 @@ def test_a_link_is_chosen_by_its_name(tmp_path: Path) -> None:
     )
     file = tmp_path / "two.urdf"
     file.write_text(f'<robot name="two">{boxes}</robot>')
-    body = Body.from_file(file, BodyOptions(link="large", mass=0.3, friction=0.3))
-    assert (body.name, np.ptp(body.vertices[:, 0])) == ("large", pytest.approx(0.2))
+    body = Body.from_file(file, link="large", mass=0.3, friction=0.3)
+    assert body.name == "large"
+    assert np.ptp(body.vertices[:, 0]) == pytest.approx(0.2)
     with pytest.raises(UnreadableInputError, match=r"--link: found no link huge .* expected one of small, large"):
         read_description(file, BodyOptions(link="huge", mass=0.3))
 
@@ -332,7 +333,7 @@ def test_meshes_of_a_package_are_found_above_the_urdf(tmp_path: Path) -> None:
     mesh = '<mesh filename="package://bricks/meshes/brick.stl" scale="0.001 0.001 0.001"/>'
     file = tmp_path / "bricks" / "urdf" / "brick.urdf"
     file.write_bytes(urdf_with(mesh))
-    assert len(Body.from_file(file, BodyOptions(mass=0.3)).vertices) == 8
+    assert len(Body.from_file(file, mass=0.3).vertices) == 8
 
 
 def test_only_files_that_are_named_as_geometry_are_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

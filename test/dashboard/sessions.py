@@ -73,7 +73,7 @@ def throw_of(toss: Toss, throw_id: str) -> Throw:
 
 def fed(screen: Screen, made: Scored, top: int) -> LiveSession:
     """A session in which everything has happened."""
-    session = LiveSession(screen, BODY, made.theta, CONFIG.loss)
+    session = LiveSession(screen, BODY, made.theta, CONFIG.loss, throws=9)
     for place, (toss, information) in enumerate(zip(made.tosses, made.informations, strict=True), start=1):
         throw, stamp_ns = throw_of(toss, f"throw-{place}"), int(toss.stamps_ns[-1])
         session.add_throw(ThrowMade("designed", "commanded", throw, 3.0, float("nan"), ""))

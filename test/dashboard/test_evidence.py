@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from contact_curation.dashboard.evidence import SelectedSet, evidence_of
-from contact_curation.dashboard.live.ranking_view import ranking_page, short_id
+from contact_curation.dashboard.live.ranking_view import ranking_page
 from contact_curation.dashboard.live.screen import number, table
+from contact_curation.dashboard.live.toss_names import linked, time_of, zoned
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.criteria.representative import swap_costs
 from contact_curation.information.ranker import RankingConfig
@@ -50,14 +51,13 @@ def test_by_representative_the_reasons_say_what_becomes_of_the_expected_error(ma
     costs = swap_costs([made.pool], [coordinates], kept, RankingConfig().prior)
     told = {row.toss_id: row.reason for row in evidence.rows}
     for place, one in enumerate(curation.ranking.selected_ids):
-        times = f"{costs.without[place] / costs.error:.4g} times as large"
-        assert told[one] == f"selected: without it the expected error is {times}"
+        assert told[one] == f"selected: expected error × {costs.without[place] / costs.error:.3g} without it"
     for one in curation.ranking.ids[TOP:]:
-        times = f"{costs.joined[made.pool.ids.index(one)] / costs.error:.4g} times as large"
-        assert told[one] == f"not selected: one more, with it the expected error is {times}"
+        times = f"{costs.joined[made.pool.ids.index(one)] / costs.error:.3g}"
+        assert told[one] == f"not selected: expected error × {times} with it"
     assert evidence.shift == curation.optimum_shift
-    assert f"Their estimate is {number(curation.optimum_shift.distance)} from" in ranking_page(
-        selected_set(curation, TOP, COUNT, "v"), evidence
+    assert f"their estimate is {number(curation.optimum_shift.distance)} sigma from" in ranking_page(
+        selected_set(curation, TOP, COUNT, "v"), evidence, {}
     )
 
 
@@ -90,13 +90,20 @@ def test_a_kept_set_has_a_gain_for_each_toss() -> None:
 def test_a_long_ranking_ends_with_how_many_more_there_are(made: Scored) -> None:
     kept = SelectedSet("longest", 1, made.pool.ids[:1], (1.0,), "0123456789abcdef", COUNT)
     evidence = evidence_of(made.pool, kept)
-    page = ranking_page(kept, replace(evidence, rows=evidence.rows + evidence.rows[1:]))
+    page = ranking_page(kept, replace(evidence, rows=evidence.rows + evidence.rows[1:]), {made.pool.ids[0]: 7})
     assert page.endswith(f"and {COUNT - 1 - 12 + COUNT - 1} more that would add less")
-    assert "theta `0123456789ab`" in page
+    assert "| 1 | [#7](recording://scene/tosses/7) | " in page
+    assert "| 2 | - | " in page
 
 
 def test_what_stands_in_a_cell_stays_in_it() -> None:
     assert table(("a", "b"), [("one | two", "three\nfour")]).splitlines()[2:] == ["| one \\| two | three four |"]
     assert [number(value) for value in (np.nan, 4485.2, 0.0123456, 12.0, -250.0)] == ["-", "4485", "0.0123", "12", "-250"]
-    assert short_id("red-cube-1600000500250000000-abcdef01") == "1600000500.250"
-    assert short_id("anything") == "anything"
+
+
+def test_a_toss_is_called_by_its_number_and_its_time_of_day() -> None:
+    recorded, simulated = "red-cube-1600000500250000000-abcdef01", "cube-12340000000-abcdef01"
+    assert (time_of(recorded), zoned(recorded)) == ("12:35:00", "12:35:00 UTC")
+    assert (time_of(simulated), zoned(simulated)) == ("12.3 s", "12.3 s")
+    assert time_of("anything") == zoned("anything") == "anything"
+    assert (linked(12), linked(None)) == ("[#12](recording://scene/tosses/12)", "-")

@@ -104,7 +104,7 @@ def main() -> int:
         draw(IMAGES / f"{name}.png")
         sys.stdout.write(f"{IMAGES / name}.png\n")
     if arguments.dashboard:
-        subprocess.run([sys.executable, "-m", "test.browser.screenshot", str(IMAGES)], check=True)
+        subprocess.run([sys.executable, "-m", "test.browser.screenshot", str(IMAGES / "dashboard.png")], check=True)
     return 0
 
 

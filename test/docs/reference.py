@@ -4,6 +4,8 @@ python -m test.docs.reference          writes it
 """
 
 import sys
+import textwrap
+from collections.abc import Iterator
 from typing import Any
 
 from test.conftest import REPOSITORY
@@ -11,11 +13,12 @@ from test.graph.parts.declared_parameters import Declared, all_declared
 
 PAGE = REPOSITORY / "docs" / "ros" / "reference.md"
 MSG_DEFS = REPOSITORY / "msg_defs"
+WIDTH = 118
 
 HEAD = """# Parameters and messages
 
-Written by `python -m test.docs.reference` from the nodes and from `msg_defs`; a test holds it to them. What they are for
-is told in [nodes.md](nodes.md).
+Written by `python -m test.docs.reference` from the nodes and from `msg_defs`; a test compares them.
+[Nodes](nodes.md) explains what they are for.
 
 """
 
@@ -27,14 +30,16 @@ def page() -> str:
 
 
 def _node_section(name: str, found: list[Declared]) -> str:
-    lines = [f"## {name}", "", "| parameter | default | |", "|---|---|---|"]
+    lines = [f"## {name}", ""]
     for one in sorted(found):
+        default = _value(one.default)
         told = "; ".join(
             part
             for part in (one.description.rstrip("."), one.constraint, "" if one.fixed else "can be changed at any time")
             if part
         )
-        lines.append(f"| `{one.name}` | {_value(one.default)} | {told.replace('|', chr(92) + '|')} |")
+        entry = f"- `{one.name}` ({f'default {default}' if default else 'empty by default'}): {told}"
+        lines += textwrap.wrap(entry, WIDTH, subsequent_indent="  ", break_on_hyphens=False, break_long_words=False)
     return "\n".join([*lines, ""])
 
 
@@ -51,8 +56,20 @@ def _value(value: Any) -> str:
 def _interfaces() -> list[str]:
     lines = ["## contact_curation_msgs", ""]
     for path in sorted(path for kind in ("msg", "srv", "action") for path in MSG_DEFS.glob(f"{kind}/*")):
-        lines += [f"### {path.parent.name}/{path.stem}", "", "```", path.read_text().strip(), "```", ""]
+        lines += [f"### {path.parent.name}/{path.stem}", "", "```", *_definition(path.read_text().strip()), "```", ""]
     return lines
+
+
+def _definition(text: str) -> Iterator[str]:
+    """The lines of a definition; a comment that makes one too wide stands above it."""
+    for line in text.splitlines():
+        code, mark, comment = line.partition("#")
+        if len(line) <= WIDTH or not mark:
+            yield line
+            continue
+        yield from textwrap.wrap(comment.strip(), WIDTH, initial_indent="# ", subsequent_indent="# ")
+        if code.strip():
+            yield code.rstrip()
 
 
 if __name__ == "__main__":

@@ -38,6 +38,7 @@ STORES: Mapping[str, tuple[ModuleType, str]] = {
 }
 
 JSON_COMMANDS = {
+    "body": ["body", "contact_curation/config/cube.yaml"],
     "check": ["check", GOLDEN],
     "rank": ["rank", GOLDEN, "--top", "3", "--no-figure"],
     "rig": ["rig", GOLDEN],
@@ -98,7 +99,13 @@ def stores_page() -> str:
     lines += ["`user_version` the version of its tables. A newer version is refused, an older one is upgraded.", ""]
     for title, (module, users) in STORES.items():
         schema = module.SCHEMA
-        lines += [f"## {title}", "", f"Of {users}. `application_id` 0x{schema.application_id:x}, version {schema.version}.", ""]
+        lines += [
+            f"## {title}",
+            "",
+            f"Of {users}.",
+            f"`application_id` 0x{schema.application_id:x}, version {schema.version}.",
+            "",
+        ]
         lines += ["```sql", *(_wrapped(statement) for statement in schema.statements), "```", ""]
     lines += ["`head` is JSON, `arrays` an .npz archive without pickle, `extra` JSON with the source of the record.", ""]
     lines += [

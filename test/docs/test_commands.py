@@ -1,4 +1,4 @@
-"""The commands of the documentation, copied from it and run: README.md and docs/tutorial.md.
+"""The commands of the documentation, copied from it and run: README.md, docs/tutorial.md and docs/how-to/install.md.
 
 Commands stand in fenced blocks that begin with ```sh. A block marked `background` has a terminal of its own and runs until the
 end; one marked `ros2` needs a full ROS 2, which the package index does not have.
@@ -25,10 +25,13 @@ FROM_TERMINAL_TO_TERMINAL = 8
 RUN_ELSEWHERE = {
     "make demo": "test/cli/test_demo.py",
     "make test": "this is one of its tests",
+    "make setup": "make test does so first",
     "sudo apt install": "system packages",
-    "rosdep install": "test/packaging/test_colcon_build.py",
+    "contact-curation check": "test/docs/test_commands.py",
+    "pip install": "test/packaging/test_extras.py",
 }
-"""Beginnings of README's blocks, and what runs them."""
+"""Beginnings of the blocks of README.md and of the install page, and what runs them or what they need."""
+OUTPUT = re.compile(r"^```text\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
 def blocks(page: str) -> list[tuple[str, str]]:
@@ -55,10 +58,25 @@ def test_every_block_is_marked_as_one_that_a_test_knows() -> None:
     assert {mark for mark, _ in blocks("docs/tutorial.md")} == {"", "background", "ros2"}
 
 
-@pytest.mark.parametrize("text", [text for _, text in blocks("README.md")])
+@pytest.mark.parametrize("text", [text for page in ("README.md", "docs/how-to/install.md") for _, text in blocks(page)])
 def test_every_command_of_the_readme_is_run_by_some_test(text: str) -> None:
     place = next(found for beginning, found in RUN_ELSEWHERE.items() if text.startswith(beginning))
     assert not place.endswith(".py") or (REPOSITORY / place).is_file()
+
+
+@pytest.mark.slow
+def test_the_five_lines_of_the_readme_print_what_it_shows(tmp_path: Path) -> None:
+    (tmp_path / "bags").symlink_to(REPOSITORY / "bags")
+    (commands,) = (text for _, text in blocks("README.md") if text.startswith("contact-curation"))
+    assert len(commands.splitlines()) == 5
+    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+    done = subprocess.run(
+        ["bash", "-e", "-c", commands], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    (shown,) = OUTPUT.findall((REPOSITORY / "README.md").read_text())
+    printed = {line.rstrip() for line in done.stdout.splitlines()}
+    assert [line for line in shown.splitlines() if line not in printed] == []
 
 
 @pytest.mark.slow

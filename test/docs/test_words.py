@@ -25,9 +25,11 @@ FORBIDDEN = {
 
 OF_OLD_FILES = {
     "contact_curation/cli/options/one_line_parser.py",
+    "contact_curation/session/node_parameters.py",
     "contact_curation/storage/manifest/file.py",
     "contact_curation/learning/checkpoints/selection_document.py",
     "test/cli/test_main.py",
+    "test/session/test_former_names.py",
     "test/storage/test_format_versions.py",
 }
 """They name what version 0.1 wrote or accepted."""

@@ -57,9 +57,9 @@ def test_a_budgeted_learner_goes_on_from_round_to_round_from_two_tosses_on() -> 
 @pytest.mark.parametrize(
     ("cell", "line"),
     [
-        ({"rule": "longest"}, "rule of designed-throws: found longest, expected one of random, raw, exploration, designed"),
-        ({"model": "deep"}, "model of designed-throws: found deep, expected one of polytope"),
-        ({"protocol": "published"}, "protocol of designed-throws: found published"),
+        ({"rule": "longest"}, "unknown rule of designed-throws longest: expected one of "),
+        ({"model": "deep"}, "unknown model of designed-throws deep: expected one of polytope"),
+        ({"protocol": "published"}, "unknown protocol of designed-throws published"),
         ({"judged": (0, 2)}, "numbers of throws: found \\(0, 2\\), expected rising numbers from 1 on"),
         ({"judged": (4, 2)}, "numbers of throws"),
         ({"steps": 5}, "steps: found 5"),

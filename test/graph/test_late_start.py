@@ -77,7 +77,7 @@ def test_scorer_and_curator_that_come_late_and_a_new_theta_and_criterion(graph: 
 
 
 WRONG: dict[str, tuple[str, dict[str, Any], str]] = {
-    "no body": ("pose_ingest", {"body_file": "/nowhere/body.yaml"}, "/nowhere/body.yaml"),
+    "no body": ("pose_ingest", {"body": "/nowhere/body.yaml"}, "/nowhere/body.yaml"),
     "a word for a number": ("pose_ingest", {"gates.depth": "deep"}, "gates.depth"),
     "out of bounds": ("pose_ingest", {"queue_depth": 5}, "queue_depth"),
     "not positive": ("pose_ingest", {"segmenter.shortest": -1.0}, "shortest: found -1.0, expected a positive number"),

@@ -12,7 +12,7 @@ import yaml
 import contact_curation
 from contact_curation.session.node_parameters import STAGES
 from contact_curation.session.parameter_files import read_node_parameters, write_node_parameters
-from test.graph.parts.declared_parameters import nodes_yaml
+from test.graph.parts.declared_parameters import OF_RCLPY, nodes_yaml
 
 PACKAGE = Path(contact_curation.__file__).parent
 CONFIG = PACKAGE / "config" / "nodes.yaml"
@@ -86,7 +86,7 @@ def test_a_launch_file_starts_nodes_that_there_are_with_parameters_that_they_hav
         assert node["package"] == "contact_curation"
         assert node["name"] == node["executable"]
         own = {name: value for part in node["parameters"] if isinstance(part, dict) for name, value in part.items()}
-        assert set(own) <= set(declared[node["executable"]]), node["executable"]
+        assert set(own) <= {*declared[node["executable"]], *OF_RCLPY}, node["executable"]
     assert used_arguments(actions) == arguments
 
 

@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 
 from contact_curation.contact.compiled.descent import (
+    CompiledAdamW,
     CompiledDescent,
     CompiledLayer,
     CompiledMoments,
     CompiledNetwork,
     Moments,
-    StepPace,
 )
 from contact_curation.contact.compiled.evaluation import CompiledModel, CompiledRows
 from contact_curation.contact.time_step import CompiledDynamics, CompiledWorld
@@ -304,8 +304,8 @@ class _Job:
         self.arrays: tuple[AnyArray, ...] = (order, uniform("shares", steps, low=0.5, high=1.0))
         self.structure = CompiledDescent(
             rows=order.ctypes.data, shares=self.arrays[1].ctypes.data, steps=steps, regularizer=0.3,
-            polytope=StepPace(1e-3, 0.1), network=StepPace(2e-3, 0.2), first_beta=0.9, second_beta=0.999, epsilon=1e-8,
-            share=0.25, seen=17.0, loss_sum=0.125,
+            polytope=CompiledAdamW(1e-3, 0.1), network=CompiledAdamW(2e-3, 0.2),
+            first_beta=0.9, second_beta=0.999, epsilon=1e-8, share=0.25, seen=17.0, loss_sum=0.125,
         )  # fmt: skip
 
     def take_polytope(self, model: _Model) -> None:

@@ -3,6 +3,7 @@
 import ast
 import importlib
 import json
+import re
 import subprocess
 import sys
 from importlib.metadata import version
@@ -12,8 +13,10 @@ from xml.etree import ElementTree
 
 import contact_curation_msgs
 import pytest
+import yaml
 
 import contact_curation
+from test.kernel.builds import setup_module
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 NODES = REPOSITORY / "contact_curation" / "nodes"
@@ -56,6 +59,7 @@ def test_one_version_is_given_everywhere(distribution: dict[str, Any]) -> None:
         "setup.py": distribution["version"],
         "__version__": contact_curation.__version__,
         "installed": version("contact_curation"),
+        "CITATION.cff": str(yaml.safe_load((REPOSITORY / "CITATION.cff").read_text())["version"]),
         "messages' package.xml": manifest(REPOSITORY / "msg_defs").findtext("version"),
         "installed messages": version("contact_curation_msgs"),
     }
@@ -109,3 +113,12 @@ def test_the_ros_packages_that_nodes_import_are_declared() -> None:
     used = {name.split(".")[0] for name in modules}
     ros = {name for name in used if name.endswith(("_msgs", "_interfaces", "_srvs")) or name == "rclpy"}
     assert ros <= declared
+
+
+def test_every_package_of_the_ubuntu_list_is_bounded_and_what_the_nodes_need_is_in_it_or_in_ubuntu() -> None:
+    lines = (REPOSITORY / "docs" / "ros" / "ubuntu_24.04.txt").read_text().splitlines()
+    listed = dict(re.findall(r"^([\w-]+)(.*)$", "\n".join(line for line in lines if not line.startswith("#")), re.MULTILINE))
+    assert all(">=" in bounds and "<" in bounds for bounds in listed.values()), listed
+    setup = setup_module()
+    needed = {re.split("[<>=[]", name)[0] for name in [*setup.REQUIRES, *setup.TRAIN, *setup.SIM]}
+    assert needed - set(listed) == {"matplotlib", "PyYAML", "tqdm"}  # exec_depend of package.xml

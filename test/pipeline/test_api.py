@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import contact_curation as cc
+from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import (
     ContactCurationError,
     InvalidValueError,
@@ -115,15 +116,19 @@ def test_the_first_page_of_the_face_works_as_it_stands(bench: Path) -> None:
     assert "evaluated on 21 of 24 tosses" in done.stdout
 
 
+def test_without_a_body_a_warning_says_that_the_cube_is_assumed(bench: Path) -> None:
+    assert cc.read(bench / "session.mcap").warnings[0] == "no body given: assuming ContactNets' cube (0.37 kg, 105 mm)"
+
+
 def test_a_pattern_a_path_and_several_are_recordings(bench: Path, tosses: cc.Tosses) -> None:
     several: list[str | Path] = ["session.mcap", bench / "test.mcap"]
     for inputs in ("*.mcap", bench / "session.mcap", several):
         assert cc.read(inputs).ids == tosses.ids
-    twice = cc.read("*.mcap")
+    twice = cc.read("*.mcap", body=CONTACTNETS_CUBE)
     assert len(twice.duplicates) == len(twice.warnings) == 24
     with pytest.raises(UnreadableInputError, match="nothing matches this pattern"):
         cc.read("*.db3")
-    missing = cc.read("none.mcap")
+    missing = cc.read("none.mcap", body=CONTACTNETS_CUBE)
     assert (len(missing), len(missing.warnings)) == (0, 1)
     with pytest.raises(NothingFoundError, match=r"none\.mcap"):
         cc.rank(missing)

@@ -20,7 +20,7 @@ def test_a_noisy_trackers_recordings_are_held_out_once_they_are_told_to_be(tmp_p
     scattered = in_map(noisy([*stream(), *stream(start_ns=9_000_000_000)], 5.0))
     board = Sent("/tf_static", LOG_OFFSET_NS, transforms([board_in_map()]))
     bag = write_ours(tmp_path / "a.mcap", [board, *recorded("/tagslam/odom/body_cube", ODOMETRY, scattered)])
-    with pytest.raises(InvalidValueError, match=r"parameter held_out: found .* say segmenter.tracker_noise="):
-        evaluation_tosses("parameter held_out", [bag], ReadingConfig(CONTACTNETS_CUBE))
+    with pytest.raises(InvalidValueError, match=r"parameter evaluate_on: found .* say segmenter.tracker_noise="):
+        evaluation_tosses("parameter evaluate_on", [bag], ReadingConfig(CONTACTNETS_CUBE))
     told = InputsConfig(segmenter=SegmenterConfig(tracker_noise=5.0))
-    assert len(evaluation_tosses("parameter held_out", [bag], ReadingConfig(CONTACTNETS_CUBE, told))) == 2
+    assert len(evaluation_tosses("parameter evaluate_on", [bag], ReadingConfig(CONTACTNETS_CUBE, told))) == 2

@@ -74,6 +74,33 @@ def test_a_tracker_that_is_started_again_says_the_same_of_every_instant() -> Non
             np.testing.assert_array_equal(_error(pose), whole[frame])
 
 
+def test_a_throw_is_seen_in_the_same_way_whenever_it_is_made_and_another_one_in_another_way() -> None:
+    tracker = TrackerNoise(TrackerNoiseConfig(dropout_rate=0.05), 3)
+
+    def seen(throw_id: str, begun_ns: int, jitter_ns: int = 0) -> list[Array | None]:
+        stamps_ns = [begun_ns + frame * PERIOD_NS + jitter_ns for frame in range(300)]
+        poses = [tracker.seen(stamp_ns - begun_ns, TRUE, throw_id) for stamp_ns in stamps_ns]
+        return [None if pose is None else pose.position for pose in poses]
+
+    def same(one: list[Array | None], other: list[Array | None]) -> bool:
+        return all(np.array_equal(a, b) if a is not None and b is not None else a is b for a, b in zip(one, other, strict=True))
+
+    first = seen("cube-throw-1", 10**18)
+    assert same(first, seen("cube-throw-1", 5 * 10**17 + 12345, jitter_ns=1))
+    assert not same(first, seen("cube-throw-2", 10**18))
+
+
+def test_of_the_spoilt_throw_as_many_poses_are_far_off_as_asked_for_and_of_no_other() -> None:
+    tracker = TrackerNoise(replace(NONE, spoilt_throw="cube-throw-5", spoilt_rate=0.1), 0)
+
+    def far(throw_id: str) -> float:
+        poses = [tracker.seen(frame * PERIOD_NS, TRUE, throw_id) for frame in range(2000)]
+        return float(np.mean([pose is not None and not np.array_equal(pose.position, TRUE.position) for pose in poses]))
+
+    assert far("cube-throw-5") == pytest.approx(0.1, abs=0.02)
+    assert far("cube-throw-4") == far("") == 0.0
+
+
 def test_losses_go_on_from_one_block_of_frames_into_the_next() -> None:
     config = replace(NONE, dropout_rate=0.02, dropout_frames=100.0)
     across = 0
@@ -95,6 +122,7 @@ def test_losses_go_on_from_one_block_of_frames_into_the_next() -> None:
         ("dropout_frames", 1e4),
         ("frame_period", 0.0),
         ("latency", -1.0),
+        ("spoilt_rate", 1.5),
     ],
 )
 def test_faults_that_cannot_be_are_refused(field: str, value: float) -> None:

@@ -83,6 +83,21 @@ def test_a_throw_is_made_and_told_as_it_was(run: Run) -> None:
     assert next(frame.time for frame in run.frames if frame.free) == ending.released_at
 
 
+def test_the_same_throw_is_made_in_the_same_way_whatever_was_thrown_before_and_another_one_is_not(run: Run) -> None:
+    run.arm()
+    other = replace(PLAIN, throw_id="other")
+    flights = []
+    for throw in (PLAIN, other, PLAIN):
+        first = len(run.frames)
+        assert run.stage.admits(throw, run.now) is None
+        assert run.stage.begin() is None
+        run.advance()
+        run.until_phase(Phase.RESTING)
+        flights.append(np.array([frame.body for frame in run.frames[first:] if frame.free]))
+    np.testing.assert_array_equal(flights[0], flights[2])
+    assert not np.array_equal(flights[0][0], flights[1][0])  # the gripper opens at another time
+
+
 def test_a_goal_that_is_taken_between_two_frames_waits_for_its_beginning_and_not_for_its_end(run: Run) -> None:
     run.arm()
     assert run.stage.admits(PLAIN, run.now) is None

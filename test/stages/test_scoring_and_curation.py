@@ -336,5 +336,5 @@ def test_a_stream_cannot_keep_to_every_criterion(tmp_path: Path) -> None:
 
 
 def test_a_selection_that_there_is_no_more_is_refused_with_those_that_there_are() -> None:
-    with pytest.raises(InvalidValueError, match="selection: found sieve, expected one of exact, streaming"):
+    with pytest.raises(InvalidValueError, match="unknown selection sieve: expected one of exact, streaming"):
         CurationConfig(selection="sieve")

@@ -19,8 +19,8 @@ from contact_curation.solver.compiled import load_kernel
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Starts the nodes as processes, keeps them running, and closes the loop with a simulated arm and camera. Ctrl-C and "
-        "SIGTERM end it in order; with --throws it ends by itself, once the tosses are scored and trained on."
+        "Starts the nodes as processes, restarts them if they fail, and closes the loop with a simulated arm and camera. "
+        "Ctrl-C and SIGTERM end it in order; with --throws it ends by itself when all tosses are scored and trained on."
     )
     add_online_options(parser)
     parser.set_examples(

@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from contact_curation.cli.options.body import add_body_option, body_words
 from contact_curation.cli.options.settings import add_fields, add_settings, with_options, with_settings
-from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 
 if TYPE_CHECKING:
     from contact_curation.storage.inputs.inputs import InputsConfig
@@ -17,22 +17,6 @@ SHARED_STAGES = ("poses", "segmenter", "rig", "gates")
 
 POSES = ("topic", "body_frame", "tag_map", "board_frame")
 """Fields of the stage `poses` that have options of their own."""
-
-BODY_HELP = "the object, a YAML file like contact_curation/config/cube.yaml (default: ContactNets' cube)"
-
-
-def add_body_option(parser: argparse.ArgumentParser, *others: str) -> None:
-    """Adds `--body`; `others` are names that it has, too."""
-    parser.add_argument("--body", *others, dest="body", type=Path, metavar="FILE", help=BODY_HELP)
-
-
-def chosen_body(arguments: argparse.Namespace) -> Body:
-    """The body of the option's file, or ContactNets' cube.
-
-    Raises:
-        UnreadableInputError: the file describes no body.
-    """
-    return CONTACTNETS_CUBE if arguments.body is None else Body.from_file(arguments.body)
 
 
 def add_held_out_option(parser: argparse._ArgumentGroup, default: str) -> None:
@@ -49,6 +33,8 @@ def add_params_option(parser: argparse._ArgumentGroup) -> None:
     """Adds `--params`, of which there may be several."""
     parser.add_argument(
         "--params",
+        "--checkpoint",
+        dest="params",
         type=Path,
         action="append",
         default=[],
@@ -92,11 +78,11 @@ def add_pose_options(parser: argparse.ArgumentParser) -> None:
 
 def reading_words(arguments: argparse.Namespace) -> list[str]:
     """The options that were given, for another verb that reads the same recordings."""
-    given = {name: getattr(arguments, name) for name in ("body", *POSES)}
+    given = {name: getattr(arguments, name) for name in POSES}
     options = {f"--{name.replace('_', '-')}": str(value) for name, value in given.items() if value is not None}
     words = [word for option in options.items() for word in option]
     shared = [setting for setting in arguments.settings if setting.partition(".")[0] in SHARED_STAGES]
-    return [*words, *(word for setting in shared for word in ("--set", setting))]
+    return [*body_words(arguments), *words, *(word for setting in shared for word in ("--set", setting))]
 
 
 def stages_of(arguments: argparse.Namespace, others: Mapping[str, Any]) -> dict[str, Any]:

@@ -5,14 +5,13 @@ asked for most have options of their own. Help and defaults come from the config
 """
 
 import argparse
-import dataclasses
 import re
 from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_origin
 
-from contact_curation.configs import ConfigField, field_of, kind_in_words, parsed, with_field, with_fields
-from contact_curation.errors import ContactCurationError, InvalidValueError
+from contact_curation.configs import ConfigField, field_of, fields_of, kind_in_words, parsed, with_field, with_fields
+from contact_curation.errors import ContactCurationError, InvalidValueError, UnknownNameError
 
 EXAMPLES = ("gates.depth=0.01", "segmenter.settle_time=0.5", "simulation.longest=6")
 """The help names the first one of a stage that the verb has."""
@@ -47,26 +46,22 @@ def with_settings(stages: Mapping[str, Any], settings: Sequence[str]) -> dict[st
     for setting in settings:
         path, equals, text = setting.partition("=")
         stage, _, name = path.partition(".")
-        if not equals or stage not in changed:
+        if not equals or not name:
             raise InvalidValueError("--set", setting, f"STAGE.FIELD=VALUE with a stage of {', '.join(changed)}")
+        if stage not in changed:
+            raise UnknownNameError("stage in --set", stage, changed)
         if name == OF_THE_BODY:
             raise InvalidValueError("--set", setting, f"no {OF_THE_BODY} here: it is the body's, in the file of --body")
-        changed[stage] = _changed(changed[stage], name, text, setting)
+        changed[stage] = _changed(changed[stage], stage, name, text)
     return changed
 
 
-def _changed(config: Any, path: str, text: str, setting: str) -> Any:
-    """A copy with the field at `path`, which may lie in a configuration inside this one, set to what `text` says."""
-    name, _, rest = path.partition(".")
-    fields = {field.name for field in dataclasses.fields(config)}
+def _changed(config: Any, stage: str, name: str, text: str) -> Any:
+    """A copy of a stage's config with the field at a path set to what `text` says."""
+    fields = {field.path: field for field in fields_of(config)}
     if name not in fields:
-        raise InvalidValueError("--set", setting, f"one of the fields {', '.join(sorted(fields))}")
-    if rest:
-        inner = getattr(config, name)
-        if not dataclasses.is_dataclass(inner):
-            raise InvalidValueError("--set", setting, f"no field inside {name}")
-        return dataclasses.replace(config, **{name: _changed(inner, rest, text, setting)})
-    kind = get_type_hints(type(config))[name]
+        raise UnknownNameError("field in --set", f"{stage}.{name}", [f"{stage}.{path}" for path in fields])
+    kind, setting = fields[name].kind, f"{stage}.{name}={text}"
     try:
         value = parsed(kind, text)
     except (ValueError, KeyError, TypeError) as error:

@@ -1,9 +1,10 @@
-"""`rank INPUT...`: how much each toss teaches, which to select, and why."""
+"""`rank INPUT...`: the information of each toss, which tosses to select, and why."""
 
 import argparse
 from dataclasses import replace
 from pathlib import Path
 
+from contact_curation.cli.options.body import chosen_body
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
 from contact_curation.cli.options.reading import (
@@ -11,7 +12,6 @@ from contact_curation.cli.options.reading import (
     add_held_out_option,
     add_params_option,
     add_reading_options,
-    chosen_body,
     inputs_of,
     stages_of,
 )
@@ -47,9 +47,9 @@ SCORING = ("estimator", "influence_bound")
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Scores every toss that passes the gates and is not held out, ranks them, and says what to think of the result. An "
-        "input that cannot be read is a line on standard error, and the others are ranked; the exit status is 1 only if none "
-        "could be."
+        "Scores all tosses that pass the gates and are not held out, ranks them, and prints the ranking with its "
+        "diagnostics. For an input that cannot be read a line is printed to standard error and the others are ranked; the "
+        "exit status is 1 only if no input could be ranked."
     )
     add_reading_options(parser, STAGES)
     add_held_out_option(parser.add_argument_group("what is neither scored nor ranked"), "default none")
@@ -65,7 +65,7 @@ def add_options(parser: OneLineParser) -> None:
 
 
 def _add_model_options(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("what the tosses teach about")
+    group = parser.add_argument_group("parameters theta that the information is about")
     group.add_argument("--model", choices=list(MODELS), default=DEFAULT_MODEL, help="the model (default polytope)")
     add_params_option(group)
     group.add_argument(
@@ -110,7 +110,7 @@ def run(arguments: argparse.Namespace) -> int:
         ContactCurationError: nothing could be ranked, or an output cannot be written.
     """
     figure = _figure(arguments)
-    check_outputs(overwrite=arguments.overwrite, out=arguments.out, figure=figure, recording=arguments.recording)
+    check_outputs(overwrite=arguments.overwrite, out=arguments.out, figure=figure, rrd=arguments.rrd)
     config = rank_config(arguments)
     dashboard = dashboard_of(arguments, config)
     try:
@@ -143,7 +143,7 @@ def rank_config(arguments: argparse.Namespace) -> RankConfig:
     Raises:
         ContactCurationError: a file that an option names cannot be used, or a setting is not accepted.
     """
-    body = chosen_body(arguments)
+    body = chosen_body(arguments, models=arguments.params)
     held_out = HeldOutRule() if arguments.held_out is None else held_out_rule(arguments.held_out)
     ranking = with_options(RankingConfig(), arguments, *RANKING)
     network = network_config_for(arguments.model)

@@ -34,7 +34,9 @@ def add_dashboard_options(parser: argparse.ArgumentParser) -> None:
     """Adds what says where the ranking is shown."""
     group = parser.add_argument_group("what is shown")
     group.add_argument("--dashboard", action="store_true", help="serve the ranking to a browser, until Ctrl-C")
-    group.add_argument("--recording", type=PathEndingIn(".rrd"), metavar="FILE.rrd", help="the same for `rerun FILE.rrd`")
+    group.add_argument(
+        "--rrd", "--recording", type=PathEndingIn(".rrd"), metavar="FILE.rrd", help="the same as a file for `rerun FILE.rrd`"
+    )
     group.add_argument("--web-port", type=int, default=9090, metavar="PORT", help="of the page (default 9090)")
     group.add_argument("--grpc-port", type=int, default=9876, metavar="PORT", help="of its data (default 9876)")
 
@@ -57,7 +59,7 @@ class RankDashboard:
         self._config = config
         self._inputs: Sequence[Path] = arguments.inputs
         port = arguments.web_port if arguments.dashboard else 0
-        self._recording: Path | None = arguments.recording
+        self._recording: Path | None = arguments.rrd
         self._partial = self._recording and self._recording.with_name(f".{os.getpid()}-{self._recording.name}")
         self._serving: ServingConfig = ServingConfig(port, arguments.grpc_port, recording=self._partial)
         self._screen: Screen = open_screen(self._serving, ranking_layout(config.pool.reading.body))
@@ -81,7 +83,7 @@ class RankDashboard:
 
     def end(self) -> None:
         """Serves until Ctrl-C or SIGTERM where that was asked for, and closes."""
-        from contact_curation.dashboard.live.serving import close_screen
+        from contact_curation.dashboard.live.serving import BLUEPRINT, close_screen
 
         if self._serving.web_port:
             with StopSignals() as signals:
@@ -91,17 +93,21 @@ class RankDashboard:
                     time.sleep(POLL)
         close_screen(self._screen)
         if self._partial and self._recording:
-            self._partial.replace(self._recording)
+            for ending in (self._recording.suffix, BLUEPRINT):
+                self._partial.with_suffix(ending).replace(self._recording.with_suffix(ending))
 
     def drop(self) -> None:
         """Leaves no part of a recording behind that did not come to its end; the one before stays."""
         if self._partial:
-            self._partial.unlink(missing_ok=True)
+            from contact_curation.dashboard.live.serving import BLUEPRINT
+
+            for ending in (self._partial.suffix, BLUEPRINT):
+                self._partial.with_suffix(ending).unlink(missing_ok=True)
 
 
 def dashboard_of(arguments: argparse.Namespace, config: RankConfig) -> RankDashboard | None:
     """The dashboard that the options ask for; errors as in `RankDashboard`."""
-    return RankDashboard(arguments, config) if arguments.dashboard or arguments.recording else None
+    return RankDashboard(arguments, config) if arguments.dashboard or arguments.rrd else None
 
 
 def _theta(config: RankConfig, version: str) -> "ShownTheta":

@@ -8,13 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from contact_curation.cli.options.body import chosen_body
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import check_outputs
 from contact_curation.cli.options.reading import (
     SHARED_STAGES,
     add_held_out_option,
     add_reading_options,
-    chosen_body,
     inputs_of,
     reading_words,
     stages_of,
@@ -57,9 +57,10 @@ ONLY_WITH_TOP = ("criterion", "variant", "estimator", "rerank_every", "rerank_wh
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Trains a model on every toss that passes the gates, on those that `rank` selected, or on the best K, which can be "
-        "selected again while it learns. Some tosses are held out and never learned from; their loss is watched. Ctrl-C "
-        "stops after the gradient step in progress and stores a checkpoint; the same command with --resume goes on."
+        "Trains a model on all tosses that pass the gates, on those that `rank` selected, or on the best K, which can be "
+        "selected again during training. Some tosses are held out: the model is not trained on them, but their loss is "
+        "monitored. Ctrl-C stops after the current gradient step and stores a checkpoint; the same command with --resume "
+        "continues from it."
     )
     add_reading_options(parser, STAGES)
     _add_model_options(parser)
@@ -82,6 +83,8 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--params",
+        "--checkpoint",
+        dest="params",
         type=Path,
         metavar="FILE",
         help="where to start: a checkpoint, or a polytope as JSON (default: the published random initialisation)",
@@ -202,7 +205,9 @@ def _configs(arguments: argparse.Namespace) -> "tuple[TrainConfig, ReadingConfig
     from contact_curation.pipeline.training import PROTOCOLS as PROTOCOL_OF
     from contact_curation.pipeline.training import TrainConfig, start_of
 
-    kind, body = arguments.model, chosen_body(arguments)
+    kind = arguments.model
+    resumed = arguments.out if arguments.resume and arguments.out.exists() else None
+    body = chosen_body(arguments, models=[arguments.params, resumed], manifest=arguments.manifest)
     _check_exact(arguments)
     ranking = RankingConfig(top=arguments.top or 1, seed=arguments.seed, certificate_steps=0)
     ranking = with_options(ranking, arguments, *CHOICES)

@@ -34,7 +34,7 @@ class Moments:
 
 @dataclass(frozen=True)
 class DescentRules:
-    """What steps go down, and how.
+    """The objective and rules of gradient steps.
 
     Attributes:
         loss: weights and solver.
@@ -88,7 +88,7 @@ class CompiledNetwork(KernelStructure):
     _fields_ = (("layers", ctypes.c_int64), ("rectified", ctypes.c_int64), ("layer", CompiledLayer * MAX_LAYERS))
 
 
-class StepPace(KernelStructure):
+class CompiledAdamW(KernelStructure):
     """AdamW's learning rate and weight decay for some of the parameters."""
 
     KERNEL_NAME = "Pace"
@@ -108,12 +108,12 @@ class DescentTask(NamedTuple):
     moments: Mapping[str, Moments]
     rows: DescentRows
     rules: DescentRules
-    polytope: StepPace
-    network: StepPace
+    polytope: CompiledAdamW
+    network: CompiledAdamW
 
 
 class CompiledDescent(KernelStructure):
-    """Gradient steps and what they change."""
+    """Gradient steps and the arrays that they change."""
 
     KERNEL_NAME = "Descent"
 
@@ -122,8 +122,8 @@ class CompiledDescent(KernelStructure):
         ("shares", ctypes.c_void_p),
         ("steps", ctypes.c_int64),
         ("regularizer", ctypes.c_double),
-        ("polytope", StepPace),
-        ("network", StepPace),
+        ("polytope", CompiledAdamW),
+        ("network", CompiledAdamW),
         ("first_beta", ctypes.c_double),
         ("second_beta", ctypes.c_double),
         ("epsilon", ctypes.c_double),
@@ -192,7 +192,7 @@ class KernelDescent:
 
 
 def polytope_descent(geometry: ContactGeometry, body: Body, task: DescentTask) -> KernelDescent:
-    """Of a polytope in the published form.
+    """Makes gradient steps of a polytope in the published form.
 
     Args:
         geometry: what stays of theta, pivot and height, and the shapes.

@@ -59,7 +59,7 @@ class CompiledModel(KernelStructure):
 
 
 class CompiledRows(KernelStructure):
-    """Transitions, and what is wanted of them (contact/kernel/polytope_rows.hpp)."""
+    """Transitions and the requested outputs (contact/kernel/polytope_rows.hpp)."""
 
     KERNEL_NAME = "Evaluation"
 

@@ -23,7 +23,7 @@ from contact_curation.solver.cone_problem import MAX_CONTACTS
 
 
 class DescentParts(NamedTuple):
-    """What the kernel is told of a model with networks; all but the parameters stays as it is now.
+    """Constants of a model with networks that the kernel needs.
 
     Attributes:
         kind: names the kernel's function.
@@ -54,7 +54,7 @@ class DescentParts(NamedTuple):
 
 
 def network_descent(parts: DescentParts, task: DescentTask) -> KernelDescent | None:
-    """Steps of a model with networks; None where it does not fit."""
+    """Makes gradient steps of a model with networks; None where the kernel has no room for it."""
     if not parts.fits:
         return None
     compiled = CompiledModel(parts.geometry, parts.body, task.rules.loss)

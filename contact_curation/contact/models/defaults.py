@@ -1,4 +1,4 @@
-"""What is usual for a model where nothing else is said; plain numbers, so that reading them imports no torch."""
+"""Default settings of each model, as plain numbers that need no import of torch."""
 
 from dataclasses import dataclass
 

@@ -81,7 +81,7 @@ class EndToEndModel(Model):
         return self
 
     def batch_loss(self, rows: Rows, config: LossConfig) -> BatchLoss:
-        """There is nothing to solve, so that `config` is not looked at; what is not finite counts as not solved."""
+        """Losses without an inner problem; `config` is ignored, and values that are not finite count as not solved."""
         return over_finite_rows(rows, self._batch_loss)
 
     def outputs(self, rows: Rows, tape: list[LayerTrace] | None = None) -> tuple[Tensor, ...]:

@@ -1,4 +1,4 @@
-"""What every learnable model of contact offers: a loss to train on, outputs to score by, motions, and its own numbers.
+"""The interface of all learnable contact models: loss, outputs, rollouts, and parameters.
 
 A model holds its parameters theta and the body whose mass, inertia, gravity and length scale it takes as given. Lengths are
 characteristic lengths; parameters are float64. What a model must say of itself is abstract here; all else has a default that
@@ -90,14 +90,14 @@ class Model(torch.nn.Module, ABC):
 
     @abstractmethod
     def outputs(self, rows: Rows, tape: list[LayerTrace] | None = None) -> tuple[Tensor, ...]:
-        """What the loss of B transitions is made of, each (B, ...); a tape takes the layers of its networks."""
+        """The outputs that the loss of B transitions depends on, each (B, ...); a tape takes the layers of its networks."""
 
     @abstractmethod
     def steps(self, states: Array, dt: Array, limits: SweepLimits) -> Iterator[Steps]:
-        """Step after step from states (B, 13) with time steps (B,) [s], without end."""
+        """Iterates over time steps from states (B, 13) with periods (B,) [s], without end."""
 
     def settings(self) -> dict[str, str]:
-        """What, beside its tensors and its body, a model is rebuilt from; nothing."""
+        """Settings from which a model is rebuilt, beside its tensors and its body; none by default."""
         return {}
 
     def forward(self, rows: Rows) -> tuple[Tensor, ...]:
@@ -146,7 +146,7 @@ class Model(torch.nn.Module, ABC):
         return np.zeros(3)
 
     def geometry(self) -> ContactGeometry | None:
-        """The polytope that theta is; None for all models that are more, or something else."""
+        """The polytope of theta; None for other models."""
         return None
 
     def drawn_vertices(self) -> Array:
@@ -155,7 +155,7 @@ class Model(torch.nn.Module, ABC):
 
     @property
     def has_own_friction_vertices(self) -> bool:
-        """Whether friction acts at other vertices than those that the gaps depend on; not so."""
+        """Whether friction acts at other vertices than those that the gaps depend on; by default not."""
         return False
 
     def with_shared_vertices(self) -> "Model":
@@ -164,7 +164,7 @@ class Model(torch.nn.Module, ABC):
 
     @classmethod
     def has_exact_fit(cls, form: Form) -> bool:
-        """Whether the optimum of its data can be taken at once, in a form of the polytope; not so (`learning.fits`)."""
+        """Whether an exact fit to data exists in a form of the polytope (`learning.fits`); by default not."""
         return False
 
     def kernel_descent(self, task: DescentTask) -> KernelDescent | None:
@@ -221,7 +221,7 @@ class ContactModel(Model):
         return Contacts(gaps, self.contacts_at(frames.rotations_next, frames.positions_next)[0], jacobians)
 
     def regularizer(self, jacobians: Tensor) -> Tensor:
-        """What keeps theta's scale in place, () of Jacobians (B, K, 3, 6); zero for a model whose contacts keep theirs."""
+        """Regulariser of theta's scale, () of Jacobians (B, K, 3, 6); zero for a model whose contacts keep theirs."""
         return torch.zeros((), dtype=torch.float64)
 
     def batch_loss(self, rows: Rows, config: LossConfig) -> BatchLoss:

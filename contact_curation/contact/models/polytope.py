@@ -144,7 +144,7 @@ class PolytopeModel(ContactModel):
         return not torch.equal(self.vertices_normal, self.vertices_tangent)
 
     def with_shared_vertices(self) -> "PolytopeModel":
-        """The same with friction at the vertices of the gaps, as of a rigid body; those of its own are forgotten.
+        """The same model with friction at the contact vertices, as for a rigid body.
 
         Where the two were learned apart, it predicts motion better (docs/results.md).
         """
@@ -158,7 +158,7 @@ class PolytopeModel(ContactModel):
 
 
 class PolytopeParameters(ExplicitParameters):
-    """Of a polytope, or of the one inside a model whose gaps and Jacobians are the polytope's plus something else's.
+    """Parameters of a polytope, or of the polytope inside a model that adds to its gaps and Jacobians.
 
     Slopes by the sum are slopes by the polytope's own contacts: there are a few dozen parameters, with names and units, and
     everything that holds for a polytope's information holds.

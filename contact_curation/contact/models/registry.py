@@ -1,16 +1,16 @@
-"""All models by name, a line each. A class is imported when it is asked for: a polytope is read and scored without torch."""
+"""The registry of models, a line each. A class is imported when it is used: a polytope is read and scored without torch."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import UnknownNameError
 
 if TYPE_CHECKING:
     from contact_curation.contact.models.model import Model
 
 
 class ModelEntry(NamedTuple):
-    """Where the class of a model is, and what must be known of it without importing it.
+    """Module and class of a model, and properties that are needed without an import.
 
     Attributes:
         module: file in this folder.
@@ -42,7 +42,7 @@ def model_entry(name: str) -> ModelEntry:
         InvalidValueError: there is no such model.
     """
     if name not in MODELS:
-        raise InvalidValueError("model", name, f"one of {', '.join(MODELS)}")
+        raise UnknownNameError("model", name, MODELS)
     return MODELS[name]
 
 

@@ -1,4 +1,4 @@
-"""Whole motions from their first state with any model's own time steps, many trajectories in lockstep (method.md 4.2).
+"""Rollouts with any model's own time steps, many trajectories in lockstep (method.md 4.2).
 
 The polytope has a kernel of its own (`contact.rollout`). With a network each frame is one evaluation for a block of
 trajectories, and then the compiled time step at the contacts it gave, or the model's own.

@@ -1,4 +1,4 @@
-"""Transitions as models take them, and the losses of a batch of them."""
+"""Batches of transitions for models, and their losses."""
 
 from collections.abc import Callable
 from typing import NamedTuple

@@ -76,7 +76,9 @@ def save_learning_curves(
             logarithmic(panel.yaxis)
             panel.grid(alpha=0.3)
             reached = f"{min(ends):.3g} to {max(ends):.3g}" if f"{min(ends):.3g}" != f"{max(ends):.3g}" else f"{ends[0]:.3g}"
-            entitle(panel, f"{name.partition(' [')[0].capitalize()} ends at {reached}", columns=len(runs) + 1)
+            entitle(panel, f"{name.partition(' [')[0].capitalize()} ends at {reached}")
+        lines, names = panels[0].get_legend_handles_labels()
+        figure.legend(lines, names, loc="outside lower center", ncols=len(names))
         save_figure(figure, path)
 
 

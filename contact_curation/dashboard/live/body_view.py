@@ -1,19 +1,20 @@
-"""View: the body at its learned vertices, each with the ellipsoid that it is known within."""
+"""Views: the body at its learned vertices, each with the ellipsoid that it is known within; its friction over the session."""
 
 import numpy as np
 import rerun as rr
 from scipy.spatial.transform import Rotation
 
 from contact_curation.contact.body import Body
+from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.dashboard.live.screen import Screen
 from contact_curation.dashboard.live.wireframe import wireframe_of
-from contact_curation.dashboard.style import BLUE, GREEN, VERMILION, Colour
+from contact_curation.dashboard.style import BLUE, GREEN, GREY, VERMILION, Colour
 from contact_curation.dashboard.vertex_uncertainty import VertexUncertainty
 from contact_curation.geometry.quaternions import Array
 
-BODY, KNOWN = "body", "known"
+BODY, KNOWN, FRICTION = "body", "known", "friction"
 
-DESCRIBED, LEARNED, SURE, UNSURE, TEXT = Colour(150, 150, 150), BLUE, GREEN, VERMILION, Colour(20, 20, 20)
+DESCRIBED, LEARNED, SURE, UNSURE, TEXT, BAND = Colour(150, 150, 150), BLUE, GREEN, VERMILION, Colour(20, 20, 20), GREY
 SMALL = 0.0005
 """[m] A point that a label hangs on."""
 
@@ -46,16 +47,38 @@ class BodyView:
         screen.always(f"{BODY}/described", rr.LineStrips3D(edges, colors=[DESCRIBED], radii=rr.Radius.ui_points(1.0)))
         screen.curve(f"{KNOWN}/worst", "worst vertex [mm]", UNSURE)
         screen.curve(f"{KNOWN}/median", "median vertex [mm]", LEARNED)
+        screen.curve(f"{FRICTION}/estimate", "friction", LEARNED)
+        for end in ("low", "high"):
+            screen.curve(f"{FRICTION}/{end}", "1 sigma", BAND)
 
-    def show(self, vertices: Array, uncertainty: VertexUncertainty | None) -> None:
-        """Writes the body at vertices (V, 3) [m], and where it is known how well they are known, that."""
+    def show(self, geometry: ContactGeometry | None, uncertainty: VertexUncertainty | None) -> str:
+        """Writes the body at a theta; None is that of a network, whose body is as described.
+
+        Args:
+            geometry: of theta.
+            uncertainty: of its vertices and friction, where that is known.
+
+        Returns:
+            The friction with its interval of one sigma, in words; empty for a network.
+        """
+        scale = self._body.length_scale
+        vertices = self._body.vertices if geometry is None else geometry.vertices_normal * scale
         edges = self._wireframe.strips(vertices)
         self._screen.log(f"{BODY}/learned/edges", rr.LineStrips3D(edges, colors=[LEARNED], radii=rr.Radius.ui_points(2.0)))
         faces = rr.Mesh3D(vertex_positions=vertices, triangle_indices=self._wireframe.triangles, albedo_factor=(*LEARNED, 40))
         self._screen.log(f"{BODY}/learned/faces", faces)
         if uncertainty is None:
             self._screen.log(f"{BODY}/uncertainty", rr.Clear(recursive=True))
-            return
+        else:
+            self._show_uncertainty(vertices, uncertainty)
+        if geometry is None:
+            return ""
+        friction, sigma = friction_of(geometry), uncertainty.friction if uncertainty else np.nan
+        low, high = float(friction * np.exp(-sigma)), float(friction * np.exp(sigma))
+        self._screen.values(FRICTION, {"estimate": friction, "low": low, "high": high})
+        return f"{friction:.3f}" + (f" (1 sigma: {low:.3f} to {high:.3f})" if np.isfinite(sigma) else "")
+
+    def _show_uncertainty(self, vertices: Array, uncertainty: VertexUncertainty) -> None:
         self._screen.log(f"{BODY}/uncertainty", ellipsoids_of(vertices, uncertainty, self._body.length_scale))
         largest = MILLIMETRES * self._body.length_scale * uncertainty.largest
         labels = rr.Points3D(
@@ -63,6 +86,11 @@ class BodyView:
         )
         self._screen.log(f"{BODY}/uncertainty/labels", labels)
         self._screen.values(KNOWN, {"worst": float(largest.max()), "median": float(np.median(largest))})
+
+
+def friction_of(geometry: ContactGeometry) -> float:
+    """The friction coefficient; in a form that has two tangents of their own, their root mean square."""
+    return float(np.sqrt((geometry.tangents**2).sum() / 2.0))
 
 
 def ellipsoids_of(vertices: Array, uncertainty: VertexUncertainty, length_scale: float) -> rr.Ellipsoids3D:

@@ -1,13 +1,13 @@
-"""View: the nodes' diagnostics, and what the dashboard had to leave out."""
+"""View: the nodes' diagnostics, and what the dashboard had to leave out; details of those that warn only."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from textwrap import shorten
 
 from contact_curation.dashboard.live.screen import Screen, table
 
 TABLE = "health"
-HEADER = ("node", "state", "says", "details")
+HEADER = ("node", "state", "says")
 LONGEST_VALUE = 24
 """Letters of a detail that are shown."""
 
@@ -45,29 +45,34 @@ class HealthView:
         self._screen = screen
         self._page = ""
 
-    def show(self, nodes: Mapping[str, NodeHealth], dropped: Mapping[str, int], now: float) -> None:
+    def show(
+        self, nodes: Mapping[str, NodeHealth], dropped: Mapping[str, int], now: float, ended: Collection[str] = ()
+    ) -> None:
         """Writes what is known now.
 
         Args:
             nodes: by name, what each said last.
             dropped: by topic, messages that the dashboard did not show.
             now: by the same clock as `NodeHealth.heard` [s].
+            ended: names of nodes that are in the graph no more.
         """
-        page = health_page(nodes, dropped, now)
+        page = health_page(nodes, dropped, now, ended)
         if page != self._page:
             self._page = page
             self._screen.text(TABLE, page)
 
 
-def health_page(nodes: Mapping[str, NodeHealth], dropped: Mapping[str, int], now: float) -> str:
+def health_page(nodes: Mapping[str, NodeHealth], dropped: Mapping[str, int], now: float, ended: Collection[str] = ()) -> str:
     """The nodes' health as a page."""
     lost = ", ".join(f"{count} of {topic}" for topic, count in sorted(dropped.items()))
     title = f"**not shown, because the dashboard was behind: {lost}**" if lost else "everything that was heard is shown"
-    return f"{title}\n\n{table(HEADER, (_cells(nodes[name], now) for name in sorted(nodes)))}"
+    return f"{title}\n\n{table(HEADER, (_cells(nodes[name], now, name in ended) for name in sorted(nodes)))}"
 
 
-def _cells(node: NodeHealth, now: float) -> tuple[str, ...]:
+def _cells(node: NodeHealth, now: float, ended: bool) -> tuple[str, ...]:
     silent = now - node.heard > SILENT_AFTER
-    state = "**silent**" if silent else ("**warns**" if node.warning else "ok")
-    details = ", ".join(f"{name} {shorten(value, LONGEST_VALUE)}" for name, value in node.values.items())
-    return (node.name.removeprefix("/"), state, node.message, details)
+    state = "ended" if ended else "**silent**" if silent else "**warns**" if node.warning else "ok"
+    details = (
+        ", ".join(f"{name} {shorten(value, LONGEST_VALUE)}" for name, value in node.values.items()) if node.warning else ""
+    )
+    return (node.name.removeprefix("/"), state, "; ".join(part for part in (node.message, details) if part))

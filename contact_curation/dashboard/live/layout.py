@@ -9,41 +9,38 @@ from contact_curation.dashboard.live import (
     learning_view,
     motion_view,
     ranking_view,
+    summary_view,
     throw_view,
 )
 from contact_curation.dashboard.live.screen import TOSS
 
-WHITE = (250, 250, 250)
+SKY = (228, 231, 235)
+"""Behind the scenes: what is selected has a white outline, which is seen on it."""
+
 EYE, LOOKED_AT = (-0.25, -0.95, 0.42), (-0.03, 0.0, 0.05)
 """[m] Where tosses are looked at from, and where to."""
 
 BODY_EYE = (2.6, -3.6, 2.2)
 """The same for the body about its origin [characteristic lengths]."""
 
-COLUMNS = rrb.TextLogColumns(
-    timeline_columns=[rrb.encodings.TimelineColumn(timeline=TOSS)],
-    text_log_columns=[rrb.encodings.TextLogColumn(kind="body")],
-)
-
 UP = (0.0, 0.0, 1.0)
 
 
 def live_layout(body: Body) -> rrb.Blueprint:
     """Of a session: everything."""
-    seen = rrb.Vertical(_motion(), _body(body), row_shares=[1.15, 1.0])
-    chosen = rrb.Vertical(_ranking(), rrb.Horizontal(_spectrum(), _epsilon()), _gated(), row_shares=[1.35, 1.0, 0.55])
-    errors = rrb.Horizontal(_errors(), _losses())
-    known = rrb.Horizontal(_known(), _gains())
-    learned = rrb.Vertical(errors, known, _throws(), _health(), row_shares=[0.8, 0.8, 0.75, 1.0])
-    return _blueprint(rrb.Horizontal(seen, chosen, learned, column_shares=[0.95, 1.05, 1.1]))
+    seen = rrb.Vertical(_motion(), _body(body), row_shares=[1.1, 1.0])
+    chosen = rrb.Vertical(_summary(), _ranking(), _throws(), _rejected(), row_shares=[0.56, 1.5, 0.75, 0.5])
+    more = rrb.Tabs(_health(), _spectrum(), _epsilon(), _losses())
+    learned = rrb.Vertical(_friction(), _known(), _errors(), _gains(), more, row_shares=[1.0, 1.0, 1.0, 1.0, 1.5])
+    return _blueprint(rrb.Horizontal(seen, chosen, learned, column_shares=[0.85, 1.15, 1.0]))
 
 
 def ranking_layout(body: Body) -> rrb.Blueprint:
     """Of a ranking of recordings: what there is without a session."""
-    seen = rrb.Vertical(_motion(), _body(body), row_shares=[1.15, 1.0])
-    numbers = rrb.Horizontal(_spectrum(), _epsilon(), _known())
-    chosen = rrb.Vertical(_ranking(), numbers, _gated(), row_shares=[1.5, 0.8, 0.7])
-    return _blueprint(rrb.Horizontal(seen, chosen, column_shares=[0.8, 1.2]))
+    seen = rrb.Vertical(_motion(), _body(body), row_shares=[1.1, 1.0])
+    chosen = rrb.Vertical(_summary(), _ranking(), _rejected(), row_shares=[0.5, 2.2, 0.6])
+    known = rrb.Vertical(_friction(), _known(), rrb.Tabs(_spectrum(), _epsilon()), row_shares=[1.0, 1.0, 1.3])
+    return _blueprint(rrb.Horizontal(seen, chosen, known, column_shares=[0.85, 1.15, 1.0]))
 
 
 def _blueprint(views: rrb.Horizontal) -> rrb.Blueprint:
@@ -58,11 +55,15 @@ def _blueprint(views: rrb.Horizontal) -> rrb.Blueprint:
     )
 
 
+def _summary() -> rrb.TextDocumentView:
+    return rrb.TextDocumentView(origin=summary_view.PAGE, name="Session")
+
+
 def _motion() -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
         origin=motion_view.SCENE,
-        name="Toss: measured black, predicted blue, next pink",
-        background=WHITE,
+        name="Toss: measured black, predicted blue",
+        background=SKY,
         line_grid=False,
         eye_controls=rrb.EyeControls3D(position=EYE, look_target=LOOKED_AT, eye_up=UP),
     )
@@ -72,53 +73,58 @@ def _body(body: Body) -> rrb.Spatial3DView:
     x, y, z = (body.length_scale * coordinate for coordinate in BODY_EYE)
     return rrb.Spatial3DView(
         origin=body_view.BODY,
-        name=f"Body learned; 1 sigma of each vertex (x {body_view.MAGNIFIED:g})",
-        background=WHITE,
+        name=f"Learned body, 1 sigma drawn x {body_view.MAGNIFIED:g}",
+        background=SKY,
         line_grid=False,
         eye_controls=rrb.EyeControls3D(position=(x, y, z), look_target=(0.0, 0.0, 0.0), eye_up=UP),
     )
 
 
 def _ranking() -> rrb.TextDocumentView:
-    return rrb.TextDocumentView(origin=ranking_view.TABLE, name="Ranking")
-
-
-def _spectrum() -> rrb.BarChartView:
-    hidden = rrb.PlotLegend(visible=False)
-    return rrb.BarChartView(origin=ranking_view.SPECTRUM, name="Spectrum of the selected set, log10", plot_legend=hidden)
-
-
-def _epsilon() -> rrb.TimeSeriesView:
-    return _curves(ranking_view.EPSILON, "Selected set against all", rrb.Corner2D.RightBottom)
-
-
-def _known() -> rrb.TimeSeriesView:
-    return _curves(body_view.KNOWN, "Vertices, 1 sigma")
-
-
-def _errors() -> rrb.TimeSeriesView:
-    return _curves(learning_view.ERRORS, "Held-out errors")
-
-
-def _losses() -> rrb.TimeSeriesView:
-    return _curves(learning_view.LOSSES, "Losses")
-
-
-def _gains() -> rrb.TimeSeriesView:
-    return _curves(throw_view.GAINS, "Gain of throws")
+    return rrb.TextDocumentView(origin=ranking_view.TABLE, name="Ranking: a click on a number points the toss out")
 
 
 def _throws() -> rrb.TextDocumentView:
     return rrb.TextDocumentView(origin=throw_view.TABLE, name="Throws")
 
 
-def _gated() -> rrb.TextLogView:
-    return rrb.TextLogView(origin=ranking_view.REJECTED, name="Rejected by the gates", columns=COLUMNS)
+def _rejected() -> rrb.TextDocumentView:
+    return rrb.TextDocumentView(origin=ranking_view.REJECTED, name="Rejected by the quality checks")
 
 
 def _health() -> rrb.TextDocumentView:
-    return rrb.TextDocumentView(origin=health_view.TABLE, name="Health of the nodes")
+    return rrb.TextDocumentView(origin=health_view.TABLE, name="Nodes")
 
 
-def _curves(origin: str, name: str, legend: rrb.Corner2D = rrb.Corner2D.RightTop) -> rrb.TimeSeriesView:
-    return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=rrb.PlotLegend(corner=legend))
+def _friction() -> rrb.TimeSeriesView:
+    return _curves(body_view.FRICTION, "Friction: estimate blue, 1 sigma grey")
+
+
+def _known() -> rrb.TimeSeriesView:
+    return _curves(body_view.KNOWN, "Vertices, 1 sigma [mm]: worst orange, median blue")
+
+
+def _errors() -> rrb.TimeSeriesView:
+    return _curves(learning_view.ERRORS, "Held-out: position [%] blue, rotation [deg] orange")
+
+
+def _gains() -> rrb.TimeSeriesView:
+    return _curves(throw_view.GAINS, "Gain [nats]: planned pink, realised blue")
+
+
+def _losses() -> rrb.TimeSeriesView:
+    return _curves(learning_view.LOSSES, "log10 of losses: training green, held-out pink")
+
+
+def _epsilon() -> rrb.TimeSeriesView:
+    return _curves(ranking_view.EPSILON, "Epsilon")
+
+
+def _spectrum() -> rrb.BarChartView:
+    hidden = rrb.PlotLegend(visible=False)
+    return rrb.BarChartView(origin=ranking_view.SPECTRUM, name="Directions", plot_legend=hidden)
+
+
+def _curves(origin: str, name: str) -> rrb.TimeSeriesView:
+    """Curves told apart by their colours in the view's name; a legend would lie on them, as Rerun has none beside them."""
+    return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=rrb.PlotLegend(visible=False))

@@ -9,6 +9,7 @@ import rerun as rr
 
 from contact_curation.contact.body import Body
 from contact_curation.dashboard.live.screen import Screen, quaternions_xyzw
+from contact_curation.dashboard.live.toss_names import path_of, zoned
 from contact_curation.dashboard.live.wireframe import wireframe_of
 from contact_curation.dashboard.style import BLUE, PURPLE, VERMILION, Colour
 from contact_curation.dashboard.toss_motion import TossMotion
@@ -16,10 +17,14 @@ from contact_curation.design.throw import Throw
 from contact_curation.geometry.quaternions import Array
 
 SCENE = "scene"
-MEASURED, PREDICTED, IMPULSE, NEXT, BOARD = Colour(30, 30, 30), BLUE, VERMILION, PURPLE, Colour(190, 190, 190)
+MEASURED, PREDICTED, IMPULSE, NEXT = Colour(30, 30, 30), BLUE, VERMILION, PURPLE
+BOARD, PAST = Colour(195, 195, 195), Colour(140, 140, 140)
 
 BOARD_SIDE, BOARD_THICKNESS = 0.9, 0.004
 """[m]"""
+
+NAME_ABOVE = 0.12
+"""[m] A toss's name stands so far above its release."""
 
 IMPULSE_SCALE = 1.0
 """[m] of arrow for 1 N s."""
@@ -49,8 +54,11 @@ class MotionView:
         screen.always(f"{SCENE}/board", board)
 
     def show(self, motion: TossMotion, number: int) -> None:
-        """Writes a toss, the `number`th."""
+        """Writes a toss, the `number`th; its path stays among those of all tosses."""
         toss = motion.toss
+        above = toss.positions[:1] + np.array([0.0, 0.0, NAME_ABOVE])
+        name = f"toss {number}, {zoned(toss.toss_id)}"
+        label = rr.Points3D(above, labels=[name], colors=[MEASURED], radii=NAME_ABOVE / 100.0, show_labels=True)
         self._path("measured", toss.positions, toss.orientations_wxyz, self._body.vertices, MEASURED)
         finite = np.isfinite(motion.predicted).all(axis=1)
         states = motion.predicted[finite]
@@ -62,6 +70,9 @@ class MotionView:
             radii=rr.Radius.ui_points(1.5),
         )
         self._screen.log(f"{SCENE}/impulses", arrows)
+        self._screen.log(f"{SCENE}/name", label)
+        path = rr.LineStrips3D([toss.positions], colors=[PAST], radii=rr.Radius.ui_points(1.0))
+        self._screen.always(path_of(number), path)
         moving = f"{SCENE}/moving"
         poses = rr.Transform3D.columns(translation=toss.positions, quaternion=quaternions_xyzw(toss.orientations_wxyz))
         self._screen.frames(moving, number, toss.stamps_ns, poses)

@@ -1,7 +1,7 @@
 """A finished ranking as a session: the timeline `toss` goes down the ranking, and shows what is known by the first k tosses."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.loss_config import LossConfig
@@ -10,6 +10,8 @@ from contact_curation.dashboard.live.body_view import BodyView
 from contact_curation.dashboard.live.motion_view import MotionView
 from contact_curation.dashboard.live.ranking_view import GateView, RankingView
 from contact_curation.dashboard.live.screen import Moment, Screen
+from contact_curation.dashboard.live.summary_view import Standing, SummaryView
+from contact_curation.dashboard.live.toss_names import zoned
 from contact_curation.dashboard.toss_motion import ShownTheta, motion_of
 from contact_curation.dashboard.vertex_uncertainty import uncertainty_if_known
 from contact_curation.information.pool import Pool
@@ -52,17 +54,22 @@ def show_ranked(
         InvalidValueError: theta cannot be rolled out.
     """
     bodies, motions = BodyView(screen, body), MotionView(screen, body)
-    rankings, gates = RankingView(screen), GateView(screen)
+    rankings, gates, summary = RankingView(screen), GateView(screen), SummaryView(screen)
     screen.at(Moment())
     for one in rejected:
         gates.show(one.toss_id, one.frames, one.reasons)
-    rankings.show_page(selected, evidence_of(pool, selected))
+    numbers = {toss_id: place for place, toss_id in enumerate(selected.toss_ids, start=1)}
+    rankings.show_page(selected, evidence_of(pool, selected), {one: place for one, place in numbers.items() if one in tosses})
+    standing = Standing(tosses=len(pool), selected=len(selected.toss_ids), rejected=len(rejected))
+    summary.show(standing)
     subspace = pool_subspace(pool, DEFAULT.cut)
-    vertices = body.vertices if theta.geometry is None else theta.geometry.vertices_normal * body.length_scale
-    bodies.show(vertices, uncertainty_if_known(pool, ()))
+    bodies.show(theta.geometry, uncertainty_if_known(pool, ()))
     for place, toss_id in enumerate(selected.toss_ids, start=1):
         screen.at(Moment(place))
         rankings.show_spectrum(selected_spectrum(pool, subspace, selected.toss_ids[:place]))
-        bodies.show(vertices, uncertainty_if_known(pool, selected.toss_ids[:place]))
+        friction = bodies.show(theta.geometry, uncertainty_if_known(pool, selected.toss_ids[:place]))
         if toss_id in tosses:
-            motions.show(motion_of(tosses[toss_id], body, theta, loss), place)
+            motion = motion_of(tosses[toss_id], body, theta, loss)
+            motions.show(motion, place)
+            drawn = f"rank {place}, the toss of {zoned(toss_id)}"
+            summary.show(replace(standing, friction=friction, drawn=drawn, error=motion.position_error))

@@ -15,6 +15,9 @@ from contact_curation.dashboard.live.screen import Screen
 from contact_curation.errors import InvalidValueError
 
 APPLICATION = "contact_curation"
+BLUEPRINT = ".rbl"
+"""Of the layout's file beside a recording, for `rerun OTHER.rrd SESSION.rbl`."""
+
 ANYWHERE = "0.0.0.0"
 FLUSH_PERIOD = 0.5
 """[s] Rows wait so long for others of their entity: a viewer takes few long chunks faster than many short ones."""
@@ -73,6 +76,8 @@ def open_screen(config: ServingConfig, layout: rrb.Blueprint) -> Screen:
         )
         rr.serve_web_viewer(web_port=config.web_port, open_browser=False)
     stream.set_sinks(*sinks, default_blueprint=layout)
+    if config.recording is not None:
+        layout.save(APPLICATION, config.recording.with_suffix(BLUEPRINT))
     return Screen(stream)
 
 

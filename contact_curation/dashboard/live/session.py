@@ -5,7 +5,9 @@ the newest toss at the newest theta) is written when it is asked for, so that wh
 overtaken already. Everything may come twice, late, or in another order; what does not fit together yet waits.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.loss_config import LossConfig
@@ -16,7 +18,9 @@ from contact_curation.dashboard.live.learning_view import LearningView, Training
 from contact_curation.dashboard.live.motion_view import MotionView
 from contact_curation.dashboard.live.ranking_view import GateView, RankingView
 from contact_curation.dashboard.live.screen import Moment, Screen
+from contact_curation.dashboard.live.summary_view import Standing, SummaryView
 from contact_curation.dashboard.live.throw_view import NEXT_STATE, ThrowMade, ThrowView
+from contact_curation.dashboard.live.toss_names import zoned
 from contact_curation.dashboard.toss_motion import ShownTheta, motion_of
 from contact_curation.dashboard.vertex_uncertainty import uncertainty_if_known
 from contact_curation.information.pool import Pool, pool_of
@@ -35,9 +39,10 @@ class LiveSession:
         body: as it was described.
         theta: to begin with.
         loss: that impulses are found with.
+        throws: that are planned in all; 0: not known.
     """
 
-    def __init__(self, screen: Screen, body: Body, theta: ShownTheta, loss: LossConfig) -> None:
+    def __init__(self, screen: Screen, body: Body, theta: ShownTheta, loss: LossConfig, throws: int = 0) -> None:
         self._screen = screen
         self._body = body
         self._loss = loss
@@ -57,6 +62,8 @@ class LiveSession:
         self._flights = ThrowView(screen)
         self._gates = GateView(screen)
         self._healths = HealthView(screen)
+        self._summary = SummaryView(screen)
+        self._standing = Standing(planned=throws)
 
     @property
     def tosses(self) -> int:
@@ -73,6 +80,7 @@ class LiveSession:
             return
         self._numbers[toss.toss_id] = len(self._numbers) + 1
         self._passed(int(toss.stamps_ns[-1]))
+        self._stands(tosses=self.tosses)
         self._show_motion(toss)
         if self._newest is None or toss.stamps_ns[-1] > self._newest.stamps_ns[-1]:
             self._newest = toss
@@ -82,6 +90,7 @@ class LiveSession:
         self._passed(stamp_ns)
         self._screen.at(Moment(len(self._numbers), stamp_ns))
         self._gates.show(toss_id, frames, reasons)
+        self._stands(rejected=self._gates.rejected)
 
     def add_information(self, information: TossInformation) -> None:
         """The information of a toss, at any theta."""
@@ -96,6 +105,8 @@ class LiveSession:
         """The selected set that `show_ranking` is about from now on."""
         self._passed(stamp_ns)
         self._selected = selected
+        self._now()
+        self._stands(selected=len(selected.toss_ids))
 
     def set_theta(self, theta: ShownTheta) -> None:
         """The newest theta: what `show_motion` and all tosses to come are predicted with."""
@@ -119,12 +130,15 @@ class LiveSession:
         throws = tuple(self._throws.values())
         self._flights.show(throws, throw)
         waiting = throws[-1].state == NEXT_STATE
+        self._stands(throws=len(throws), under_way=waiting)
         self._motions.show_throw(throws[-1].commanded if waiting else None)
 
-    def show_health(self, nodes: Mapping[str, NodeHealth], dropped: Mapping[str, int], now: float) -> None:
+    def show_health(
+        self, nodes: Mapping[str, NodeHealth], dropped: Mapping[str, int], now: float, ended: Collection[str] = ()
+    ) -> None:
         """Writes the nodes' health; arguments as in `HealthView.show`."""
         self._now()
-        self._healths.show(nodes, dropped, now)
+        self._healths.show(nodes, dropped, now, ended)
 
     def show_motion(self) -> None:
         """Writes the newest toss once more, at the newest theta; errors as in `add_toss`."""
@@ -148,23 +162,26 @@ class LiveSession:
             return False
         pool = pool_of(informations.values())
         self._now()
-        self._rankings.show(selected, evidence_of(pool, selected))
+        self._rankings.show(selected, evidence_of(pool, selected), self._numbers)
         self._show_body(pool, selected)
         return len(pool) >= selected.seen
 
     def _show_body(self, pool: Pool, selected: SelectedSet) -> None:
         geometry = self._thetas.get(selected.version, self._theta).geometry
-        if geometry is None:
-            self._bodies.show(self._body.vertices, None)
-            return
-        uncertainty = uncertainty_if_known(pool, selected.toss_ids)
-        self._bodies.show(geometry.vertices_normal * self._body.length_scale, uncertainty)
+        uncertainty = None if geometry is None else uncertainty_if_known(pool, selected.toss_ids)
+        self._stands(friction=self._bodies.show(geometry, uncertainty))
 
     def _show_motion(self, toss: Toss) -> None:
         number = self._numbers[toss.toss_id]
         motion = motion_of(toss, self._body, self._theta, self._loss)
         self._screen.at(Moment(number, int(toss.stamps_ns[0])))
         self._motions.show(motion, number)
+        self._stands(drawn=f"toss {number} of {zoned(toss.toss_id)}", error=motion.position_error)
+
+    def _stands(self, **changes: Any) -> None:
+        """What is known now of where the session stands."""
+        self._standing = replace(self._standing, **changes)
+        self._summary.show(self._standing)
 
     def _passed(self, stamp_ns: int) -> None:
         self._stamp_ns = max(self._stamp_ns, stamp_ns)

@@ -15,7 +15,7 @@ NEXT_STATE, DONE_STATE = "commanded", "scored"
 LISTED = 12
 """Throws on the page, newest first."""
 
-HEADER = ("throw", "kind", "state", "speed", "spin", "planned", "realised", "note")
+HEADER = ("throw", "kind", "state", "planned", "realised", "note")
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +50,7 @@ class ThrowView:
         self._screen = screen
         screen.curve(f"{GAINS}/planned", "planned gain [nats]", PLANNED)
         screen.curve(f"{GAINS}/realised", "realised gain [nats]", REALISED)
+        screen.text(TABLE, "No throw was commanded yet.")
 
     def show(self, throws: Sequence[ThrowMade], newest: ThrowMade) -> None:
         """Writes all throws so far, oldest first, of which one is news."""
@@ -62,7 +63,7 @@ class ThrowView:
 def throws_page(throws: Sequence[ThrowMade]) -> str:
     """Throws as a page, the newest first."""
     waiting = next((one for one in reversed(throws) if one.state == NEXT_STATE), None)
-    title = f"**next throw: {_in_words(waiting)}**" if waiting else "no throw is under way"
+    title = f"**Next throw: {_in_words(waiting)}**" if waiting else "No throw is under way; gains in log-det [nats]"
     numbered = list(enumerate(throws, start=1))[-LISTED:]
     return f"{title}\n\n{table(HEADER, (_cells(place, one) for place, one in reversed(numbered)))}"
 
@@ -74,8 +75,7 @@ def _in_words(throw: ThrowMade) -> str:
 
 def _cells(place: int, throw: ThrowMade) -> tuple[str, ...]:
     planned = number(throw.planned) if throw.planned > 0.0 else "-"
-    speed, spin = _speed(throw.commanded), _spin(throw.commanded)
-    return (str(place), throw.kind, throw.state, speed, spin, planned, number(throw.realised), throw.detail)
+    return (str(place), throw.kind, throw.state, planned, number(throw.realised), throw.detail)
 
 
 def _speed(throw: Throw) -> str:

@@ -4,7 +4,7 @@ Understood are classes of defaults, mesh assets and all ways to give an orientat
 understood is refused: then save the compiled model (`mj_saveLastXML`) and give that file.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -229,7 +229,7 @@ def _cylinder(model: _Model, geom: Element) -> Mesh:
     return _exact(shapes.cylinder(radius, 2.0 * half))
 
 
-SHAPES = {
+SHAPES: dict[str, Callable[[_Model, Element], Mesh]] = {
     "box": lambda model, geom: _exact(shapes.box(_sizes(model, geom, 3))),
     "ellipsoid": lambda model, geom: _exact(shapes.ellipsoid(_sizes(model, geom, 3))),
     "sphere": lambda model, geom: _exact(shapes.sphere(float(_used(model, geom, 1)[0]))),

@@ -4,6 +4,7 @@ The corners are added one after the other, each time the one that is farthest ou
 inside the hull, so that its Hausdorff distance from it is that of the farthest corner left out.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -58,8 +59,7 @@ def hull_corners(points: Array, most: int) -> Corners:
     if len(corners) <= most:
         return Corners(corners, len(corners), 0.0)
     taken = _farthest_first(corners, most, ROUNDING * size)
-    error = _largest_distance(corners[~taken], corners[taken])
-    return Corners(corners[taken], len(corners), error)
+    return Corners(corners[taken], len(corners), _largest_distance(corners[~taken], corners[taken]))
 
 
 def _without_flat_ones(corners: Array, tolerance: float) -> Array:
@@ -111,8 +111,9 @@ def _outside(points: Array, hull: "object") -> Array:
 def _largest_distance(points: Array, corners: Array) -> float:
     """From points (N, 3) outside of a hull to it."""
     from scipy.spatial import ConvexHull
-    from trimesh.triangles import closest_point
+    from trimesh import triangles as triangle_geometry
 
+    closest_point: Callable[[Array, Array], Array] = triangle_geometry.closest_point
     triangles = corners[ConvexHull(corners).simplices]  # (F, 3, 3)
     largest = 0.0
     for first in range(0, len(points), AT_ONCE):

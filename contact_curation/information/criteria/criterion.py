@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.information.pool import Pool
 from contact_curation.information.ranking import Selection
 from contact_curation.information.record import TossInformation
@@ -23,6 +23,9 @@ DEFAULT_CRITERION = "representative"
 
 STREAMED_CRITERION = "log-det"
 """What stands in for the default where tosses are let go unranked: the default needs the whole pool."""
+
+
+MOST_SELECTED = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -58,9 +61,9 @@ class RankingConfig:
         criterion_named(self.criterion)
         for name, accepted in (item for one in _REGISTERED.values() for item in one.choices.items()):
             if getattr(self, name) not in accepted:
-                raise InvalidValueError(f"ranking.{name}", getattr(self, name), f"one of {', '.join(accepted)}")
-        if self.top < 1:
-            raise InvalidValueError("ranking.top", self.top, "at least 1 toss to keep")
+                raise UnknownNameError(f"ranking.{name}", getattr(self, name), accepted)
+        if not 1 <= self.top <= MOST_SELECTED:
+            raise InvalidValueError("ranking.top", self.top, f"1 to {MOST_SELECTED} tosses to select")
         for name in ("seed", "certificate_steps"):
             if getattr(self, name) < 0:
                 raise InvalidValueError(f"ranking.{name}", getattr(self, name), "a number of at least 0")
@@ -71,7 +74,7 @@ class RankingConfig:
 
 
 class Need(Enum):
-    """What a criterion reads of a pool; whoever ranks by it provides that.
+    """Data that a criterion needs beside the factors; the caller provides it.
 
     THETA: the tosses' information at a theta; a criterion without it ranks the same tosses alike at every theta.
     SUBSPACE: the subspace that the pool identifies: at least one toss must carry information.
@@ -86,7 +89,7 @@ class Need(Enum):
 
 
 class Explanation(NamedTuple):
-    """What a dashboard says of each toss of a pool, by toss id.
+    """A gain and a reason for each toss of a pool, by toss id, for the dashboard.
 
     Attributes:
         gains: what the toss would add to the selected set.
@@ -164,7 +167,7 @@ def criterion_names() -> tuple[str, ...]:
 def criterion_named(name: str) -> Criterion:
     """The registered criterion of that name; InvalidValueError where there is none."""
     if name not in _REGISTERED:
-        raise InvalidValueError("ranking.criterion", name, f"one of {', '.join(_REGISTERED)}")
+        raise UnknownNameError("criterion", name, _REGISTERED)
     return _REGISTERED[name]
 
 

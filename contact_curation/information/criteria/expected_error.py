@@ -1,4 +1,4 @@
-"""What learning from some tosses of a pool is expected to cost beside learning from all of them.
+"""The expected error of parameters that are estimated from some tosses of a pool, against all of them.
 
 Of a set S, in coordinates where the pool's mean toss is the identity and in units of the scores' variance there,
 
@@ -47,7 +47,7 @@ class Sums(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ExpectedError:
-    """What one particle's sets are measured by; made by `of`.
+    """The expected error of sets of tosses for one particle; made by `of`.
 
     Attributes:
         pool: K tosses.
@@ -80,17 +80,17 @@ class ExpectedError:
         return _sums_of(self.known.prior * np.eye(self._size) + rows.T @ rows, self.known.scores[list(selected)].sum(axis=0))
 
     def with_toss(self, sums: Sums, index: int) -> Sums:
-        """Of the set and one toss more."""
+        """Sums of the set and one more toss."""
         rows = self._rows([index])[0]
         return _sums_of(sums.matrix + rows.T @ rows, sums.score + self.known.scores[index])
 
     def value(self, sums: Sums) -> float:
-        """Of the set itself."""
+        """The expected error of the set."""
         off = sums.inverse @ sums.score - self.known.shift
         return float(off @ off + self.doubt * np.trace(sums.inverse))
 
     def joined(self, sums: Sums, indices: Indices) -> Array:
-        """(b,) of the set with each of some tosses added."""
+        """(b,) expected errors of the set with each of some tosses added."""
         rows, scores = self._rows(indices), sums.score + self.known.scores[indices]
         gained = (rows.reshape(-1, self._size) @ sums.inverse).reshape(rows.shape)  # (b, R, p) Z A^-1
         steps = scores @ sums.inverse  # (b, p)
@@ -103,7 +103,7 @@ class ExpectedError:
         return np.asarray((off * off).sum(axis=1) + self.doubt * traces)
 
     def bounds(self, sums: Sums) -> Array:
-        """(K,) below what `joined` gives for every toss of the pool."""
+        """(K,) lower bounds on `joined` for every toss of the pool."""
         values, vectors = np.linalg.eigh(sums.matrix + np.eye(self._size))
         half, weights = vectors / values, values**-2  # B^-1 = half @ vectors^T; weights descending
         count = min(DIRECTIONS, self._size - 1)

@@ -1,4 +1,4 @@
-"""Why tosses are selected or not, where a criterion has nothing better to say: what each adds in log-det (method.md 2.3)."""
+"""Reasons why tosses are selected or not, for criteria without their own: the gain of each in log-det (method.md 2.3)."""
 
 from collections.abc import Callable, Mapping
 

@@ -1,4 +1,4 @@
-"""log-det: the tosses that together shrink theta's uncertainty most, D-optimality (method.md 2.3; Nemhauser 1978, Minoux 1978).
+"""log-det: the tosses that together reduce theta's uncertainty most, D-optimality (method.md 2.3; Nemhauser 1978, Minoux 1978).
 
 f(S) is monotone and submodular: greedy reaches (1 - 1/e) of the best set's value, and a toss's gain only shrinks while the
 set grows. So an old gain is an upper bound. The queue hands out the tosses with the largest bounds, a block at a time; their

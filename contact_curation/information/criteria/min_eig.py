@@ -106,7 +106,7 @@ class _Particles:
         return max(ABSOLUTE, *(state.values.size * np.finfo(float).eps * float(state.values[-1]) for state in self.states))
 
     def rank(self, prior: float) -> tuple[int, int]:
-        """Rank of the selected tosses' information, and the number of directions, of the particle that knows least."""
+        """Rank of the selected tosses' information, and the number of directions, of the particle with the smallest rank."""
         counts = [(int(np.count_nonzero(s.values > prior + RELATIVE * prior + self.slack)), s.values.size) for s in self.states]
         return min(counts, key=lambda count: count[0] - count[1])
 

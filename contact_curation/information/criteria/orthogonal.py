@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import UnknownNameError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.criteria.criterion import Criterion, Need, RankingConfig, register
 from contact_curation.information.pool import Indices, Pool
@@ -65,7 +65,7 @@ def select_orthogonal(scores: Array, top: int, variant: str = "pivoted") -> Sele
     if variant == "literal":
         picks, gains, final = _least_aligned(scaled, lengths, np.zeros(len(scores)), count)
         return greedy_selection(picks, longest**2 * gains, lengths, longest**2 * final)
-    raise InvalidValueError("orthogonal variant", variant, f"one of {', '.join(VARIANTS)}")
+    raise UnknownNameError("orthogonal variant", variant, VARIANTS)
 
 
 def _pivoted(scores: Array, count: int) -> tuple[Indices, Array, Array]:

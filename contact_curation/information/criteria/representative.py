@@ -1,4 +1,4 @@
-"""representative: the set from which a model learns what it would learn from the whole pool.
+"""representative: the set whose parameter estimate is nearest to the estimate from the whole pool.
 
 Selected is the set of which `expected_error` is small: what the pool's loss is expected to be above its lowest at what the set
 teaches. Where theta is far off the scores are as good as noise and the set is chosen for what it knows (A-optimality); near the
@@ -41,7 +41,7 @@ SLACK = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class SwapCosts:
-    """What a selected set costs with a toss more or less; errors as in `expected_error`, averaged over the particles.
+    """The expected error of a selected set with one toss more or less, averaged over the particles (`expected_error`).
 
     Attributes:
         error: of the set.
@@ -174,12 +174,9 @@ def _explain(pool: Pool, selected: Mapping[str, float], config: RankingConfig) -
     costs = swap_costs([pool], [coordinates], pool.indices_of(selected).tolist(), config.prior)
     before = costs.error or 1.0  # 0 of a pool whose information is zero, with or without a toss
     joined = dict(zip(pool.ids, costs.joined.tolist(), strict=True))
-    reasons = {
-        one: f"not selected: one more, with it the expected error is {error / before:.4g} times as large"
-        for one, error in joined.items()
-    }
+    reasons = {one: f"not selected: expected error × {error / before:.3g} with it" for one, error in joined.items()}
     for one, error in zip(selected, costs.without.tolist(), strict=True):
-        reasons[one] = f"selected: without it the expected error is {error / before:.4g} times as large"
+        reasons[one] = f"selected: expected error × {error / before:.3g} without it"
     return Explanation({one: costs.error - error for one, error in joined.items()}, reasons)
 
 

@@ -10,7 +10,7 @@ from heapq import heappush, heapreplace
 
 import numpy as np
 
-from contact_curation.errors import InvalidValueError, NotScoredError
+from contact_curation.errors import NotScoredError, UnknownNameError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.criteria.criterion import Criterion, Explanation, RankingConfig, register
 from contact_curation.information.criteria.explanation import by_log_det, place_by
@@ -35,7 +35,7 @@ def toss_trace(info: TossInformation, normalisation: str = "sum") -> float:
     if normalisation == "coherent":
         return float(info.score_sum @ info.score_sum)
     if normalisation != "mean":
-        raise InvalidValueError("normalisation", normalisation, f"one of {', '.join(NORMALISATIONS)}")
+        raise UnknownNameError("normalisation", normalisation, NORMALISATIONS)
     scored = info.transitions - info.not_scored
     if scored < 1:
         raise NotScoredError(info.toss_id, f"none of its {info.transitions} transitions has a certified impulse")
@@ -58,7 +58,7 @@ class TraceHeap:
         """
         self._top = checked_top(top)
         if normalisation not in NORMALISATIONS:
-            raise InvalidValueError("normalisation", normalisation, f"one of {', '.join(NORMALISATIONS)}")
+            raise UnknownNameError("normalisation", normalisation, NORMALISATIONS)
         self._normalisation = normalisation
         self._heap: list[_Member] = []
         self._seen = Seen()

@@ -36,7 +36,7 @@ class SketchConfig:
 
 @dataclass(frozen=True)
 class NetworkConfig:
-    """What is peculiar to networks; a model has a form of its own, so that that of `ScoringConfig` says nothing.
+    """Settings for networks; a model has a form of its own, so that that of `ScoringConfig` says nothing.
 
     Attributes:
         draws: backward passes per transition that stand for the Gauss-Newton matrix (method.md 1.5), all but one along its
@@ -59,7 +59,7 @@ class NetworkConfig:
 
 
 def network_config_for(model: str) -> NetworkConfig:
-    """What is used for a model where nothing else is said: a sketch that meets method.md 6, check 15, for it.
+    """The default for a model: a sketch that meets method.md 6, check 15, for it.
 
     Raises:
         InvalidValueError: there is no such model.

@@ -1,4 +1,4 @@
-"""What scores tosses at a model's parameters: one factory for all models, and the protocol that its products share.
+"""Makes the scorer of any model, and defines the protocol that all scorers share.
 
 Importing torch takes over a second. Whoever scores a polytope by its geometry makes a `Scorer` and needs no torch; this factory
 is for models, which are torch's.
@@ -35,13 +35,13 @@ class TossScorer(Protocol):
         """Losses (N,) of all scored transitions of each toss."""
 
     def score(self, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:
-        """What each toss teaches, in the order given."""
+        """The information of each toss, in the order given."""
 
 
 def scorer_of_model(
     model: "Model", config: ScoringConfig, network: NetworkConfig | None = None, scores: ScoreFolder | None = None
 ) -> TossScorer:
-    """What scores tosses at the parameters of a model.
+    """Makes the scorer of tosses at the parameters of a model.
 
     Args:
         model: any; a polytope's own form takes the place of the config's.

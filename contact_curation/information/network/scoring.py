@@ -1,4 +1,4 @@
-"""A toss becomes information about a model with networks: traces exactly, everything else through a sketch (method.md 2.7).
+"""Computes the information of tosses about networks: traces exactly, everything else through a sketch (method.md 2.7).
 
 One forward pass over a toss and a backward pass per score give, without any gradient by a weight: per block the trace of the
 Fisher sum, by ghost norms; per transition a sketched gradient, from which the factor comes; and the toss's own score, where a
@@ -97,7 +97,7 @@ class NetworkScorer:
         return tuple(found.losses[found.solved] for found in passes)
 
     def score(self, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:
-        """What each toss teaches, in the order given.
+        """The information of each toss, in the order given.
 
         Raises:
             InvalidValueError: a toss of another body.

@@ -1,4 +1,4 @@
-"""A training as bytes and back, so that it goes on bit for bit as if it had never stopped."""
+"""Stores a training as bytes, so that it continues bit for bit as if it had not been stopped."""
 
 from dataclasses import asdict
 from math import inf, isfinite, nan
@@ -35,7 +35,7 @@ HISTORY = 1000
 
 
 def checkpoint_bytes(training: Training, notes: dict[str, str] | None = None) -> bytes:
-    """All of a training but its data.
+    """The state of a training without its data, as bytes.
 
     Args:
         training: of any model.

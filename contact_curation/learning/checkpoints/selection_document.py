@@ -16,13 +16,13 @@ FIRST_TRIGGERS = {"canary": Trigger.STALE}
 
 
 def document_of(selected: Selected) -> dict[str, Any]:
-    """What JSON takes: it has no NaN, which is null."""
+    """The selection as JSON values, with null for NaN."""
     values = asdict(selected)
     return {name: None if isinstance(value, float) and isnan(value) else value for name, value in values.items()}
 
 
 def document_of_selections(selections: Sequence[Selected]) -> str:
-    """Several of them as text."""
+    """Several selections as JSON text."""
     return json.dumps([document_of(one) for one in selections])
 
 

@@ -44,6 +44,14 @@ def model_of_bytes(data: bytes, source: Path | str, body: Body | None = None, la
     return model_of_packed(unpack(data, source), source, body, last)
 
 
+def body_of_bytes(data: bytes, source: Path | str) -> Body:
+    """The body that a model or a checkpoint is for; errors as of `model_of_bytes`."""
+    try:
+        return Body.from_mapping(unpack(data, source).documents["model"]["body"])
+    except MALFORMED as error:
+        raise UnreadableInputError(source, f"holds no model ({type(error).__name__}: {error})") from error
+
+
 def notes_of_bytes(data: bytes, source: Path | str) -> dict[str, str]:
     """The notes that were stored with a model or a checkpoint."""
     notes = unpack(data, source).documents.get("notes", {})

@@ -1,4 +1,4 @@
-"""How sure a median or a mean over tosses is: percentile intervals of the bootstrap (Efron 1979), seeded.
+"""Uncertainty of medians and means over tosses: percentile intervals of the bootstrap (Efron 1979), seeded.
 
 Tosses are drawn with replacement, as many as there are. Two models are compared over the same tosses, by the differences that
 each toss makes: hard tosses are hard for both, so that a difference is far surer than the two figures themselves.
@@ -46,7 +46,7 @@ class Interval(NamedTuple):
 
 
 class Spread(NamedTuple):
-    """What is typical, and the mean, which a few bad tosses can rule."""
+    """Median and mean of one number per toss, with intervals; a few bad tosses can dominate the mean."""
 
     median: Interval
     mean: Interval

@@ -1,4 +1,4 @@
-"""A model judged by tosses: each is rolled out from its first measured state and compared with what was measured.
+"""Evaluates a model on tosses: rolls each out from its first measured state and compares it with the measured motion.
 
 Nothing is dropped in silence: a motion that is not finite is named and has no errors, a transition whose impulses carry no
 certificate has no loss and is counted, and so is a step of the rollout that reached the iteration limit.
@@ -64,7 +64,7 @@ class ShapeErrors(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ModelEvaluation:
-    """A model on K tosses.
+    """Evaluation of a model on K tosses.
 
     Attributes:
         toss_ids: K ids.
@@ -172,7 +172,7 @@ def transition_losses(model: Model, rows: Rows, config: LossConfig) -> tuple[Arr
 
 
 def shape_errors(model: Model) -> ShapeErrors | None:
-    """What a model's vertices and friction are off by; None for a model that is no polytope."""
+    """Errors of a model's vertices and friction; None for a model that is no polytope."""
     geometry, body = model.geometry(), model.body
     if geometry is None:
         return None
@@ -191,7 +191,7 @@ class Summary(NamedTuple):
 
 
 def summary(evaluation: ModelEvaluation, config: BootstrapConfig, without: Collection[str] = ()) -> Summary:
-    """What is typical of a model's errors, some tosses left out by their ids."""
+    """Medians and means of a model's errors, without some tosses."""
     taken = evaluation.errors.finite & np.array([name not in without for name in evaluation.toss_ids])
     if not taken.any():
         return Summary(None, None, None)

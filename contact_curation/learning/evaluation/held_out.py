@@ -1,4 +1,4 @@
-"""Which tosses are held out: neither selection nor training ever sees their motion.
+"""Held-out tosses: neither selection nor training ever uses their motion.
 
 A toss is held out by its number, by its id, or by a digest of its id. None of the three looks at the other tosses, so a toss
 that comes later moves no other one across.
@@ -50,7 +50,7 @@ class Duplicate(NamedTuple):
 
 @dataclass(frozen=True)
 class HeldOutRule:
-    """What is held out: whatever any of these names; the empty rule holds nothing out.
+    """The tosses to hold out, named in any of these ways; the empty rule holds nothing out.
 
     Attributes:
         spans: first and last number, both included.
@@ -81,7 +81,7 @@ class HeldOutRule:
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """All tosses, on one side or the other.
+    """Training tosses and held-out tosses.
 
     Attributes:
         training: what selection and training may see.

@@ -21,7 +21,7 @@ SHRINK, GROW = 0.2, 4.0
 
 
 class Iterate(NamedTuple):
-    """A model and what is known there.
+    """A model with the loss and its derivatives there.
 
     Attributes:
         model: in the physical form.
@@ -58,7 +58,7 @@ class DescentLimits:
 
 
 class Descent(NamedTuple):
-    """Where a descent ended.
+    """Result of a descent.
 
     Attributes:
         iterate: the lowest that was found.
@@ -72,7 +72,7 @@ class Descent(NamedTuple):
 
 
 def descend(start: PolytopeModel, evaluated_at: Callable[[PolytopeModel], Iterate], limits: DescentLimits) -> Descent:
-    """Goes down from a model, which is not changed, as far as steps lead.
+    """Minimises from a model, which is not changed, until no step lowers the sum.
 
     Args:
         start: where to begin.

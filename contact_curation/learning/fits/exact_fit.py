@@ -1,4 +1,4 @@
-"""The exact protocol of a polytope: the optimum of its data at once, where gradient steps only go towards it.
+"""The exact protocol of a polytope: computes the optimum for its data at once, instead of gradient steps towards it.
 
 Every fit begins at theta_0, which also holds what no toss measures (learning/fits/held_fit.py), over a level ground at the
 board's zero. So theta follows from theta_0 and the data alone, and not from how training came there; and a fit that is killed
@@ -32,7 +32,7 @@ CONCENTRATIONS = 4
 
 
 class Optimum(NamedTuple):
-    """Where a fit ended.
+    """Result of a fit.
 
     Attributes:
         model: in the physical form.

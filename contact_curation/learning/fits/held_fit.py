@@ -1,4 +1,4 @@
-"""A polytope fitted to few tosses: what is not measured stays where it began, and no vertex runs away.
+"""Fits a polytope to few tosses: parameters without information stay at their initial values.
 
     sum_t L + w_h N h^2 + sigma^2 (theta - theta_0)^T A0 (theta - theta_0)        N transitions, h the ground's height
 
@@ -34,7 +34,7 @@ from contact_curation.motion.transitions import Transitions
 
 @dataclass(frozen=True)
 class HeldFitConfig:
-    """How a fit goes.
+    """Configuration of a fit.
 
     Attributes:
         loss: what is minimised.
@@ -66,7 +66,7 @@ class HeldFitConfig:
 
 
 class HeldFit(NamedTuple):
-    """Where a fit ended.
+    """Result of a fit.
 
     Attributes:
         model: in the physical form.

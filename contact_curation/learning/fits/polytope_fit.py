@@ -1,4 +1,4 @@
-"""A polytope fitted to tosses to the last digit: the optimum of the weighted loss, by damped Gauss-Newton steps.
+"""Fits a polytope to tosses to the last digit: the optimum of the weighted loss, by damped Gauss-Newton steps.
 
     H = sum_k w_k F_k the Gauss-Newton information,  s = sum_k w_k s_k the score,     over tosses k
 
@@ -47,7 +47,7 @@ class FitConfig:
 
 
 class PolytopeFit(NamedTuple):
-    """Where a fit ended.
+    """Result of a fit.
 
     Attributes:
         model: in the physical form.

@@ -1,4 +1,4 @@
-"""A training whose tosses follow theta: it learns from the best k of a pool, and those are selected again on the way."""
+"""Training on the best k tosses of a pool, which are selected again as theta changes."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -95,7 +95,7 @@ def selected_transitions(pool: Sequence[Toss], selected: Sequence[str], length_s
 
 
 def toss_scorer(config: ScoringConfig, criterion: str) -> TossScorer:
-    """What a criterion needs to know of tosses."""
+    """The scorer that a criterion needs."""
     return partial(_scored, config) if moved_by_theta(criterion) else _unscored
 
 

@@ -1,4 +1,4 @@
-"""Transitions as a training takes them: checked, as rows of a model, by a digest, by name, and in batches."""
+"""Training data: checked transitions, as rows of a model, with a digest, names, and batches."""
 
 import hashlib
 import json
@@ -33,7 +33,7 @@ def transition_name(data: Transitions, row: int) -> str:
 
 
 def checked(data: Transitions) -> Transitions:
-    """The same, if a training can have them.
+    """The transitions, after a check that a training can use them.
 
     Raises:
         InvalidValueError: there are none, a state is not finite or turned by no unit quaternion, or a period is not positive.

@@ -1,4 +1,4 @@
-"""What training goes down, and what is said of a model's losses (method.md 2.1).
+"""The training objective, and statistics of a model's losses (method.md 2.1).
 
 A few transitions with huge losses, tracking outliers first of all, must not rule the gradient. With a bound c on the loss
 L = r^2 a transition counts as
@@ -41,7 +41,7 @@ class InfluenceShape(StrEnum):
 
 @dataclass(frozen=True)
 class InfluenceBound:
-    """Which losses count as large, and what becomes of them.
+    """Bound on the influence of large losses.
 
     Attributes:
         quantile: quantile of a batch's losses from which the bound follows; 1 for no bound.

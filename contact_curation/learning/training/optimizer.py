@@ -14,12 +14,12 @@ from torch import Tensor
 from torch.optim.adamw import adamw
 
 from contact_curation.contact.compiled.descent import (
+    CompiledAdamW,
     DescentRows,
     DescentRules,
     DescentTask,
     KernelDescent,
     Moments,
-    StepPace,
 )
 from contact_curation.contact.models.model import Model
 from contact_curation.errors import InvalidValueError
@@ -202,7 +202,7 @@ class SingleSteps:
             return None
         rows = DescentRows(data.before, data.after, data.dt)
         rules = DescentRules(config.loss, config.regularizer, BETAS, EPSILON)
-        polytope, network = (StepPace(each.learning_rate, each.weight_decay) for each in (config.polytope, config.network))
+        polytope, network = (CompiledAdamW(each.learning_rate, each.weight_decay) for each in (config.polytope, config.network))
         descent = model.kernel_descent(DescentTask(optimizer.arrays(), rows, rules, polytope, network))
         return None if descent is None else SingleSteps(descent, config, optimizer)
 

@@ -1,4 +1,4 @@
-"""Everything that decides how a training goes: one plan, one result, bit for bit, however often it was stopped and resumed.
+"""The plan of a training, which determines its result bit for bit, however often it is stopped and resumed.
 
 A checkpoint says which plan it belongs to, and goes on with no other.
 """

@@ -118,7 +118,7 @@ class Counters:
 
 @dataclass(frozen=True, eq=False)
 class TrainingMemory:
-    """All that a training remembers beside its model, its data and its protocol.
+    """The state of a training beside its model, data and protocol.
 
     Attributes:
         counters, early_stop, history: where it is.

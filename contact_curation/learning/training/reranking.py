@@ -28,7 +28,7 @@ type TossScorer = Callable[[Model, Sequence[Toss]], Sequence[TossInformation | N
 """The information of each toss about a model as it is now, in the order given."""
 
 EXACT_SELECTIONS = 3
-"""Of a training to the optimum: at the initial parameters, then at those that the last set taught."""
+"""Selections in a training to the optimum: one at the initial parameters, then at the fit to the last set."""
 
 
 class Trigger(StrEnum):
@@ -88,7 +88,7 @@ class RerankingConfig:
 
 @dataclass(frozen=True)
 class Selected:
-    """What was selected, and why.
+    """A selection, and why it was made.
 
     Attributes:
         gradient_steps: taken until then.

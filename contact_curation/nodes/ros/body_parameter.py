@@ -1,16 +1,26 @@
 """The parameter that says which body a node works on."""
 
+from pathlib import Path
+
 from rclpy.node import Node
 
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
+from contact_curation.contact.body_description import read_description
 from contact_curation.nodes.ros.parameters import declare
+from contact_curation.pipeline.carried_body import ASSUMED
 
 
 def declared_body(node: Node) -> Body:
-    """The body that parameter `body_file` describes; ContactNets' cube where it is empty.
+    """The body that parameter `body` describes; ContactNets' cube where it is empty, and a line that says so.
 
     Raises:
         UnreadableInputError: the file describes no body.
     """
-    path = declare(node, "body_file", "", "YAML file that describes the body; empty: ContactNets' cube")
-    return Body.from_file(path) if path else CONTACTNETS_CUBE
+    path = declare(node, "body", "", "YAML, URDF, MJCF or mesh file that describes the body; empty: ContactNets' cube")
+    if not path:
+        node.get_logger().info(f"no body given: assuming {ASSUMED}")
+        return CONTACTNETS_CUBE
+    found = read_description(Path(path))
+    for line in found.warnings:
+        node.get_logger().warning(f"{path}: {line}")
+    return Body.described(found)

@@ -6,6 +6,7 @@ finished by then is taken up after the next start, as after a kill.
 """
 
 import os
+import re
 import signal
 import socket
 import sys
@@ -14,12 +15,20 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ConditionReachedException, ShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from contact_curation.errors import ContactCurationError
+from contact_curation.errors import ContactCurationError, UnknownNameError
+from contact_curation.nodes.ros.given_parameters import check_files, check_names, take_former_names
+
+REFUSED = (ContactCurationError, ParameterException, RCLError)
+"""What a user can cause before a node is there."""
+
+OF_RCL = re.compile(r",? at /\S+:\d+")
+"""Where in its own sources rcl found an error; nobody can do anything about it."""
 
 LONGEST_CLOSING = 4.5
 """[s] from the first signal to the end of the process; launch ends by force what takes over 5 s."""
@@ -32,6 +41,10 @@ class StageNode(Node):
     longest_closing = LONGEST_CLOSING
     """[s]; a node that has more to write at its end may take longer."""
     _end: Callable[[], None] | None = None
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        take_former_names(self, name)
 
     def fail(self, error: BaseException) -> None:
         """Ends the process with status 1; may be called from any thread."""
@@ -95,15 +108,19 @@ def run(make: Callable[[], StageNode], name: str) -> int:
     """Makes a node and spins it until SIGINT, SIGTERM or its own end; returns the exit status."""
     ending = _Ending(name)
     with _signals(ending.begin):
-        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         try:
+            check_files(sys.argv)
+            rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
             node = make()
-        except (ContactCurationError, ParameterException) as error:
+        except REFUSED as error:
             return refuse(name, error)
         ending.node = node
         node.when_failed(ending.begin)
         try:
+            check_names(node, name, sys.argv)
             _spin(node, ending)
+        except UnknownNameError as error:
+            node.failure = error
         finally:
             node.close()
             node.destroy_node()
@@ -114,9 +131,9 @@ def run(make: Callable[[], StageNode], name: str) -> int:
 
 def refuse(name: str, error: BaseException) -> int:
     """Says in one line why the node cannot go on; programming errors keep their traceback."""
-    if not isinstance(error, ContactCurationError | ParameterException):
+    if not isinstance(error, REFUSED):
         raise error
-    sys.stderr.write(f"{name}: {' '.join(str(error).split())}\n")
+    sys.stderr.write(f"{name}: {OF_RCL.sub('', ' '.join(str(error).split()))}\n")
     return 1
 
 

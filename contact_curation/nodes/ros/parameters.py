@@ -11,8 +11,8 @@ from typing import Any
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 
-from contact_curation.configs import fields_of
-from contact_curation.errors import InvalidValueError
+from contact_curation.configs import accepted_range, fields_of
+from contact_curation.errors import UnknownNameError
 from contact_curation.stages.parameters import as_parameter, with_parameters
 
 
@@ -50,7 +50,7 @@ def declare(
         descriptor.floating_point_range = [FloatingPointRange(from_value=bounds[0], to_value=bounds[1])]
     value = node.declare_parameter(name, default, descriptor).value
     if choices and value not in choices:
-        raise InvalidValueError(f"parameter {name}", repr(value), descriptor.additional_constraints)
+        raise UnknownNameError(f"{name}", value, choices)
     return value
 
 
@@ -71,5 +71,13 @@ def declare_config[Config](node: Node, default: Config, prefix: str = "", *, fix
     for field in fields_of(default):
         choices = [str(member.value) for member in type(field.default)] if isinstance(field.default, Enum) else ()
         name = prefix + field.path
-        values[name] = declare(node, name, as_parameter(field.default), field.description, choices=choices, fixed=fixed)
+        values[name] = declare(
+            node,
+            name,
+            as_parameter(field.default),
+            field.description,
+            bounds=accepted_range(default, field),
+            choices=choices,
+            fixed=fixed,
+        )
     return with_parameters(default, values, prefix)

@@ -9,11 +9,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
-from contact_curation.errors import MissingTopicError
+from contact_curation.errors import InvalidValueError, MissingTopicError
 from contact_curation.nodes.ros.message_types import message_class
 from contact_curation.nodes.ros.own_namespace import is_own
 from contact_curation.nodes.ros.qos import offered, profile
@@ -90,7 +91,7 @@ class PoseTopics:
         self._node = node
         self._body = body
         names = {"topic": config.topic, "camera_info": config.camera_info}
-        resolved = {key: node.resolve_topic_name(name) for key, name in names.items() if name}
+        resolved = {key: _resolved(node, key, name) for key, name in names.items() if name}
         self._config = replace(config, **resolved)
         self._tf_static = node.resolve_topic_name("tf_static")
         self._rig = (TypedTopic(node.resolve_topic_name("tf"), TF), TypedTopic(self._tf_static, TF))
@@ -216,3 +217,17 @@ class PoseTopics:
         qos = profile(self._depth, reliable=offer.qos.reliable, latched=offer.qos.latched)
         subscription = self._node.create_subscription(message_class(offer.type), topic, on_message, qos)
         self._subscriptions[topic] = offer, subscription
+
+
+def _resolved(node: Node, parameter: str, topic: str) -> str:
+    """The name of a topic where the node is, with its remaps.
+
+    Raises:
+        InvalidValueError: no topic can be called so.
+    """
+    try:
+        return str(node.resolve_topic_name(topic))
+    except RCLError as error:
+        raise InvalidValueError(
+            f"parameter {parameter}", repr(topic), "a topic's name: letters, digits, _ and /, such as /tag_pose"
+        ) from error

@@ -89,10 +89,10 @@ def declared_held_out(node: Node, body: Body) -> HeldOutTosses:
     Raises:
         InvalidValueError: there is no toss in them.
     """
-    paths = declare(node, "held_out", [""], "recordings on which training_status reports errors; they are never trained on")
+    paths = declare(node, "evaluate_on", [""], "recordings on which training_status reports errors; they are never trained on")
     config = declare_config(node, HeldOutConfig())
     recordings = [Path(path) for path in paths if path]
-    return HeldOutTosses(evaluation_tosses("parameter held_out", recordings, ReadingConfig(body, config.inputs)))
+    return HeldOutTosses(evaluation_tosses("parameter evaluate_on", recordings, ReadingConfig(body, config.inputs)))
 
 
 def _stored_model(path: Path, body: Body, form: Form) -> Model:

@@ -56,6 +56,10 @@ class Detection:
     homography: Array
 
 
+SMALLEST_IMAGE = 16
+"""Pixels, of the shorter side: a tag has 10 cells a side with its border."""
+
+
 class TagDetector:
     """Looks for tags of the family 36h11.
 
@@ -73,7 +77,9 @@ class TagDetector:
         ).detector
 
     def detect(self, image: Image) -> tuple[Detection, ...]:
-        """The tags in a grey image (height, width), in order of their ids."""
+        """The tags in a grey image (height, width), in order of their ids; none in one that is too small for a tag."""
+        if min(image.shape) < SMALLEST_IMAGE:  # the library reads beyond the ends of images of 3 rows and fewer
+            return ()
         found = [
             Detection(
                 int(one.tag_id),

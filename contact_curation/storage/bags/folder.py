@@ -65,6 +65,8 @@ def read_metadata(path: Path) -> BagMetadata:
         DamagedBagError: the file cannot be read as metadata.
     """
     try:
+        if not path.is_file():  # a pipe would be waited for
+            raise DamagedBagError("is no regular file")
         if path.stat().st_size > LARGEST_METADATA:
             raise DamagedBagError(f"holds more than {LARGEST_METADATA} bytes")
         information = yaml.safe_load(path.read_text())["rosbag2_bagfile_information"]

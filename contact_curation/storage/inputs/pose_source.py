@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from contact_curation.contact.body import Body
-from contact_curation.errors import InvalidValueError, MissingTopicError
+from contact_curation.errors import InvalidValueError, MissingTopicError, near_name
 from contact_curation.motion.body_tracker import TrackerConfig
 from contact_curation.motion.pose_stream import BadPose
 from contact_curation.motion.tags.pose import TagPoseConfig
@@ -176,7 +176,7 @@ def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: st
     if chosen is None:
         listed = sorted(f"{one.name} ({one.type})" for one in topics)
         wanted = (
-            f"topic {config.topic} with poses"
+            f"topic {config.topic} with poses{near_name(config.topic, [one.name for one in topics])}"
             if config.topic
             else f"one topic with poses of {body}; name it (`topic`) if there are several"
         )

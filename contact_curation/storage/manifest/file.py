@@ -20,7 +20,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
-from contact_curation.files import check_version, write_atomically
+from contact_curation.files import check_version, read_bounded, write_atomically
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 from contact_curation.storage.provenance import InputProvenance, RunProvenance
 
@@ -187,11 +187,18 @@ def to_parquet(manifest: Manifest) -> bytes:
 
 def from_parquet(data: bytes) -> Parsed:
     """Reads what `to_parquet` wrote."""
+    rows = pq.read_metadata(BytesIO(data)).num_rows  # a few kB can claim any number
+    if rows > MOST_ROWS:
+        raise ValueError(f"found {rows} rows, expected at most {MOST_ROWS}")
     table = pq.read_table(BytesIO(data))
     head = json.loads((table.schema.metadata or {})[METADATA_KEY])
     return head, (row_of(row) for row in table.to_pylist())
 
 
+LARGEST_BYTES = 1 << 31
+"""Of a manifest file."""
+MOST_ROWS = 10_000_000
+"""Of a manifest."""
 AROUND = 20
 """Characters beside one that cannot be written, for the message."""
 
@@ -233,21 +240,20 @@ def read_manifest(path: Path) -> Manifest:
     """
     read = _format(path).read
     try:
-        head, rows = read(path.read_bytes())
+        head, rows = read(read_bounded(path, LARGEST_BYTES, "a manifest of `contact-curation rank`"))
         check_version(path, "a manifest", head[FORMAT], VERSION)
         return manifest_of(head, rows)
-    except OSError as error:
-        raise UnreadableInputError(path, f"cannot be read: {error.strerror or error}") from error
     except UnreadableInputError:
         raise
-    except (ValueError, LookupError, TypeError, ContactCurationError) as error:
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError, ContactCurationError) as error:
         raise UnreadableInputError(path, f"is no manifest of `contact-curation rank`: {_why(error)}") from error
 
 
 def manifest_of(head: Mapping[str, Any], rows: Iterable[ManifestRow]) -> Manifest:
     """The manifest of a head and its rows, as the readers of the formats give them."""
-    run = {field.name: head[field.name] for field in fields(RunProvenance)}
+    run = {field.name: head[field.name] for field in fields(RunProvenance) if field.name != "body"}
     inputs = tuple(InputProvenance(**{**entry, "losses": tuple(entry["losses"])}) for entry in head["inputs"])
+    run["body"] = head.get("body")  # older manifests have none
     run.update(command=tuple(head["command"]), inputs=inputs, influence_bound=_with_numbers(head["influence_bound"]))
     diagnostics = _renamed(_with_numbers(head["diagnostics"]), FIRST_NAMES)
     if "optimum_shift" in diagnostics:

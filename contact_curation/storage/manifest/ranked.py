@@ -17,7 +17,7 @@ class PoolToss:
 
     Attributes:
         seen: what was seen of it.
-        scores: what it teaches, once per theta; empty when it was rejected.
+        scores: its information, once per theta; empty when it was rejected.
     """
 
     seen: SeenToss

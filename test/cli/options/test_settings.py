@@ -41,11 +41,11 @@ def test_the_last_setting_of_a_field_holds_and_none_is_a_value_where_it_may_be_n
     [
         ("gates", "STAGE.FIELD=VALUE"),
         ("gates.depth", "STAGE.FIELD=VALUE"),
-        ("walls.depth=1", "a stage of gates, segmenter"),
-        ("gates.width=1", "one of the fields airborne_acceleration"),
+        ("walls.depth=1", "unknown stage in --set walls: expected one of gates, "),
+        ("gates.dpth=1", "unknown field in --set gates.dpth: did you mean gates.depth?"),
         ("gates.depth=deep", "a value of type"),
         ("gates.enabled=perhaps", "a value of type"),
-        ("gates.depth.more=1", "no field inside depth"),
+        ("gates.depth.more=1", "unknown field in --set gates.depth.more: did you mean gates.depth?"),
         ("segmenter.region_x=1", "a value of type"),
         ("segmenter.rest_frames=1.5", "a value of type"),
         ("loss.cone=square", "a value of type"),
@@ -58,6 +58,6 @@ def test_the_last_setting_of_a_field_holds_and_none_is_a_value_where_it_may_be_n
     ],
 )
 def test_anything_else_is_one_clear_error(setting: str, expected: str) -> None:
-    with pytest.raises(ContactCurationError, match="expected") as caught:
+    with pytest.raises(ContactCurationError) as caught:
         with_settings(STAGES, [setting])
     assert expected in str(caught.value)

@@ -8,6 +8,8 @@ import sys
 from pathlib import Path
 from urllib.request import urlopen
 
+from rerun.chunk import RrdReader
+
 from test.cli.commands import Cli
 from test.dashboard.live.test_serving import free_port
 from test.dashboard.recorded import Recorded
@@ -22,20 +24,23 @@ def test_a_recording_shows_what_is_known_down_the_ranking(cli: Cli, golden: Path
     written = Recorded(path)
     (page,) = written.texts("/ranking")
     assert f"{TOP} of 21 tosses selected" in page
-    assert len(written.texts("/rejected")) == 3
+    assert written.texts("/rejected")[-1].count("frames): ") == 3
+    assert f"21 tosses: **{TOP} selected**, 16 not selected; 3 rejected." in written.texts("/session")[-1]
     assert len(written.scalars("/epsilon/epsilon")) == TOP
     worst = written.scalars("/known/worst")
     assert len(worst) == TOP + 1
     assert worst[-1] < 0.5 * worst[0]
     assert written.times("/scene/measured/trail", "toss") == list(range(1, TOP + 1))
     assert written.blueprints == 1
+    assert len(RrdReader(path.with_suffix(".rbl")).blueprints()) == 1, "for `rerun OTHER.rrd ranking.rbl`"
+    assert {one.name for one in tmp_path.iterdir()} == {"ranking.rrd", "ranking.rbl"}
 
 
 def test_a_ranking_that_fails_leaves_what_an_earlier_one_wrote(cli: Cli, golden: Path, tmp_path: Path) -> None:
-    written = {"--recording": tmp_path / "ranking.rrd", "--out": tmp_path / "manifest.csv"}
-    options = [word for pair in written.items() for word in pair]
+    options = ["--recording", tmp_path / "ranking.rrd", "--out", tmp_path / "manifest.csv"]
     assert cli("rank", golden, "--top", TOP, "--no-figure", *options).status == 0
-    before = {path: path.read_bytes() for path in written.values()}
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    assert {path.suffix for path in before} == {".csv", ".rbl", ".rrd"}
     assert cli("rank", tmp_path / "typo.mcap", "--no-figure", *options).status == 1
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 

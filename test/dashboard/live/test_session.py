@@ -17,7 +17,7 @@ from test.dashboard.sessions import BODY, CONFIG, Scored, fed, scored, selected_
 
 COUNT, TOP = 6, 4
 CURVES = (
-    *("known/worst", "known/median", "epsilon/epsilon", "epsilon/missing", "epsilon/efficiency"),
+    *("friction/estimate", "friction/low", "friction/high", "known/worst", "known/median", "epsilon/epsilon"),
     *("errors/position", "errors/rotation", "losses/training", "losses/held_out", "gains/planned", "gains/realised"),
 )
 
@@ -33,7 +33,8 @@ def session(made: Scored, tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     screen = recording_screen(path)
     live = fed(screen, made, TOP)
     nodes = {name: NodeHealth(name, False, "fine", {"queue": "0"}, heard=9.0) for name in ("curator", "trainer")}
-    live.show_health(nodes, {"toss": 3}, now=10.0)
+    nodes |= {"player": NodeHealth("player", True, "slow", {"queue": "9"}, 9.0), "scorer": NodeHealth("scorer", False, "fine")}
+    live.show_health(nodes, {"toss": 3}, now=10.0, ended={"trainer"})
     return recorded(screen, path)
 
 
@@ -76,25 +77,52 @@ def test_a_toss_has_measured_and_predicted_paths_and_impulses_at_its_vertices(se
 def test_the_page_of_the_ranking_says_of_every_toss_why(session: Recorded) -> None:
     page = session.texts("/ranking")[-1]
     assert f"{TOP} of {COUNT} tosses selected" in page
-    lines = [line for line in page.splitlines() if line.startswith(("| **", "| 5", "| 6"))]
-    assert ["| selected: " in line for line in lines] == [True] * TOP + [False] * 2
-    assert all("not selected: one more, with it the expected error is" in line for line in lines[TOP:])
+    inside, others = page.split("**Not selected**")
+    assert inside.count("without it |") == TOP
+    assert others.count(" with it |") == COUNT - TOP
+    assert all(f"[#{number}](recording://scene/tosses/{number})" in page for number in range(1, COUNT + 1))
 
 
-def test_the_spectrum_is_drawn_by_its_logarithm(session: Recorded, made: Scored) -> None:
+def test_a_row_leads_to_a_path_that_is_there(session: Recorded, made: Scored) -> None:
+    for number, toss in enumerate(made.tosses, start=1):
+        ((strip,),) = session.column(f"/scene/tosses/{number}", "LineStrips3D:strips")
+        assert strip == pytest.approx(toss.positions, abs=1e-6)
+    assert session.column("/scene/name", "Points3D:labels")[-1] == [f"toss {COUNT}, 12:27:30 UTC"]
+
+
+def test_the_friction_becomes_surer_and_stays_between_its_ends(session: Recorded) -> None:
+    low, estimate, high = (np.array(session.scalars(f"/friction/{name}")) for name in ("low", "estimate", "high"))
+    assert estimate == pytest.approx(np.full(COUNT, BODY.friction))
+    assert low * high == pytest.approx(estimate**2)
+    assert np.log(high / low)[-1] < 0.5 * np.log(high / low)[0]
+
+
+def test_a_few_lines_say_where_the_session_stands(session: Recorded) -> None:
+    page = session.texts("/session")[-1]
+    assert (
+        f"**Throw {COUNT} of 9** is done. {COUNT} tosses: **{TOP} selected**, {COUNT - TOP} not selected; 1 rejected." in page
+    )
+    assert "Friction 0.180 (1 sigma: 0.1" in page
+    assert f"Drawn: **toss {COUNT} of 12:27:30 UTC**, predicted " in page
+
+
+def test_the_spectrum_is_relative_to_all_tosses(session: Recorded, made: Scored) -> None:
     (tensor,) = session.column("/spectrum", "BarChart:values")[-1]
     drawn = np.asarray(tensor["buffer"])
-    assert drawn == pytest.approx(np.log10(made.curation(TOP).spectrum), abs=1e-6)
+    assert drawn == pytest.approx(made.curation(TOP).spectrum, abs=1e-6)
 
 
 def test_gated_motions_throws_and_health_are_told(session: Recorded) -> None:
-    assert session.texts("/rejected") == ["1600000500.000, 33 frames: found a jump, expected none"]
-    assert session.times("/rejected", "toss") == [COUNT]
-    assert "designed | commanded" in session.texts("/throws")[0]
-    assert "no throw is under way" in session.texts("/throws")[-1]
+    assert session.texts("/rejected")[1:] == ["- **12:35:00** (33 frames): found a jump, expected none"]
+    assert session.times("/rejected", "toss") == [0, COUNT]
+    assert "designed | commanded" in session.texts("/throws")[1]
+    assert "No throw is under way" in session.texts("/throws")[-1]
     (health,) = session.texts("/health")
     assert "not shown, because the dashboard was behind: 3 of toss" in health
-    assert "| trainer | ok | fine | queue 0 |" in health
+    assert "| trainer | ended | fine |" in health
+    assert "| curator | ok | fine |" in health
+    assert "| scorer | **silent** | fine |" in health
+    assert "| player | **warns** | slow; queue 9 |" in health
 
 
 def test_a_throw_that_is_under_way_is_an_arrow_until_it_was_made(made: Scored, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ MOST = 32
 
 def rotation(seed: int) -> np.ndarray:
     turn, _ = np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))
-    return turn * np.linalg.det(turn)
+    return np.asarray(turn * np.linalg.det(turn))
 
 
 def test_the_mass_properties_of_a_hull_are_those_of_the_box_that_it_is() -> None:

@@ -20,6 +20,7 @@ import yaml
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
+from contact_curation.configs import HIGHEST
 from contact_curation.errors import ContactCurationError
 from contact_curation.session.free_domain import free_domain
 
@@ -108,8 +109,12 @@ def _noted(found: list[Declared]) -> Iterator[None]:
 
 def _constraint(descriptor: ParameterDescriptor) -> str:
     ranges = [*descriptor.integer_range, *descriptor.floating_point_range]
-    limits = [f"{one.from_value:g} to {one.to_value:g}" for one in ranges]
+    limits = [_limits(one.from_value, one.to_value) for one in ranges]
     return ", ".join([*limits, *([descriptor.additional_constraints] if descriptor.additional_constraints else [])])
+
+
+def _limits(low: float, high: float) -> str:
+    return f"at least {low:g}" if high == HIGHEST[0] else f"{low:g} to {high:g}"
 
 
 @contextmanager

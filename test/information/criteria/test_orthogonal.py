@@ -71,7 +71,7 @@ def test_the_literal_rule_prefers_tosses_that_say_nothing_and_the_others_do_not(
 
 
 def test_only_the_known_variants_are_accepted() -> None:
-    with pytest.raises(InvalidValueError, match="pivoted, max-cosine, literal"):
+    with pytest.raises(InvalidValueError, match="literal, max-cosine, pivoted"):
         select_orthogonal(np.eye(2), 1, "sideways")
 
 

@@ -48,6 +48,18 @@ def test_the_watchdog_waits_for_its_time_and_latches_even_if_the_heartbeat_comes
     assert "no heartbeat" in gate.reason
 
 
+def test_a_stop_by_hand_is_told_from_a_heartbeat_that_failed_even_if_it_comes_after_it() -> None:
+    gate = SafetyGate(GateConfig(heartbeat_timeout=0.4))
+    gate.arm(0.0)
+    assert not gate.watch(1.0)
+    failed = gate.was_stopped
+    gate.stop("the stop service was called")
+    stopped, reason = gate.was_stopped, gate.reason
+    gate.arm(2.0)
+    assert (failed, stopped, gate.was_stopped) == (False, True, False)
+    assert "no heartbeat" in reason  # the first one
+
+
 def test_an_old_heartbeat_does_not_put_the_watch_back() -> None:
     gate = SafetyGate(GateConfig(heartbeat_timeout=0.4))
     gate.arm(10.0)

@@ -225,3 +225,9 @@ def _projected(pose: Pose, tag_id: int) -> Array:
         return SMALL.pinhole.project(in_camera(BOARD.corners_in_body(tag_id), SMALL))
     on_body = quaternions.rotate(pose.orientation_wxyz, RIG.body.corners_in_body(tag_id))
     return SMALL.pinhole.project(in_camera(pose.position + on_body, SMALL))
+
+
+@pytest.mark.parametrize("height", [1, 2, 3, 4, 15, 16, 17])
+def test_an_image_that_is_too_small_for_a_tag_has_none(height: int) -> None:
+    for width in (1, 3, 15, 16, 640):
+        assert TagDetector().detect(np.zeros((height, width), dtype=np.uint8)) == ()

@@ -204,7 +204,7 @@ def test_poses_that_are_none_are_told_by_kind_and_break_their_toss(tmp_path: Pat
     items, (summary,) = opened(write_ours(tmp_path / "a.mcap", recorded("/pose", POSE, broken)))
     assert kinds(items) == ["Rejected", "Toss", "Problem", "Problem"]
     assert "quaternion norm: found 0, expected 1" in lines(items)[0]
-    assert "stamp: found one that stands still" in lines(items)[1]
+    assert "stamp: found the same one twice" in lines(items)[1]
     assert (summary.counts["pose"], summary.counts["stamp"]) == (1, 1)
 
 

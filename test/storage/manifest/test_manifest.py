@@ -1,12 +1,17 @@
 """Manifests say the same in every format, in the same bytes every time, and are there whole or not at all."""
 
+import copy
 import csv
 import json
 import math
+import os
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
@@ -216,3 +221,52 @@ def test_a_path_that_is_not_unicode_is_refused_before_anything_is_written(tmp_pa
         with pytest.raises(InvalidValueError, match=r"found '.{,60}bag.udcff\.mcap.{,60}' in it, .* Unicode"):
             write_manifest(Manifest(RUN, (row,)), tmp_path / f"m{ending}")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 100_000,
+        '{"a":' * 50_000,
+        "null",
+        "3",
+        '[{"contact_curation_manifest": 1}]',
+        '{"contact_curation_manifest": 1, "tosses": 3}',
+        '{"contact_curation_manifest": 1, "tosses": [3], "inputs": [[]], "diagnostics": []}',
+        '{"contact_curation_manifest": {}}',
+    ],
+)
+def test_what_is_json_and_no_manifest_is_one_line(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "manifest.json"
+    path.write_text(text)
+    with pytest.raises(UnreadableInputError, match=r"manifest\.json"):
+        read_manifest(path)
+
+
+def test_rows_of_other_types_are_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "manifest.json"
+    write_manifest(MANIFEST, path)
+    whole = json.loads(path.read_text())
+    (rows,) = (name for name, value in whole.items() if isinstance(value, list) and value and "toss_id" in value[0])
+    for name in whole[rows][0]:
+        for wrong in ([1], {"a": 1}, "words", 10**400):
+            changed = copy.deepcopy(whole)
+            changed[rows][0][name] = wrong
+            path.write_text(json.dumps(changed))
+            with suppress(UnreadableInputError):  # some names take words
+                read_manifest(path)
+
+
+def test_a_table_that_claims_a_billion_rows_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "manifest.parquet"
+    rows = pa.table({"toss_id": pa.array(np.zeros(10_000_001, dtype=np.int8))})
+    pq.write_table(rows, path, compression="zstd")
+    assert path.stat().st_size < 100_000
+    with pytest.raises(UnreadableInputError, match="found 10000001 rows, expected at most 10000000"):
+        read_manifest(path)
+
+
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "manifest.csv")
+    with pytest.raises(UnreadableInputError, match="is no regular file"):
+        read_manifest(tmp_path / "manifest.csv")

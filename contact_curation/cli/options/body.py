@@ -1,0 +1,99 @@
+"""The options that say what is tossed: a file, what it leaves open, or a checkpoint or manifest that carries the body."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from contact_curation.cli.options.types import number_from_zero, positive_number
+from contact_curation.cli.report import warn
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
+from contact_curation.contact.body_description import BodyDescription, BodyOptions, read_description
+from contact_curation.errors import InvalidValueError
+
+BODY_HELP = (
+    "the object: a YAML file like contact_curation/config/cube.yaml, a URDF, an MJCF, or a mesh (STL, OBJ, PLY, OFF) "
+    "(default: the one of a checkpoint or manifest that is given, else ContactNets' cube)"
+)
+DETAILS = ("mass", "density", "friction", "length_scale", "mesh_scale", "link", "body_name")
+
+
+def add_body_option(parser: argparse.ArgumentParser, *others: str, details: bool = True) -> None:
+    """Adds `--body`, with further names; `details` says whether there are options for what the file leaves open."""
+    parser.add_argument("--body", *others, dest="body", type=Path, metavar="FILE", help=BODY_HELP)
+    if details:
+        add_body_details(parser.add_argument_group("the object, where its file does not say (or keys of the YAML file)"))
+
+
+def add_body_details(group: argparse._ArgumentGroup) -> None:
+    """Adds the options for what the file of a body leaves open."""
+    weights = group.add_mutually_exclusive_group()
+    weights.add_argument("--mass", type=positive_number, metavar="KG", help="mass; an inertia of the file is scaled with it")
+    weights.add_argument("--density", type=positive_number, metavar="KG/M^3", help="in place of a mass, of filled geometry")
+    group.add_argument("--friction", type=number_from_zero, metavar="MU", help="Coulomb coefficient to begin with")
+    group.add_argument(
+        "--length-scale",
+        type=positive_number,
+        metavar="M",
+        help="unit of length of the loss (default: half the edge of a cube of the same volume)",
+    )
+    group.add_argument("--mesh-scale", type=positive_number, metavar="S", help="metres in a unit of the mesh: 0.001 for mm")
+    group.add_argument("--link", metavar="NAME", help="of a URDF or MJCF with several links")
+    group.add_argument("--body-name", metavar="NAME", help="in topics, frames and ids of tosses (default: by the file)")
+
+
+def body_description(path: Path, arguments: argparse.Namespace) -> BodyDescription:
+    """The body of a file with what the options add.
+
+    Raises:
+        UnreadableInputError: the file describes no body.
+    """
+    return read_description(path, _options(arguments))
+
+
+def body_words(arguments: argparse.Namespace) -> list[str]:
+    """The options that were given, for another verb."""
+    given = {name: getattr(arguments, name, None) for name in ("body", *DETAILS)}
+    options = {f"--{name.replace('_', '-')}": str(value) for name, value in given.items() if value is not None}
+    return [word for option in options.items() for word in option]
+
+
+def chosen_body(
+    arguments: argparse.Namespace,
+    *,
+    models: Sequence[Path | None] = (),
+    manifest: Path | None = None,
+    throws: Path | None = None,
+    said: bool = True,
+) -> Body:
+    """The body of the option's file, or that of a file that carries one, or ContactNets' cube, which is noted to be said.
+
+    Args:
+        arguments: with the options.
+        models: checkpoints or JSON files, None for what was not given.
+        manifest: of a ranking.
+        throws: as `design` writes them.
+        said: whether a line says that the cube is assumed.
+
+    Raises:
+        ContactCurationError: a file cannot be used, or two of them are about different bodies.
+    """
+    from contact_curation.pipeline.carried_body import ASSUMED, CarriedBody, carried_body
+
+    given = None
+    if arguments.body is not None:
+        description = body_description(arguments.body, arguments)
+        warn([f"{arguments.body}: {line}" for line in description.warnings])
+        given = CarriedBody(Body.described(description), f"--body {arguments.body}")
+    elif unused := [name for name in DETAILS if getattr(arguments, name, None) is not None]:
+        raise InvalidValueError(f"--{unused[0].replace('_', '-')}", "no --body", "--body FILE, which it belongs to")
+    found = carried_body([path for path in models if path is not None], manifest, throws, given)
+    if found is None and said:
+        arguments.assumed = f"no --body given: assuming {ASSUMED}"  # said once the verb has come to its end
+    return CONTACTNETS_CUBE if found is None else found.body
+
+
+def _options(arguments: argparse.Namespace) -> BodyOptions:
+    names: dict[str, str] = {**{name: name for name in DETAILS}, "mesh_scale": "scale", "body_name": "name"}
+    told: dict[str, Any] = {own: getattr(arguments, name, None) for name, own in names.items()}
+    return BodyOptions(**told)

@@ -1,0 +1,63 @@
+"""The parameters that a node was started with: what ROS would pass over in silence is refused."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from contact_curation.errors import InvalidValueError, UnknownNameError
+from contact_curation.session.node_parameters import FORMER_NAMES, OF_ROS, declared_parameters
+
+PARAMS_FILE, PARAMETER = "--params-file", ("-p", "--param")
+
+
+def check_files(words: Sequence[str]) -> None:
+    """Refuses parameter files that are not there, which rcl would do in several lines.
+
+    Args:
+        words: of the command line.
+
+    Raises:
+        InvalidValueError: one is not there.
+    """
+    for word, path in pairwise(words):
+        if word == PARAMS_FILE and not Path(path).is_file():
+            raise InvalidValueError(PARAMS_FILE, f"no file {path}", "a file of parameters, such as config/nodes.yaml")
+
+
+def take_former_names(node: Node, name: str) -> None:
+    """Gives parameters that were given under a former name their present one, and says so.
+
+    Args:
+        node: before it declares any.
+        name: of the node in config/nodes.yaml.
+    """
+    given = node._parameter_overrides
+    for former, now in FORMER_NAMES.items():
+        if former in given and now in declared_parameters().get(name, {}):
+            given.setdefault(now, Parameter(now, value=given.pop(former).value))
+            node.get_logger().warning(f"parameter {former} is called {now} now")
+
+
+def check_names(node: Node, name: str, words: Sequence[str]) -> None:
+    """Refuses parameters that the node does not have.
+
+    A file may set parameters of all nodes at once, so that a name in a file may also be another node's.
+
+    Args:
+        node: after it has declared all.
+        name: of the node in config/nodes.yaml.
+        words: of the command line.
+
+    Raises:
+        UnknownNameError: there is no parameter of that name.
+    """
+    declared = declared_parameters()
+    own = {*node._parameters, *declared.get(name, {})}
+    others = {one for each in declared.values() for one in each}
+    said = {text.partition(":=")[0].rpartition(":")[2] for word, text in pairwise(words) if word in PARAMETER}
+    for given in node._parameter_overrides:
+        if given not in own and not given.startswith(OF_ROS) and (given in said or given not in others):
+            raise UnknownNameError("parameter", given, own)

@@ -1,0 +1,62 @@
+"""The body that a checkpoint, a manifest or a file of throws carries, so that no verb asks for it twice."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
+from contact_curation.errors import InvalidValueError
+from contact_curation.storage.manifest.file import FORMATS, read_manifest
+from contact_curation.storage.parameters_file import is_checkpoint
+from contact_curation.storage.throws_file import read_throws_body
+
+ASSUMED = f"ContactNets' cube ({CONTACTNETS_CUBE.mass:g} kg, {1e3 * float(max(CONTACTNETS_CUBE.vertices[:, 0]) * 2.0):.0f} mm)"
+"""What is assumed where no body is known."""
+
+
+class CarriedBody(NamedTuple):
+    """A body and the file that it comes from."""
+
+    body: Body
+    source: str
+
+
+def carried_body(
+    models: Sequence[Path] = (), manifest: Path | None = None, throws: Path | None = None, given: CarriedBody | None = None
+) -> CarriedBody | None:
+    """The body that files are about.
+
+    Args:
+        models: checkpoints; JSON files of a polytope carry none.
+        manifest: of a ranking; older ones carry none.
+        throws: as `design` writes them; likewise.
+        given: what the user says it is; it wins by its name, and must have the numbers of the others.
+
+    Returns:
+        The body; None where no file carries one, and none is given.
+
+    Raises:
+        InvalidValueError: two of them are not the same body.
+        UnreadableInputError: a file is not what it should be.
+    """
+    found = [] if given is None else [given]
+    found += [CarriedBody(_of_checkpoint(path), str(path)) for path in models if is_checkpoint(path)]
+    if manifest is not None and manifest.suffix in FORMATS and (told := read_manifest(manifest).run.body):
+        found.append(CarriedBody(Body.from_mapping(told), str(manifest)))
+    if throws is not None and (body := read_throws_body(throws)):
+        found.append(CarriedBody(body, str(throws)))
+    for other in found[1:]:
+        if name := found[0].body.first_difference(other.body):
+            remedy = f": leave out {given.source}" if given else ""
+            raise InvalidValueError(
+                f"body of {found[0].source}",
+                f"{found[0].body.name!r}, whose {name} differs from that of {other.body.name!r} in {other.source}",
+                f"the same body{remedy}",
+            )
+    return found[0] if found else None
+
+
+def _of_checkpoint(path: Path) -> Body:
+    from contact_curation.storage.checkpoint_file import read_body  # imports torch, which takes over a second
+
+    return read_body(path)

@@ -1,0 +1,124 @@
+"""Whatever a node was started with and has no use for is one line, with what to do."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from unittest import mock
+
+import pytest
+import rclpy
+from rclpy.exceptions import ParameterException
+
+from contact_curation.errors import InvalidValueError, UnknownNameError
+from contact_curation.nodes.ros.given_parameters import check_files, check_names
+from contact_curation.nodes.ros.node_main import StageNode
+from contact_curation.nodes.ros.parameters import declare
+from contact_curation.nodes.ros.pose_topics import PoseTopics
+from contact_curation.session.free_domain import free_domain
+
+
+class Small(StageNode):
+    """Stands for the curator."""
+
+    def __init__(self) -> None:
+        super().__init__("curator")
+        self.body = declare(self, "body", "", "file")
+        declare(self, "top", 32, "number", bounds=(1, 1000))
+
+
+@contextmanager
+def small(*words: str) -> Iterator[Small]:
+    """The node as a command line starts it."""
+    with free_domain() as domain:
+        rclpy.init(args=["--ros-args", *words], domain_id=domain)
+        try:
+            node = Small()
+            yield node
+            node.destroy_node()
+        finally:
+            rclpy.try_shutdown()
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ("bodyfile:=brick.yaml", "unknown parameter bodyfile: did you mean body?"),
+        ("curator:tpo:=4", "unknown parameter tpo: did you mean top?"),
+        ("max_throws:=4", "unknown parameter max_throws: "),  # which is another node's
+    ],
+)
+def test_a_parameter_that_the_node_does_not_have_is_refused_with_the_one_that_was_meant(given: str, says: str) -> None:
+    with small("-p", given) as node, pytest.raises(UnknownNameError, match=re.escape(says)):
+        check_names(node, "curator", ["--ros-args", "-p", given])
+
+
+@pytest.mark.parametrize("given", ["top:=4611686018427387904", "top:=0", "top:=many"])
+def test_a_value_out_of_range_or_of_another_type_is_refused_at_the_start(given: str) -> None:
+    with pytest.raises(ParameterException, match="top"), small("-p", given):
+        pass
+
+
+def test_a_key_of_a_file_that_no_node_has_is_refused_and_another_nodes_is_not(tmp_path: Path) -> None:
+    told = tmp_path / "told.yaml"
+    told.write_text("/**:\n  ros__parameters: {max_throws: 4}\n")
+    with small("--params-file", str(told)) as node:
+        check_names(node, "curator", ["--ros-args", "--params-file", str(told)])
+    told.write_text("/**:\n  ros__parameters: {max_throws: 4, bodi: brick.yaml}\n")
+    with small("--params-file", str(told)) as node, pytest.raises(UnknownNameError, match="bodi: did you mean body"):
+        check_names(node, "curator", ["--ros-args", "--params-file", str(told)])
+
+
+def test_a_former_name_is_taken_and_the_present_one_said(capfd: pytest.CaptureFixture[str]) -> None:
+    with small("-p", "body_file:=brick.yaml") as node:
+        check_names(node, "curator", ["-p", "body_file:=brick.yaml"])
+        assert node.body == "brick.yaml"
+    assert "parameter body_file is called body now" in capfd.readouterr().err
+
+
+def test_a_parameter_file_that_is_not_there_is_one_line_and_no_node(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "contact_curation.nodes.curator", "--ros-args", "--params-file", "/none.yaml"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert done.returncode == 1
+    said = "curator: --params-file: found no file /none.yaml, expected a file of parameters, such as config/nodes.yaml\n"
+    assert done.stderr == said
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_topic_that_no_topic_can_be_called_is_refused_with_the_form_of_names() -> None:
+    config = mock.Mock(topic="bad topic!", camera_info="")
+    says = "parameter topic: found 'bad topic!', expected a topic's name"
+    with small() as node, pytest.raises(InvalidValueError, match=says):
+        PoseTopics(node, "cube", config, "", 1, mock.Mock(), mock.Mock())
+
+
+def test_a_type_of_message_that_nobody_reads_is_refused_with_the_one_that_was_meant() -> None:
+    from contact_curation.nodes.pose_ingest import declared_type
+
+    with mock.patch("contact_curation.nodes.pose_ingest.declare", return_value="nav_msgs/Odometry"):
+        assert declared_type(mock.Mock()) == "nav_msgs/msg/Odometry"
+    wrong = mock.patch("contact_curation.nodes.pose_ingest.declare", return_value="nav_msgs/msg/Odometri")
+    with wrong, pytest.raises(UnknownNameError, match=r"unknown message type .*: did you mean nav_msgs/msg/Odometry"):
+        declared_type(mock.Mock())
+
+
+def test_files_that_are_there_are_taken(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").touch()
+    check_files(["--params-file", str(tmp_path / "a.yaml"), "-p", "x:=1"])
+
+
+def test_without_rclpy_a_node_is_one_line_with_the_remedy(tmp_path: Path) -> None:
+    code = (
+        "import sys, importlib.util as u\n"
+        "find = u.find_spec\n"
+        "u.find_spec = lambda name, *more: None if name == 'rclpy' else find(name, *more)\n"
+        "sys.argv = ['/bin/curator']\n"
+        "import contact_curation.nodes.curator\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr == (
+        "curator: rclpy is missing: source a ROS 2 Jazzy workspace, or pip install 'contact-curation[ros]'\n"
+    )
