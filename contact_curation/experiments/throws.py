@@ -13,7 +13,7 @@ from contact_curation.experiments.cell import Protocol
 RANDOM, RAW = "random", "raw"
 ARMS = (RANDOM, RAW, "exploration", "designed")
 """Ways of choosing throws: at random from the prior fitted to real ones, at random from the paper's normal, spread over first
-impacts all the time, and designed as soon as theta is trusted."""
+impacts all the time, and designed as soon as theta passes the readiness check."""
 
 PROTOCOLS = (Protocol.EXACT.value, Protocol.BUDGETED.value)
 

@@ -25,7 +25,7 @@ COLUMNS = {
     "spin": "spin at release",
     "friction, off all's": "friction_from_all",
 }
-RIGID = "with friction at the gaps"
+RIGID = "friction at contact vertices"
 """Of the column before."""
 
 type Rows = list[dict[str, str]]

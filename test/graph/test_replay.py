@@ -13,7 +13,7 @@ from contact_curation_msgs.srv import SaveBuffer
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.information.model_version import parameters_version
+from contact_curation.information.scoring import parameters_version
 from contact_curation.learning.checkpoints.theta_bytes import bytes_of_geometry, geometry_of_bytes
 from contact_curation.motion.calibration import RigCalibration
 from contact_curation.motion.toss import Toss

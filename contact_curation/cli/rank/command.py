@@ -34,7 +34,7 @@ from contact_curation.pipeline.ranking import RankConfig, rank_tosses
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.scoring import PoolConfig
 from contact_curation.pipeline.theta import form_of, thetas_of
-from contact_curation.storage.manifest.file import FORMATS
+from contact_curation.storage.manifest.file import CSV, FORMATS, provenance_of
 
 STAGES = (*SHARED_STAGES, "loss", "network", "ranking")
 BLOCKS = ("all", "physical")
@@ -111,6 +111,8 @@ def run(arguments: argparse.Namespace) -> int:
     """
     figure = _figure(arguments)
     check_outputs(overwrite=arguments.overwrite, out=arguments.out, figure=figure, rrd=arguments.rrd)
+    if arguments.out and arguments.out.suffix == CSV:
+        check_outputs(overwrite=arguments.overwrite, out=provenance_of(arguments.out))
     config = rank_config(arguments)
     dashboard = dashboard_of(arguments, config)
     try:

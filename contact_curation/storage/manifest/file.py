@@ -1,7 +1,8 @@
 """Manifests on disk: Parquet, CSV or JSON by the file's ending, with the same content in each.
 
     JSON      one object: the head, and a toss per line
-    CSV       comment lines `# name: JSON` with the head, then the table, a toss per line; an empty cell is no value
+    CSV       the table, a toss per line, an empty cell is no value; the head of m.csv is beside it in m.provenance.json
+              (format version 1 had it in comment lines `# name: JSON` before the table)
     Parquet   a row per toss; the head as JSON in the schema's metadata
 
 The head is all that is not about one toss. The same manifest always gives the same bytes.
@@ -10,7 +11,7 @@ The head is all that is not about one toss. The same manifest always gives the s
 import csv
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
 from io import BytesIO, StringIO
 from pathlib import Path
@@ -99,6 +100,7 @@ def _mapped(value: Any, leaf: Callable[[Any], Any]) -> Any:
 
 
 COMMENT = "# "
+CSV, PROVENANCE = ".csv", ".provenance.json"
 COLUMNS = tuple(field.name for field in fields(ManifestRow))
 BOOLEANS = {"true": True, "false": False}
 READERS: dict[object, Callable[[str], Any]] = {
@@ -114,18 +116,47 @@ READERS: dict[object, Callable[[str], Any]] = {
 
 
 def to_csv(manifest: Manifest) -> bytes:
-    """The same manifest always gives the same bytes."""
+    """The table alone; the same manifest always gives the same bytes."""
+    rows = [COLUMNS, *([_cell(getattr(row, name)) for name in COLUMNS] for row in manifest.rows)]
+    return "".join(f"{_line(row)}\n" for row in rows).encode()
+
+
+def _line(cells: Sequence[str]) -> str:
+    """Cells with either character of a line's end in them are quoted, which csv does only for those of its own line end."""
     out = StringIO(newline="")
-    for name, value in {**head_of(manifest), ROWS: len(manifest.rows)}.items():
-        out.write(f"{COMMENT}{name}: {json.dumps(value, ensure_ascii=False)}\n")
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows([_cell(getattr(row, name)) for name in COLUMNS] for row in manifest.rows)
-    return out.getvalue().encode()
+    csv.writer(out, lineterminator="\r\n").writerow(cells)
+    return out.getvalue().removesuffix("\r\n")
+
+
+def provenance_of(path: Path) -> Path:
+    """The file beside a CSV manifest that holds all that is not about one toss."""
+    return path.with_suffix(PROVENANCE)
+
+
+def provenance_bytes(manifest: Manifest) -> bytes:
+    """What stands in that file, with the number of tosses, by which a table that was cut is known."""
+    head = {**head_of(manifest), ROWS: len(manifest.rows)}
+    return (json.dumps(head, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def joined_csv(provenance: bytes, table: bytes) -> bytes:
+    """A table behind comment lines with its head, as version 1 of the format had both in one file."""
+    lines = [f"{COMMENT}{name}: {json.dumps(value)}\n" for name, value in json.loads(provenance).items()]
+    return "".join(lines).encode() + table
+
+
+def _whole(path: Path, data: bytes) -> bytes:
+    """A CSV manifest with its head, which is beside it or in it."""
+    if data.startswith(COMMENT.encode()):
+        return data
+    beside = provenance_of(path)
+    if not beside.is_file():
+        raise ValueError(f"found no {beside.name} beside it: keep the two together, or rank again")
+    return joined_csv(read_bounded(beside, LARGEST_BYTES, "the provenance of a manifest"), data)
 
 
 def from_csv(data: bytes) -> Parsed:
-    """Reads what `to_csv` wrote."""
+    """Reads a table behind comment lines with its head."""
     lines = data.decode().split("\n")
     comments = 0
     while lines[comments].startswith(COMMENT):
@@ -210,7 +241,7 @@ class _Format(NamedTuple):
 
 FORMATS = {
     ".parquet": _Format(to_parquet, from_parquet),
-    ".csv": _Format(to_csv, from_csv),
+    CSV: _Format(to_csv, from_csv),
     ".json": _Format(to_json, from_json),
 }
 
@@ -227,6 +258,8 @@ def write_manifest(manifest: Manifest, path: Path) -> None:
     except UnicodeEncodeError as error:
         near = error.object[max(0, error.start - AROUND) : error.end + AROUND]
         raise InvalidValueError("manifest", f"{near!r} in it", "names and paths that are Unicode") from error
+    if path.suffix == CSV:
+        write_atomically(provenance_of(path), provenance_bytes(manifest))
     write_atomically(path, data)
 
 
@@ -240,7 +273,8 @@ def read_manifest(path: Path) -> Manifest:
     """
     read = _format(path).read
     try:
-        head, rows = read(read_bounded(path, LARGEST_BYTES, "a manifest of `contact-curation rank`"))
+        data = read_bounded(path, LARGEST_BYTES, "a manifest of `contact-curation rank`")
+        head, rows = read(_whole(path, data) if path.suffix == CSV else data)
         check_version(path, "a manifest", head[FORMAT], VERSION)
         return manifest_of(head, rows)
     except UnreadableInputError:

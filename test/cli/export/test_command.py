@@ -28,6 +28,7 @@ def ranked(golden: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def manifest(ranked: Path, tmp_path: Path) -> Path:
     """Of the golden bag; a copy, for tests that look whether it is left alone."""
+    shutil.copy(ranked.with_suffix(".provenance.json"), tmp_path)
     return Path(shutil.copy(ranked, tmp_path / "manifest.csv"))
 
 
@@ -129,7 +130,7 @@ def test_tosses_that_are_not_in_the_inputs_are_one_line_and_nothing_is_written(
     line = refused(cli, other, "--manifest", manifest, "--format", form, "--out", tmp_path / "out")
     assert f"{TOP} of {TOP} selected tosses of {manifest} not in them: cube-" in line
     assert "golden.mcap" in line
-    assert {path.name for path in tmp_path.iterdir()} == {"manifest.csv", "a"}
+    assert {path.name for path in tmp_path.iterdir()} == {"manifest.csv", "manifest.provenance.json", "a"}
 
 
 def test_a_folder_that_is_not_empty_is_left_alone(cli: Cli, golden: Path, manifest: Path, tmp_path: Path) -> None:

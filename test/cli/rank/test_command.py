@@ -75,9 +75,9 @@ def test_the_manifest_says_what_the_report_says_and_a_figure_lies_beside_it(
 
 def test_the_figure_goes_where_it_is_wanted_or_nowhere(cli: Cli, golden: Path, tmp_path: Path) -> None:
     cli("rank", golden, "--out", tmp_path / "a.csv", "--no-figure")
-    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
+    assert {path.name for path in tmp_path.iterdir()} == {"a.csv", "a.provenance.json"}
     cli("rank", golden, "--figure", tmp_path / "b.png")
-    assert {path.name for path in tmp_path.iterdir()} == {"a.csv", "b.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {"a.csv", "a.provenance.json", "b.png"}
 
 
 def test_people_get_a_table_totals_and_evidence(cli: Cli, golden: Path, tmp_path: Path) -> None:

@@ -18,7 +18,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.storage.manifest.file import FORMATS, manifest_of, read_manifest, write_manifest
+from contact_curation.storage.manifest.file import (
+    FORMATS,
+    joined_csv,
+    manifest_of,
+    provenance_bytes,
+    read_manifest,
+    write_manifest,
+)
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 from contact_curation.storage.provenance import InputProvenance, RunProvenance
 
@@ -105,8 +112,9 @@ def test_any_text_and_number_comes_back_from_every_format(
         RANKED, toss_id=toss_id, topic=topic, reasons=tuple(reasons), score=score, mean_loss=loss, first_stamp_ns=stamp
     )
     manifest = Manifest(replace(RUN, command=(topic, toss_id)), (row,), {"note": topic.replace("N", "n").replace("I", "i")})
-    for kind in FORMATS.values():
-        assert_equal(manifest_of(*kind.read(kind.write(manifest))), manifest)
+    for ending, kind in FORMATS.items():
+        data = joined_csv(provenance_bytes(manifest), kind.write(manifest)) if ending == ".csv" else kind.write(manifest)
+        assert_equal(manifest_of(*kind.read(data)), manifest)
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
@@ -133,11 +141,21 @@ def test_other_tools_read_the_three_formats(tmp_path: Path) -> None:
     assert pq.read_table(tmp_path / "m.parquet")["toss_id"].to_pylist() == ids
     assert pq.read_table(tmp_path / "m.parquet")["mean_loss"].null_count == 1
     with (tmp_path / "m.csv").open(newline="") as file:
-        table = csv.DictReader(line for line in file if not line.startswith("#"))
-        assert [row["toss_id"] for row in table] == ids
+        assert [row["toss_id"] for row in csv.DictReader(file)] == ids
+    assert json.loads((tmp_path / "m.provenance.json").read_text())["criterion"] == "log-det"
     strict = json.loads((tmp_path / "m.json").read_text(), parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
     assert [row["toss_id"] for row in strict["tosses"]] == ids
     assert strict["influence_bound"] == "Infinity"
+
+
+def test_a_table_that_lost_its_provenance_is_refused_with_the_remedy_and_an_older_file_has_it_inside(tmp_path: Path) -> None:
+    write_manifest(MANIFEST, tmp_path / "m.csv")
+    older = joined_csv((tmp_path / "m.provenance.json").read_bytes(), (tmp_path / "m.csv").read_bytes())
+    (tmp_path / "older.csv").write_bytes(older)
+    assert_equal(read_manifest(tmp_path / "older.csv"), MANIFEST)
+    (tmp_path / "m.provenance.json").unlink()
+    with pytest.raises(UnreadableInputError, match=r"found no m\.provenance\.json beside it: keep the two together, or rank"):
+        read_manifest(tmp_path / "m.csv")
 
 
 def test_kept_tosses_come_best_first() -> None:
