@@ -1,7 +1,7 @@
-"""The way of a new user, for a wedge described by hand and for a URDF, with recordings of a tracker that nobody here has seen.
+"""The way of a new user, for a wedge described by hand and for a URDF, with recordings of a tracker that nobody here knows.
 
-From the recording to a diagnosis, a ranking with its figure, a model and its evaluation, and a live buffer; each command is what
-the one before it said to type, where it said one.
+From the recording to a diagnosis, a ranking with its figure, a model and its evaluation, and a live buffer. What `check` says
+to type next is typed.
 """
 
 import os
