@@ -25,6 +25,9 @@ NAME = re.compile(r"[A-Za-z0-9]+(_[A-Za-z0-9]+)*")
 ROUNDING = 1e-9
 """Share of an inertia's largest number by which it may be asymmetric, or its largest moment too large."""
 
+SMALLEST, LARGEST = 1e-12, 1e12
+"""In SI units, far below and above what anybody tosses."""
+
 LIKELY_DENSITY = 400.0
 """[kg/m^3] for examples in messages."""
 
@@ -90,6 +93,11 @@ def _half_extents(content: Mapping[str, Any]) -> Array:
     return half
 
 
+def is_measurable(value: float) -> bool:
+    """Whether a positive number can be a mass, a length or an acceleration at all; squares of others overflow."""
+    return SMALLEST < value < LARGEST
+
+
 def check_values(values: Mapping[str, Any]) -> None:
     """Refuses values that no body has, by whatever they were given.
 
@@ -103,7 +111,7 @@ def check_values(values: Mapping[str, Any]) -> None:
         expected = "letters, digits and single underscores, as in topics"
         raise InvalidValueError("name of the body", repr(values["name"]), expected)
     for name in ("mass", "length_scale", "gravity"):
-        if not (np.isfinite(values[name]) and values[name] > 0.0):
+        if not is_measurable(values[name]):
             raise InvalidValueError(name, values[name], "a positive number")
     if not (np.isfinite(values["friction"]) and values["friction"] >= 0.0):
         raise InvalidValueError("friction", values["friction"], "a number of at least 0")

@@ -50,7 +50,7 @@ def carried_body(
             remedy = f": leave out {given.source}" if given else ""
             raise InvalidValueError(
                 f"body of {found[0].source}",
-                f"{found[0].body.name!r}, whose {name} differs from that of {other.body.name!r} in {other.source}",
+                f"{found[0].body.name!r}, not the {other.body.name!r} of {other.source} (other {name})",
                 f"the same body{remedy}",
             )
     return found[0] if found else None

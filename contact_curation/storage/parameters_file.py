@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from contact_curation.contact.body import Body
+from contact_curation.contact.body_values import is_measurable
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.files import check_version, read_json
@@ -112,7 +113,7 @@ def _body_with(data: dict[str, Any], body: Body, name: str) -> Body:
 
 def _positive(data: dict[str, Any], key: str, name: str) -> float:
     value = float(_numbers(data, key, name, ()))
-    if value <= 0.0:
+    if not is_measurable(value):
         raise InvalidValueError(f"{name}: {key}", value, "a positive number")
     return value
 

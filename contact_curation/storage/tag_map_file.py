@@ -47,7 +47,7 @@ def read_tag_maps(path: Path) -> tuple[TagMap, ...]:
         return tuple(_maps(content) if "frames" in content else _tagslam_maps(content))
     except ContactCurationError as error:
         raise UnreadableInputError(path, str(error)) from error
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
         raise UnreadableInputError(path, f"found a field missing or of the wrong form ({error!r}), expected a map") from error
 
 

@@ -77,3 +77,12 @@ def test_a_map_without_a_frame_without_tags_or_with_an_id_twice_is_refused() -> 
 def test_a_tag_that_is_not_in_the_map_is_named_with_those_that_are() -> None:
     with pytest.raises(InvalidValueError, match=r"found 4, expected one of \[3\]"):
         TagMap("body", (Tag(3, UPRIGHT, 0.1),)).corners_in_body(4)
+
+
+def test_tags_seen_from_another_origin_keep_their_turn_and_size() -> None:
+    tags = TagMap("body_cube", (Tag(3, Pose(np.array([0.1, 0.2, 0.3]), np.array([0.8, 0.6, 0.0, 0.0])), 0.05),))
+    (moved,) = tags.moved(np.array([0.01, 0.0, -0.3])).tags
+    np.testing.assert_allclose(moved.pose.position, [0.11, 0.2, 0.0], atol=1e-15)
+    np.testing.assert_allclose(moved.pose.orientation_wxyz, [0.8, 0.6, 0.0, 0.0])
+    assert (moved.tag_id, moved.edge) == (3, 0.05)
+    assert tags.moved(np.zeros(3)) is tags

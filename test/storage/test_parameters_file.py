@@ -74,6 +74,7 @@ def without(key: str) -> dict[str, Any]:
         ({**plain(), "inertia": [[1, 2, 0], [0, 1, 0], [0, 0, 1]]}, "expected a positive definite matrix"),
         ({**plain(), "inertia": 0.0}, "expected a positive definite matrix"),
         ({**plain(), "length_scale": 0.0}, "length_scale: found 0.0"),
+        ({**plain(), "length_scale": 1e200, "inertia": 1.0}, "length_scale: found 1e+200"),
     ],
 )
 def test_anything_else_is_one_clear_line_that_names_the_file(tmp_path: Path, content: object, says: str) -> None:

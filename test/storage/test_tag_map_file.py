@@ -103,6 +103,8 @@ def test_frames_that_look_into_the_tags_are_turned(tmp_path: Path) -> None:
         ("frames: {body_cube: 3}", "wrong form"),
         ("frames: {body_cube: [{id: 1, edge: 0.1}]}", "position"),
         ("frames: {body_cube: [{id: 600, edge: 0.1, position: [0, 0, 0]}]}", "from 0 to 586"),
+        (f"frames: {{body_cube: [{{id: 1, edge: 1{'0' * 400}, position: [0, 0, 0]}}]}}", "wrong form"),
+        ("frames: {body_cube: [{id: 1, edge: .inf, position: [0, 0, 0]}]}", "edge of tag 1"),
         ("frames: {body_cube: [{id: 1, edge: -1, position: [0, 0, 0]}]}", "edge of tag 1"),
         ("frames: {body_cube: [{id: 1, edge: 0.1, position: [0, 0]}]}", r"\(3,\)"),
         ("family: tag25h9\nframes: {}", "tag36h11"),

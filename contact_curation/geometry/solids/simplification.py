@@ -109,17 +109,19 @@ def _outside(points: Array, hull: "object") -> Array:
 
 
 def _largest_distance(points: Array, corners: Array) -> float:
-    """From points (N, 3) outside of a hull to it."""
+    """From points (N, 3) outside of a hull to it; the nearest place lies on a facet that the point is beyond."""
     from scipy.spatial import ConvexHull
     from trimesh import triangles as triangle_geometry
 
     closest_point: Callable[[Array, Array], Array] = triangle_geometry.closest_point
-    triangles = corners[ConvexHull(corners).simplices]  # (F, 3, 3)
+    hull = ConvexHull(corners)
+    triangles, planes = corners[hull.simplices], hull.equations  # (F, 3, 3), (F, 4)
     largest = 0.0
     for first in range(0, len(points), AT_ONCE):
         some = points[first : first + AT_ONCE]
-        pairs = np.repeat(some, len(triangles), axis=0)
-        nearest = closest_point(np.tile(triangles, (len(some), 1, 1)), pairs)
-        distances = np.linalg.norm(nearest - pairs, axis=1).reshape(len(some), -1).min(axis=1)
-        largest = max(largest, float(distances.max()))
+        place, facet = np.nonzero(some @ planes[:, :3].T + planes[:, 3] > 0.0)
+        away = np.linalg.norm(closest_point(triangles[facet], some[place]) - some[place], axis=1)
+        nearest = np.full(len(some), np.inf)
+        np.minimum.at(nearest, place, away)
+        largest = max(largest, float(nearest[np.isfinite(nearest)].max(initial=0.0)))
     return largest

@@ -176,6 +176,12 @@ def test_any_convex_body_can_be_seen(detector: TagDetector) -> None:
     assert degrees < 0.5
 
 
+def test_tags_that_are_given_in_another_frame_than_the_centre_of_mass_are_seen_at_the_same_places(view: CameraView) -> None:
+    beside = replace(CUBE, center_of_mass=np.array([0.02, -0.01, 0.03]))
+    with CameraView(beside, rig_of(beside.tracked_polytope, "body_cube", "body_surface"), SMALL) as other:
+        np.testing.assert_array_equal(other.image(POSES[1]), view.image(POSES[1]))
+
+
 @pytest.mark.parametrize(
     ("missing", "package"), [("mujoco.egl", "libegl1"), ("device", "libgl1-mesa-dri")], ids=["no EGL", "no driver"]
 )
