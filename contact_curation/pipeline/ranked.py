@@ -22,7 +22,7 @@ from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.pipeline.diagnosis.explained import explained
 from contact_curation.pipeline.pool import TossPool
 from contact_curation.pipeline.reading import ReadingConfig
-from contact_curation.pipeline.tosses import Tosses, read_tosses
+from contact_curation.pipeline.tosses import CHECK_SAYS, Tosses, read_tosses
 from contact_curation.pipeline.wording import counted, counted_tosses, in_brackets, nothing_found
 from contact_curation.storage.manifest.file import FORMATS, write_manifest
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
@@ -110,8 +110,7 @@ class RankedTosses:
         if self.curation is None:
             paths = [one.path for one in self.manifest.run.inputs]
             found = f"no toss that could be ranked{self._typical_reason()}{in_brackets(self.outcomes)}"
-            expected = "at least one; `contact-curation check` says what to do"
-            raise explained(nothing_found(paths, self.warnings, found, expected), paths, self.reading)
+            raise explained(nothing_found(paths, self.warnings, found, CHECK_SAYS), paths, self.reading)
         return self.curation
 
     def save(self, path: str | Path) -> None:

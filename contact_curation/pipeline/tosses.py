@@ -28,6 +28,10 @@ type Inputs = str | PathLike[str] | Sequence[str | PathLike[str]]
 """A recording, several, or a pattern such as ``"bags/*.mcap"``."""
 
 
+CHECK_SAYS = "at least one; `contact-curation check` says what to do"
+"""What is expected where recordings have no toss."""
+
+
 class Taken(NamedTuple):
     """The toss that counts among those with the same id.
 
@@ -207,7 +211,7 @@ class Tosses:
             found[self.taken[toss.toss_id].recording].append(toss)
         return tuple(Recording(tuple(own), reading) for own, reading in zip(found, self.readings, strict=True))
 
-    def check_some(self, found: str, expected: str = "at least one") -> "Tosses":
+    def check_some(self, found: str, expected: str = CHECK_SAYS) -> "Tosses":
         """The same.
 
         Raises:
