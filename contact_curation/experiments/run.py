@@ -39,7 +39,7 @@ from contact_curation.pipeline.division import DivisionConfig, held_out_rule, le
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.pipeline.wording import counted
-from contact_curation.pipeline.workers import Advance, each
+from contact_curation.pipeline.workers import Advance, each, unheard
 from contact_curation.version import __version__
 
 
@@ -142,7 +142,7 @@ def _run(left: list[AnyCell], bench: Bench, ledger: Ledger, jobs: int, cells: in
     if not all(isinstance(cell, ThrowsCell) for cell in left):
         _ = bench.reference  # once here, and not again in every process
     with Progress("running", "cells", cells, cells - len(left)) as bar:
-        for done in each(partial(finished, bench), left, jobs, lambda count: None):
+        for done in each(partial(finished, bench), left, jobs, unheard):
             if done.error:
                 failed.append(done.error)
             else:

@@ -268,7 +268,15 @@ def _picture(report: Evaluation) -> MotionPicture:
     chosen = {int(ranked[round(share * (ranked.size - 1))]): name for name, share in reversed(PICTURED)}
     rows = tuple(_row(report, toss, name) for toss, name in reversed(chosen.items()))
     names = tuple(f"{one.kind} of {Path(one.name).name}" for one in report.models)
-    return MotionPicture(f"Predicted and measured motion of {report.models[0].model.body.name}", names, rows)
+    medians = " and ".join(_median(each.errors.position) for each in report.evaluations)
+    title = f"Predicted motions of {report.models[0].model.body.name}: median position error {medians} of the width"
+    return MotionPicture(f"{title}, {counted_tosses(len(report.tosses.judged_by))}", names, rows)
+
+
+def _median(errors: Array) -> str:
+    """Of the finite errors, in percent."""
+    finite = errors[np.isfinite(errors)]
+    return f"{float(np.median(finite)):.1f} %" if finite.size else "of no finite motion"
 
 
 def _row(report: Evaluation, toss: int, name: str) -> PicturedToss:

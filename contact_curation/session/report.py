@@ -143,9 +143,9 @@ def _replayed(
 
 def _ranking(rows: Sequence[ManifestRow]) -> list[ReportedToss]:
     return [
-        ReportedToss(row.rank, row.toss_id, row.score, row.marginal_gain, row.trace, row.selected)
+        ReportedToss(row.rank, row.toss_id, row.score or 0.0, row.marginal_gain or 0.0, row.trace or 0.0, row.selected)
         for row in rows
-        if row.rank is not None
+        if row.rank is not None  # all ranked ones have numbers
     ]
 
 

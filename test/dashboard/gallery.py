@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from contact_curation.dashboard.figures.body import BodyPicture, save_body_figure
 from contact_curation.dashboard.figures.experiment import Panel, Series, save_experiment_figure
 from contact_curation.dashboard.figures.learning_curves import Curve, save_learning_curves
 from contact_curation.dashboard.figures.motion import MotionPicture, PicturedToss, Track, save_motion_figure
@@ -117,6 +118,13 @@ def learning_curves(path: Path) -> None:
     save_learning_curves(runs, "Held-out errors while a recording plays", path, {POSITION: 14.0})
 
 
+def body(path: Path) -> None:
+    """A pyramid whose centre of mass is not the tracked frame's origin."""
+    corners = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.08, 0.0], [0.1, 0.08, 0.0], [0.03, 0.03, 0.05]])
+    center = np.array([0.05, 0.04, 0.015])
+    save_body_figure(BodyPicture("pyramid", corners - center, center, 0.2, np.diag([1e-4, 2e-4, 3e-4])), path)
+
+
 STORY = ReportData(
     title="Session of 4 throws",
     facts=[],
@@ -161,6 +169,7 @@ FIGURES: dict[str, Callable[[Path], None]] = {
     "experiment": experiment,
     "experiment_over_faults": experiment_over_faults,
     "learning_curves": learning_curves,
+    "body": body,
     **{f"report_{name}": report(name) for name in ("held_out", "gains", "spectrum", "nodes")},
 }
 """By name, what draws each into a PNG file."""

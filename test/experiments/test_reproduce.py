@@ -149,7 +149,7 @@ def test_other_protocols_learn_along_gradient_steps(cli: Cli, folder: Path, tmp_
         (("--rules", "best"), "unknown rule best: expected one of "),
         (("--model", "deep", "--protocol", "exact"), "protocol of a network: found exact"),
         (("--steps", "5"), "--steps: found protocol exact"),
-        (("--model", "shallow"), "model: found shallow"),
+        (("--model", "shallow"), "unknown model shallow: expected one of "),
     ],
 )
 def test_what_is_not_accepted_is_one_line(cli: Cli, folder: Path, tmp_path: Path, words: tuple[str, ...], line: str) -> None:

@@ -83,7 +83,7 @@ WRONG: dict[str, tuple[str, dict[str, Any], str]] = {
     "not positive": ("pose_ingest", {"segmenter.shortest": -1.0}, "shortest: found -1.0, expected a positive number"),
     "no such word": ("fisher_scorer", {"estimator": "guess"}, "one of empirical, gauss-newton"),
     "no store": ("fisher_scorer", {"store": "/nowhere/store"}, "/nowhere/store"),
-    "no criterion": ("curator", {"criterion": "beauty"}, "criterion: found beauty"),
+    "no criterion": ("curator", {"criterion": "beauty"}, "unknown criterion beauty"),
     "no bag": ("player", {}, "the path of a recording"),
     "no topic": ("player", {"topics": ["/nothing"]}, "expected /nothing"),
 }

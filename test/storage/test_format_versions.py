@@ -21,6 +21,7 @@ from contact_curation.learning.checkpoints.selection_document import selections_
 from contact_curation.learning.training.reranking import Trigger
 from contact_curation.storage.checkpoint_file import read_model, read_notes, resume_training
 from contact_curation.storage.manifest.file import read_manifest, write_manifest
+from contact_curation.storage.manifest.manifest import Diagnostic
 from contact_curation.storage.parameters_file import read_parameters
 from contact_curation.storage.score_file import read_scores
 from contact_curation.storage.stores.information import InformationStore
@@ -111,7 +112,8 @@ def test_manifests_of_the_previous_release_are_read(ending: str) -> None:
 
 
 def test_diagnostics_of_the_previous_release_are_read_by_their_names_of_today(tmp_path: Path) -> None:
-    shift, gram = {"distance": 0.5, "at_random": 1.0}, {"largest": 2.0}
+    shift: dict[str, Diagnostic] = {"distance": 0.5, "at_random": 1.0}
+    gram: dict[str, Diagnostic] = {"largest": 2.0}
     path = tmp_path / "manifest.json"
     write_manifest(replace(MANIFEST, diagnostics={"optimum_shift": shift, "selected_gram": gram}), path)
     names = {"optimum_shift": "answer", "distance": "off", "at_random": "by_chance", "selected_gram": "kept_gram"}

@@ -1,7 +1,4 @@
-"""One picture of a body: its hull as a whole and from three sides, its centre of mass, and the frame that a tracker follows.
-
-matplotlib is imported when a picture is drawn.
-"""
+"""One picture of a body: its hull as a whole and from three sides, its centre of mass, and the frame that a tracker follows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from contact_curation.dashboard.style import BLUE, INK, PALE, VERMILION, save_figure
+from contact_curation.dashboard.style import BLUE, INK, PALE, VERMILION, new_figure, save_figure
 from contact_curation.geometry.quaternions import Array
 
 if TYPE_CHECKING:
@@ -24,7 +21,7 @@ MARGIN = 1.15
 TICKS = 5
 """At most, on an axis."""
 
-VIEWS = (("seen along -z", "xy"), ("seen along y", "xz"), ("seen along -x", "yz"))
+VIEWS = (("From above, along -z", "xy"), ("From the front, along y", "xz"), ("From the side, along -x", "yz"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,21 +54,15 @@ def save_body_figure(picture: BodyPicture, path: Path) -> None:
 
 def body_figure(picture: BodyPicture) -> "Figure":
     """The picture as a matplotlib figure."""
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     corners = 1e3 * (picture.vertices + picture.center_of_mass)
     edges = _edges(corners)
-    with rc_context({"axes.titleweight": "bold", "font.size": 11}):
-        figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DOTS, layout="constrained")
-        FigureCanvasAgg(figure)
+    with new_figure(WIDTH, HEIGHT, DOTS) as figure:
         moments = ", ".join(f"{value:.3g}" for value in np.linalg.eigvalsh(picture.inertia))
         about = f"{len(picture.vertices)} vertices, {picture.mass:.3g} kg, moments of inertia {moments} kg m²"
-        figure.suptitle(f"{picture.name}: {about}", fontweight="bold")
+        figure.suptitle(f"{picture.name}: {about}", fontsize=13)
         whole: Any = figure.add_subplot(2, 2, 1, projection="3d", proj_type="ortho")
         _draw(whole, corners, edges, 1e3 * picture.center_of_mass)
-        _frame(whole, corners, "xyz", "the convex hull, which the board touches")
+        _frame(whole, corners, "xyz", "The convex hull, which touches the board")
         for place, (title, seen) in enumerate(VIEWS, start=2):
             columns = ["xyz".index(axis) for axis in seen]
             axes: Any = figure.add_subplot(2, 2, place, aspect="equal")
@@ -79,7 +70,7 @@ def body_figure(picture: BodyPicture) -> "Figure":
             _frame(axes, corners[:, columns], seen, title)
             axes.grid(visible=True, linewidth=0.4)
         handles, labels = whole.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
+        figure.legend(handles, labels, loc="outside lower center", ncols=3)
     return figure
 
 

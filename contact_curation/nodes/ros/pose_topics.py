@@ -91,7 +91,7 @@ class PoseTopics:
         self._node = node
         self._body = body
         names = {"topic": config.topic, "camera_info": config.camera_info}
-        resolved = {key: _resolved(node, key, name) for key, name in names.items() if name}
+        resolved: dict[str, Any] = {key: _resolved(node, key, name) for key, name in names.items() if name}
         self._config = replace(config, **resolved)
         self._tf_static = node.resolve_topic_name("tf_static")
         self._rig = (TypedTopic(node.resolve_topic_name("tf"), TF), TypedTopic(self._tf_static, TF))
