@@ -75,7 +75,7 @@ def selected_ids(manifest: Path) -> tuple[str, ...]:
     """
     ids = tuple(row.toss_id for row in read_manifest(manifest).selected)
     if not ids:
-        raise InvalidValueError(f"selected tosses of {manifest}", "none", "at least one")
+        raise InvalidValueError(f"selected tosses of {manifest}", "none", "at least one: rank again, with tosses that pass")
     return ids
 
 
@@ -168,7 +168,7 @@ def learning_tosses(tosses: Tosses, config: DivisionConfig) -> LearningTosses:
     lines = (*tosses.warnings, *_missing(pool, ids, config))
     if not parts.training:
         why = f"none of {len(pool)}: {len(held_out)} are held out, {len(parts.duplicates)} are duplicates of those"
-        raise InvalidValueError("tosses to learn from", why, "at least one")
+        raise InvalidValueError("tosses to learn from", why, "at least one: hold out fewer, or give more recordings")
     return LearningTosses(parts.training, parts.held_out, parts.duplicates, tosses.reasons, lines)
 
 
