@@ -32,7 +32,7 @@ class ServingConfig:
         grpc_port: port of the data that the viewer shows.
         bind: address that the data are served at.
         recording: .rrd file, overwritten; None for none.
-        index: whether the recording ends with an index of itself, which until then is held in memory and grows with the session.
+        index: whether the recording ends with an index, which until then is held in memory and grows with the session.
         memory: memory limit of the server's history for browsers that connect later; the oldest data are dropped first.
     """
 
