@@ -174,8 +174,8 @@ class BagReader:
                 errors.append(error)
         if not storages:
             raise errors[0]
-        for error in errors:
-            self._losses.say((error.path.name, "file"), f"{error}: left out, the other files of the bag are read")
+        for unread in errors:
+            self._losses.say((unread.path.name, "file"), f"{unread}: left out, the other files of the bag are read")
         return storages
 
     @cached_property
