@@ -69,7 +69,7 @@ def moments(tosses: cc.Tosses) -> Iterator[Moment]:
 def draw(told: Sequence[Moment], total: int, frame: float, body: cc.Body) -> Image.Image:
     """One picture: the newest toss at a share of its duration, the states of all, the friction so far."""
     figure = Figure(figsize=(9.0, 3.7), dpi=80, layout="constrained")
-    left, right = figure.subfigures(1, 2, width_ratios=(1.0, 1.1))
+    left, right = np.ravel(np.asarray(figure.subfigures(1, 2, width_ratios=(1.0, 1.1)), dtype=object))
     _draw_toss(left.subplots(), told[-1], len(told), total, frame, body)
     states, friction = right.subplots(2, 1, height_ratios=(1.0, 2.2))
     _draw_states(states, told[-1].states, total)

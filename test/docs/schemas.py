@@ -114,7 +114,8 @@ def stores_page() -> str:
         "Values of the table `states`: one JSON object each, with its fields and a `format`",
     ]
     lines += [f"(now {records.FORMAT}). The key is the name below.", ""]
-    for kind in (kind for _, kind in inspect.getmembers(records, inspect.isclass) if "KEY" in vars(kind)):
+    kinds: list[Any] = [kind for _, kind in inspect.getmembers(records, inspect.isclass) if "KEY" in vars(kind)]
+    for kind in kinds:
         lines += [f"### {kind.__name__}, key `{kind.KEY}`", "", inspect.cleandoc(kind.__doc__ or "").splitlines()[0], ""]
         lines += [*field_list(kind), ""]
     return "\n".join(lines)

@@ -187,20 +187,26 @@ def test_starting_over_forgets_what_waits_and_takes_everything_once_more() -> No
 def test_it_is_complete_when_all_that_the_source_holds_was_handled_and_says_so_then() -> None:
     server = Server(10)
     told: list[int] = []
-    following_, hand, taken = following(server, caught_up=lambda: told.append(len(taken)))
+    catch_up, hand, taken = following(server, caught_up=lambda: told.append(len(taken)))
+    complete: list[bool] = []
+
+    def look() -> None:
+        complete.append(catch_up.complete)
+
     server.tick()
-    assert not following_.complete  # a page is on its way to the worker
+    look()  # a page is on its way to the worker
     hand.work()
-    assert following_.complete
-    assert told == [10]
+    look()
     server.announce(11)
-    assert not following_.complete
+    look()
     hand.work()
-    assert following_.complete
-    following_.restart()
-    assert not following_.complete
+    look()
+    catch_up.restart()
+    look()
     hand.work()
-    assert (following_.complete, told) == (True, [10, 22])
+    look()
+    assert complete == [False, True] * 3
+    assert told == [10, 22]
 
 
 def test_a_source_that_was_away_and_lost_its_last_records_is_taken_from_the_start() -> None:

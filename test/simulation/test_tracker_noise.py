@@ -127,7 +127,7 @@ def test_losses_go_on_from_one_block_of_frames_into_the_next() -> None:
 )
 def test_faults_that_cannot_be_are_refused(field: str, value: float) -> None:
     with pytest.raises(InvalidValueError, match=field):
-        replace(TrackerNoiseConfig(), **{field: value})
+        replace(TrackerNoiseConfig(), **{field: value})  # type: ignore[arg-type]
 
 
 def _error(pose: Pose) -> Array:
