@@ -1,6 +1,7 @@
-"""`rig INPUT...`: estimates the rig calibration from tosses: the board's tilt and height, and the tracker's length scale."""
+"""`rig INPUT...`: estimate from recorded tosses how a rig tracks: the board's tilt and height, length scale, marker."""
 
 import argparse
+import sys
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -11,25 +12,25 @@ from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.reading import add_reading_options, inputs_of, stages_of
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import add_json_option, print_json, warn
-from contact_curation.errors import InvalidValueError
-from contact_curation.geometry.quaternions import Array
-from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval
-from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration, RigMeasurements, measurements_of
+from contact_curation.errors import NothingFoundError
+from contact_curation.motion.calibration import FEWEST_TOSSES, NO_CORRECTION
+from contact_curation.motion.survey.rig import Estimate, RigEstimate, estimate_rig, worth_correcting
+from contact_curation.pipeline.diagnosis.diagnosis import concluded
+from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.recording import read_recording
 from contact_curation.pipeline.reading import ReadingConfig, settings_of
-from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.pipeline.wording import counted_tosses
 
-BOOTSTRAP = BootstrapConfig(resamples=500)
-"""Over tosses."""
+NO_CORRECTION_NEEDED = "no correction needed: every interval holds 0, and the marker sits where it is described"
 
 
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Estimates the rig calibration from recorded tosses alone: bodies come to rest flat on the board, which gives its tilt "
-        "and height in the frame of the poses, and they fall by gravity, which gives the tracker's length scale. No gate is "
-        "applied, since a rig that is far off would have every toss rejected. The last line holds the options that correct "
-        "the tosses in all other commands. Intervals are 95 %, by the bootstrap over tosses."
+        "Estimates from recorded tosses alone how the board is tilted and how high it is in the frame of the poses, the length "
+        "scale, and where the marker sits in the body: bodies fall by their gravity and come to rest flat on the board. Falls "
+        "and rests are looked for in the poses themselves: a rig that is far off would have every toss rejected. The last line "
+        "is what other verbs take to correct the tosses. Intervals are 95 %."
     )
     add_reading_options(parser, ("poses", "segmenter", "rig"))
     add_json_option(parser)
@@ -44,76 +45,83 @@ def run(arguments: argparse.Namespace) -> int:
     """Reads all inputs and prints the calibration.
 
     Raises:
-        ContactCurationError: too few tosses come to rest, or are long enough in the air.
+        ContactCurationError: nothing falls in metres with z up, or too few throws fall or come to rest.
     """
-    body = chosen_body(arguments)
-    stages = stages_of(arguments, {})
-    inputs = inputs_of(stages, gated=False)
-    with Progress("reading", "tosses") as progress:
-        tosses = read_tosses(arguments.inputs, ReadingConfig(body, inputs), advance=progress.advance).check_some("no toss")
-    warn(tosses.warnings)
-    evidence = measurements_of(tosses.in_order_of_ids, body.polytope)
-    rig = evidence.calibration(body.gravity)
-    told = _told(evidence, body.gravity)
-    settings = settings_of(rig) if stages["rig"] == NO_CORRECTION else ""
+    body, stages = chosen_body(arguments), stages_of(arguments, {})
+    config = ReadingConfig(body, inputs_of(stages, gated=False))
+    recordings = []
+    with Progress("reading", "recordings", len(arguments.inputs)) as progress:
+        for path in arguments.inputs:
+            recordings.append(read_recording(path, config, sys.maxsize))
+            progress.advance(1)
+    evidence = Evidence(config, tuple(recordings))
+    warnings = tuple(_warnings(evidence))
+    if evidence.fall is None or not evidence.fall.sound:
+        raise NothingFoundError(concluded(evidence).verdict, warnings)
+    warn(warnings)
+    found = estimate_rig(evidence.survey, body.polytope, body.gravity, fewest=FEWEST_TOSSES)
+    settings = settings_of(worth_correcting(found)) if stages["rig"] == NO_CORRECTION else ""
     if arguments.json:
-        print_json(_document(evidence, rig, told, settings, tosses.warnings))
+        print_json(_document(found, settings, warnings))
     else:
-        print("\n".join(_lines(evidence, rig, told, settings)))
+        print("\n".join(_lines(found, settings)))
     return 0
 
 
-def _told(evidence: RigMeasurements, gravity: float) -> dict[str, Interval]:
-    """By name: tilt [deg], scale, and height of the faces at rest [mm]."""
-    own, count = _statistics(evidence, gravity), len(evidence.ends)
-    draws = np.random.default_rng(BOOTSTRAP.seed).integers(count, size=(BOOTSTRAP.resamples, count))
-    resampled = [_statistics(evidence.resampled(places), gravity) for places in draws]
-    outside = 0.5 * (1.0 - BOOTSTRAP.confidence)
-    low, high = np.nanquantile(resampled, [outside, 1.0 - outside], axis=0)
-    told = (Interval(*map(float, each)) for each in zip(own, low, high, strict=True))
-    return dict(zip(("tilt", "scale", "rest_height"), told, strict=True))
+def _warnings(evidence: Evidence) -> Iterator[str]:
+    for one in evidence.recordings:
+        yield from (f"{one.path}: {line}" for line in (one.unreadable, one.no_topic, *one.losses) if line)
+    twice = sum(len(one.series) for one in evidence.recordings) - len(evidence.series)
+    if twice:
+        yield f"{twice} series of poses are in the inputs twice: each counts once"
 
 
-def _statistics(evidence: RigMeasurements, gravity: float) -> Array:
-    """(3,) of what `_told` gives; NaN where the tosses are too few of a kind."""
-    try:
-        rig = evidence.calibration(gravity)
-    except InvalidValueError:
-        return np.full(3, np.nan)
-    return np.array([np.degrees(rig.tilt), rig.scale, 1e3 * np.nanmedian(evidence.heights)])
-
-
-def _document(
-    evidence: RigMeasurements, rig: RigCalibration, told: dict[str, Interval], settings: str, warnings: Sequence[str]
-) -> dict[str, Any]:
-    units = {"tilt": "tilt_degrees", "scale": "scale", "rest_height": "rest_height_mm"}
+def _document(found: RigEstimate, settings: str, warnings: Sequence[str]) -> dict[str, Any]:
+    height, turn, offset = _times(found.height, 1e3), found.marker_turn, found.marker_place
     return {
-        "tosses": len(evidence.ends),
-        "at_rest": int(evidence.rests.sum()),
-        "in_the_air": int(evidence.falls.sum()),
-        "normal": list(rig.normal),
-        **{units[name]: value._asdict() for name, value in told.items()},
+        "tosses": found.throws,
+        "at_rest": found.rests,
+        "in_the_air": found.falls,
+        "normal": list(found.rig.normal),
+        "tilt_degrees": found.tilt_interval._asdict(),
+        "height_mm": height._asdict(),
+        "scale": found.length_scale._asdict(),
+        "marker": {
+            "turn_degrees": [_times(one, float(np.degrees(1.0)))._asdict() for one in turn],
+            "offset_mm": [_times(one, 1e3)._asdict() for one in offset],
+        },
+        "correction_needed": not found.needs_none,
         "settings": settings,
         "warnings": list(warnings),
     }
 
 
-def _lines(evidence: RigMeasurements, rig: RigCalibration, told: dict[str, Interval], settings: str) -> Iterator[str]:
-    tilt, scale, height = told["tilt"], told["scale"], told["rest_height"]
-    rests, falls = int(evidence.rests.sum()), int(evidence.falls.sum())
-    yield f"{counted_tosses(len(evidence.ends))}: {rests} come to rest, {falls} are long enough in the air"
-    normal = ", ".join(f"{value:.4f}" for value in rig.normal)
+def _lines(found: RigEstimate, settings: str) -> Iterator[str]:
+    yield f"{counted_tosses(found.throws)}: {found.rests} come to rest, {found.falls} are long enough in the air"
+    tilt, scale, height = found.tilt_interval, found.length_scale, _times(found.height, 1e3)
+    normal = ", ".join(f"{value:.4f}" for value in found.rig.normal)
     yield (
         f"tilt    the board is tilted by {tilt.value:.2f} degrees ({tilt.low:.2f} to {tilt.high:.2f}) in the frame of the "
         f"poses: its normal is {normal}"
     )
-    off = 100.0 * (scale.value - 1.0)
-    length = f"{abs(off):.1f} % too {'short' if off > 0.0 else 'long'}"
+    length = f"{abs(100.0 * (scale.value - 1.0)):.1f} % too {'short' if scale.value > 1.0 else 'long'}"
     yield f"scale   lengths are {length}: multiply them by {scale.value:.4f} ({scale.low:.4f} to {scale.high:.4f})"
     where = "under" if height.value < 0.0 else "over"
     yield (
         f"height  bodies at rest lie {abs(height.value):.1f} mm {where} the board "
         f"({height.low:.1f} to {height.high:.1f}), by the described vertices"
     )
-    if settings:
+    if found.rig.has_marker:
+        turn = np.degrees(np.linalg.norm(found.rig.marker_turn))
+        away = 1e3 * np.linalg.norm(found.rig.marker_offset)
+        yield f"marker  the tracked frame is turned by {turn:.2f} degrees and {away:.1f} mm away from the described body's"
+    else:
+        yield "marker  the tracked frame is the described body's, as far as the rests tell"
+    if found.needs_none:
+        yield NO_CORRECTION_NEEDED
+    elif settings:
         yield f"options that correct the tosses in other commands: {settings}"
+
+
+def _times(one: Estimate, factor: float) -> Estimate:
+    return Estimate(*(factor * value for value in one))

@@ -22,7 +22,7 @@ from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
 from contact_curation.pipeline.reading import InputReader, ReadingConfig
 from contact_curation.pipeline.theta import polytope_of
-from contact_curation.pipeline.tosses import EachOnce
+from contact_curation.pipeline.tosses import CHECK_SAYS, EachOnce
 from contact_curation.pipeline.wording import counted_tosses, nothing_found
 from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.parameters_file import Parameters
@@ -105,7 +105,7 @@ def run(arguments: argparse.Namespace) -> int:
             tally.add(len(batch), _score(batch, theta, stages["loss"], writer))
             progress.advance(len(batch), share=tally.inputs / len(arguments.inputs))
         if not tally.statuses:
-            raise nothing_found(arguments.inputs, tally.warnings, "no toss that could be scored", "at least one")
+            raise nothing_found(arguments.inputs, tally.warnings, "no toss that could be scored", CHECK_SAYS)
     warn(tally.warnings)
     _report(arguments, stages["loss"].cone.value, tally)
     return 0

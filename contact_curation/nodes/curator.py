@@ -79,6 +79,7 @@ class Curator(StageNode):
 
     def _curate(self) -> None:
         """On the worker's thread, after everything that came: the newest state, once."""
+        before = self._buffer
         try:
             self._buffer = self._stage.buffer()
         except ContactCurationError as error:
@@ -86,7 +87,8 @@ class Curator(StageNode):
             return
         if self._buffer is not None:
             self._publisher.publish(buffer_message(self._buffer))
-            self.get_logger().info(self._buffer.in_words())
+            if before is None or before.in_words() != self._buffer.in_words():
+                self.get_logger().info(self._buffer.in_words())
 
     def _parameters_set(self, parameters: list[Parameter]) -> SetParametersResult:
         """Ranks by the new criterion from now on, if it is one; the next ones may come before that is done."""

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
+from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError, why_unreadable
 from contact_curation.learning.evaluation.held_out import Duplicate, HeldOutRule, NumberedToss, split
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.tosses import Tosses
@@ -75,7 +75,7 @@ def selected_ids(manifest: Path) -> tuple[str, ...]:
     """
     ids = tuple(row.toss_id for row in read_manifest(manifest).selected)
     if not ids:
-        raise InvalidValueError(f"selected tosses of {manifest}", "none", "at least one")
+        raise InvalidValueError(f"selected tosses of {manifest}", "none", "at least one: rank again, with tosses that pass")
     return ids
 
 
@@ -168,7 +168,7 @@ def learning_tosses(tosses: Tosses, config: DivisionConfig) -> LearningTosses:
     lines = (*tosses.warnings, *_missing(pool, ids, config))
     if not parts.training:
         why = f"none of {len(pool)}: {len(held_out)} are held out, {len(parts.duplicates)} are duplicates of those"
-        raise InvalidValueError("tosses to learn from", why, "at least one")
+        raise InvalidValueError("tosses to learn from", why, "at least one: hold out fewer, or give more recordings")
     return LearningTosses(parts.training, parts.held_out, parts.duplicates, tosses.reasons, lines)
 
 
@@ -225,7 +225,7 @@ def _ids_in(path: Path) -> frozenset[str]:
             data = file.read(LARGEST_FILE + 1)
         lines = data.decode().splitlines()
     except OSError as error:
-        raise UnreadableInputError(path, f"cannot be read: {error.strerror}") from error
+        raise UnreadableInputError(path, f"cannot be read: {why_unreadable(path, error)}") from error
     except UnicodeDecodeError as error:
         raise UnreadableInputError(path, "holds no text, expected an id a line") from error
     ids = frozenset(line.strip() for line in lines) - {""}

@@ -264,7 +264,9 @@ def _picture(report: Evaluation) -> MotionPicture:
     errors = report.evaluations[0].errors.position
     ranked = np.argsort(errors, kind="stable")[: int(np.isfinite(errors).sum())]
     if not ranked.size:
-        raise InvalidValueError("motions to draw", "none that is finite", "at least one")
+        raise InvalidValueError(
+            "motions to draw", "none that is finite", "at least one: train the model longer, or on other tosses"
+        )
     chosen = {int(ranked[round(share * (ranked.size - 1))]): name for name, share in reversed(PICTURED)}
     rows = tuple(_row(report, toss, name) for toss, name in reversed(chosen.items()))
     names = tuple(f"{one.kind} of {Path(one.name).name}" for one in report.models)

@@ -19,9 +19,10 @@ from contact_curation.errors import MissingDependencyError
 from contact_curation.information.curation import SUFFICIENT_EPSILON, Curation
 from contact_curation.information.diagnostics import block_shares
 from contact_curation.motion.toss import NANOSECONDS
+from contact_curation.pipeline.diagnosis.explained import explained
 from contact_curation.pipeline.pool import TossPool
 from contact_curation.pipeline.reading import ReadingConfig
-from contact_curation.pipeline.tosses import Tosses, read_tosses
+from contact_curation.pipeline.tosses import CHECK_SAYS, Tosses, read_tosses
 from contact_curation.pipeline.wording import counted, counted_tosses, in_brackets, nothing_found
 from contact_curation.storage.manifest.file import FORMATS, write_manifest
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
@@ -109,7 +110,7 @@ class RankedTosses:
         if self.curation is None:
             paths = [one.path for one in self.manifest.run.inputs]
             found = f"no toss that could be ranked{self._typical_reason()}{in_brackets(self.outcomes)}"
-            raise nothing_found(paths, self.warnings, found, "at least one; `contact-curation check` says what to do")
+            raise explained(nothing_found(paths, self.warnings, found, CHECK_SAYS), paths, self.reading)
         return self.curation
 
     def save(self, path: str | Path) -> None:

@@ -17,6 +17,7 @@ from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.learning.evaluation.held_out import NumberedToss, toss_number
 from contact_curation.motion.toss import Rejected, Toss
+from contact_curation.pipeline.diagnosis.explained import explained
 from contact_curation.pipeline.reading import InputReader, Reading, ReadingConfig
 from contact_curation.pipeline.wording import counted_tosses, in_brackets, listed, nothing_found
 from contact_curation.pipeline.workers import Advance, each, unheard
@@ -25,6 +26,10 @@ from contact_curation.storage.provenance import SeenToss, seen_toss
 
 type Inputs = str | PathLike[str] | Sequence[str | PathLike[str]]
 """A recording, several, or a pattern such as ``"bags/*.mcap"``."""
+
+
+CHECK_SAYS = "at least one; `contact-curation check` says what to do"
+"""What is expected where recordings have no toss."""
 
 
 class Taken(NamedTuple):
@@ -206,14 +211,15 @@ class Tosses:
             found[self.taken[toss.toss_id].recording].append(toss)
         return tuple(Recording(tuple(own), reading) for own, reading in zip(found, self.readings, strict=True))
 
-    def check_some(self, found: str, expected: str = "at least one") -> "Tosses":
+    def check_some(self, found: str, expected: str = CHECK_SAYS) -> "Tosses":
         """The same.
 
         Raises:
-            NothingFoundError: no toss was accepted; `found` and the reasons are in the message.
+            NothingFoundError: no toss was accepted; the message is what a diagnosis says first, or `found` and the reasons.
         """
         if not self.accepted:
-            raise nothing_found(self.paths, self.warnings, f"{found}{in_brackets(self.reasons)}", expected)
+            error = nothing_found(self.paths, self.warnings, f"{found}{in_brackets(self.reasons)}", expected)
+            raise explained(error, self.paths, self.config)
         return self
 
     def __len__(self) -> int:

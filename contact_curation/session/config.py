@@ -101,7 +101,7 @@ class SessionFolder:
             InvalidValueError: there is a session already, or they cannot be made.
         """
         if self.events.exists() or self.bag.exists():
-            raise InvalidValueError("--record", self.root, "a folder without a session in it")
+            raise InvalidValueError("--record", self.root, "a folder without a session in it: name a new one, or remove that")
         try:
             for folder in (self.logs, self.stores, self.figures):
                 folder.mkdir(parents=True, exist_ok=True)

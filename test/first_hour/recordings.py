@@ -1,8 +1,8 @@
 """What a new user brings along: two objects of one's own, and recordings of their tosses with names of one's own.
 
-MuJoCo throws the objects (`benchmarks.data.thrown_bodies`); a tracker with the real rig's noise sees them at 150 Hz. A motion
-capture system would record them so: PoseStamped on a topic of its own, or transforms on /tf, in a frame called `mocap`, with the
-board's place in it on /tf_static.
+MuJoCo throws the objects (`benchmarks.data.thrown_bodies`); a tracker with the real rig's noise sees them at 150 Hz. A
+motion capture system would record them so: PoseStamped on a topic of its own, or transforms on /tf, in a frame called
+`mocap`, with the board's place in it on /tf_static.
 """
 
 from collections.abc import Callable
@@ -23,6 +23,9 @@ from contact_curation.storage.bags.writer import BagWriter
 STORE = get_typestore(Stores.ROS2_JAZZY)
 FRAME_NS, TAKEN = 6_666_667, 20
 """Between frames, and of so many simulated poses one is a frame."""
+
+FIRST_S = 1_700_000_000
+"""Stamp of the first frame [s]."""
 
 BOARD = np.array([0.3, -0.2, 0.75, np.cos(0.3), 0.0, 0.0, np.sin(0.3)])
 """(7,) of the board in the frame of the motion capture system."""
@@ -101,10 +104,22 @@ def session(piece: ThrownBody, tosses: int, seed: int = 0) -> Array:
     return poses
 
 
-def write_stamped(path: Path, poses: Array, name: str, *, board: Array | None = BOARD, frame: str = "mocap") -> Path:
+def write_stamped(
+    path: Path,
+    poses: Array,
+    name: str,
+    *,
+    board: Array | None = BOARD,
+    frame: str = "mocap",
+    first_s: int = FIRST_S,
+) -> Path:
     """A bag with PoseStamped on /mocap/NAME/pose."""
-    message = STORE.types["geometry_msgs/msg/PoseStamped"]
-    return _written(path, f"/mocap/{name}/pose", poses, board, lambda stamp, row: message(_header(stamp, frame), _pose(row)))
+    kind = STORE.types["geometry_msgs/msg/PoseStamped"]
+
+    def message(stamp_ns: int, row: list[float]) -> Any:
+        return kind(_header(stamp_ns, frame), _pose(row))
+
+    return _written(path, f"/mocap/{name}/pose", poses, board, message, first_s)
 
 
 def write_transforms(path: Path, poses: Array, name: str, *, board: Array | None = BOARD) -> Path:
@@ -113,8 +128,15 @@ def write_transforms(path: Path, poses: Array, name: str, *, board: Array | None
     return _written(path, "/tf", poses, board, lambda stamp, row: message([_transform(stamp, name, row)]))
 
 
-def _written(path: Path, topic: str, poses: Array, board: Array | None, message: Callable[[int, list[float]], Any]) -> Path:
-    first = 1_700_000_000 * NANOSECONDS
+def _written(
+    path: Path,
+    topic: str,
+    poses: Array,
+    board: Array | None,
+    message: Callable[[int, list[float]], Any],
+    first_s: int = FIRST_S,
+) -> Path:
+    first = first_s * NANOSECONDS
     if board is not None:
         turned = quaternions.multiply(np.tile(board[3:], (len(poses), 1)), poses[:, 3:])
         poses = np.concatenate([board[:3] + quaternions.rotate(board[3:], poses[:, :3]), turned], axis=1)

@@ -65,7 +65,9 @@ class Training:
         self, model: Model, data: Transitions, held_out: Transitions | None, config: TrainingConfig, seed: int
     ) -> None:
         if config.patience is not None and held_out is None:
-            raise InvalidValueError("held-out transitions", "none", "some, since the protocol stops early on their loss")
+            raise InvalidValueError(
+                "held-out transitions", "none", "some (--held-out), since the protocol stops early on their loss"
+            )
         self.model = model
         self.config = config
         self.held_out = None if held_out is None else checked(held_out)

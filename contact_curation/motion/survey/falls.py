@@ -235,7 +235,8 @@ def _rest(series: PoseSeries, fit: LocalFits, start: int, end: int, shared: Arra
     speeds, pulls = (np.linalg.norm(each[inside], axis=1) for each in (fit.velocities, fit.accelerations))
     places = fit.first[inside][(speeds < STILL * length) & (pulls < 0.1 * length)]
     for part in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1):
-        if len(part) >= STILL_WINDOWS:
+        at_the_end = len(part) > 0 and part[-1] + fit.frames == len(series)  # files are cut as soon as the body is still
+        if len(part) >= STILL_WINDOWS or at_the_end:
             first, stop = int(part[0]), int(min(part[-1] + fit.frames, part[0] + REST_FRAMES))
             turns = series.orientations_wxyz[first:stop]
             mean = (turns * np.where(turns @ turns[0] < 0.0, -1.0, 1.0)[:, np.newaxis]).mean(axis=0)

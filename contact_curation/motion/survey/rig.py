@@ -8,9 +8,9 @@ turn and the place of the true body's frame in the tracked one:
     -R_k n_k = u + R_k (n_k x w)                                 tilt and turn: bodies lie flat on the board
     s u.(p_k - c) = b + d_k - u.R_k o                            height and place: their faces touch it
 
-Both are linear in what is looked for, for small angles, and solved together by least squares without outliers. A board that
-leans is the same for all rests, a marker askew leans with the body: rests on several faces under several headings tell them
-apart, and so do heights, which change from place to place on a board that leans. What the tosses cannot tell
+Both are linear in what is looked for, for small angles, and solved one after the other by least squares without outliers. A
+tilted board is the same for all rests, a marker that is askew turns with the body: rests on several faces under several
+headings tell them apart, throws in one plane do not. What the tosses cannot tell
 apart is left out: turn and place of the marker count only where they are certain and larger than what is worth correcting.
 """
 
@@ -48,15 +48,18 @@ SMALLEST_TURN, SMALLEST_PLACE = np.radians(0.5), 1e-3
 FLATTEST = np.radians(12.0)
 """A rest further from any described face is none of the described body."""
 
-FLAT_NOISE, HEIGHT_NOISE = 2e-3, 3e-4
-"""Of faces at rest, from toss to toss, as in real data [rad, m]: what weighs the two kinds of equations."""
-
 SMALLEST_ERRORS = {"tilt": 2e-4, "height": 1e-4, "scale": 5e-4}
 """Standard deviations are no smaller, however many tosses there are: bodies are not described better [rad, m, 1]."""
+
+OF_MEDIAN = 1.2533
+"""Its standard deviation over that of a mean, of normal values."""
 
 ROUNDS = 6
 OUTLYING = 4.0
 """Rounds of leaving out residuals that are so many times the median."""
+
+
+type Triple = tuple["Estimate", "Estimate", "Estimate"]
 
 
 class Estimate(NamedTuple):
@@ -97,8 +100,8 @@ class RigEstimate:
     tilt: tuple[Estimate, Estimate]
     height: Estimate
     scale: Estimate
-    marker_turn: tuple[Estimate, Estimate, Estimate]
-    marker_place: tuple[Estimate, Estimate, Estimate]
+    marker_turn: Triple
+    marker_place: Triple
     off_flat: Array
     heights: Array
     rest_depths: Array
@@ -107,6 +110,18 @@ class RigEstimate:
     @property
     def tilt_degrees(self) -> float:
         return float(np.degrees(self.rig.tilt))
+
+    @property
+    def tilt_interval(self) -> Estimate:
+        """Of the whole angle [degrees]."""
+        half = float(np.degrees(max(0.5 * (one.high - one.low) for one in self.tilt)))
+        low = 0.0 if all(one.holds_none for one in self.tilt) else max(self.tilt_degrees - half, 0.0)
+        return Estimate(self.tilt_degrees, low, self.tilt_degrees + half)
+
+    @property
+    def length_scale(self) -> Estimate:
+        """What lengths are multiplied with."""
+        return Estimate(*(1.0 + value for value in self.scale))
 
     @property
     def needs_none(self) -> bool:
@@ -132,38 +147,38 @@ def faces(polytope: Polytope) -> tuple[Array, Array]:
     return planes[:, :3], -planes[:, 3]
 
 
-def estimate_rig(survey: Survey, polytope: Polytope, gravity: float = 9.81) -> RigEstimate:
+def estimate_rig(survey: Survey, polytope: Polytope, gravity: float = 9.81, *, fewest: int = FEWEST_THROWS) -> RigEstimate:
     """The rig of some throws.
 
     Args:
         survey: of poses of one body by one rig [m], z up.
         polytope: the body's.
         gravity: the true one [m/s^2].
+        fewest: throws.
 
     Raises:
-        InvalidValueError: fewer than `FEWEST_THROWS` throws fall, or come to rest on a face of the body.
+        InvalidValueError: fewer than `fewest` throws fall, or come to rest on a face of the body.
     """
     throws = survey.throws
     rests = _rests(throws, polytope)
     for what, count in (("fall freely", len(throws)), ("come to rest on a face", len(rests.off))):
-        if count < FEWEST_THROWS:
-            raise InvalidValueError(f"throws that {what}", count, f"at least {FEWEST_THROWS}, to estimate the rig from")
+        if count < fewest:
+            raise InvalidValueError(f"throws that {what}", count, f"at least {fewest}, to estimate the rig from")
     scale = _scale(throws, gravity)
     told = 1.0 + scale.value
     centre = np.array([*np.median(rests.places[:, :2], axis=0), 0.0])
-    solved = _parts(rests, told * (rests.places - centre))
-    tilt, turn, place = solved[:2], solved[3:6], solved[6:]
+    several = _several_faces(rests)
+    tilt, turn = _turns(rests, several)
     up = np.array([tilt[0].value, tilt[1].value, 1.0])
     up /= np.linalg.norm(up)
     true = rests.turns @ quaternions.to_matrix(quaternions.exp([-one.value for one in turn]))
-    origins = told * (rests.places - centre) @ up + np.einsum("i,kij,j->k", up, true, [one.value for one in place])
-    heights = origins - _support(true, polytope, up)
-    height, half = float(np.median(heights)), 0.5 * (solved[2].high - solved[2].low)
+    gaps = told * (rests.places - centre) @ up - _support(true, polytope, up)
+    height, place, left = _height(gaps, true, up, several)
     rig = RigCalibration(
         normal=_triple(up),
         centre=_triple(centre),
         scale=told,
-        height=height,
+        height=height.value,
         marker_turn=_triple([one.value for one in turn]),
         marker_offset=_triple([one.value for one in place]),
     )
@@ -172,15 +187,15 @@ def estimate_rig(survey: Survey, polytope: Polytope, gravity: float = 9.81) -> R
         rests=len(rests.off),
         falls=len(throws),
         rig=rig,
-        tilt=(tilt[0], tilt[1]),
-        height=Estimate(height, height - half, height + half),
+        tilt=tilt,
+        height=height,
         scale=scale,
-        marker_turn=(turn[0], turn[1], turn[2]),
-        marker_place=(place[0], place[1], place[2]),
+        marker_turn=turn,
+        marker_place=place,
         off_flat=rests.off,
         heights=rests.places[:, 2] - _support(rests.turns, polytope, np.array([0.0, 0.0, 1.0])),
         rest_depths=rests.depths,
-        left_over=float(np.median(np.abs(heights - height))),
+        left_over=left,
     )
 
 
@@ -233,31 +248,36 @@ def _scale(throws: Sequence[Throw], gravity: float) -> Estimate:
     return _estimate(value - 1.0, float(np.hypot(value * error / length, SMALLEST_ERRORS["scale"])))
 
 
-def _parts(rests: _Rests, places: Array) -> tuple[Estimate, ...]:
-    """Nine: tilt (tx, ty), height b, the marker's turn w and place o, of rests whose origins are at `places` (K, 3) [m].
+def _turns(rests: _Rests, several: bool) -> tuple[tuple[Estimate, Estimate], Triple]:
+    """Of the board (tx, ty), and of the marker (w): -R n = u + R (n x w), without z."""
+    seen = -np.einsum("kij,kj->ki", rests.turns, rests.normals)[:, :2]
+    rows = np.concatenate([np.tile(np.eye(2), (len(seen), 1, 1)), (rests.turns @ _skew(rests.normals))[:, :2]], axis=2)
+    found = _with_marker(rows, seen, 2, several, SMALLEST_TURN, SMALLEST_ERRORS["tilt"])
+    return (found[0], found[1]), (found[2], found[3], found[4])
+
+
+def _height(gaps: Array, turns: Array, up: Array, several: bool) -> tuple[Estimate, Triple, float]:
+    """Of the board (b), the marker's place (o), and what is left in the median: gaps (K,) = b - u.R o."""
+    beside = -np.einsum("kij,i->kj", turns, up)
+    rows = np.concatenate([np.ones((len(gaps), 1)), beside], axis=1)[:, np.newaxis]  # (K, 1, 4)
+    found = _with_marker(rows, gaps[:, np.newaxis], 1, several, SMALLEST_PLACE, SMALLEST_ERRORS["height"])
+    values = np.array([one.value for one in found])
+    return found[0], (found[1], found[2], found[3]), float(np.median(np.abs(gaps - rows[:, 0] @ values)))
+
+
+def _with_marker(rows: Array, seen: Array, board: int, several: bool, smallest: float, floor: float) -> tuple[Estimate, ...]:
+    """Solves rows (K, m, P) x = seen (K, m), whose first `board` unknowns are the board's and the others the marker's.
 
     The marker's are zeros where rests on few faces do not tell them, or they are too small to be worth it.
     """
-    count = len(places)
-    flat = np.zeros((count, 2, 9))  # -R n = u + R (n x w)
-    flat[:, :, :2] = np.eye(2)
-    flat[:, :, 3:6] = (rests.turns @ _skew(rests.normals))[:, :2]
-    high = np.zeros((count, 1, 9))  # p_z - d = b - e_z.R o - t.p
-    high[:, 0, :2] = -places[:, :2]
-    high[:, 0, 2] = 1.0
-    high[:, 0, 6:] = -rests.turns[:, 2]
-    rows = np.concatenate([flat / FLAT_NOISE, high / HEIGHT_NOISE], axis=1)
-    normals = -np.einsum("kij,kj->ki", rests.turns, rests.normals)[:, :2]
-    seen = np.concatenate([normals / FLAT_NOISE, (places[:, 2:] - rests.depths[:, np.newaxis]) / HEIGHT_NOISE], axis=1)
-    wanted = np.arange(9) < 3
-    if _several_faces(rests):
-        values, errors = _solved(rows, seen)
-        wanted[3:6] = _certain(values[3:6], errors[3:6], SMALLEST_TURN)
-        wanted[6:] = _certain(values[6:], errors[6:], SMALLEST_PLACE)
-    values, errors = np.zeros(9), np.zeros(9)
-    values[wanted], errors[wanted] = _solved(rows[:, :, wanted], seen)
-    floors = np.repeat([SMALLEST_ERRORS["tilt"], SMALLEST_ERRORS["height"], 0.0], [2, 1, 6])
-    return tuple(_estimate(*each) for each in zip(values, np.hypot(errors, floors), strict=True))
+    values, errors = _solved(rows, seen) if several else (np.zeros(rows.shape[2]), np.zeros(rows.shape[2]))
+    if not several or not _certain(values[board:], errors[board:], smallest):
+        values, errors = np.zeros(rows.shape[2]), np.zeros(rows.shape[2])
+        values[:board] = np.median(seen, axis=0)  # the rows of the board are those of the identity
+        spread = 1.4826 * np.median(np.abs(seen - values[:board]), axis=0)
+        errors[:board] = OF_MEDIAN * spread / np.sqrt(len(seen))
+    errors[:board] = np.hypot(errors[:board], floor)
+    return tuple(_estimate(*each) for each in zip(values, errors, strict=True))
 
 
 def _certain(values: Array, errors: Array, smallest: float) -> bool:

@@ -5,6 +5,7 @@
 Nothing is assumed of units, axes or the height of the board: a fall in millimetres, or along y, is a parabola, too.
 """
 
+import hashlib
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -55,6 +56,13 @@ class PoseSeries:
 
     def __len__(self) -> int:
         return len(self.stamps_ns)
+
+    def digest(self) -> bytes:
+        """Of stamps and poses: equal series have equal digests."""
+        state = hashlib.sha256()
+        for part in (self.stamps_ns, self.positions, self.orientations_wxyz):
+            state.update(np.ascontiguousarray(part).tobytes())
+        return state.digest()
 
 
 @dataclass(frozen=True, eq=False)

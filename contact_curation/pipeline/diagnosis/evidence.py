@@ -9,6 +9,7 @@ from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.survey.falls import Survey, survey
 from contact_curation.motion.survey.rig import Estimate, RigEstimate, estimate_rig
+from contact_curation.motion.survey.series import PoseSeries
 from contact_curation.motion.survey.size import size_ratio
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.pipeline.diagnosis.recording import Recording
@@ -96,9 +97,18 @@ class Evidence:
         return 2 * accepted < max(len(found), len(self.survey.throws), 1)
 
     @cached_property
+    def series(self) -> tuple[tuple[Recording, PoseSeries], ...]:
+        """The poses on the board, and where they come from; each series once, whatever is given twice."""
+        found: dict[bytes, tuple[Recording, PoseSeries]] = {}
+        for recording in self.recordings:
+            for one in recording.series:
+                found.setdefault(one.digest(), (recording, one))
+        return tuple(found.values())
+
+    @cached_property
     def survey(self) -> Survey:
         """Falls and rests in the poses on the board."""
-        return survey([series for recording in self.recordings for series in recording.series])
+        return survey([one for _, one in self.series])
 
     @cached_property
     def fall(self) -> Fall | None:

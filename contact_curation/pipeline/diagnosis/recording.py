@@ -197,8 +197,7 @@ class _Watched:
         source = self._tosses.source
         measured = self._tosses.measured(message)
         for one in measured:
-            is_pose = isinstance(one, FramePose)
-            if is_pose:
+            if isinstance(one, FramePose):
                 self.frames.update((one.parent, one.child))
             if one.child != source.body_frame or (message.topic != source.body.name):
                 continue

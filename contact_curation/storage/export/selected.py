@@ -48,7 +48,9 @@ def selected_rows(manifest: Manifest, path: Path) -> dict[str, ManifestRow]:
         InvalidValueError: nothing was.
     """
     if not manifest.selected:
-        raise InvalidValueError(f"selected tosses of {path}", f"none of {len(manifest.rows)}", "at least one")
+        raise InvalidValueError(
+            f"selected tosses of {path}", f"none of {len(manifest.rows)}", "at least one: rank again, with tosses that pass"
+        )
     return {row.toss_id: row for row in manifest.selected}
 
 

@@ -46,7 +46,7 @@ def test_the_first_line_names_the_fault(session: Session, tmp_path: Path, name: 
     assert found.next.startswith("contact-curation ")
 
 
-@pytest.mark.parametrize("name", ["10 mm low", "leans 2 degrees", "lengths 5 % short", "marker aside", "marker askew"])
+@pytest.mark.parametrize("name", ["10 mm low", "tilted 2 degrees", "lengths 5 % short", "marker aside", "marker askew"])
 def test_its_settings_mend_what_they_can(cli: Cli, session: Session, tmp_path: Path, name: str) -> None:
     bag = spoilt_bag(tmp_path / "a.mcap", BY_NAME[name], simulated_session() if name.startswith("marker") else session)
     spoilt = cli("check", bag, "--json")
@@ -111,3 +111,15 @@ def test_faults_are_put_in_from_the_seed_alone(session: Session) -> None:
     fault: Fault = BY_NAME["jitter 2 ms"]
     one, other = (fault.change(session, np.random.default_rng(5)).stamps_ns for _ in range(2))
     assert np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("verb", [["rank"], ["train", "--out", "a.safetensors"]], ids=["rank", "train"])
+def test_verbs_that_find_no_toss_say_why(
+    cli: Cli, session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, verb: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    bag = spoilt_bag(tmp_path / "a.mcap", BY_NAME["10 mm low"], session)
+    done = cli(verb[0], bag, *verb[1:])
+    assert done.status == 1
+    assert done.err_lines[-1].startswith(f"contact-curation: error: {bag}: bodies at rest lie 10.0 mm under the board")
+    assert "`contact-curation check` gives the reasons and the settings" in done.err_lines[-1]

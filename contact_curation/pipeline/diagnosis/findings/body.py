@@ -28,9 +28,10 @@ def other_unit(evidence: Evidence) -> Finding | None:
     if rig is None:
         return None
     half, width = float(np.median(rig.rest_depths)), float(np.ptp(evidence.body.vertices, axis=0).max())
-    if half < LARGEST * (half + rig.height.value):
+    lies = half + rig.height.value
+    if not 0.0 < LARGEST * lies < half:
         return None
-    what = f"{evidence.body.name} is {width:.3g} m wide as described, and lies {half + rig.height.value:.2g} m high"
+    what = f"{evidence.body.name} is {width:.3g} m wide as described, and lies {lies:.2g} m high"
     return Finding(Severity.FAULT, what, "are its vertices in mm? expected metres")
 
 

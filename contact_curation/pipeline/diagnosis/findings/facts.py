@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from contact_curation.information.record import TossInformation
+from contact_curation.information.scoring import Scorer, ScoringConfig
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
 from contact_curation.pipeline.theta import described_polytope, form_of
@@ -69,7 +71,7 @@ def board(evidence: Evidence) -> Finding | None:
     height = (
         f"bodies at rest {1e3 * rig.height.value:+.1f} mm from it ({1e3 * rig.height.low:.1f} to {1e3 * rig.height.high:.1f})"
     )
-    return _fact(f"board: leans by {rig.tilt_degrees:.2f} degrees, {height}; length scale {1.0 + rig.scale.value:.4f}")
+    return _fact(f"board: tilted by {rig.tilt_degrees:.2f} degrees, {height}; length scale {1.0 + rig.scale.value:.4f}")
 
 
 def noise(evidence: Evidence) -> Finding | None:
@@ -90,37 +92,25 @@ def identifiable(evidence: Evidence) -> Finding | None:
     """What the tosses can tell of theta, by the Fisher information about each vertex, and about friction."""
     if len(evidence.tosses) < 2:
         return None
-    from contact_curation.information.network.config import network_config_for
-    from contact_curation.information.scoring import ScoringConfig
-    from contact_curation.pipeline.scoring import PoolConfig
-    from contact_curation.pipeline.toss_scores import toss_scores
-
     theta = described_polytope(evidence.body)
-    pool = PoolConfig(
-        evidence.config, (theta,), ScoringConfig(form=form_of(None, (theta,))), network=network_config_for("polytope")
-    )
-    (scorer,) = pool.scorers(pool.fixed_bounds, jobs=1)
+    scorer = Scorer(theta.geometry, theta.body, ScoringConfig(form=form_of(None, (theta,))))
     places = np.linspace(0, len(evidence.tosses) - 1, min(MOST_SCORED, len(evidence.tosses))).astype(int)
-    scores = toss_scores(scorer, [evidence.tosses[place] for place in places])
-    information = sum(np.asarray(each, float).T @ np.asarray(each, float) for each in scores.factors)
-    names = list(scores.parameter_names)
-    known = []
-    for vertex in range(len(evidence.body.vertices)):
-        own = [names.index(f"vertices_normal[{vertex}][{axis}]") for axis in range(3)]
-        known.append(float(np.linalg.eigvalsh(np.asarray(information)[np.ix_(own, own)])[0]))
+    scored = scorer.score([evidence.tosses[place] for place in places])
+    factors = [np.asarray(one.factor, dtype=float) for one in scored if isinstance(one, TossInformation)]
+    if not factors:
+        return None
+    information, names = np.sum([factor.T @ factor for factor in factors], axis=0), list(scorer.form.names())
+    first = [names.index(f"vertices_normal[{vertex}][0]") for vertex in range(len(evidence.body.vertices))]
+    known = [float(np.linalg.eigvalsh(information[at : at + 3, at : at + 3])[0]) for at in first]
     weak = [vertex for vertex, value in enumerate(known) if value < HARDLY * max(known)]
-    slid = (
-        sum(float(np.square(np.asarray(each, float)[:, names.index("friction")]).sum()) > 0.0 for each in scores.factors)
-        if "friction" in names
-        else 0
+    sliding = (
+        [float(np.square(factor[:, names.index("friction")]).sum()) for factor in factors] if "friction" in names else [0.0]
     )
-    vertices = (
-        f"all {len(known)} vertices" if not weak else f"{len(known) - len(weak)} of {len(known)} vertices (not {_listed(weak)})"
-    )
-    friction = f"friction by {slid} of {len(places)} tosses" if slid else "not friction: no toss slides"
-    return _fact(
-        f"identifiable: {vertices}; {friction}; not mass, and neither height nor tilt of the board apart from the vertices"
-    )
+    slid = sum(value > HARDLY * max(sliding) for value in sliding)
+    few = f"{len(known) - len(weak)} of {len(known)} vertices (hardly {_listed(weak)})"
+    vertices = few if weak else f"all {len(known)} vertices"
+    friction = f"friction by {slid} of {len(factors)} tosses" if slid else "not friction, for no toss slides"
+    return _fact(f"identifiable: {vertices}; {friction}; not mass, and the board's tilt and height only with the vertices")
 
 
 def _listed(vertices: list[int]) -> str:

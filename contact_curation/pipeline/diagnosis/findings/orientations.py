@@ -64,12 +64,11 @@ def off_flat(evidence: Evidence) -> dict[str, float] | None:
     found = evidence.survey
     if evidence.fall is None:
         return None
-    by_stamp = [(recording, series) for recording in evidence.recordings for series in recording.series]
     read, raw = [], []
     for throw in found.throws:
         if throw.rest is None:
             continue
-        recording, series = by_stamp[throw.flights[0].series]
+        recording, series = evidence.series[throw.flights[0].series]
         read.append(throw.rest.orientation_wxyz)
         raw.append(_measured_at(recording, int(series.stamps_ns[throw.rest.first])))
     if len(read) < FEWEST_RESTS:

@@ -13,7 +13,7 @@ LARGEST_TILT, LARGEST_HEIGHT, LARGEST_SCALE = 0.75, 0.0025, 0.025
 WORTH_TILT, WORTH_HEIGHT, WORTH_SCALE = 0.2, 0.0008, 0.008
 """What is worth a line."""
 
-MEND = "measure the rig again, or correct poses with the settings below"
+MEND = "measure the rig again, or correct poses by settings"
 
 
 def height(evidence: Evidence) -> Finding | None:
@@ -30,12 +30,12 @@ def height(evidence: Evidence) -> Finding | None:
 
 
 def tilt(evidence: Evidence) -> Finding | None:
-    """A board that leans in the frame of the poses."""
+    """A board that is tilted in the frame of the poses."""
     rig = _rig(evidence)
     if rig is None or rig.tilt_degrees < WORTH_TILT or all(one.holds_none for one in rig.tilt):
         return None
     return _finding(
-        rig, rig.tilt_degrees > LARGEST_TILT, f"the board leans by {rig.tilt_degrees:.2f} degrees in the frame of the poses"
+        rig, rig.tilt_degrees > LARGEST_TILT, f"the board is tilted by {rig.tilt_degrees:.2f} degrees in the frame of the poses"
     )
 
 

@@ -80,7 +80,7 @@ def jitter(evidence: Evidence) -> Finding | None:
         steps = series.steps[flight.first : flight.stop - 1]
         if len(steps) < 4 or steps.max() > 1.9 * series.period:
             continue
-        frames = np.arange(len(steps) + 1) * float(steps.mean())
+        frames = np.asarray(np.arange(len(steps) + 1) * float(steps.mean()), dtype=float)
         times = np.concatenate([[0.0], np.cumsum(steps)])
         spreads.append(float(np.std(times - np.polyval(np.polyfit(frames, times, 1), frames))))
         as_stamped.append(_left_over(series, flight, times))

@@ -23,7 +23,7 @@ HINTS = {
     "acceleration in the air beyond gravity": "noise, jittering stamps or smoothed poses?",
     "displacement beside the velocity": "tracking outliers: poses jump",
     "turn beside the angular velocity": "orientations jump: flipped tags?",
-    "tilt at rest": "does the board lean?",
+    "tilt at rest": "is the board tilted?",
     "height at rest": "board height or body size off?",
 }
 """By the name of a reason."""
