@@ -5,6 +5,7 @@ Each says what was found and what was expected. Only the entry points of the com
 
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
+from itertools import islice
 from pathlib import Path
 
 MOST_LISTED = 30
@@ -24,6 +25,10 @@ class InvalidValueError(ContactCurationError):
     def __init__(self, name: str, found: object, expected: str) -> None:
         super().__init__(f"{name}: found {found}, expected {expected}")
         self.name = name
+
+
+MOST_ENTRIES = 1000
+"""Entries of a folder that a misspelt file name is compared with."""
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
@@ -67,6 +72,16 @@ class UnreadableInputError(ContactCurationError):
     def __init__(self, path: Path | str, why: str) -> None:
         super().__init__(f"{path}: {why}")
         self.path = Path(path)
+
+
+def why_unreadable(path: Path, error: OSError) -> str:
+    """Why the system does not read a file, and where there is none of the name, the nearest name in its folder."""
+    why = error.strerror or str(error)
+    if not isinstance(error, FileNotFoundError):
+        return why
+    if not path.parent.is_dir():
+        return f"{why}; there is no folder {path.parent}"
+    return why + near_name(path.name, (entry.name for entry in islice(path.parent.iterdir(), MOST_ENTRIES)))
 
 
 class NewerVersionError(UnreadableInputError):

@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from contact_curation.errors import InvalidValueError, NewerVersionError, UnreadableInputError
+from contact_curation.errors import InvalidValueError, NewerVersionError, UnreadableInputError, why_unreadable
 
 
 def read_bounded(path: Path, largest: int, expected: str) -> bytes:
@@ -30,7 +30,7 @@ def read_bounded(path: Path, largest: int, expected: str) -> bytes:
         with path.open("rb") as file:
             data = file.read(largest + 1)
     except OSError as error:
-        raise UnreadableInputError(path, f"cannot be read: {error.strerror}") from error
+        raise UnreadableInputError(path, f"cannot be read: {why_unreadable(path, error)}") from error
     if len(data) > largest:
         raise UnreadableInputError(path, f"holds more than {largest} bytes, expected at most that for {expected}")
     return data

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
+from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError, why_unreadable
 from contact_curation.learning.evaluation.held_out import Duplicate, HeldOutRule, NumberedToss, split
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.tosses import Tosses
@@ -225,7 +225,7 @@ def _ids_in(path: Path) -> frozenset[str]:
             data = file.read(LARGEST_FILE + 1)
         lines = data.decode().splitlines()
     except OSError as error:
-        raise UnreadableInputError(path, f"cannot be read: {error.strerror}") from error
+        raise UnreadableInputError(path, f"cannot be read: {why_unreadable(path, error)}") from error
     except UnicodeDecodeError as error:
         raise UnreadableInputError(path, "holds no text, expected an id a line") from error
     ids = frozenset(line.strip() for line in lines) - {""}

@@ -8,6 +8,9 @@ from typing import Any, NamedTuple
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 
+ASSUMES_THE_CUBE = "contact-curation: no --body given: assuming ContactNets' cube (0.37 kg, 105 mm)"
+"""On standard error, once a verb that was given no body is done."""
+
 
 class Outcome(NamedTuple):
     """What a command did: exit status, standard output, standard error."""

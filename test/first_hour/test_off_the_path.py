@@ -39,6 +39,8 @@ CHECKS = (
 
 PLACES = (
     ("no such recording", 1, f"rank nothing.mcap {BODY}", r"nothing\.mcap: .*No such file"),
+    ("a misspelt recording", 1, f"rank wegde.mcap {BODY}", r"No such file .*; did you mean wedge\.mcap\?"),
+    ("no such folder", 1, f"rank bags/wedge.mcap {BODY}", r"No such file .*; there is no folder bags"),
     ("an empty folder", 1, f"rank empty {BODY}",
      r"empty: is a folder without storage files; expected .mcap or .db3 files"),
     ("not a recording", 1, f"rank garbage.mcap {BODY}", r"garbage\.mcap: begins with .*; expected an MCAP file"),
@@ -52,7 +54,8 @@ PLACES = (
     ("no such board", 1, f"rank wedge.mcap {BODY} --board-frame tabel", r"frame 'tabel'.* frames here: mocap, table"),
     ("no board said", 1, f"rank wedge.mcap {BODY}",
      r"'body_surface'.* frames here: mocap, table; .*use --board-frame ''"),
-    ("no such body", 1, f"rank wedge.mcap --body wegde.yaml {POSES}", r"wegde\.yaml: cannot be read: No such file"),
+    ("no such body", 1, f"rank wedge.mcap --body wegde.yaml {POSES}",
+     r"wegde\.yaml: .*No such file .*; did you mean wedge\.yaml\?"),
     ("grams", 1, f"rank wedge.mcap --body grams.yaml {POSES}", r"mass: found 216 kg .* is it in grams \(0\.216 kg\)\?"),
     ("a body in mm", 1, "body mm.yaml", r"a body 100 m wide .* expected metres: are they in mm\?"),
     ("a misspelt key", 1, "body misspelt.yaml", r"unknown key 'vertexes': did you mean 'vertices'\?"),

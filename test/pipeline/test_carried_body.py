@@ -20,7 +20,7 @@ from contact_curation.pipeline.carried_body import CarriedBody, carried_body
 from contact_curation.storage.manifest.file import FORMATS, read_manifest, write_manifest
 from contact_curation.storage.manifest.manifest import Manifest
 from contact_curation.storage.throws_file import read_throws, write_throws
-from test.cli.commands import Cli
+from test.cli.commands import ASSUMES_THE_CUBE, Cli
 from test.storage.manifest.test_manifest import RUN
 
 BRICK = Body(
@@ -121,7 +121,7 @@ def test_simulate_takes_the_body_from_the_throws_and_design_from_the_checkpoint(
 def test_without_a_body_one_line_says_that_the_cube_is_assumed(cli: Cli, tmp_path: Path) -> None:
     write_throws(tmp_path / "throws.json", [throw_of_state("throw-0", "cube", STATE)])
     made = cli("simulate", tmp_path / "throws.json", "--out", tmp_path / "t.mcap", "--json")
-    assert made.err_lines == ["contact-curation: no --body given: assuming ContactNets' cube (0.37 kg, 105 mm)"]
+    assert made.err_lines == [ASSUMES_THE_CUBE]
     assert made.json["tosses"] == 1
 
 

@@ -25,7 +25,7 @@ from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.cli.stop_signals import StopSignals
 from contact_curation.contact.models.registry import DEFAULT_MODEL, MODELS
-from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.errors import InvalidValueError, UnreadableInputError, why_unreadable
 from contact_curation.files import write_atomically
 from contact_curation.information.criteria.orthogonal import VARIANTS
 from contact_curation.information.ranker import RankingConfig, criterion_names
@@ -332,4 +332,4 @@ def _content(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise UnreadableInputError(path, f"cannot be read: {error.strerror}") from error
+        raise UnreadableInputError(path, f"cannot be read: {why_unreadable(path, error)}") from error

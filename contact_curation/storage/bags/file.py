@@ -17,7 +17,7 @@ from pathlib import Path
 import lz4.frame  # type: ignore[import-untyped]
 import zstandard
 
-from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
+from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError, why_unreadable
 
 MEBIBYTE = 1 << 20
 
@@ -90,7 +90,7 @@ class BagFile:
                 raise UnreadableInputError(path, "is not a file")
             self._file = path.open("rb", buffering=READ_AHEAD)
         except OSError as error:
-            raise UnreadableInputError(path, f"cannot be opened: {error.strerror}") from error
+            raise UnreadableInputError(path, f"cannot be opened: {why_unreadable(path, error)}") from error
         self.size = path.stat().st_size
         with suppress(OSError):  # a file system without locks only loses the warning
             fcntl.flock(self._file, fcntl.LOCK_SH | fcntl.LOCK_NB)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import yaml
 
-from contact_curation.errors import UnreadableInputError
+from contact_curation.errors import UnreadableInputError, why_unreadable
 from contact_curation.storage.bags.file import DamagedBagError, Losses
 from contact_curation.storage.bags.records import Channel, OfferedQos, profiles_of, qos_from
 
@@ -131,7 +131,7 @@ def storage_files(path: Path, losses: Losses) -> BagFolder:
             return BagFolder((path,), None)
         found = sorted((entry for entry in path.iterdir() if _format(entry)), key=_natural)
     except OSError as error:
-        raise UnreadableInputError(path, f"cannot be read: {error.strerror}") from error
+        raise UnreadableInputError(path, f"cannot be read: {why_unreadable(path, error)}") from error
     if not found:
         raise UnreadableInputError(path, f"is a folder without storage files; {EXPECTED}")
     metadata = _metadata_if_sound(path / METADATA_NAME, losses)

@@ -12,7 +12,7 @@ def unreadable(evidence: Evidence) -> Finding | None:
     if not found:
         return None
     severity = Severity.FAULT if len(found) == len(evidence.recordings) else Severity.WARNING
-    return Finding(severity, f"cannot be read: {of_recordings(evidence, found)}", "copy or record it again")
+    return Finding(severity, f"cannot be read: {of_recordings(evidence, found)}", "give another, or copy or record it again")
 
 
 def without_a_topic(evidence: Evidence) -> Finding | None:
