@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from math import log10
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from contact_curation.errors import InvalidValueError
 
@@ -66,7 +66,7 @@ def save_figure(figure: "Figure", path: Path) -> Path:
     return path
 
 
-STYLE = {
+STYLE: Any = {
     "font.size": 11,
     "text.parse_math": False,
     "axes.spines.top": False,
@@ -119,8 +119,16 @@ def entitle(axes: "Axes", message: str, columns: int = 0) -> None:
     axes.tick_params(labelsize=TICK_SIZE)
     axes.set_title(message, pad=TITLE_ABOVE_LEGEND if columns else 6.0)
     if columns:
-        place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.2, "borderpad": 0.1}
-        axes.legend(ncols=columns, fontsize=LEGEND_SIZE, columnspacing=1.4, handlelength=1.8, **place)
+        axes.legend(
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0),
+            ncols=columns,
+            fontsize=LEGEND_SIZE,
+            columnspacing=1.4,
+            handlelength=1.8,
+            borderaxespad=0.2,
+            borderpad=0.1,
+        )
 
 
 def logarithmic(axis: "Axis") -> None:
@@ -140,7 +148,7 @@ def logarithmic(axis: "Axis") -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def plain_number(value: float, _place: int | None = None) -> str:
+def plain_number(value: float, _place: float | None = None) -> str:
     """A number as a tick shows it, without formulas: 0.02, 300, 2·10⁶."""
     if value == 0.0 or PLAIN_FROM <= abs(value) < PLAIN_TO:
         return f"{value:.6g}"

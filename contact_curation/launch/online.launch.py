@@ -2,9 +2,9 @@
 
     ros2 launch contact_curation online.launch.py folder:=results
     ros2 launch contact_curation online.launch.py throws:=12 rate:=0.0 dashboard:=true record:=true
-    ros2 launch contact_curation online.launch.py camera:=rendered topic:='' tag_map:=cube_tags.yaml
+    ros2 launch contact_curation online.launch.py camera:=rendered topic:=auto tag_map:=cube_tags.yaml
 
-With an arm or a tracker of your own, leave out what stands for it: arm:=false thrower:='', or camera:=none. With auto:=false
+With an arm or a tracker of your own, leave out what stands for it: arm:=false thrower:=none, or camera:=none. With auto:=false
 throws are designed on request alone. Nodes that die are started again. `contact-curation online` does the same without ROS's
 launch, and ends with a summary and a report.
 """
@@ -37,11 +37,11 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument("throws", default_value="0", description="no more throws than these; 0: no end"),
         DeclareLaunchArgument("rate", default_value="1.0", description="simulated seconds a second; 0: as fast as possible"),
         DeclareLaunchArgument("arm", default_value="true", description="the simulated arm throws"),
-        DeclareLaunchArgument("thrower", default_value="arm", description="who makes the throws: arm; empty: one of your own"),
+        DeclareLaunchArgument("thrower", default_value="arm", description="who makes the throws: arm; none: one of your own"),
         DeclareLaunchArgument("auto", default_value="true", description="throw after throw, without being asked"),
         DeclareLaunchArgument("camera", default_value="poses", description="the simulated camera: poses, rendered, or none"),
         DeclareLaunchArgument(
-            "topic", default_value="tagslam/odom/body_cube", description="the body's poses; empty with a rendering camera"
+            "topic", default_value="tagslam/odom/body_cube", description="the body's poses; auto with a rendering camera"
         ),
         DeclareLaunchArgument("tag_map", default_value="", description="tags of body and board, for a rendering camera"),
         DeclareLaunchArgument("dashboard", default_value="false", description="serve the dashboard to a browser"),

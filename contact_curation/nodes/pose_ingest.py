@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,8 @@ from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 from contact_curation.storage.inputs.recording_notes import RULES_NOTE, with_recorded_rules
 from contact_curation.storage.stores.tosses import StoredRejected, StoredToss, TossStore
 
+AUTO = "auto"
+
 LOOK_PERIOD = 0.2
 """[s] between looks at the graph."""
 
@@ -51,7 +54,7 @@ class PoseIngest(StageNode):
     def __init__(self) -> None:
         super().__init__("pose_ingest")
         self._body = declared_body(self)
-        self._poses = declare_config(self, PoseTopicConfig())
+        self._poses = declared_poses(self)
         self._config = declared_ingest(self, self._body, self._poses)
         self._source = declare(self, "source", "", "name of the recording in toss ids; empty: the pose topic")
         type_name = declared_type(self)
@@ -165,6 +168,12 @@ def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> Inge
             segmenter = with_recorded_rules(segmenter, reader.note(RULES_NOTE))
     gates = declare_config(node, GateConfig(), "gates.")
     return IngestConfig(poses.tracker(body, poses.board_frame), segmenter, gates, declare_config(node, NO_CORRECTION, "rig."))
+
+
+def declared_poses(node: StageNode) -> PoseTopicConfig:
+    """Where the poses are; launch can give no empty topic, so that the word `auto` stands for it."""
+    poses = declare_config(node, PoseTopicConfig())
+    return replace(poses, topic="") if poses.topic == AUTO else poses
 
 
 def declared_type(node: StageNode) -> str:

@@ -12,6 +12,7 @@ import pytest
 import rclpy
 from rclpy.exceptions import ParameterException
 
+from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.nodes.ros.given_parameters import check_files, check_names
 from contact_curation.nodes.ros.node_main import StageNode
@@ -122,3 +123,12 @@ def test_without_rclpy_a_node_is_one_line_with_the_remedy(tmp_path: Path) -> Non
     assert done.stderr == (
         "curator: rclpy is missing: source a ROS 2 Jazzy workspace, or pip install 'contact-curation[ros]'\n"
     )
+
+
+def test_what_launch_cannot_leave_empty_has_a_word() -> None:
+    from contact_curation.nodes.pose_ingest import declared_poses
+    from contact_curation.nodes.ros.design_parameters import declared_thrower
+
+    with small("-p", "topic:=auto", "-p", "thrower:=none") as node:
+        assert declared_poses(node).topic == ""
+        assert declared_thrower(node, CONTACTNETS_CUBE) is None

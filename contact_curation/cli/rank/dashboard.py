@@ -61,7 +61,7 @@ class RankDashboard:
         port = arguments.web_port if arguments.dashboard else 0
         self._recording: Path | None = arguments.rrd
         self._partial = self._recording and self._recording.with_name(f".{os.getpid()}-{self._recording.name}")
-        self._serving: ServingConfig = ServingConfig(port, arguments.grpc_port, recording=self._partial)
+        self._serving: ServingConfig = ServingConfig(port, arguments.grpc_port, recording=self._partial, index=True)
         self._screen: Screen = open_screen(self._serving, ranking_layout(config.pool.reading.body))
 
     def show(self, pool: TossPool, curation: Curation) -> None:

@@ -210,7 +210,8 @@ def _message(panel: Panel) -> str:
         return f"{name}\nof {panel.series[0].name}"
     at: dict[float | str, list[tuple[float, str]]] = {}
     for one in panel.series:
-        for place, value in zip(one.places, one.values):
+        places: list[float | str] = [*one.places]
+        for place, value in zip(places, one.values):
             if np.isfinite(value):
                 at.setdefault(place, []).append((abs(float(value) - panel.aim), one.name))
     shared = [min(found)[1] for found in at.values() if len(found) == len(panel.series)] or [min(f)[1] for f in at.values()]

@@ -132,7 +132,7 @@ def _draw_scores(axes: "Axes", picture: RankingPicture) -> None:
     )
     if spread:
         logarithmic(axes.xaxis)
-    axes.yaxis.get_major_locator().set_params(integer=True)
+    axes.locator_params(axis="y", integer=True)
     axes.set(xlabel=criterion_named(picture.criterion).axis_label(), ylabel="tosses")
     highest = int((np.argsort(-scores, kind="stable")[:count] < count).sum())
     among = f"{highest} of the {count} selected tosses are among the {count} with the highest scores by themselves"
@@ -159,7 +159,7 @@ def _draw_gains(axes: "Axes", picture: RankingPicture) -> None:
     )
     if selected.min() > 0.0 and selected.max() > LARGEST_LINEAR_RATIO * selected.min():
         logarithmic(axes.yaxis)
-    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.locator_params(axis="x", integer=True)
     first, last = (plain_number(float(f"{gain:.3g}")) for gain in (selected[0], selected[-1]))
     entitle(axes, f"The first selected toss adds {first}, the last one {last}", columns=2)
 
@@ -173,7 +173,7 @@ def _draw_outcomes(axes: "Axes", picture: RankingPicture) -> None:
     axes.bar_label(bars, padding=4)
     axes.set_ylim(max(len(names), FEWEST_BARS) - 0.5, -0.5)
     axes.set(xlabel="tosses", xlim=(0, 1.15 * max([*counts, 1])))
-    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.locator_params(axis="x", integer=True)
     rejected, every = sum(counts[2:]), sum(counts)
     entitle(axes, f"{rejected} of {every} tosses are rejected" if rejected else f"None of {every} tosses is rejected")
 

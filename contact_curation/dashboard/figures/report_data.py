@@ -149,7 +149,7 @@ def learning_figure(data: ReportData) -> "Figure":
         for panel, (name, values) in zip(panels, data.errors.items()):
             panel.plot(data.throws_then, values, color=BLUE.web, marker="o", markersize=4)
             panel.set(xlabel="throws scored", ylabel=name)
-            panel.xaxis.get_major_locator().set_params(integer=True)
+            panel.locator_params(axis="x", integer=True)
             if np.nanmin(values) > 0.0:
                 logarithmic(panel.yaxis)
             panel.grid(alpha=0.3)
@@ -169,10 +169,10 @@ def gains_figure(data: ReportData) -> "Figure":
             panel.bar(places + shift, [value or 0.0 for value in values], width=0.4, color=colour, label=label)
         exploration = [throw.number for throw in data.throws if throw.planned is None]
         if exploration:
-            heights, style = [0.0] * len(exploration), {"linestyle": "", "marker": "^", "color": VERMILION.web}
-            panel.plot(exploration, heights, label="exploration: nothing planned", clip_on=False, **style)
+            heights, label = [0.0] * len(exploration), "exploration: nothing planned"
+            panel.plot(exploration, heights, linestyle="", marker="^", color=VERMILION.web, label=label, clip_on=False)
         panel.set(xlabel="throw", ylabel="gain in log-det [nats]", xlim=(0.3, places.max() + 0.7))
-        panel.xaxis.get_major_locator().set_params(integer=True)
+        panel.locator_params(axis="x", integer=True)
         panel.grid(alpha=0.3, axis="y")
         entitle(panel, _gains_message(data.throws), columns=3)
     return figure
@@ -193,7 +193,7 @@ def spectrum_figure(data: ReportData) -> "Figure":
         panel.plot(np.arange(1, values.size + 1), values, color=BLUE.web, marker="o", markersize=4, label="selected tosses")
         panel.axhline(1.0, color=INK.web, linestyle="--", label="all tosses")
         panel.set(xlabel="direction of the parameters, weakest first", ylabel="information per toss,\nall tosses = 1")
-        panel.xaxis.get_major_locator().set_params(integer=True)
+        panel.locator_params(axis="x", integer=True)
         panel.grid(alpha=0.3)
         weakest = f"Weakest direction: {values[0]:.2g} of the average information per toss"
         entitle(panel, f"{weakest} (ε = {data.epsilon:.3g})", columns=2)
@@ -210,8 +210,8 @@ def nodes_figure(data: ReportData) -> "Figure":
                 panel.barh(row, end - begin, left=begin, height=0.5, color=GREEN.web, label="" if row else "runs")
         died = [(event.seconds, nodes.index(event.node)) for event in data.events if event.event == "died"]
         if died:
-            marks = {"linestyle": "", "marker": "x", "color": INK.web, "markersize": 8, "markeredgewidth": 2}
-            panel.plot(*zip(*died), label="died", **marks)
+            seconds, rows = zip(*died)
+            panel.plot(seconds, rows, linestyle="", marker="x", color=INK.web, markersize=8, markeredgewidth=2, label="died")
         panel.set(yticks=range(len(nodes)), yticklabels=nodes, xlabel="time [s]", xlim=(0.0, max(data.seconds, 1.0)))
         panel.invert_yaxis()
         panel.grid(alpha=0.3, axis="x")

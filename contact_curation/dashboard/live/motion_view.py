@@ -53,11 +53,11 @@ class MotionView:
         screen.always(SCENE, rr.ViewCoordinates.RIGHT_HAND_Z_UP)
         screen.always(f"{SCENE}/board", board)
 
-    def show(self, motion: TossMotion, number: int) -> None:
-        """Writes a toss, the `number`th; its path stays among those of all tosses."""
+    def show(self, motion: TossMotion, number: int, called: str = "toss") -> None:
+        """Writes a toss, the `number`th of what it is called; its path stays among those of all tosses."""
         toss = motion.toss
         above = toss.positions[:1] + np.array([0.0, 0.0, NAME_ABOVE])
-        name = f"toss {number}, {zoned(toss.toss_id)}"
+        name = f"{called} {number}, {zoned(toss.toss_id)}"
         label = rr.Points3D(above, labels=[name], colors=[MEASURED], radii=NAME_ABOVE / 100.0, show_labels=True)
         self._path("measured", toss.positions, toss.orientations_wxyz, self._body.vertices, MEASURED)
         finite = np.isfinite(motion.predicted).all(axis=1)

@@ -70,6 +70,6 @@ def show_ranked(
         friction = bodies.show(theta.geometry, uncertainty_if_known(pool, selected.toss_ids[:place]))
         if toss_id in tosses:
             motion = motion_of(tosses[toss_id], body, theta, loss)
-            motions.show(motion, place)
+            motions.show(motion, place, "rank")
             drawn = f"rank {place}, the toss of {zoned(toss_id)}"
             summary.show(replace(standing, friction=friction, drawn=drawn, error=motion.position_error))

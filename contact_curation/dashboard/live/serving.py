@@ -32,6 +32,7 @@ class ServingConfig:
         grpc_port: port of the data that the viewer shows.
         bind: address that the data are served at.
         recording: .rrd file, overwritten; None for none.
+        index: whether the recording ends with an index, which until then is held in memory and grows with the session.
         memory: memory limit of the server's history for browsers that connect later; the oldest data are dropped first.
     """
 
@@ -39,6 +40,7 @@ class ServingConfig:
     grpc_port: int = 9876
     bind: str = "127.0.0.1"
     recording: Path | None = None
+    index: bool = False
     memory: str = "512MiB"
 
     def __post_init__(self) -> None:
@@ -66,7 +68,7 @@ def open_screen(config: ServingConfig, layout: rrb.Blueprint) -> Screen:
     stream = rr.RecordingStream(APPLICATION, batcher_config=rr.ChunkBatcherConfig(flush_tick=FLUSH_PERIOD))
     sinks: list[rr.GrpcServerSink | rr.FileSink] = []
     if config.recording is not None:
-        sinks.append(_file_sink(config.recording))
+        sinks.append(_file_sink(config.recording, config.index))
     if config.web_port:
         _check_port("web_port", ANYWHERE, config.web_port)
         _check_port("grpc_port", config.bind, config.grpc_port)
@@ -87,12 +89,12 @@ def close_screen(screen: Screen) -> None:
     screen.stream.disconnect()
 
 
-def _file_sink(path: Path) -> rr.FileSink:
+def _file_sink(path: Path, index: bool) -> rr.FileSink:
     try:
         path.open("ab").close()
     except OSError as error:
         raise InvalidValueError("recording", path, f"a path that can be written ({error.strerror})") from error
-    return rr.FileSink(path, write_footer=False)  # what the footer lists is held in memory, and grows with the session
+    return rr.FileSink(path, write_footer=index)
 
 
 def _check_port(name: str, address: str, port: int) -> None:

@@ -24,9 +24,8 @@ def declared_thrower(node: Node, body: Body) -> Feasible | None:
     Raises:
         InvalidValueError: an arm that there cannot be.
     """
-    if not declare(
-        node, "thrower", "", "arm: only throws that sim_arm can make, with its parameters arm.*", choices=("", "arm")
-    ):
+    described = "arm: only throws that sim_arm can make, with its parameters arm.*; none or empty: a thrower of your own"
+    if declare(node, "thrower", "", described, choices=("", "none", "arm")) != "arm":
         return None
     from contact_curation.simulation.arm.feasibility import ArmFeasibility
     from contact_curation.simulation.arm.model import ArmConfig  # MuJoCo takes a while to import
