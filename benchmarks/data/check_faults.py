@@ -42,6 +42,9 @@ TOPIC = "/tagslam/odom/body_cube"
 SIMULATED, REAL = 10, range(40, 64)
 """Tosses of the simulated session, and the numbers of the real ones."""
 
+LARGE_CASE = "large"
+"""With `--only`: the time alone."""
+
 LARGE = 100_000_000
 """Bytes."""
 
@@ -273,15 +276,10 @@ def noisier(multiple: float) -> Change:
 
 
 def carried(made: Session, rng: np.random.Generator) -> Session:
-    """Nothing is let go: the whole session ten times slower, and smooth."""
-    return replace(made, stamps_ns=_stretched(made.stamps_ns, 10), logged_ns=_stretched(made.logged_ns, 10)).moved(
+    """Nothing is let go: everything moves as a hand would, within 0.8 s."""
+    return made.moved(
         lambda p: np.stack([np.convolve(np.pad(c, (60, 60), mode="edge"), np.ones(121) / 121, "valid") for c in p.T], axis=1)
     )
-
-
-def _stretched(stamps: NDArray[np.int64], times: int) -> NDArray[np.int64]:
-    """The same rate, as many frames."""
-    return stamps[0] + (stamps - stamps[0])
 
 
 def still(made: Session, rng: np.random.Generator) -> Session:
@@ -294,7 +292,7 @@ def caught(made: Session, rng: np.random.Generator) -> Session:
     """The tracker loses sight before the body rests."""
     kept = np.zeros(len(made.poses), dtype=bool)
     for release in made.releases:
-        kept[max(release - 60, 0) : release + 45] = True
+        kept[max(release - 16, 0) : release + 45] = True
     return made.only(kept)
 
 
@@ -469,7 +467,7 @@ def cases(folder: Path, only: str = "") -> Iterator[tuple[str, Fault, Diagnosis]
 
 
 def seconds_for_large(folder: Path) -> tuple[float, float]:
-    """Size [MB] and time [s] of a recording of `LARGE` bytes, one session again and again."""
+    """Size [MB] and processor time [s] of a recording of `LARGE` bytes, one session again and again."""
     made = simulated_session()
     path = folder / "large.mcap"
     write(path, made)
@@ -486,9 +484,9 @@ def seconds_for_large(folder: Path) -> tuple[float, float]:
             + 1e-9 * np.random.default_rng(0).standard_normal((times * len(made.poses), 7)),
         ),
     )
-    begun = time.perf_counter()
+    begun = time.process_time()
     diagnosed(path, FAULTS[0])
-    return path.stat().st_size / 1e6, time.perf_counter() - begun
+    return path.stat().st_size / 1e6, time.process_time() - begun
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -506,14 +504,14 @@ def main(argv: Sequence[str] | None = None) -> int:
             rows.append({"source": source, "fault": fault.name, "right": right, "ok": found.ok, "verdict": found.verdict})
             if not arguments.json:
                 print(f"{'right' if right else 'WRONG'}  {source:9}  {fault.name:22}  {found.verdict}", flush=True)
-        large = seconds_for_large(folder) if not arguments.only else None
+        large = seconds_for_large(folder) if arguments.only in ("", LARGE_CASE) else None
     named = sum(bool(row["right"]) for row in rows)
     if arguments.json:
         print(json.dumps({"rows": rows, "right": named, "of": len(rows), "large": large}))
     else:
         print(f"{named} of {len(rows)} right ({100.0 * named / max(len(rows), 1):.0f} %)")
         if large:
-            print(f"a recording of {large[0]:.0f} MB of odometry takes {large[1]:.1f} s")
+            print(f"a recording of {large[0]:.0f} MB of odometry takes {large[1]:.1f} s of processor time")
     return 0
 
 

@@ -81,7 +81,11 @@ WRONG: dict[str, tuple[str, dict[str, Any], str]] = {
     "a word for a number": ("pose_ingest", {"gates.depth": "deep"}, "gates.depth"),
     "out of bounds": ("pose_ingest", {"queue_depth": 5}, "queue_depth"),
     "not positive": ("pose_ingest", {"segmenter.shortest": -1.0}, "shortest: found -1.0, expected a positive number"),
-    "no such word": ("fisher_scorer", {"estimator": "guess"}, "unknown estimator guess: expected one of empirical, gauss-newton"),
+    "no such word": (
+        "fisher_scorer",
+        {"estimator": "guess"},
+        "unknown estimator guess: expected one of empirical, gauss-newton",
+    ),
     "no store": ("fisher_scorer", {"store": "/nowhere/store"}, "/nowhere/store"),
     "no criterion": ("curator", {"criterion": "beauty"}, "unknown criterion beauty"),
     "no bag": ("player", {}, "the path of a recording"),

@@ -15,8 +15,8 @@ from contact_curation.pipeline.diagnosis.recording import Recording, read_record
 from contact_curation.pipeline.reading import ReadingConfig, settings_of
 from contact_curation.pipeline.workers import Advance, each, unheard
 
-MOST_MESSAGES = 30_000
-"""Of pose topics, of all recordings together: some 200 s at 148 Hz, and a few seconds of work."""
+MOST_MESSAGES = 20_000
+"""Of pose topics, of all recordings together: some 135 s at 148 Hz, and a few seconds of work."""
 
 FEWEST_MESSAGES = 2_000
 """Of each recording, however many there are."""

@@ -1,6 +1,7 @@
 """TagSLAM calls the frames of `body_cube` and `body_surface` by their names alone; a board that nothing leads to is told of."""
 
 from pathlib import Path
+from typing import Any
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.motion.pose_stream import FramePose
@@ -15,7 +16,7 @@ POSES = stream()
 BODY = "/tagslam/odom/body_cube"
 
 
-def read(path: Path, **poses: str) -> tuple[list[str], list[str]]:
+def read(path: Path, **poses: Any) -> tuple[list[str], list[str]]:
     """Kinds of what is found, and the lines of what is not."""
     found = list(open_inputs([path], CONTACTNETS_CUBE, InputsConfig(PoseTopicConfig(**poses))))
     problems = [str(one) for one in found if isinstance(one, Problem)]

@@ -6,13 +6,16 @@ from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
 from contact_curation.pipeline.diagnosis.findings.orientations import ASKEW, off_flat
 
+WIDE = 1.0
+"""[m] What is described narrower is not described in millimetres."""
+
 LARGEST = 20.0
 """Times its height at rest: a body that is described larger is described in another unit."""
 
-USUAL = 0.97
+USUAL = 0.96
 """What `size_ratio` is for a body as described: rounded corners make it small."""
 
-BETTER = 0.02
+BETTER = 0.01
 """By so much nearer must a wrong size be to what is seen than a wrong height of the board."""
 
 UNEVEN = 0.0025
@@ -29,7 +32,7 @@ def other_unit(evidence: Evidence) -> Finding | None:
         return None
     half, width = float(np.median(rig.rest_depths)), float(np.ptp(evidence.body.vertices, axis=0).max())
     lies = half + rig.height.value
-    if not 0.0 < LARGEST * lies < half:
+    if LARGEST * abs(lies) > half or width < WIDE:
         return None
     what = f"{evidence.body.name} is {width:.3g} m wide as described, and lies {lies:.2g} m high"
     return Finding(Severity.FAULT, what, "are its vertices in mm? expected metres")
