@@ -133,7 +133,7 @@ BAD = [
     (frames_only, "found no toss in 0 poses of /tf_static"),
     (with_nan, "expected finite numbers"),
     (cut_in_its_head, "cut short at byte"),
-    (in_millimetres, "expected motions that fall freely (in metres, z up on the board) and come to rest"),
+    (in_millimetres, "in metres"),
     (folders_in_a_folder, "expected .mcap or .db3 files directly in it, or .pt files of ContactNets' tosses"),
     (no_bag, "text.mcap"),
     (missing, "missing.mcap"),

@@ -56,7 +56,7 @@ def curator(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[subprocess.Popen[
         watchdog.start()
         yield process, domain
         watchdog.cancel()
-        process.terminate()
+        process.kill()
         process.communicate()
 
 

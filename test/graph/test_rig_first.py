@@ -28,6 +28,9 @@ class GraphOf:
         self.offers = offers
         self.callbacks: dict[str, Callable[[Any, Mapping[str, int]], None]] = {}
 
+    def get_namespace(self) -> str:
+        return "/"
+
     def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
         return [(name, [KINDS[name]]) for name in self.offers]
 
@@ -38,7 +41,7 @@ class GraphOf:
         return [Publisher(KINDS[name], self.offers[name])] if name in self.offers else []
 
     def resolve_topic_name(self, topic: str) -> str:
-        return topic
+        return topic if topic.startswith("/") else f"/{topic}"
 
     def create_subscription(self, kind: type, topic: str, callback: Any, qos: QoSProfile) -> str:
         assert kind is {POSES: PoseStamped, RIG: TFMessage}[topic]

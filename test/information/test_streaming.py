@@ -82,7 +82,7 @@ def test_at_least_one_toss_must_be_kept(make: Callable[[int], Selector]) -> None
 
 
 def test_an_unknown_normalisation_is_refused() -> None:
-    with pytest.raises(InvalidValueError, match="sum, mean, coherent"):
+    with pytest.raises(InvalidValueError, match="unknown normalisation median: did you mean mean"):
         TraceHeap(3, "median")
 
 

@@ -45,7 +45,7 @@ class ServingConfig:
 
     def __post_init__(self) -> None:
         if not (self.web_port or self.recording):
-            raise InvalidValueError("dashboard", "neither a web_port nor a recording", "at least one of them")
+            raise InvalidValueError("dashboard", "neither a web_port nor a file (rrd)", "at least one of them")
         for name, least in (("web_port", 0), ("grpc_port", 1 if self.web_port else 0)):
             if not least <= getattr(self, name) < 1 << 16:
                 raise InvalidValueError(name, getattr(self, name), f"a port, {least} to 65535")
@@ -93,7 +93,7 @@ def _file_sink(path: Path, index: bool) -> rr.FileSink:
     try:
         path.open("ab").close()
     except OSError as error:
-        raise InvalidValueError("recording", path, f"a path that can be written ({error.strerror})") from error
+        raise InvalidValueError("rrd", path, f"a path that can be written ({error.strerror})") from error
     return rr.FileSink(path, write_footer=index)
 
 

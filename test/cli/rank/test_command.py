@@ -86,7 +86,7 @@ def test_people_get_a_table_totals_and_evidence(cli: Cli, golden: Path, tmp_path
     table = done.out.splitlines()
     assert table[0].split() == ["rank", "toss", "file", "time", "(UTC)", "lasts", "[s]", "info", "[%]", "gain", "why"]
     assert table[1].split()[:4] == ["1", best.toss_id, golden.name, "12:27:22"]
-    assert "selected: without it the expected error is" in table[1]
+    assert "selected: expected error ×" in table[1]
     assert "rejected: lowest corner of the toss: found -12.1 mm" in done.out
     assert "and 11 more ranked: --out FILE or --json lists all" in table
     for said in (

@@ -57,12 +57,12 @@ def test_a_port_that_is_taken_is_one_line(taken_port: int, name: str) -> None:
 
 
 def test_a_file_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(InvalidValueError, match=r"recording: found .*nowhere"):
+    with pytest.raises(InvalidValueError, match=r"rrd: found .*nowhere"):
         open_screen(ServingConfig(0, recording=tmp_path / "nowhere" / "a.rrd"), live_layout(CONTACTNETS_CUBE))
 
 
 def test_a_dashboard_that_goes_nowhere_or_to_one_port_twice_is_refused() -> None:
-    with pytest.raises(InvalidValueError, match="neither a web_port nor a recording"):
+    with pytest.raises(InvalidValueError, match="neither a web_port nor a file"):
         ServingConfig(0)
     with pytest.raises(InvalidValueError, match="grpc_port: found 0, expected a port, 1 to 65535"):
         ServingConfig(grpc_port=0)

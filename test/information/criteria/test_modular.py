@@ -34,7 +34,7 @@ def test_a_mean_over_no_scored_transition_is_an_error_and_not_zero() -> None:
     unscored = toss("a", np.zeros((0, 2)), transitions=4, not_scored=4)
     with pytest.raises(NotScoredError, match="none of its 4 transitions"):
         toss_trace(unscored, "mean")
-    with pytest.raises(InvalidValueError, match="sum, mean, coherent"):
+    with pytest.raises(InvalidValueError, match="unknown normalisation median: did you mean mean"):
         toss_trace(unscored, "median")
 
 

@@ -388,7 +388,7 @@ def test_a_type_that_was_recorded_without_msg_is_the_same_type(tmp_path: Path) -
         channel = writer.register_channel(CUBE, "cdr", schema)
         for one in sent:
             writer.add_message(channel, one.log_time_ns, one.cdr, one.log_time_ns)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
     with BagReader(path) as reader:
         assert [topic.type for topic in reader.topics] == [ODOMETRY]
     assert_same(read(path)[0], sent)

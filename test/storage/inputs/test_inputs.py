@@ -306,7 +306,7 @@ def test_what_a_simulation_knows_of_the_truth_is_taken_only_by_its_name() -> Non
 
 
 def test_poses_noisier_than_was_told_are_a_line_and_with_what_it_says_their_tosses_are_found(tmp_path: Path) -> None:
-    scattered = in_map(noisy(POSES, 5.0))
+    scattered = in_map(noisy(POSES, 8.0))
     board = Sent("/tf_static", LOG_OFFSET_NS, transforms([board_in_map()]))
     path = write_ours(tmp_path / "a.mcap", [board, *recorded(BODY, ODOMETRY, scattered)])
     items, _ = opened(path)
