@@ -98,7 +98,12 @@ def own_sled(folder: Path, tosses: int) -> Own:
 def session(piece: ThrownBody, tosses: int, seed: int = 0) -> Array:
     """(T, 7) poses on the board as a tracker sees them, of tosses one after the other."""
     rng = np.random.default_rng(seed)
-    poses = np.concatenate([thrown(piece, release(piece.body, rng))[::TAKEN] for _ in range(tosses)])
+    motions: list[Array] = []
+    while len(motions) < tosses:
+        motion = thrown(piece, release(piece.body, rng))
+        if motion is not None:  # it came to rest
+            motions.append(motion[::TAKEN])
+    poses = np.concatenate(motions)
     poses[:, :3] += NOISE[0] * rng.standard_normal((len(poses), 3))
     poses[:, 3:] = quaternions.multiply(poses[:, 3:], quaternions.exp(NOISE[1] * rng.standard_normal((len(poses), 3))))
     return poses
