@@ -191,7 +191,11 @@ def far_toss(distance: float) -> Toss:
 
 
 @pytest.mark.parametrize(
-    ("count", "size", "why"), [(10_000, 1.0, "vertices of the parameters: found 10000"), (8, 1e200, "vertices_normal: found a")]
+    ("count", "size", "why"),
+    [
+        (10_000, 1.0, "vertices of the parameters: found 10000"),
+        (8, 1e200, "vertices_.*: found a number that is not finite or too large"),
+    ],
 )
 def test_parameters_that_no_body_has_are_refused_before_anything_is_computed(count: int, size: float, why: str) -> None:
     vertices = np.full((count, 3), size)
