@@ -15,6 +15,8 @@ from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.pipeline.diagnosis.recording import Recording
 from contact_curation.pipeline.reading import ReadingConfig
 
+SYMBOLS = {"metres": "m", "feet": "ft", "inches": "in", "centimetres": "cm", "millimetres": "mm"}
+"""Of units, as they are printed."""
 UNITS = {"metres": 1.0, "feet": 3.28084, "inches": 39.3701, "centimetres": 100.0, "millimetres": 1000.0}
 """By name: so many of them are a metre."""
 

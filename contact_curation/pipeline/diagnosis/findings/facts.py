@@ -4,7 +4,7 @@ import numpy as np
 
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import Scorer, ScoringConfig
-from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.evidence import SYMBOLS, Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
 from contact_curation.pipeline.theta import described_polytope, form_of
 from contact_curation.pipeline.wording import counted, counted_tosses
@@ -59,7 +59,7 @@ def free_fall(evidence: Evidence) -> Finding | None:
         return None
     throws = evidence.survey.throws
     rests = sum(throw.rest is not None for throw in throws)
-    seen = f"{counted(len(throws), 'throw')} at {fall.size:.4g} {fall.unit}/s^2 along {fall.axis or 'no axis'}"
+    seen = f"{counted(len(throws), 'throw')} at {fall.size:.4g} {SYMBOLS.get(fall.unit, 'units')}/s^2 along {fall.axis or 'no axis'}"
     return _fact(f"free fall: {seen}, expected {evidence.body.gravity:g} along -z; {rests} come to rest")
 
 
