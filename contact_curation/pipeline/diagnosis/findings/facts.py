@@ -59,7 +59,8 @@ def free_fall(evidence: Evidence) -> Finding | None:
         return None
     throws = evidence.survey.throws
     rests = sum(throw.rest is not None for throw in throws)
-    seen = f"{counted(len(throws), 'throw')} at {fall.size:.4g} {SYMBOLS.get(fall.unit, 'units')}/s^2 along {fall.axis or 'no axis'}"
+    unit = SYMBOLS.get(fall.unit, "units")
+    seen = f"{counted(len(throws), 'throw')} at {fall.size:.4g} {unit}/s^2 along {fall.axis or 'no axis'}"
     return _fact(f"free fall: {seen}, expected {evidence.body.gravity:g} along -z; {rests} come to rest")
 
 
