@@ -137,4 +137,4 @@ def test_a_node_that_refuses_its_parameters_ends_it_with_one_line(tmp_path: Path
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
     assert "curator died 4 times right after its start" in done.stderr
-    assert "ranking.prior: found -1.0, expected a positive number" in done.stderr
+    assert "value: -1.0: prior" in done.stderr  # the range that the parameter declares

@@ -10,7 +10,7 @@ import pytest
 
 from test.graph.parts.graph import Graph, until
 
-LONGEST = 12.0
+LONGEST = 30.0
 """[s] a node may take to end here; it gives up what it is doing after 4.5 s, and a busy machine adds to that."""
 RECORDING: dict[str, dict[str, Any]] = {
     "pose_ingest": {},
