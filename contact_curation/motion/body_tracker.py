@@ -22,6 +22,8 @@ from contact_curation.motion.toss import NANOSECONDS
 MOST_LISTED = 8
 """Names of frames in one line."""
 
+MOST_PARENTS = 16
+"""Frames that the body is measured in, one after the other or in turn, as by several cameras; the last ones count."""
 SHORT_HISTORY = 256
 """Poses that a frame remembers that is not needed so far: it may turn out to stand between the body and the board."""
 
@@ -105,20 +107,20 @@ class BodyTracker:
         self._moving = config.body_frame
         self._center = ScalarPose(config.center_of_mass, IDENTITY.orientation_wxyz)
         self._waiting: deque[FramePose] = deque()
-        self._parent = ""
-        self._needed: tuple[tuple[int, str], frozenset[str]] = ((-1, ""), frozenset())
+        self._parents: tuple[str, ...] = ()
+        self._needed: tuple[tuple[int, tuple[str, ...]], frozenset[str]] = ((-1, ()), frozenset())
         self._last_ns: int | None = None
         self._last_pose: BodyPose | None = None
 
     @property
     def needed_frames(self) -> frozenset[str]:
-        """The body, the board and the frames above them and above the frame that the body is measured in.
+        """The body, the board and the frames above them and above the frames that the body is measured in.
 
         What other frames do, of a robot's arm for instance, changes no pose of the body.
         """
-        made_of = (self._tree.shape, self._parent)
+        made_of = (self._tree.shape, self._parents)
         if self._needed[0] != made_of:
-            starts = (self.config.body_frame, self.config.board_frame, self._parent)
+            starts = (self.config.body_frame, self.config.board_frame, *self._parents)
             self._needed = made_of, frozenset(name for start in starts for name, _ in self._tree.ancestors(start))
         return self._needed[1]
 
@@ -144,7 +146,7 @@ class BodyTracker:
             "links": {child: asdict(link) for child, link in self._tree.links.items() if link.static or child in needed},
             "waiting": [asdict(measured) for measured in self._waiting],
             "last_ns": self._last_ns,
-            "parent": self._parent,
+            "parents": list(self._parents),
             "last_pose": None if self._last_pose is None else asdict(self._last_pose),
             "counts": dict(self.counts),
         }
@@ -160,12 +162,12 @@ class BodyTracker:
             waiting = [_frame_pose_of(entry) for entry in snapshot["waiting"]]
             last_ns, counts = snapshot["last_ns"], Counter(snapshot["counts"])
             last = snapshot.get("last_pose")  # states of before there was one go on without
-            parent = str(snapshot.get("parent", ""))
+            parents = tuple(str(name) for name in snapshot.get("parents", ()))
             last_pose = None if last is None else BodyPose(last["stamp_ns"], _pose_of(last["pose"]))
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise InvalidValueError("tracker state", repr(snapshot)[:80], "what BodyTracker.snapshot gave") from error
         self._tree.links, self._waiting, self._last_ns, self.counts = links, deque(waiting), last_ns, counts
-        self._last_pose, self._parent = last_pose, parent
+        self._last_pose, self._parents = last_pose, parents
         self._tree.shape += 1
         self._moving = self._tree.moving_ancestor(self.config.body_frame)
 
@@ -181,7 +183,9 @@ class BodyTracker:
             self._last_pose = None
         elif self._last_ns is not None and back_ns >= 0:
             return [BadPose(measured.stamp_ns, measured.child, _bad_stamp(measured.stamp_ns, back_ns), "stamp")]
-        self._last_ns, self._parent = measured.stamp_ns, measured.parent
+        self._last_ns = measured.stamp_ns
+        if measured.parent not in self._parents:
+            self._parents = (*self._parents, measured.parent)[-MOST_PARENTS:]
         self._waiting.append(measured)
         return jump + self._known()
 

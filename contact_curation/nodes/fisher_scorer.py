@@ -60,7 +60,7 @@ class FisherScorer(StageNode):
         self._worker = Worker(self.fail)
         self.create_service(GetInformation, "get_information", self._get_information)
         self.create_subscription(ModelParameters, "model_parameters", self._parameters_came, latched(1))
-        self._tosses = CatchUp(self, self._worker, TOSSES, self._stage.cursor, self._score, self._go_on)
+        self._tosses = CatchUp(self, self._worker, TOSSES, self._stage.cursor, self._score, self._caught_up)
         HealthReport(self, self._health)
 
     def close(self) -> None:
@@ -98,18 +98,22 @@ class FisherScorer(StageNode):
             check_format(message)
             if message.body != self._body.name:
                 raise InvalidValueError("body of the parameters", message.body, self._body.name)
-            self._stage.postpone(ScoredTheta(message.model, bytes(message.safetensors)))
+            theta = ScoredTheta(message.model, bytes(message.safetensors))
+            if not self._tosses.complete:
+                self._stage.postpone(theta)
+                return
         except InvalidValueError as error:
             self._warnings.note("bad parameters", str(error))
             return
-        if self._tosses.complete:
-            self._go_on()
+        self._go_on(theta)
 
-    def _go_on(self) -> None:
+    def _caught_up(self) -> None:
         """On the worker's thread, when all tosses are scored at the present theta."""
         theta = self._stage.postponed
-        if theta is None:
-            return
+        if theta is not None:
+            self._go_on(theta)
+
+    def _go_on(self, theta: ScoredTheta) -> None:
         try:
             renewed = self._stage.renew(theta)
         except InvalidValueError as error:

@@ -194,3 +194,16 @@ def test_a_state_that_is_none_is_refused(broken: dict[str, object]) -> None:
 def test_frames_and_times_that_make_no_sense_are_refused(config: dict[str, object]) -> None:
     with pytest.raises(InvalidValueError):
         TrackerConfig(**config)  # type: ignore[arg-type]
+
+
+def test_a_body_that_two_cameras_measure_in_turn_needs_the_frames_above_both() -> None:
+    tracker = BodyTracker(CONFIG)
+    tracker.push(board_in_map())
+    for number, camera in enumerate(("left", "right", "gripper")):
+        tracker.push(FramePose(number, "map", camera, BOARD))
+    needed = []
+    for number, one in enumerate(in_map(TRUTH)[:6]):
+        tracker.push(FramePose(one.stamp_ns, ("left", "right")[number % 2], "body_cube", one.pose))
+        needed.append(tracker.needed_frames)
+    assert needed[1] == {"body_cube", "body_surface", "map", "left", "right"}
+    assert set(needed[1:]) == {needed[1]}  # what is stored does not change from pose to pose
