@@ -41,8 +41,8 @@ class ControlConfig:
         release_jitter: the gripper opens late by the absolute value of a normal number with this standard deviation [s].
         braking: joint acceleration of a stop [rad/s^2].
         return_rate: speed of the way back after a stop, as a share of the planned motion's speed.
-        rest_speed: a body is at rest when it moves slower than this [m/s],
-        rest_spin: and when it turns slower than this [rad/s].
+        rest_speed: largest speed of a body at rest [m/s].
+        rest_spin: largest angular speed of a body at rest [rad/s].
         rest_time: time at rest before the body is taken away [s].
         longest_flight: time after which the body is taken away in any case [s].
         still: joints slower than this count as still [rad/s].
