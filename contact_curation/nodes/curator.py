@@ -37,7 +37,7 @@ INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation,
 
 
 class Curator(StageNode):
-    """Ranks all that came, at every change, and publishes the best."""
+    """Ranks all scored tosses at every change and publishes the best."""
 
     def __init__(self) -> None:
         super().__init__("curator")

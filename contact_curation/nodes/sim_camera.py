@@ -43,7 +43,7 @@ THROWS_KNOWN = 2
 """The newest throw, and the one before it: the first may be heard of before the last frames of the other."""
 
 SILENCE = 0.2
-"""After so long [s] without a frame, what waits for its latency is told."""
+"""Time without a frame after which poses that wait for their latency are published [s]."""
 
 
 class SimCamera(StageNode):

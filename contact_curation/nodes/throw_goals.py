@@ -1,4 +1,4 @@
-"""ExecuteThrow goals, one at a time: what becomes of each is told once, whatever happens to the thrower."""
+"""ExecuteThrow goals, one at a time: the outcome of each is reported once, whatever happens to the thrower."""
 
 import threading
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from contact_curation.motion.toss import NANOSECONDS
 
 
 class Outcome(NamedTuple):
-    """What became of a goal: the executed throw's message, or None and why there is none."""
+    """The outcome of a goal: the message of the executed throw, or None and the reason."""
 
     executed: Any
     message: str
@@ -54,7 +54,7 @@ class ThrowGoals:
         return self._heard_ns is not None
 
     def send(self, throw: Any) -> None:
-        """Commands a throw, a message; not while another is under way."""
+        """Commands a throw (a message); not while another is under way."""
         with self._lock:
             self._number += 1
             number, self._heard_ns = self._number, self._clock.now().nanoseconds
@@ -63,7 +63,7 @@ class ThrowGoals:
         future.add_done_callback(lambda done: self._answered(number, done))
 
     def look(self) -> None:
-        """Gives up what takes too long, or what nobody works on any more; to be called now and then."""
+        """Gives up a goal that takes too long or whose thrower is gone; call it regularly."""
         with self._lock:
             if self._heard_ns is None:
                 return

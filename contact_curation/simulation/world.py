@@ -46,7 +46,7 @@ class WorldConfig:
 DEFAULT_WORLD = WorldConfig()
 
 MUJOCO_DEFAULTS = WorldConfig(longest_step=0.0035, contact_time=0.02)
-"""As in method.md 1.11: MuJoCo's own softness, at two steps a frame."""
+"""World of method.md 1.11: MuJoCo's default softness, with two steps a frame."""
 
 
 def world_of(body: Body, step: float, contact_time: float = DEFAULT_WORLD.contact_time) -> mujoco.MjSpec:

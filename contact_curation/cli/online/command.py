@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 class _Lines:
-    """For people."""
+    """Prints a session's progress and summary for people."""
 
     def say(self, line: str) -> None:
         print(line, flush=True)
@@ -66,7 +66,7 @@ class _Lines:
 
 
 class _Json:
-    """For programs: one object and nothing else."""
+    """Prints one JSON object for programs and nothing else."""
 
     def say(self, line: str) -> None:
         print(line.strip(), file=sys.stderr, flush=True)

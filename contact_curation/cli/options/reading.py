@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from contact_curation.storage.inputs.inputs import InputsConfig
 
 SHARED_STAGES = ("poses", "segmenter", "rig", "gates")
-"""Of every verb that learns from recordings, or has them judge."""
+"""Stages of every verb that learns from recordings or evaluates on them."""
 
 POSES = ("topic", "body_frame", "tag_map", "board_frame")
 """Fields of the stage `poses` that have options of their own."""

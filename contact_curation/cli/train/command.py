@@ -48,7 +48,7 @@ PROTOCOLS = ("budgeted", "published", "exact")
 CHOICES = {"criterion": criterion_names(), "variant": VARIANTS}
 TOLD = {"criterion": "by what the best tosses are selected"}
 DEFAULT_SHARE = 0.2
-"""Of the tosses that is held out where nothing else is said."""
+"""Share of the tosses that is held out by default."""
 
 CHECKPOINT_SECONDS = 30.0
 ONLY_WITH_TOP = ("criterion", "variant", "estimator", "rerank_every", "rerank_when_stale")

@@ -59,7 +59,7 @@ def json_report(report: TrainReport) -> dict[str, Any]:
 
 
 def print_report(report: TrainReport) -> None:
-    """For people."""
+    """Prints a report for people."""
     data, progress = report.run.curated.training.data, report.run.progress
     out_of = f" of {len(report.run.plan.tosses)}" if report.run.plan.selection else ""
     tosses = f"{len(data.toss_ids)}{out_of} tosses" if out_of else counted_tosses(len(data.toss_ids))

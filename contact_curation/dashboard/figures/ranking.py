@@ -39,7 +39,7 @@ LABEL_WIDTH = 20
 """Letters in a line of a long label."""
 
 ASINH_TICKS = 7
-"""On an axis that is linear about zero only."""
+"""Largest number of ticks on an axis that is linear only about zero."""
 
 LARGEST_LINEAR_RATIO = 50.0
 """Scores that differ by more are drawn on a logarithmic axis."""

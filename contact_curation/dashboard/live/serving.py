@@ -16,7 +16,7 @@ from contact_curation.errors import InvalidValueError
 
 APPLICATION = "contact_curation"
 BLUEPRINT = ".rbl"
-"""Of the layout's file beside a recording, for `rerun OTHER.rrd SESSION.rbl`."""
+"""Ending of the layout's file beside a recording, for `rerun OTHER.rrd SESSION.rbl`."""
 
 ANYWHERE = "0.0.0.0"
 FLUSH_PERIOD = 0.5

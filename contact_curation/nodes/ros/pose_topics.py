@@ -27,7 +27,7 @@ from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIO
 READ_TYPES = (*POSE_MESSAGES, DETECTIONS, CAMERA_INFO)
 
 LOOKS_FOR_THE_RIG = 10
-"""So many looks at the graph a body's poses wait for the rig's static transforms: a fast bag would be far ahead of them.
+"""Looks at the graph for which poses wait for the rig's static transforms: a fast bag would be far ahead of them.
 
 Discovery may find the publisher of the poses before that of the transforms, so they also wait where none was found yet."""
 

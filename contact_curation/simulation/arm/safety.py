@@ -174,6 +174,6 @@ class SafetyGate:
         return None
 
     def _disarm(self, reason: str) -> None:
-        """With the lock held."""
+        """Disarms; the caller holds the lock."""
         if self._armed:
             self._armed, self._reason = False, reason

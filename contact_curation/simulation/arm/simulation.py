@@ -112,7 +112,7 @@ class ArmSimulation:
 
     @property
     def peaks(self) -> Peaks:
-        """Of the limits, since the motion began."""
+        """The largest shares of the limits since the motion began."""
         return self._used.peaks
 
     def begin(self, motion: ThrowMotion) -> None:
@@ -149,7 +149,7 @@ class ArmSimulation:
             self.phase, self._wanted = Phase.STOPPING, 0.0
 
     def rearm(self) -> None:
-        """After a stop: goes home, back on the way it came, or forward when the body is gone."""
+        """Goes home after a stop: back along the way it came, or forward when the body is gone."""
         if self.phase is Phase.STOPPED:
             self.phase, self._wanted = Phase.RETURNING, -self.control.return_rate if self._worlds.held else 1.0
 

@@ -12,7 +12,7 @@ from contact_curation.simulation.camera.tag_textures import Image, tag_library
 
 @dataclass(frozen=True)
 class DetectorConfig:
-    """Of the AprilTag library.
+    """Settings of the AprilTag library's detector.
 
     Attributes:
         decimate: factor by which the image is reduced for the search for quads.

@@ -37,11 +37,11 @@ class BagStorage(Protocol):
 
     @property
     def name(self) -> str:
-        """Of the file."""
+        """Name of the file."""
 
     @property
     def channels(self) -> tuple[Channel, ...]:
-        """As declared so far."""
+        """The channels that are declared so far."""
 
     @property
     def extent_ns(self) -> tuple[int, int]:

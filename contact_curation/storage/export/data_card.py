@@ -20,7 +20,7 @@ LAYOUTS = {
     "contactnets": "ContactNets' files: `tosses_processed/0.pt` is the best toss; row N of `manifest.json` describes N.pt.",
     "lerobot": "A LeRobot dataset v3.0 with an episode per toss, best first; the manifest is `meta/curation.json`.",
 }
-"""By the format of the export."""
+"""What an export holds, by its format."""
 
 FILL_IN = "TO BE FILLED IN by whoever publishes this folder"
 

@@ -29,18 +29,18 @@ type Translator = Callable[[Any, str, int], Measured]
 
 
 def with_covariance(message: Any, child: str, index: int) -> Measured:
-    """Of an Odometry or a PoseWithCovarianceStamped."""
+    """Pose of an Odometry or a PoseWithCovarianceStamped."""
     pose = message.pose.pose
     return on_header(message.header, child, pose.position, pose.orientation)
 
 
 def stamped(message: Any, child: str, index: int) -> Measured:
-    """Of a PoseStamped."""
+    """Pose of a PoseStamped."""
     return on_header(message.header, child, message.pose.position, message.pose.orientation)
 
 
 def of_array(message: Any, child: str, index: int) -> Measured:
-    """Of a PoseArray."""
+    """Pose of a PoseArray."""
     if index >= len(message.poses):
         found = f"{len(message.poses)} poses, expected one with index {index}"
         return BadPose(stamp_ns_of(message.header), child, f"pose array: found {found}")

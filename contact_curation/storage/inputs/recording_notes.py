@@ -14,7 +14,7 @@ from contact_curation.motion.segmenter_config import SegmenterConfig
 
 RULES_NOTE = "contact_curation.segmenter"
 UNSET = SegmenterConfig()
-"""By default the rest height follows from the body, and the frame period from the stamps; a recording may know better."""
+"""Rules with the defaults: rest height from the body, frame period from the stamps. A recording may set others."""
 
 
 def note_of_rules(rules: SegmenterConfig) -> dict[str, str]:

@@ -136,7 +136,7 @@ class McapWalk:
         self._loose = None
 
     def _doubt_last_index(self) -> None:
-        """Before a cut, the index of the last chunk may be incomplete."""
+        """Distrusts the index of the last chunk before a cut, which may be incomplete."""
         if self.chunks and self._loose is None:
             self.chunks[-1] = replace(self.chunks[-1], counts=None)
 
