@@ -110,7 +110,7 @@ def _run(words: list[str]) -> int:
 
 
 def _assumed(arguments: argparse.Namespace) -> str:
-    """What a verb assumed and its user should know, such as the body; empty where there is nothing."""
+    """Assumptions of a verb that its user should know, such as the body; empty without any."""
     return getattr(arguments, "assumed", "")
 
 

@@ -71,6 +71,6 @@ class Progress:
 
 
 def in_words(seconds: float) -> str:
-    """A time as people say it: ``42 s``, ``3 min``, ``2.5 h``."""
+    """A duration in words: ``42 s``, ``3 min``, ``2.5 h``."""
     size, unit = next(((size, unit) for size, unit in UNITS_OF_TIME if seconds >= size), UNITS_OF_TIME[-1])
     return f"{seconds / size:.{1 if unit == 'h' else 0}f} {unit}"

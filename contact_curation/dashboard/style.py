@@ -1,4 +1,4 @@
-"""How everything is drawn: colours that people tell apart whatever colours they see, and how a figure becomes a file.
+"""Style of all figures: colours that colour-blind people can distinguish, ticks, titles, and writing of files.
 
 The colours are those of Okabe and Ito ("Color Universal Design", 2008), and greys for what is there anyway. Their yellow is
 left out: it is hardly seen on white. Each panel says in its title what is seen in it, its legend stands above it, and its ticks
@@ -109,7 +109,7 @@ def new_figure(width: float, height: float, dots: int) -> "Iterator[Figure]":
 
 
 def entitle(axes: "Axes", message: str, columns: int = 0) -> None:
-    """Writes what a panel says above it, and between both its legend, in so many columns, where it covers nothing.
+    """Writes the title above a panel, with the legend between them, where it covers nothing.
 
     Args:
         axes: with everything drawn into it.

@@ -33,7 +33,7 @@ class Face(NamedTuple):
 
 
 def faces_of(polytope: Polytope) -> list[Face]:
-    """The faces, in an order that hangs on nothing but the shape."""
+    """The faces, in an order that depends on the shape alone."""
     from scipy.spatial import ConvexHull  # with the other two half a second to import, which every node would pay
 
     faces: list[Face] = []

@@ -1,4 +1,4 @@
-"""AprilTags on a body or a board, and the one place that knows how others name their corners and turn their frames.
+"""AprilTags on a body or a board, and the conventions of other libraries for corners and frames.
 
 Our tag frame is that of apriltag_ros and TagSLAM: origin in the middle of the tag, x to the right and y up as one reads it, z
 out of it towards the reader. Corners are in the order of the AprilTag library and apriltag_msgs: lower left, lower right, upper
@@ -159,7 +159,7 @@ class TagMap:
 
 
 def check_no_id_twice(tags: Iterable[Tag], where: str) -> None:
-    """Refuses tags that no detector could tell apart.
+    """Refuses tags of which two have the same id.
 
     Raises:
         InvalidValueError: an id is there twice.

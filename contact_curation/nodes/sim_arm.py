@@ -136,7 +136,7 @@ class SimArm(StageNode):
         return SetParametersResult(successful=True)
 
     def _beat(self) -> None:
-        """Arms as `armed` says: once where the heartbeat is somebody else's, after every failure where it is its own."""
+        """Arms if `armed` is set: once with an external heartbeat, after every failure with its own."""
         self._gate.heartbeat(self._awake.now())
         if self._arms_itself and not self._gate.was_stopped:
             self._arms_itself = self._beats_itself

@@ -74,7 +74,8 @@ class ThrowGoals:
             if handle is not None and not gone:
                 handle.cancel_goal_async()
             self._end(
-                self._number, Outcome(None, "the thrower is gone" if gone else f"nothing heard of it for {self._patience:g} s")
+                self._number,
+                Outcome(None, "the thrower is gone" if gone else f"no feedback or result for {self._patience:g} s"),
             )
 
     def _heard(self, number: int) -> None:
@@ -86,7 +87,7 @@ class ThrowGoals:
     def _answered(self, number: int, future: Future) -> None:
         handle = future.result()
         if not handle.accepted:
-            self._end(number, Outcome(None, "the thrower did not take the goal"))
+            self._end(number, Outcome(None, "the thrower rejected the goal"))
             return
         with self._lock:
             given_up = self._heard_ns is None or number != self._number
@@ -103,7 +104,7 @@ class ThrowGoals:
         self._end(number, Outcome(result.result.executed if fine else None, result.result.message))
 
     def _end(self, number: int, outcome: Outcome) -> None:
-        """Tells what became of a goal, unless that was told before."""
+        """Reports the outcome of a goal, once."""
         with self._lock:
             if self._heard_ns is None or number != self._number:
                 return

@@ -87,7 +87,7 @@ def _add_body(spec: mujoco.MjSpec, body: Body, contact_time: float) -> None:
 
 
 def free_motion(body: Body, release: ArrayLike, frames: int, frame_period: float, config: WorldConfig = DEFAULT_WORLD) -> Array:
-    """What a tracker without noise would see of a toss.
+    """Simulates the free motion of a body after its release, as a tracker without noise would measure it.
 
     Args:
         body: what is tossed.

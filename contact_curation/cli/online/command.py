@@ -31,7 +31,7 @@ def add_options(parser: OneLineParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Runs a session, and says what came of it.
+    """Runs a session and prints its summary.
 
     Raises:
         ContactCurationError: an option's file cannot be used, or a node cannot be kept running.

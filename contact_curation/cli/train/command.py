@@ -149,7 +149,7 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Reads, trains, stores, and says how it went.
+    """Reads the tosses, trains a model, writes the checkpoint, and prints a summary.
 
     Raises:
         ContactCurationError: there is nothing to train on, the checkpoint belongs to another one, or a loss was not finite.

@@ -1,4 +1,4 @@
-"""What `train` says of its result: some lines for people, one object for programs."""
+"""The report of `train`: some lines for people, one object for programs."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,7 +11,7 @@ from contact_curation.pipeline.training import TrainingRun
 from contact_curation.pipeline.wording import counted_tosses
 
 LISTED = 5
-"""Selections that are told one by one."""
+"""Most selections that are reported one by one."""
 
 
 @dataclass(frozen=True, eq=False)

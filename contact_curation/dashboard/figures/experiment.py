@@ -1,4 +1,4 @@
-"""Results of experiments: a panel per measure, which says what is best; a line or points per rule, with intervals.
+"""Figures of experiments: a panel per measure with its conclusion as title, a line or points per rule, with intervals.
 
 Markers differ, too, not only colours; where there are more rules than colours, those that come again are dashed. matplotlib is
 imported when a picture is drawn.

@@ -165,7 +165,7 @@ def _draw_gains(axes: "Axes", picture: RankingPicture) -> None:
 
 
 def _draw_outcomes(axes: "Axes", picture: RankingPicture) -> None:
-    """Where all the recorded motions went."""
+    """Draws the outcomes of all recorded motions."""
     names = [fill(name, LABEL_WIDTH) for name, _ in picture.outcomes]
     counts = [count for _, count in picture.outcomes]
     colours = [SELECTED, OTHER, *[WARNING] * len(names)][: len(names)]

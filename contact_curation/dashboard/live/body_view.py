@@ -16,7 +16,7 @@ BODY, KNOWN, FRICTION = "body", "known", "friction"
 
 DESCRIBED, LEARNED, SURE, UNSURE, TEXT, BAND = Colour(150, 150, 150), BLUE, GREEN, VERMILION, Colour(20, 20, 20), GREY
 SMALL = 0.0005
-"""[m] A point that a label hangs on."""
+"""Radius of a point that carries a label [m]."""
 
 MAGNIFIED = 10.0
 """Ellipsoids are drawn so many times as large, to be seen beside the body."""

@@ -126,5 +126,5 @@ def _spectrum() -> rrb.BarChartView:
 
 
 def _curves(origin: str, name: str) -> rrb.TimeSeriesView:
-    """Curves told apart by their colours in the view's name; a legend would lie on them, as Rerun has none beside them."""
+    """A view of curves whose colours its name gives; Rerun can draw a legend only on top of the curves."""
     return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=rrb.PlotLegend(visible=False))

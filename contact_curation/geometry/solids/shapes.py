@@ -1,4 +1,4 @@
-"""The shapes that URDF and MJCF know, as points whose convex hull they are, with their exact mass properties.
+"""The shapes of URDF and MJCF as points of their convex hull, with exact mass properties.
 
 Round shapes become polytopes inside them. A prism with N sides stays r (1 - cos(pi / N)) inside its cylinder, a triangulated
 sphere as far as the middle of its largest triangle does.

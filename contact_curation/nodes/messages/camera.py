@@ -1,4 +1,4 @@
-"""What a camera and its detector of tags say."""
+"""Messages of a camera and of its tag detector."""
 
 from collections.abc import Sequence
 from typing import Any

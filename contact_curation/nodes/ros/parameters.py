@@ -16,7 +16,7 @@ from contact_curation.errors import UnknownNameError
 from contact_curation.stages.parameters import as_parameter, with_parameters
 
 DERIVED = "; 0: this default"
-"""Ends the description of a field that is None where nobody has set it."""
+"""End of the description of a field that is None unless it is set."""
 
 
 def declare(

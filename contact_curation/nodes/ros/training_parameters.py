@@ -1,4 +1,4 @@
-"""The parameters that say what the trainer trains, from where, and how."""
+"""The parameters of the trainer: model, first parameters, protocol, recordings to evaluate on."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -59,7 +59,7 @@ class GateConfig:
 
 
 def out_of_limits(throw: Throw, config: GateConfig) -> str | None:
-    """Why a throw is outside of the limits of commands, whoever executes it; None if it is not."""
+    """The limit of commands that a throw breaks, in one line; None if it breaks none."""
     if not np.isfinite(throw.release).all():
         return "throw: found a number that is not finite, expected finite numbers"
     away = float(np.linalg.norm(throw.position[:2] - np.asarray(config.keep_out_place)))

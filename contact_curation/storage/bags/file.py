@@ -1,4 +1,4 @@
-"""The bytes of an input file, read safely: no more than a bound, never beyond the end, and damage is told, not hidden.
+"""Safe reading of an input file: no more than a bound, never beyond the end; damage is an error.
 
 A damaged part is a `DamagedBagError`, which the readers catch; they go on behind it and say in `Losses` what was lost. Every
 size that a file declares is held against `BagLimits` before anything is allocated. A compressed frame of a few bytes can

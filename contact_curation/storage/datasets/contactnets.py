@@ -53,7 +53,7 @@ NO_TENSOR = (
     ValueError,
     zipfile.BadZipFile,
 )
-"""What torch's reader of plain tensors and zipfile raise on other bytes: they leave the checks to whatever fails."""
+"""Errors that torch's reader of plain tensors and zipfile raise on other bytes."""
 
 SUBFOLDER = "tosses_processed"
 """Where the public repository keeps the files."""

@@ -49,7 +49,7 @@ SLANTED = ScalarPose((0.42, -0.31, 0.27), TURNED)
 
 @dataclass(frozen=True)
 class TagslamRig:
-    """A rig as TagSLAM sees it.
+    """A rig as TagSLAM records it.
 
     Attributes:
         map_frame: frame of all measurements.
@@ -78,7 +78,7 @@ class TagslamRig:
 
 @dataclass(frozen=True)
 class ImportReport:
-    """What went into a bag.
+    """The content of a bag that was written.
 
     Attributes:
         tosses: how many.

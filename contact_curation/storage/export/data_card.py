@@ -1,4 +1,4 @@
-"""The data card of an export: README.md, which says what the tosses are, where they come from and how they were selected.
+"""The data card of an export (README.md): what the tosses are, where they come from and how they were selected.
 
 Data cards follow Pushkarna et al., "Data Cards" (FAccT 2022), shortened to what the manifest knows. The front matter is what
 dataset hosts read. Licence and contact are left for the user to fill in: nobody else can know them.

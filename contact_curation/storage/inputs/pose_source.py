@@ -189,7 +189,7 @@ def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: st
 
 
 def is_of_another(topic: str, body: str, config: PoseTopicConfig) -> bool:
-    """Whether a topic that nobody named is called after another body, as TagSLAM does: `body_<name>`."""
+    """Whether a topic is called after another body, as TagSLAM does: `body_<name>`."""
     name = _last_part(topic)
     return not config.topic and name.startswith("body_") and name != config.body_frame_of(body)
 
