@@ -119,9 +119,11 @@ def import_contactnets(
         UnreadableInputError: there is no toss in `source`; no bag is written then.
         InvalidValueError: `out` cannot be written, or no file is chosen.
     """
-    files = [file for file in contactnets_files(source) if chosen is None or _is_chosen(file, chosen)]
+    present = contactnets_files(source)
+    files = [file for file in present if chosen is None or _is_chosen(file, chosen)]
     if not files:
-        raise InvalidValueError("numbers to import", f"none among the files of {source}", "at least one")
+        expected = f"numbers such as those of {present[0].name} and {present[-1].name}"
+        raise InvalidValueError("numbers to import", f"none among the files of {source}", expected)
     skipped: list[str] = []
     inexact: list[str] = []
     steps = timed = 0
