@@ -1,7 +1,7 @@
 """herding: the set whose mean score is nearest to the pool's (Welling 2009; Bach, Lacoste-Julien and Obozinski 2012).
 
-A toss is described by its score sum s, in coordinates in which the pool's mean toss is the identity. The set S starts empty, and
-each step adds the toss for which the squared distance
+A toss is described by its score sum s, in coordinates in which the pool's mean toss is the identity. The set S starts empty,
+and each step adds the toss for which the squared distance
 
     | sum_S (s - mean s) |^2
 
@@ -61,6 +61,6 @@ HERDING = register(
         "minus the squared distance of the toss's score from the mean",
         "variance of the scores",
         _select,
-        needs=frozenset({Need.THETA, Need.SUBSPACE, Need.PRIOR}),
+        needs=frozenset({Need.THETA, Need.SUBSPACE}),
     )
 )
