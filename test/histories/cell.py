@@ -39,7 +39,7 @@ class Cell:
         self.folder = folder
         self.middleware = Middleware()
         self.later_ns = 0
-        self.only_trained = True
+        self.only_trained, self._unseen = True, False
         self.measured: list[tuple[int, int]] = []
         self.coverage = coverage
         self.ranking = RankingConfig(top=2)
@@ -61,10 +61,12 @@ class Cell:
         if len(self.measured) < numbers.COUNT:
             self.measured.append((len(self.measured), self.later_ns))
             self._play(self.measured[-1:])
+            self._unseen |= not self.process("keeper").alive
 
     def play_again(self) -> None:
         """The tracker's recording is played once more."""
         self._play(self.measured)
+        self._unseen = not self.process("keeper").alive
 
     def set_clock(self, shift: int) -> None:
         """The tracker's clock jumps."""
@@ -136,11 +138,12 @@ class Cell:
         connection.close()
 
     def lose_power(self, lost: tuple[str, ...]) -> None:
-        """The machine dies, and with it the last commits of some stores."""
+        """The machine dies, and with it the last commits of some stores; of the tosses' own all that is in its log alone."""
+        on_disk = {**self._safe, "keeper": (self.folder / "keeper.sqlite").read_bytes()}
         for name in NAMES:
             self.kill(name)
         for name in lost:
-            self._replace(name, self._safe[name])
+            self._replace(name, on_disk[name])
         for name in NAMES:
             self.restart(name)
 
@@ -150,16 +153,18 @@ class Cell:
         for other in NAMES:
             self.tick(other)
         self._replace(name, None)
+        self._unseen |= name == "keeper"
         self.restart(name)
 
     # What must hold
 
     def come_to_rest(self) -> None:
-        """Nobody disturbs the cell any more, and the poses that a store has lost are played again."""
+        """Nobody disturbs the cell any more; poses that came while there was nobody, or no store, are played again."""
         for name in NAMES:
             self.process(name).dies_in = 0
             self.restart(name)
-        self.play_again()
+        if self._unseen:
+            self.play_again()
         quiet = rounds = 0
         while quiet < SECONDS:
             worked = False

@@ -45,6 +45,7 @@ class Keeper(StillNode):
         self.store = TossStore(Path(self._process.parameters["store"]))
         self._publisher = self.create_publisher(TossMessage, "toss", latched(RESULTS_DEPTH))
         self.create_service(GetTosses, "get_tosses", self._answer)
+        self.store.reach_disk()
         self._announce(self.store.after(self._announced, 64))
 
     @property
@@ -53,7 +54,8 @@ class Keeper(StillNode):
 
     def cut(self, toss: Toss) -> None:
         """A toss came out of the poses, perhaps once more."""
-        self.store.add(toss)
+        if self.store.add(toss).added:
+            self.store.reach_disk()
         self._announce(self.store.after(self._announced, 64))
 
     def _announce(self, stored: Any) -> None:
