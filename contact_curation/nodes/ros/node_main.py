@@ -40,7 +40,7 @@ class StageNode(Node):
     failure: BaseException | None = None
     longest_closing = LONGEST_CLOSING
     """[s]; a node that has more to write at its end may take longer."""
-    _end: Callable[[], None] | None = None
+    _end_spinning: Callable[[], None] | None = None
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -49,12 +49,12 @@ class StageNode(Node):
     def fail(self, error: BaseException) -> None:
         """Ends the process with status 1; may be called from any thread."""
         self.failure = error
-        if self._end is not None:
-            self._end()
+        if self._end_spinning is not None:
+            self._end_spinning()
 
     def when_failed(self, end: Callable[[], None]) -> None:
         """Sets what ends the spinning, and calls it if the node has failed already."""
-        self._end = end
+        self._end_spinning = end
         if self.failure is not None:
             end()
 
