@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from contact_curation.design.throw import ThrowState
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.nodes.messages.headers import Stamped
 from contact_curation.nodes.messages.trained_model import model_message
@@ -15,8 +16,10 @@ from test.histories.middleware import Middleware, Process
 from test.histories.nodes import BOARD, MAKERS, known
 
 NAMES = tuple(MAKERS)
-NUMBERED = ("toss>scorer", "toss_information>curator")
+NUMBERED = ("toss>scorer", "toss_information>curator", "toss_information>designer")
 """Channels whose messages are numbered: what is lost on them is asked for."""
+LEAD_NS = 5_000_000
+"""From the release of a throw to the first frame of its toss."""
 SHIFTS_NS = (0, -3_600_000_000_000, 3_600_000_000_000)
 """By which a tracker's clock may be set."""
 CRITERIA = ("representative", "log-det", "trace")
@@ -27,7 +30,7 @@ SECONDS = 12
 
 
 class Cell:
-    """Keeper, scorer, curator and trainer; a history is a list of calls.
+    """Keeper, scorer, curator, trainer and designer; a history is a list of calls.
 
     Args:
         folder: for their stores.
@@ -45,9 +48,11 @@ class Cell:
         self.ranking = RankingConfig(top=2)
         self._most_known, self._published = 0, BufferRecord()
         self._safe: dict[str, bytes] = {}
+        self._commanded: set[str] = set()
         own: dict[str, dict[str, Any]] = {
             "curator": {"top": 2, "criterion": self.ranking.criterion, "coverage": coverage},
             "trainer": {"exact": exact, "slice_steps": 1, "checkpoint_steps": 1, "settling_rounds": 2},
+            "designer": {"auto": True, "await_tracker": False},
         }
         for name in NAMES:
             Process(name, self.middleware, MAKERS[name], folder / f"{name}.sqlite", own.get(name, {}))
@@ -62,6 +67,14 @@ class Cell:
             self.measured.append((len(self.measured), self.later_ns))
             self._play(self.measured[-1:])
             self._unseen |= not self.process("keeper").alive
+
+    def end_throw(self, made: bool) -> None:
+        """The throw under way is made, and its toss is the next one that is cut; or it is not."""
+        designer = self.process("designer")
+        if designer.alive and designer.node._goals.busy:
+            comes = len(self.measured) if made and len(self.measured) < numbers.COUNT else None
+            released = None if comes is None else int(numbers.toss(comes, self.later_ns).stamps_ns[0]) - LEAD_NS
+            designer.node._goals.end(released)
 
     def play_again(self) -> None:
         """The tracker's recording is played once more."""
@@ -165,6 +178,8 @@ class Cell:
             self.restart(name)
         if self._unseen:
             self.play_again()
+        self.process("designer").parameters["auto"] = False
+        self.end_throw(made=False)
         quiet = rounds = 0
         while quiet < SECONDS:
             worked = False
@@ -190,12 +205,13 @@ class Cell:
     def check(self) -> None:
         """After rest: nothing is lost, and the buffer is what `rank` selects of the same tosses at the theta that came last."""
         expected = {numbers.toss(*one).toss_id for one in self.measured}
-        keeper, scorer, curator, trainer = (self.process(name).node for name in NAMES)
+        keeper, scorer, curator, trainer, designer = (self.process(name).node for name in NAMES)
         assert {one.toss.toss_id for one in keeper.store.after(0, 64)} == expected
         version = scorer._stage.version
         for node in (scorer, curator):
             assert {one.information.toss_id for one in node._informations.all_of(version)} == expected, node.name
         assert self._faults == []
+        self._check_throws(designer._stage, expected)
         if not expected:
             assert self._published == BufferRecord()
             return
@@ -205,6 +221,16 @@ class Cell:
         assert self._published.seen == len(expected)
         assert self._published.selected == numbers.ranked(frozenset(self.measured), number, self.ranking)
         self._check_training(trainer, version)
+
+    def _check_throws(self, stage: Any, expected: set[str]) -> None:
+        """The designer knows all tosses, gives none to two throws, and sees that all was learned from them."""
+        assert stage._stamps.keys() == expected
+        own = [made.toss_id for made in stage.throws if made.toss_id]
+        assert len(set(own)) == len(own)
+        last = stage.throws[-1] if stage.throws else None
+        if last and last.toss_id and last.exploration is None and self.only_trained:
+            assert last.realised is not None
+        assert stage.is_up_to_date or not self.only_trained
 
     def _check_training(self, trainer: Any, version: str) -> None:
         """The trainer has used the buffer, or may not use it any more; the scorer has its theta."""
@@ -229,7 +255,8 @@ class Cell:
     @property
     def _faults(self) -> list[str]:
         """What nodes warned of, though nothing was wrong with any message."""
-        return [kind for name in NAMES[1:] for kind in self.process(name).node._warnings.counts if kind != "unknown toss"]
+        said = {kind for name in NAMES[1:] for kind in self.process(name).node._warnings.counts}
+        return sorted(said - {"unknown toss", "throw not made"})
 
     def _play(self, measured: list[tuple[int, int]]) -> None:
         for one in measured:
@@ -250,9 +277,15 @@ class Cell:
             path.with_suffix(".safetensors").unlink(missing_ok=True)
         if name == "curator":
             self._most_known, self._published = 0, BufferRecord()
+        elif name == "designer":
+            self._commanded.clear()
 
     def _watch(self, topic: str, message: Any) -> None:
-        """A buffer is published: not against coverage, and under a number that tells it from the one before."""
+        """No throw has the name of another; a buffer is not published against coverage, and its number tells it from others."""
+        if topic == "throw_report" and message.state == ThrowState.COMMANDED:
+            name = message.throw_command.throw_id
+            assert name not in self._commanded
+            self._commanded.add(name)
         if topic != "curated_buffer":
             return
         node = self.process("curator").node

@@ -98,7 +98,7 @@ class Process:
         self.parameters: dict[str, Any] = {"store": str(store), **parameters}
         self.node: Any = None
         self.set_parameters: Callable[[list[Any]], Any] = _unheard
-        self.dies_in = self.life = 0
+        self.dies_in = self.life = self.seconds = 0
         self._make = make
         middleware.processes[name] = Process.by_store[str(store)] = self
         self.start()
@@ -137,6 +137,7 @@ class Process:
 
     def tick(self) -> None:
         """A second goes by."""
+        self.seconds += 1
         for callback in tuple(self.timers):
             if self.alive:
                 self.middleware.do(self.name, callback)
@@ -248,6 +249,16 @@ class _Answer:
 
     def result(self) -> Any:
         return self._response
+
+
+class Watch:
+    """A steady clock that shows the seconds that its process was given."""
+
+    def __init__(self, **_: Any) -> None:
+        self._process = Process.starting
+
+    def now(self) -> Any:
+        return SimpleNamespace(nanoseconds=1_000_000_000 * self._process.seconds)
 
 
 class Hand:

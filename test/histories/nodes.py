@@ -1,6 +1,6 @@
 """The nodes of a cell on a still middleware: their own code, but for what reads parameter files, translates poses or trains."""
 
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import cache
@@ -14,16 +14,20 @@ from contact_curation_msgs.srv import GetTosses
 
 from contact_curation.configs import fields_of
 from contact_curation.motion.toss import Toss
-from contact_curation.nodes import curator, fisher_scorer, trainer
+from contact_curation.nodes import curator, fisher_scorer, throw_designer, trainer
+from contact_curation.nodes.messages.headers import Stamped
+from contact_curation.nodes.messages.throw import throw_message, throw_of
 from contact_curation.nodes.messages.toss_information import information_message, information_of
 from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
-from contact_curation.stages import curation, held_out_tosses, scoring, training
+from contact_curation.nodes.throw_goals import Outcome
+from contact_curation.stages import curation, design, held_out_tosses, scoring, training
 from contact_curation.stages.parameters import with_parameters
 from contact_curation.stages.records import AnnouncedTosses, load_record, stored_records
+from contact_curation.stages.throw_loop import LoopConfig
 from contact_curation.storage.stores import sqlite
 from contact_curation.storage.stores.tosses import TossStore
 from test.histories import numbers
-from test.histories.middleware import OPENED, Hand, Process, StillNode
+from test.histories.middleware import OPENED, Hand, Process, StillNode, Watch
 
 BOARD = "board"
 
@@ -104,7 +108,38 @@ class Trainer(trainer.Trainer, StillNode):
     """The real node."""
 
 
-MAKERS = {"keeper": Keeper, "scorer": Scorer, "curator": Curator, "trainer": Trainer}
+class Designer(throw_designer.ThrowDesigner, StillNode):
+    """The real node."""
+
+
+MAKERS = {"keeper": Keeper, "scorer": Scorer, "curator": Curator, "trainer": Trainer, "designer": Designer}
+
+
+class Goals:
+    """Of a thrower that makes a throw, or does not, when a history says so."""
+
+    ready = True
+
+    def __init__(self, node: Any, told: Callable[[Outcome], None], patience: float) -> None:
+        self._told, self._throw = told, None
+
+    @property
+    def busy(self) -> bool:
+        return self._throw is not None
+
+    def send(self, throw: Any) -> None:
+        self._throw = throw
+
+    def look(self) -> None:
+        return
+
+    def end(self, released_ns: int | None) -> None:
+        """The throw was made at this time, or not at all."""
+        throw, self._throw = self._throw, None
+        if released_ns is None:
+            self._told(Outcome(None, "it was not made"))
+        else:
+            self._told(Outcome(throw_message(throw_of(throw), Stamped(released_ns, BOARD)), ""))
 
 
 class _NoTosses:
@@ -114,7 +149,7 @@ class _NoTosses:
 
 def _declared(node: StillNode, default: Any, prefix: str = "", *, fixed: bool = True) -> Any:
     """The config, with the parameters that the process was started with."""
-    kind: Hashable = type(default)
+    kind: Any = type(default)
     names = _names(kind)
     given = {name: value for name, value in node._process.parameters.items() if name in names}
     return _changed(default, tuple(sorted(given.items()))) if given else default
@@ -193,6 +228,16 @@ def in_one_process() -> Iterator[None]:
             "toss_of": lambda message: message.toss,
             "model_version": lambda model: numbers.version(model.number),
         },
+        throw_designer: {
+            "INFORMATION": replace(throw_designer.INFORMATION, page=2),
+            "information_of": _information_of,
+            "declared_design": lambda _: None,
+            "declared_thrower": lambda *_: None,
+            "declared_loop": lambda _: LoopConfig(theta_timeout=20.0),
+            "ThrowGoals": Goals,
+            "Clock": Watch,
+        },
+        design: {"Designer": numbers.ScriptedDesigner, "AdaptiveDesign": numbers.ScriptedDesign},
         scoring: {"scorer_of": lambda theta, *_: numbers.scorer(numbers.number_of(theta.data))},
         curation: {"curate": numbers.remembered_curation},
         training: {
@@ -206,8 +251,9 @@ def in_one_process() -> Iterator[None]:
         },
         sqlite.SqliteStore: {"transaction": dying, "__init__": _opened},
     }
-    for node in (fisher_scorer, curator, trainer):
-        others = {"Worker": Hand, "HealthReport": lambda *_: None, "declare_config": _declared}
+    for node in (fisher_scorer, curator, trainer, throw_designer):
+        others = {"Worker": Hand, "HealthReport": lambda *_: None}
+        others |= {"declare_config": _declared} if node is not throw_designer else {}
         replaced = {**replaced, node: {**replaced[node], **others, "declared_body": lambda _: numbers.BODY}}
     with ExitStack() as stack:
         for owner, values in replaced.items():

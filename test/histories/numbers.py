@@ -7,7 +7,7 @@ a real training is tested with the stage itself (`test/stages/test_training.py`)
 
 import json
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -18,6 +18,8 @@ import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.design.designer import Realised
+from contact_curation.design.throw import Throw
 from contact_curation.information.curation import Curation, curate
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.record import ParameterBlock, TossInformation
@@ -188,6 +190,46 @@ class ScriptedTraining:
 
     def trained(self) -> ThetaModel:
         return self.model
+
+
+class ScriptedDesigner:
+    """As much of a designer as its stage asks for: it explores until two tosses are known at a theta."""
+
+    def __init__(self, body: Body, *_: Any) -> None:
+        self.body = body
+
+    def particle(self, theta: ContactGeometry) -> Any:
+        return SimpleNamespace(version=version(number_of(theta_of_geometry(theta).data)))
+
+    def planner(self, particle: Any) -> Any:
+        return SimpleNamespace(version=particle.version, reference_scores=lambda: np.arange(2.0))
+
+    def unready_reason(self, losses: Sequence[float], scores: Callable[[], Sequence[Any]]) -> str | None:
+        return None if len(losses) >= 2 and scores() else "too few tosses"
+
+    def explore(self, name: str, *_: Any) -> Throw:
+        return _throw(name)
+
+
+class ScriptedDesign:
+    """Its plans gain as much as they say; what their tosses gain is their trace."""
+
+    def __init__(self, planner: Any, *_: Any) -> None:
+        self.planner = planner
+
+    def plan(self, names: Sequence[str], seed: int) -> Any:
+        return SimpleNamespace(throws=[self.predicted(_throw(name)) for name in names])
+
+    def predicted(self, throw: Throw) -> Throw:
+        return replace(throw, expected_information=1.0, parameters_version=self.planner.version)
+
+    def add(self, throw: Throw, realised: Sequence[TossInformation]) -> Realised:
+        return Realised(throw.throw_id, realised[0].toss_id, throw.expected_information, realised[0].trace)
+
+
+def _throw(name: str) -> Throw:
+    turn, still = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
+    return Throw(name, BODY.name, np.array([0.0, 0.0, 0.2]), turn, still, still)
 
 
 def transitions(tosses: Sequence[Toss], length_scale: float) -> Any:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
 from test.histories import numbers
-from test.histories.cell import CRITERIA, NAMES, SHIFTS_NS, Cell
+from test.histories.cell import CRITERIA, NAMES, NUMBERED, SHIFTS_NS, Cell
 from test.histories.nodes import in_one_process
 
 ASKED = os.environ.get("HISTORIES")
@@ -31,7 +31,7 @@ SETTINGS = settings(
 IN_MEMORY = Path("/dev/shm")
 """Where stores are written, if there is such a folder: a history commits hundreds of times."""
 
-names, numbered = st.sampled_from(NAMES), st.integers(0, 1)
+names, numbered = st.sampled_from(NAMES), st.integers(0, len(NUMBERED) - 1)
 
 
 @pytest.fixture(autouse=True)
@@ -103,6 +103,10 @@ class Histories(RuleBasedStateMachine):
     def set_clock(self, shift: int) -> None:
         self.do("set_clock", shift)
 
+    @rule(made=st.booleans())
+    def end_throw(self, made: bool) -> None:
+        self.do("end_throw", made)
+
     @rule()
     def play_again(self) -> None:
         self.do("play_again")
@@ -127,6 +131,22 @@ class Histories(RuleBasedStateMachine):
         finally:
             self.cell.close()
             self.folder.cleanup()
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Iterator[Cell]:
+    made = Cell(tmp_path, exact=True, coverage=0.9)
+    yield made
+    made.close()
+
+
+def test_tosses_that_were_announced_outlive_the_machine(cell: Cell) -> None:
+    for _ in range(3):
+        cell.cut()
+    cell.come_to_rest()
+    cell.lose_power(("keeper",))
+    cell.come_to_rest()
+    cell.check()
 
 
 def test_after_any_history_the_buffer_is_what_rank_gives_and_nothing_is_lost() -> None:
