@@ -95,7 +95,7 @@ class ReportData:
         facts: name and text of each line of the summary.
         throws: in order.
         ranking: best first.
-        rejected: motions that the gates rejected: id and reasons.
+        rejected: motions that the quality checks rejected: id and reasons.
         events: of the nodes, in order.
         seconds: how long the session took.
         errors: by name with its unit, (N,) held-out errors at the end of the rounds of training; none without held-out tosses.

@@ -21,7 +21,7 @@ from contact_curation.motion.toss import Toss
 
 @dataclass(frozen=True)
 class RejectedMotion:
-    """A motion that the gates rejected: its id, its number of frames, and why."""
+    """A motion that the quality checks rejected: its id, its number of frames, and why."""
 
     toss_id: str
     frames: int
@@ -48,7 +48,7 @@ def show_ranked(
         pool: all tosses that were ranked.
         selected: those that are selected.
         tosses: the selected ones, by id.
-        rejected: what the gates rejected.
+        rejected: what the quality checks rejected.
 
     Raises:
         InvalidValueError: theta cannot be rolled out.

@@ -20,7 +20,7 @@ class InputsConfig:
         poses: which topics hold the body's poses.
         segmenter: when a motion is a toss.
         gates: what a toss must pass.
-        rig: what tracked; it is applied to motions before the gates see them.
+        rig: what tracked; it is applied to motions before the quality checks see them.
         as_stored: take ContactNets' files with the random heading and the even stamps that they are stored with. Otherwise
             both are undone (`motion.restored_toss`), so that the files give the tosses of the bag that is made of them.
     """
