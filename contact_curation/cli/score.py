@@ -69,7 +69,7 @@ class Tally:
         loss: sum over the solved ones.
         rejected: motions that were no tosses.
         repeated: tosses that came before.
-        inputs: that were read to their end.
+        inputs: number of inputs that were read to their end.
         failed: inputs that could not be read.
         warnings: what was left out or lost, one line each.
     """

@@ -49,8 +49,8 @@ class RankDashboard:
     """A ranking on a screen. To be ended, or to be dropped.
 
     Args:
-        arguments: of the command.
-        config: of the ranking.
+        arguments: arguments of the command.
+        config: configuration of the ranking.
 
     Raises:
         InvalidValueError: a port is in use, or the file cannot be written.

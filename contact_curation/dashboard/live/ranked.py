@@ -42,9 +42,9 @@ def show_ranked(
 
     Args:
         screen: to write to.
-        body: as it was described.
-        theta: that the tosses were scored at.
-        loss: that impulses are found with.
+        body: body as it was described.
+        theta: theta that the tosses were scored at.
+        loss: loss that impulses are found with.
         pool: all tosses that were ranked.
         selected: those that are selected.
         tosses: the selected ones, by id.

@@ -36,10 +36,10 @@ class LiveSession:
 
     Args:
         screen: to write to.
-        body: as it was described.
+        body: body as it was described.
         theta: to begin with.
-        loss: that impulses are found with.
-        throws: that are planned in all; 0: not known.
+        loss: loss that impulses are found with.
+        throws: throws that are planned in all; 0: not known.
     """
 
     def __init__(self, screen: Screen, body: Body, theta: ShownTheta, loss: LossConfig, throws: int = 0) -> None:

@@ -81,7 +81,7 @@ class BagTosses:
     Attributes:
         origin: the bag.
         source: the topics that it wants.
-        settle_time: that separates two motions, as the bag's own rules say [s].
+        settle_time: settle time that separates two motions, as the bag's own rules say [s].
     """
 
     def __init__(
