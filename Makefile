@@ -4,8 +4,8 @@
 VENV := .venv
 PYTHON := $(VENV)/bin/python
 DONE := $(VENV)/done
-CHECKED := contact_curation test benchmarks bags examples msg_defs setup.py .ci/lock
-TYPED := contact_curation test benchmarks bags examples
+CHECKED := contact_curation test benchmarks bags conformance examples msg_defs setup.py .ci/lock
+TYPED := contact_curation test benchmarks bags conformance examples
 
 MESSAGE_SOURCES := $(shell find msg_defs -name build -prune -o -name '*.egg-info' -prune -o -name __pycache__ -prune -o -type f -print)
 KERNEL_SOURCES := $(wildcard contact_curation/*/kernel/*)

@@ -38,7 +38,7 @@ def add_options(parser: OneLineParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Reads, says, and draws.
+    """Reads the file, prints what was understood, and draws it.
 
     Raises:
         ContactCurationError: the file describes no body, or the figure cannot be written.

@@ -94,7 +94,7 @@ def _add_theta_options(group: argparse._ArgumentGroup) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Designs, writes, and says what is expected.
+    """Designs the throws, writes them, and prints their predicted gains.
 
     Raises:
         ContactCurationError: a file cannot be used, nothing safe can be thrown, or `--out` cannot be written.

@@ -56,7 +56,7 @@ def add_options(parser: OneLineParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Reads, rolls out, and says what came of it.
+    """Reads the tosses, predicts their motions, and prints the errors.
 
     Raises:
         ContactCurationError: a model or the tosses cannot be used, or the figure cannot be written.

@@ -35,7 +35,7 @@ def add_options(parser: OneLineParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exports, and says what went where.
+    """Exports the selected tosses and prints where each went.
 
     Raises:
         UnreadableInputError: the manifest is none.

@@ -39,7 +39,7 @@ def add_options(verb: OneLineParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Writes the bag and says what went into it."""
+    """Writes the bag and prints its content."""
     from contact_curation.storage.datasets.tagslam_bag import import_contactnets
 
     check_outputs(overwrite=arguments.overwrite, out=arguments.out)

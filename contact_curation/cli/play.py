@@ -1,4 +1,4 @@
-"""`play BAG`: a bag as live topics. The process becomes the player node, for only nodes know ROS; so signals reach it."""
+"""`play BAG`: a bag as live topics. The process becomes the player node, so that signals reach the node."""
 
 import argparse
 import json

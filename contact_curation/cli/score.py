@@ -1,4 +1,4 @@
-"""`score INPUT... --params FILE --out FILE.npz`: everything the loss says of each transition."""
+"""`score INPUT... --params FILE --out FILE.npz`: loss terms, impulses and scores of each transition."""
 
 import argparse
 from collections import Counter
@@ -90,7 +90,7 @@ class Tally:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Scores all inputs and says how it went."""
+    """Scores all inputs, writes the arrays, and prints a summary."""
     load_kernel()  # better said before tosses are read
     check_outputs(overwrite=arguments.overwrite, out=arguments.out)
     body = chosen_body(arguments, models=[arguments.params])

@@ -56,7 +56,7 @@ def add_options(parser: OneLineParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Throws, writes the bag, and says what went into it.
+    """Simulates the throws, writes the bag, and prints a summary.
 
     Raises:
         UnreadableInputError: the file holds no throws, or none of them comes to rest.

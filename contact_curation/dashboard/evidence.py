@@ -23,7 +23,7 @@ DEFAULT = RankingConfig()
 
 @dataclass(frozen=True)
 class SelectedSet:
-    """A selected set, best first, as whoever chose it says.
+    """A selected set, best first, as its curator reports it.
 
     Attributes:
         criterion: that chose it.

@@ -1,4 +1,4 @@
-"""A toss as it was measured, as theta predicts it from its release, and the impulses that theta sees in it."""
+"""A toss as measured and as predicted from its release, with the impulses at the parameters."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -97,7 +97,7 @@ def motion_of(toss: Toss, body: Body, theta: ShownTheta, loss: LossConfig) -> To
 
 
 def impulses_of(toss: Toss, body: Body, geometry: ContactGeometry | None, loss: LossConfig) -> Impulses:
-    """The impulses that a polytope sees in a toss; transitions without certified ones have none."""
+    """The impulses of a toss at a polytope's parameters; transitions without a certificate have none."""
     if geometry is None:
         return Impulses(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
     rows = transitions_of([toss], body.length_scale)

@@ -1,4 +1,4 @@
-"""The two ways in which `sim_camera` tells where the body is: as a tracker's poses, or as tags in rendered images."""
+"""The two modes of `sim_camera`: a tracker's poses, or tags in rendered images."""
 
 from collections import deque
 from typing import Any, NamedTuple, Protocol
@@ -53,20 +53,20 @@ class TrueFrame(NamedTuple):
 
 
 class Sight(Protocol):
-    """What sees the body and tells of it; all of it on one thread."""
+    """A mode of the camera: it publishes what it observes of the body; all calls are on one thread."""
 
     def see(self, true: TrueFrame) -> None:
-        """Tells of a frame, at once or when its time has come."""
+        """Publishes a frame, at once or when its latency is over."""
 
     def rest(self) -> None:
-        """Tells what still waits: no frames come any more."""
+        """Publishes what still waits: no frames come any more."""
 
     def close(self) -> None:
-        """Gives back what it holds."""
+        """Frees what it holds."""
 
 
 class TrackedPoses:
-    """Tells poses as TagSLAM does, with a tracker's faults; the board stands somewhere in the map.
+    """Publishes poses as TagSLAM does, with a tracker's noise and faults; the board has a pose in the map.
 
     Args:
         node: that publishes.
@@ -114,7 +114,7 @@ class TrackedPoses:
 
 
 class RenderedTags:
-    """Renders what the camera sees and tells which tags are in it.
+    """Renders the camera's image and publishes the tags that are detected in it.
 
     The view is made when the first frame comes, for OpenGL belongs to a thread.
 

@@ -81,7 +81,7 @@ class PoseIngest(StageNode):
         self._store.close()
 
     def _look(self) -> None:
-        """Follows the graph, and says whether there is a tracker: without one nobody should throw."""
+        """Follows the graph, and publishes whether there is a tracker: without one no throw should be commanded."""
         self._topics.follow()
         if self._topics.has_publisher != self._said_tracked:
             self._said_tracked = self._topics.has_publisher

@@ -1,4 +1,4 @@
-"""Topic `throw_report`: what became of each throw, told again whenever more is known of it."""
+"""Topic `throw_report`: the state of each throw, published again whenever more is known of it."""
 
 from collections.abc import Iterable
 
@@ -24,7 +24,7 @@ class ThrowReports:
         self._told: dict[str, tuple[str, str, str]] = {}
 
     def tell(self, reports: Iterable[ThrowReport]) -> None:
-        """Publishes those that say something new."""
+        """Publishes the reports that are new."""
         for report in reports:
             known = (report.state.value, repr(report.realised), report.detail)
             if self._told.get(report.commanded.throw_id) != known:

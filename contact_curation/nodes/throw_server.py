@@ -1,4 +1,4 @@
-"""The action execute_throw: one goal at a time, whose ending is told once, on the executor's thread.
+"""The action execute_throw: one goal at a time, whose outcome is reported once, on the executor's thread.
 
 Goals are always taken, so that a refusal can say why: a refused one is aborted at once, with the reason in its result.
 """
@@ -29,7 +29,7 @@ PHASES = {
     Phase.STOPPING: ExecuteThrow.Feedback.STOPPED,
     Phase.STOPPED: ExecuteThrow.Feedback.STOPPED,
 }
-"""The phases as feedback names them."""
+"""Names of the phases in the feedback."""
 
 
 class ThrowServer:

@@ -42,7 +42,7 @@ class TossFetch:
         node.create_timer(PERIOD, partial(worker.do, self._tick), clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def ask(self) -> None:
-        """Asks for the next page, unless nothing is missing, an answer is due already, or there is nobody to ask."""
+        """Requests the next page, unless nothing is missing, a request is under way, or the service is not there."""
         if self._asked is not None or not self._client.service_is_ready():
             return
         wanted = list(self._missing()[:PAGE])

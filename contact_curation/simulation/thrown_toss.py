@@ -68,7 +68,8 @@ def _until_rest(throw: Throw, states: Array, config: ThrownTossConfig) -> Array:
     moving = np.flatnonzero(moved | turned | ~np.isfinite(states[1:]).all(axis=1))
     end = (int(moving[-1]) + 2 if moving.size else 1) + config.rest_frames
     if end > len(states):
-        raise InvalidValueError(f"motion of throw {throw.throw_id}", f"none that rests within {config.longest:g} s", "one")
+        expected = "rest: throw more gently, or set a larger simulation.longest"
+        raise InvalidValueError(f"motion of throw {throw.throw_id}", f"no rest within {config.longest:g} s", expected)
     return states[:end]
 
 

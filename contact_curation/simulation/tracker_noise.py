@@ -24,7 +24,7 @@ BLOCK = 1024
 """Frames whose losses are drawn together."""
 
 PLACES = 16
-"""In a frame's period noise is drawn for so many places: stamps that are off by a nanosecond change nothing."""
+"""Places in a frame period for which noise is drawn: stamps that are off by a nanosecond change nothing."""
 
 LONGEST_MEAN = 128.0
 """[frames] A loss ends within the block after its own, which one of so many frames on average practically always does."""

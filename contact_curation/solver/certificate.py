@@ -1,4 +1,4 @@
-"""How an answer to the inner problem proves itself: by the objective alone, whatever found it.
+"""Certificate of a solution of the inner problem: it uses the objective alone, not the method that found the solution.
 
 The natural residual |l - proj(l - gradient)|_inf is zero at the minimum only.
 """

@@ -59,7 +59,7 @@ def read_throws(path: Path) -> tuple[Throw, ...]:
 
 
 def read_throws_body(path: Path) -> Body | None:
-    """The body that the throws in a file are of; None where it does not say.
+    """The body of the throws in a file; None if the file does not describe it.
 
     Raises:
         UnreadableInputError: there is no such file, or it describes no body.

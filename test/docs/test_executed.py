@@ -12,8 +12,8 @@ SAME_PICTURE = 0.05
 """Largest root mean square difference of two pictures, of 1: fonts may differ by a release."""
 
 
-def test_there_are_two_examples_with_code_output_and_a_figure() -> None:
-    assert len(PAGES) == 2
+def test_there_are_three_examples_with_code_output_and_a_figure() -> None:
+    assert len(PAGES) == 3
     for page in PAGES:
         blocks = BLOCK.findall(page.read_text())
         assert len(blocks) >= 3

@@ -8,7 +8,8 @@ import pytest
 from test.conftest import REPOSITORY
 
 LINK = re.compile(r"\]\((?!https?:|mailto:|#)([^)#\s]+)(?:#([^)\s]*))?\)")
-PAGES = sorted([*REPOSITORY.glob("*.md"), *(REPOSITORY / "docs").rglob("*.md"), *(REPOSITORY / "bags").glob("*.md")])
+FOLDERS = ("docs", "bags", "conformance")
+PAGES = sorted([*REPOSITORY.glob("*.md"), *(page for folder in FOLDERS for page in (REPOSITORY / folder).rglob("*.md"))])
 
 
 def anchors(page: Path) -> set[str]:
@@ -26,7 +27,7 @@ def test_every_link_of_a_page_leads_to_a_file_and_a_heading_in_it(page: Path) ->
 
 
 PATHS = re.compile(r"`((?:[\w.]+/)+[\w.]+\.(?:py|cpp|hpp))`")
-ROOTS = (REPOSITORY, REPOSITORY / "contact_curation")
+ROOTS = (REPOSITORY, REPOSITORY / "contact_curation", REPOSITORY / "conformance")
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page.parent != REPOSITORY], ids=lambda page: page.name)

@@ -20,13 +20,22 @@ LONGEST = 120.0
 """[s]"""
 
 
-def run(name: str, *words: object) -> str:
+def run(name: str, *words: object, status: int = 0) -> str:
     """What a script prints."""
     done = subprocess.run(
         [sys.executable, EXAMPLES / name, *map(str, words)], capture_output=True, text=True, check=False, cwd=REPOSITORY
     )
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == status, done.stderr
     return done.stdout
+
+
+def test_each_recording_has_a_verdict_and_a_faulty_one_ends_with_status_1(golden_bag: Path, tmp_path: Path) -> None:
+    empty = tmp_path / "empty.mcap"
+    empty.touch()
+    said = run("check_recordings.py", golden_bag, empty, status=1)
+    assert f"{golden_bag}: ok: 21 of 24 motions are sound tosses of cube\n" in said
+    assert f"{empty}: " in said
+    assert run("check_recordings.py", golden_bag).startswith(f"{golden_bag}: ok: ")
 
 
 def test_a_bag_is_ranked(golden_bag: Path, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""A node's own attributes never replace those of rclpy's Node: it would lose its clock or its parameters."""
+"""A node's own attributes and methods never replace those of the classes under it: it would lose its clock, or its end."""
 
 import inspect
 import re
@@ -14,11 +14,12 @@ FILES = sorted(path for path in Path(nodes.__file__).parent.glob("*.py") if "(St
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_a_node_replaces_no_attribute_of_rclpys_node(path: Path) -> None:
-    taken = set(re.findall(r"\bself\.(_\w+)", inspect.getsource(Node))) | set(dir(StageNode))
+def test_a_node_replaces_no_private_name_of_the_classes_under_it(path: Path) -> None:
+    taken = set(re.findall(r"\bself\.(_\w+)", inspect.getsource(Node) + inspect.getsource(StageNode))) | set(dir(StageNode))
     source = path.read_text()
-    own = {
+    set_here = {
         name for line in source.splitlines() if " = " in line for name in re.findall(r"self\.(_\w+)", line.partition(" = ")[0])
     }
-    assert own
-    assert own & taken == set()
+    defined_here = set(re.findall(r"^    def (_[a-z]\w*)", source, re.MULTILINE))
+    assert set_here
+    assert (set_here | defined_here) & taken == set()

@@ -104,7 +104,7 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Reads, scores, ranks, writes, and says what came out.
+    """Reads, scores and ranks the tosses, writes the outputs, and prints the ranking.
 
     Raises:
         ContactCurationError: nothing could be ranked, or an output cannot be written.

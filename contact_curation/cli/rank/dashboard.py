@@ -31,7 +31,7 @@ POLL = 0.2
 
 
 def add_dashboard_options(parser: argparse.ArgumentParser) -> None:
-    """Adds what says where the ranking is shown."""
+    """Adds the options for the dashboard of a ranking."""
     group = parser.add_argument_group("what is shown")
     group.add_argument("--dashboard", action="store_true", help="serve the ranking to a browser, until Ctrl-C")
     group.add_argument(

@@ -48,7 +48,7 @@ PROTOCOLS = ("budgeted", "published", "exact")
 CHOICES = {"criterion": criterion_names(), "variant": VARIANTS}
 TOLD = {"criterion": "by what the best tosses are selected"}
 DEFAULT_SHARE = 0.2
-"""Of the tosses that is held out where nothing else is said."""
+"""Share of the tosses that is held out by default."""
 
 CHECKPOINT_SECONDS = 30.0
 ONLY_WITH_TOP = ("criterion", "variant", "estimator", "rerank_every", "rerank_when_stale")
@@ -149,7 +149,7 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Reads, trains, stores, and says how it went.
+    """Reads the tosses, trains a model, writes the checkpoint, and prints a summary.
 
     Raises:
         ContactCurationError: there is nothing to train on, the checkpoint belongs to another one, or a loss was not finite.

@@ -19,7 +19,7 @@ FLAT = 0.999
 
 MARGIN = 1.15
 TICKS = 5
-"""At most, on an axis."""
+"""Most ticks on an axis."""
 
 VIEWS = (("From above, along -z", "xy"), ("From the front, along y", "xz"), ("From the side, along -x", "yz"))
 

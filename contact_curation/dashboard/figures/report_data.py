@@ -33,7 +33,7 @@ GONE = ("died", "given up", "stopped")
 
 @dataclass(frozen=True)
 class ReportedThrow:
-    """A throw and what came of it.
+    """A throw and its outcome.
 
     Attributes:
         number: from 1.

@@ -124,7 +124,7 @@ class LiveSession:
         self._learning.show(moment)
 
     def add_throw(self, throw: ThrowMade) -> None:
-        """A throw, or what became of one."""
+        """Adds a throw, or news of one."""
         self._throws[throw.commanded.throw_id] = throw
         self._now()
         throws = tuple(self._throws.values())

@@ -20,7 +20,7 @@ HEADER = ("throw", "kind", "state", "planned", "realised", "note")
 
 @dataclass(frozen=True, eq=False)
 class ThrowMade:
-    """A throw and what became of it.
+    """A throw and its outcome.
 
     Attributes:
         kind: designed or exploration.

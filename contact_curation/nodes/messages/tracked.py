@@ -1,4 +1,4 @@
-"""A body and a board as TagSLAM tells of them: Odometry with an empty twist and a covariance, and a static transform."""
+"""Poses of body and board in TagSLAM's messages: Odometry with an empty twist and a covariance, and a static transform."""
 
 from typing import Any
 

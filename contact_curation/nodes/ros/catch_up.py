@@ -121,7 +121,7 @@ class CatchUp:
             self._ask()
 
     def _ask(self) -> None:
-        """Asks for the next page, unless an answer is due already or there is nobody to ask."""
+        """Requests the next page, unless a request is under way or the service is not there."""
         with self._lock:
             if self._asked is not None:
                 return
@@ -152,7 +152,7 @@ class CatchUp:
         self._worker.do(self._ask if more else self._say_caught_up)
 
     def _same_source(self, messages: Sequence[Any], last_sequence: int) -> bool:
-        """Whether the cursor belongs to this source; a new store knows neither its number nor its toss."""
+        """Whether the cursor belongs to this source; a new store holds neither its number nor its toss."""
         if not self._confirmed:
             first = messages[0] if messages else None
             self._confirmed = first is not None and Cursor(first.sequence, first.toss_id) == self._cursor

@@ -28,7 +28,7 @@ def check_files(words: Sequence[str]) -> None:
 
 
 def take_former_names(node: Node, name: str) -> None:
-    """Gives parameters that were given under a former name their present one, and says so.
+    """Renames parameters that were given under a former name, and logs a line.
 
     Args:
         node: before it declares any.
@@ -38,7 +38,7 @@ def take_former_names(node: Node, name: str) -> None:
     for former, now in FORMER_NAMES.items():
         if former in given and now in declared_parameters().get(name, {}):
             given.setdefault(now, Parameter(now, value=given.pop(former).value))
-            node.get_logger().warning(f"parameter {former} is called {now} now")
+            node.get_logger().warning(f"parameter {former} is now called {now}: use that name")
 
 
 def check_names(node: Node, name: str, words: Sequence[str]) -> None:

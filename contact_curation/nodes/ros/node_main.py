@@ -25,10 +25,10 @@ from contact_curation.errors import ContactCurationError, UnknownNameError
 from contact_curation.nodes.ros.given_parameters import check_files, check_names, take_former_names
 
 REFUSED = (ContactCurationError, ParameterException, RCLError)
-"""What a user can cause before a node is there."""
+"""Errors that a user can cause before a node is there."""
 
 OF_RCL = re.compile(r",? at /\S+:\d+")
-"""Where in its own sources rcl found an error; nobody can do anything about it."""
+"""Place in rcl's sources that its messages end with; it is left out."""
 
 LONGEST_CLOSING = 4.5
 """[s] from the first signal to the end of the process; launch ends by force what takes over 5 s."""
@@ -40,7 +40,7 @@ class StageNode(Node):
     failure: BaseException | None = None
     longest_closing = LONGEST_CLOSING
     """[s]; a node that has more to write at its end may take longer."""
-    _end: Callable[[], None] | None = None
+    _end_spinning: Callable[[], None] | None = None
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -49,12 +49,12 @@ class StageNode(Node):
     def fail(self, error: BaseException) -> None:
         """Ends the process with status 1; may be called from any thread."""
         self.failure = error
-        if self._end is not None:
-            self._end()
+        if self._end_spinning is not None:
+            self._end_spinning()
 
     def when_failed(self, end: Callable[[], None]) -> None:
         """Sets what ends the spinning, and calls it if the node has failed already."""
-        self._end = end
+        self._end_spinning = end
         if self.failure is not None:
             end()
 
@@ -157,7 +157,7 @@ def _spin(node: StageNode, ending: _Ending) -> None:
 
 @contextmanager
 def _signals(end: Callable[[], None]) -> Iterator[None]:
-    """Calls `end` on a thread of its own for each SIGINT and SIGTERM, at once, whatever the main thread is doing."""
+    """Calls `end` on a thread of its own for each SIGINT and SIGTERM, at once, also while the main thread is busy."""
     heard, told = socket.socketpair()
     told.setblocking(False)
 

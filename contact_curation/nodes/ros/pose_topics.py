@@ -1,4 +1,4 @@
-"""Subscriptions to the topics that tell where a body is, as the graph has them: found, and matched to their publishers.
+"""Subscriptions to the topics with a body's poses: found in the graph and matched to their publishers.
 
 A reliable subscriber hears nothing from a best-effort publisher, and only a transient local one gets what was published before
 it came. So the publishers are looked at again and again, and a topic whose publishers changed is subscribed to again. What a
@@ -27,7 +27,7 @@ from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIO
 READ_TYPES = (*POSE_MESSAGES, DETECTIONS, CAMERA_INFO)
 
 LOOKS_FOR_THE_RIG = 10
-"""So many looks at the graph a body's poses wait for the rig's static transforms: a fast bag would be far ahead of them.
+"""Looks at the graph for which poses wait for the rig's static transforms: a fast bag would be far ahead of them.
 
 Discovery may find the publisher of the poses before that of the transforms, so they also wait where none was found yet."""
 
@@ -139,7 +139,7 @@ class PoseTopics:
             self._follow_topics([topic for topic in self.source.topics if topic not in rig])
 
     def _past(self, newest: Mapping[str, int]) -> dict[str, int]:
-        """Times of publication that lie behind the present one; the others say nothing any more."""
+        """Times of publication before the present one; later ones are from a clock that was set back."""
         past, warning = published_before(newest, Clock(clock_type=ClockType.SYSTEM_TIME).now().nanoseconds)
         if warning:
             self._node.get_logger().warning(warning)
@@ -159,7 +159,7 @@ class PoseTopics:
         return self._tf_static in self._heard or not self._subscriptions[self._tf_static][0].qos.latched
 
     def read(self, received: Received) -> tuple[str, int, tuple[Measured, ...]]:
-        """What a message says, with the topic and the time of publication that it is known by from now on.
+        """Reads a message: its topic, its time of publication [ns], and its poses.
 
         To be called on one thread, in the order in which messages came. Images may have waited for a CameraInfo, so what it
         gives counts as of the newest of them; it itself is needed again after a restart and so is never known.

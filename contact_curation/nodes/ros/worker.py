@@ -70,7 +70,7 @@ class Latest:
 
 
 class Inbox[Item]:
-    """What has arrived and waits for the worker: in order, and bounded, so that whoever brings more waits and loses nothing.
+    """A bounded queue of what waits for the worker: a callback that brings more waits, and nothing is lost.
 
     Args:
         limit: so many items wait at most.

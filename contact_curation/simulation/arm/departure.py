@@ -100,7 +100,7 @@ class Departure:
         return worst
 
     def _gap(self, state: Array, posture: Array) -> float:
-        """Between body and arm, or the largest that matters."""
+        """Distance between body and arm [m], or the largest that matters."""
         model, data = self._model, self._data
         data.qpos[self._place : self._place + 7], data.qpos[self._joints] = state[:7], posture
         mujoco.mj_kinematics(model, data)

@@ -37,7 +37,7 @@ JOINT_FRICTION = (0.273, 0.436, 0.320, 0.640, 0.420, 0.152, 0.282)
 small offset is left out. The controller does not know it."""
 
 GRIPPER_LENGTH = 0.105
-"""From the flange to the pad [m]."""
+"""Distance from the flange to the pad [m]."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ LINKS = (
     ),
 )
 GRIPPER = Inertial(1.01, (0.0, 0.0, 0.063), (0.001, 0.001, 0.001, 0.0, 0.0, 0.0))
-"""In the flange's frame."""
+"""The gripper in the flange's frame."""
 
 SHAPES: tuple[tuple[int, tuple[float, ...], float], ...] = (
     (0, (0.0, 0.0, 0.06, 0.0, 0.0, 0.16), 0.07),

@@ -25,7 +25,7 @@ from contact_curation.simulation.tracker_noise import TrackerNoise, TrackerNoise
 
 BOARD = "body_surface"
 PAUSE_NS = 10 * NANOSECONDS
-"""Between throws."""
+"""Pause between two throws [ns]."""
 
 
 class Seen(NamedTuple):

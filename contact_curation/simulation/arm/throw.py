@@ -43,7 +43,7 @@ class ExecutedThrow:
 
     @property
     def errors(self) -> "ReleaseErrors":
-        """Of the release."""
+        """Errors of the release against the commanded throw."""
         return release_errors(self.throw, self.release)
 
 

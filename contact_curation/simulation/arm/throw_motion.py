@@ -25,11 +25,11 @@ from contact_curation.simulation.arm.postures import DEFAULT_SEARCH, Candidate, 
 from contact_curation.simulation.world import DEFAULT_WORLD
 
 FRAME_PERIOD = 1.0 / 148.0
-"""Of trackers like ContactNets' [s]."""
+"""Frame period of trackers like ContactNets' [s]."""
 
 STEPS_PER_FRAME = DEFAULT_WORLD.steps_in(FRAME_PERIOD)
 STEP = FRAME_PERIOD / STEPS_PER_FRAME
-"""Of control and simulation: 1036 Hz; the real arm is commanded at 1 kHz [s]."""
+"""Step of control and simulation [s]: 1036 Hz; the real arm is commanded at 1 kHz."""
 
 CHECKED_EVERY = 8
 """Samples between those that are checked for collisions and torques."""
@@ -169,7 +169,7 @@ class ThrowPlanner:
         return refused or ThrowMotion(throw, candidate, grip, approach, swing, stopping, returning)
 
     def _moving(self, start: Array, end: Array) -> JointPath:
-        """Between two postures, slower where an end of a range is near, as the speed limits there want it."""
+        """Path between two postures, slower where an end of a range is near, as the speed limits there require."""
         for share in (1.0, 0.5, 0.25):
             ramp = replace(self.ramp, moving=share * self.ramp.moving)
             path = moving(start, end, self.config.limits.speed, STEP, ramp)

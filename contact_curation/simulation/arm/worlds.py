@@ -1,4 +1,4 @@
-"""The two worlds of a simulated arm, and how the body passes from one to the other (`arm.model` says why there are two).
+"""The two worlds of a simulated arm, and how the body passes from one to the other (`arm.model` gives the reason).
 
 In one the body is part of the arm, in the other it is free. Opening the gripper hands the state of the one to the other; taking
 the body puts it into the gripper without simulating how it was picked up.

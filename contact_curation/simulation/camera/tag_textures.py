@@ -57,7 +57,7 @@ PRINT_WHITE, PRINT_BLACK = 230, 20
 
 CORNER_SIGNS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 TEXTURE_PLACES = np.array([[0, 1], [1, 1], [1, 0], [0, 0]])
-"""Of the same corners: a texture's v goes down, from its first row."""
+"""Texture coordinates of the same corners: v goes down, from the first row."""
 
 
 def tag_image(tag_id: int) -> Image:

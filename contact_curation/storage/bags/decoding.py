@@ -1,4 +1,4 @@
-"""From the bytes of stored messages to objects or CDR, by the definitions that the bag itself carries.
+"""Decoding of stored messages to objects or CDR, by the definitions that the bag itself carries.
 
 Every type gets a type store of its own: a definition that cannot be read, or that contradicts another topic's, costs only
 its own topic. Names are brought to ROS 2's form: fields of ROS 1 messages become lower case (`K` of CameraInfo is `k`).

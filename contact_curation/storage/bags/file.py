@@ -1,4 +1,4 @@
-"""The bytes of an input file, read safely: no more than a bound, never beyond the end, and damage is told, not hidden.
+"""Safe reading of an input file: no more than a bound, never beyond the end; damage is an error.
 
 A damaged part is a `DamagedBagError`, which the readers catch; they go on behind it and say in `Losses` what was lost. Every
 size that a file declares is held against `BagLimits` before anything is allocated. A compressed frame of a few bytes can
@@ -129,7 +129,7 @@ STEP = 1 << 22
 
 
 def _in_steps(read: Callable[[int], bytes], most: int) -> bytes:
-    """At most `most` bytes of a stream; what is allocated follows what is there, not what is asked for."""
+    """Reads at most `most` bytes of a stream; memory follows what is there, not what is asked for."""
     parts: list[bytes] = []
     while most > 0 and (part := read(min(most, STEP))):
         parts.append(part)
@@ -157,7 +157,7 @@ def _bz2(data: bytes, most: int) -> bytes:
 
 
 UNPACKERS: dict[str, Callable[[bytes, int], bytes]] = {"": _plain, "none": _plain, "zstd": _zstd, "lz4": _lz4, "bz2": _bz2}
-"""By the names that MCAP and ROS 1 bags use."""
+"""Decompressors by the names that MCAP and ROS 1 bags use."""
 
 
 def unpack(compression: str, data: bytes, size: int, limit: int) -> bytes:

@@ -1,4 +1,4 @@
-"""What goes into and comes out of bags, whatever their file format: topics, messages, and the QoS they were offered with.
+"""Records of bags of all file formats: topics, messages, and the QoS of their publishers.
 
 rosbag2 keeps QoS profiles as YAML: written here as Jazzy does, read in the forms of every release. Up to metadata version 8 the
 policies are numbers, from version 9 (Jazzy) on they are names.

@@ -49,7 +49,7 @@ SLANTED = ScalarPose((0.42, -0.31, 0.27), TURNED)
 
 @dataclass(frozen=True)
 class TagslamRig:
-    """A rig as TagSLAM sees it.
+    """A rig as TagSLAM records it.
 
     Attributes:
         map_frame: frame of all measurements.
@@ -78,7 +78,7 @@ class TagslamRig:
 
 @dataclass(frozen=True)
 class ImportReport:
-    """What went into a bag.
+    """The content of a bag that was written.
 
     Attributes:
         tosses: how many.
@@ -119,9 +119,11 @@ def import_contactnets(
         UnreadableInputError: there is no toss in `source`; no bag is written then.
         InvalidValueError: `out` cannot be written, or no file is chosen.
     """
-    files = [file for file in contactnets_files(source) if chosen is None or _is_chosen(file, chosen)]
+    present = contactnets_files(source)
+    files = [file for file in present if chosen is None or _is_chosen(file, chosen)]
     if not files:
-        raise InvalidValueError("numbers to import", f"none among the files of {source}", "at least one")
+        expected = f"numbers such as those of {present[0].name} and {present[-1].name}"
+        raise InvalidValueError("numbers to import", f"none among the files of {source}", expected)
     skipped: list[str] = []
     inexact: list[str] = []
     steps = timed = 0

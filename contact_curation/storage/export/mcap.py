@@ -167,7 +167,7 @@ type Parts = dict[Path, tuple[Window, ...]]
 
 @dataclass(frozen=True, eq=False)
 class BagExport:
-    """What became of a recording.
+    """The export of one recording.
 
     Attributes:
         origin: the recording.
@@ -214,7 +214,8 @@ def export_bag(
             if not changed:
                 break
         else:
-            raise UnreadableInputError(path, f"found toss {changed[0]} to be another in a part of it, expected the same")
+            why = f"found toss {changed[0]} changed when read from a part of it, expected the same: export to another --format"
+            raise UnreadableInputError(path, why)
     taken = {motion.toss_id: files[motion.toss_id] for motion in motions}
     others = sorted(set(again) - set(taken))
     extra = (f"{path}: the export holds motions that were not selected, too: {', '.join(others)}",) if others else ()

@@ -122,7 +122,7 @@ class PoseTimes:
 
 
 def _stamp_of(message: Any) -> int | None:
-    """Of the header, or of the first transform."""
+    """Stamp of the header, or of the first transform."""
     try:
         return stamp_ns_of(message.header if hasattr(message, "header") else message.transforms[0].header)
     except (AttributeError, IndexError, TypeError, ValueError):

@@ -111,11 +111,11 @@ class BagTosses:
         self._bad_counts: dict[str, int] = {}
 
     def of(self, message: BagMessage) -> Iterator[Found]:
-        """What became complete with a message."""
+        """Yields the tosses and rejected motions that a message completes."""
         return self.taken(self.measured(message), message.topic)
 
     def taken(self, found: Iterable[Measured], topic: str) -> Iterator[Found]:
-        """What became complete with the poses in a message of a topic."""
+        """Yields the tosses and rejected motions that the poses in a message of a topic complete."""
         for measured in found:
             if isinstance(measured, FramePose):
                 self._frames.update((measured.parent, measured.child))

@@ -227,11 +227,11 @@ def from_parquet(data: bytes) -> Parsed:
 
 
 LARGEST_BYTES = 1 << 31
-"""Of a manifest file."""
+"""Largest manifest file [bytes]."""
 MOST_ROWS = 10_000_000
-"""Of a manifest."""
+"""Most rows of a manifest."""
 AROUND = 20
-"""Characters beside one that cannot be written, for the message."""
+"""Characters on each side of one that cannot be written, in the message."""
 
 
 class _Format(NamedTuple):

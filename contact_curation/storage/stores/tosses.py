@@ -129,12 +129,12 @@ class TossStore(Store):
 
     @property
     def last_sequence(self) -> int:
-        """Of the newest toss; 0 while there is none."""
+        """Sequence number of the newest toss; 0 while there is none."""
         return self._tosses.last_sequence
 
     @property
     def last_rejected_sequence(self) -> int:
-        """Of the newest rejected motion; 0 while there is none."""
+        """Sequence number of the newest rejected motion; 0 while there is none."""
         return self._rejected.last_sequence
 
     @contextmanager

@@ -126,7 +126,7 @@ CRC_SIZE = 4
 
 @dataclass(frozen=True)
 class McapSummary:
-    """What the index says.
+    """The content of the index.
 
     Attributes:
         chunk_offsets: of the chunk records.
