@@ -28,7 +28,7 @@ ROUND_STEPS = 400
 PROTOCOLS = ("auto", "exact", "budgeted")
 PROTOCOLS_EXPLAINED = (
     "how a round trains; budgeted: takes the gradient steps of parameter steps; exact: goes to a polytope's optimum, without "
-    "steps, batch, polytope.*, network.* and influence.*; auto: exact for a polytope, not in the contactnets form, else budgeted"
+    "steps, batch, polytope.*, network.* and influence.*; auto: exact for a polytope in other forms than contactnets"
 )
 
 
