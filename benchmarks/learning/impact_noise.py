@@ -10,12 +10,13 @@ the same releases with contacts of this stiffness, and the truth is known; they 
 through CONTACTNETS_DATA.
 
     python -m benchmarks.learning.impact_noise [--judges third|first] [--arms two one noise] [--rules random longest ...]
-                  [--sizes 4 8 16 32 0] [--seeds 4] [--contact-time SECONDS] [--mujoco] [--save ROWS.jsonl]
+                  [--sizes 4 8 16 32 0] [--seeds 4] [--contact-time SECONDS] [--mujoco] [--save ROWS.jsonl] [--rows ROWS.csv]
 
-Size 0 is all. With --save rows are kept, and those that are there already are not made again.
+Size 0 is all. With --save rows are kept, and those that are there already are not made again; --rows adds them to a table.
 """
 
 import argparse
+import csv
 import json
 import sys
 from collections.abc import Sequence
@@ -59,6 +60,9 @@ ARMS = {"two": (Form.PHYSICAL, 0), "one": (Form.RIGID, 0), "noise": (Form.RIGID,
 DESCRIBED = "described"
 ALL = 0
 MEASURES = ("position", "rotation", "vertices", "friction")
+JUDGES = ("shared", "mujoco")
+"""Others than our rollouts of the model as it was fitted."""
+
 type Row = dict[str, Any]
 
 
@@ -182,7 +186,7 @@ def _characteristic(states: Array, scale: float) -> Array:
 def print_table(rows: Sequence[Row]) -> None:
     """Medians over seeds."""
     groups = dict.fromkeys((row["arm"], row["rule"], row["size"]) for row in rows)
-    others = [f"{judge}_{name}" for judge in ("shared", "mujoco") for name in MEASURES[:2]]
+    others = [f"{judge}_{name}" for judge in JUDGES for name in MEASURES[:2]]
     shown = [*MEASURES, *(name for name in others if any(name in row for row in rows))]
     print(f"{'arm':10}{'rule':16}{'size':>5}{'seeds':>6}" + "".join(f"{name:>17}" for name in shown))
     for arm, rule, size in sorted(groups, key=lambda group: (group[2] or 1 << 30, group[1], group[0])):
@@ -202,6 +206,7 @@ def main() -> int:
     parser.add_argument("--contact-time", type=float, default=0.0, help="of simulated tosses [s]; 0 for the real ones")
     parser.add_argument("--mujoco", action="store_true")
     parser.add_argument("--save", type=Path)
+    parser.add_argument("--rows", type=Path, help="CSV file")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     bench = bench_of(arguments.judges)
@@ -223,9 +228,21 @@ def main() -> int:
                     file.write(json.dumps(row) + "\n")
         rows.append(row)
         print(row, file=sys.stderr, flush=True)
+    if arguments.rows is not None:
+        write_rows(rows, arguments.rows)
     print(f"{len(bench.training)} tosses to learn from, {len(bench.held_out)} judge")
     print_table(rows)
     return 0
+
+
+def write_rows(rows: Sequence[Row], path: Path) -> None:
+    """All rows to six digits, added to those of a file that is there."""
+    columns = ["judges", "arm", "rule", "size", "seed", *MEASURES, *(f"{by}_{name}" for by in JUDGES for name in MEASURES[:2])]
+    values = [[row.get(name, "") for name in columns] for row in rows]
+    written = [[f"{value:.6g}" if isinstance(value, float) else value for value in each] for each in values]
+    new = not path.exists()
+    with path.open("a", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([columns, *written] if new else written)
 
 
 def cells(arguments: argparse.Namespace) -> list[Row]:
