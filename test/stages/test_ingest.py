@@ -76,6 +76,19 @@ def test_what_was_stored_and_not_announced_is_announced_after_a_death(golden_bag
     store.close()
 
 
+def test_a_toss_that_was_announced_is_there_after_the_machine_died_and_took_the_log_of_the_store_with_it(
+    golden_bag: Path, tmp_path: Path
+) -> None:
+    measured = measured_of(golden_bag)[:MESSAGES]
+    store, journal = open_journal(tmp_path / "store")
+    happened = journal.take(arrivals_of(measured))
+    assert len(happened.tosses) >= 2
+    (tmp_path / "left").write_bytes((tmp_path / "store").read_bytes())  # and nothing that is only in the log beside it
+    with TossStore(tmp_path / "left") as left:
+        assert [one.toss.digest() for one in left.after(0, 100)] == [one.toss.digest() for one in happened.tosses]
+    store.close()
+
+
 def test_the_state_of_another_configuration_is_not_taken_up(golden_bag: Path, tmp_path: Path) -> None:
     measured = measured_of(golden_bag)[:MESSAGES]
     store, journal = open_journal(tmp_path / "store")

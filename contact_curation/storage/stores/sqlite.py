@@ -3,6 +3,7 @@
 Write-ahead log, one transaction per change. With synchronous=NORMAL a commit hands its bytes to the operating system without
 waiting for the disk: the death of a process loses nothing that was committed, because the system has it; only the
 death of the machine can take the last commits, and it leaves the file consistent (sqlite.org/pragma.html#pragma_synchronous).
+What cannot be made again is followed by `reach_disk`, and survives that, too.
 """
 
 import sqlite3
@@ -85,6 +86,14 @@ class SqliteStore:
                 raise
             finally:
                 self._depth -= 1
+
+    def reach_disk(self) -> None:
+        """Waits until the disk has what was committed: then the death of the machine does not take it either.
+
+        A checkpoint writes the log to the disk before it takes anything out of it (sqlite.org/wal.html, "Checkpointing").
+        """
+        with self._lock, self._clear_errors():
+            self._connection.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchall()
 
     def execute(self, statement: str, values: Sequence[Any] = ()) -> int:
         """Runs a change in a transaction; returns the id of the row it added, if it added one."""

@@ -143,6 +143,10 @@ class TossStore(Store):
         with self._store.transaction():
             yield
 
+    def reach_disk(self) -> None:
+        """Waits until the disk has what was stored; not inside a transaction."""
+        self._store.reach_disk()
+
     def append_poses(self, poses: Sequence[JournalPose]) -> int:
         """Adds poses to the journal, every number bit for bit; returns the sequence number of the last pose ever added."""
         rows = [
