@@ -172,7 +172,8 @@ def test_a_folder_with_a_session_is_not_used_again(tmp_path: Path, name: str) ->
 def test_the_domain_is_the_users_or_one_of_its_own_on_this_machine(tmp_path: Path) -> None:
     with graph_domain({}) as domain:
         own = graph_environment({"ROS_STATIC_PEERS": "far", "A": "1"}, tmp_path, domain)
-    assert own["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    assert own["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SYSTEM_DEFAULT"
+    assert Path(own["FASTRTPS_DEFAULT_PROFILES_FILE"]).name == "loopback.xml"
     assert 1 <= int(own["ROS_DOMAIN_ID"]) <= 101
     assert "ROS_STATIC_PEERS" not in own
     given = {"ROS_DOMAIN_ID": "7", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_STATIC_PEERS": "far"}
