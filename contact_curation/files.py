@@ -2,6 +2,7 @@
 
 import json
 import os
+import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -81,9 +82,9 @@ def write_atomically(path: Path, data: bytes) -> None:
     Raises:
         InvalidValueError: the file cannot be written there.
     """
-    partial = path.with_name(f".{path.name}.partial-{os.getpid()}")
+    partial = partial_name(path)
     try:
-        with partial.open("wb") as file:
+        with partial.open("xb") as file:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
@@ -96,6 +97,11 @@ def write_atomically(path: Path, data: bytes) -> None:
         raise
 
 
+def partial_name(path: Path) -> Path:
+    """A hidden name beside `path` for what is not complete yet; nobody can guess it, and put a link in its place before."""
+    return path.with_name(f".{path.name}.partial-{secrets.token_hex(8)}")
+
+
 @contextmanager
 def staged_folder(path: Path) -> Iterator[Path]:
     """A hidden folder beside `path` that takes its name when the block ends well, and is removed when it does not.
@@ -106,7 +112,7 @@ def staged_folder(path: Path) -> Iterator[Path]:
     if path.exists() and not (path.is_dir() and not any(path.iterdir())):
         what = "a folder that is not empty" if path.is_dir() else "a file"
         raise InvalidValueError("output", f"{path}, {what}", "a folder that is empty or not there yet")
-    staged = path.absolute().with_name(f".{path.name}.partial-{os.getpid()}")
+    staged = partial_name(path.absolute())
     try:
         staged.mkdir(parents=True)
     except OSError as error:
