@@ -112,9 +112,9 @@ def entitle(axes: "Axes", message: str, columns: int = 0) -> None:
     """Writes the title above a panel, with the legend between them, where it covers nothing.
 
     Args:
-        axes: with everything drawn into it.
+        axes: panel into which everything is drawn.
         message: one line, or a few.
-        columns: of the legend; 0: there is none.
+        columns: number of columns of the legend; 0: there is none.
     """
     axes.tick_params(labelsize=TICK_SIZE)
     axes.set_title(message, pad=TITLE_ABOVE_LEGEND if columns else 6.0)

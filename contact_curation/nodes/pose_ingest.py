@@ -151,6 +151,7 @@ class PoseIngest(StageNode):
             **counts, **self._warnings.counts, **offers,
         }  # fmt: skip
         if self._ingest is not None:
+            values["stamps"] = self._ingest.stamps_done or "as they came"
             values["noise"] = f"{self._ingest.noise.multiple:.1f}"
             if rate and (text := self._ingest.noise_warning()):
                 return Health(text, values, warning=True)

@@ -51,7 +51,7 @@ class Moment:
 
     Attributes:
         toss: how many tosses there were.
-        stamp_ns: of the newest.
+        stamp_ns: stamp [ns] of the newest.
     """
 
     toss: int = 0
@@ -62,8 +62,8 @@ class Screen:
     """A recording to write views to.
 
     Args:
-        stream: of Rerun.
-        viewer: the page that shows it; None where none is served.
+        stream: stream of Rerun.
+        viewer: page that shows it; None where none is served.
     """
 
     def __init__(self, stream: rr.RecordingStream, viewer: WebViewer | None = None) -> None:

@@ -86,7 +86,7 @@ class _Ending:
     """Whether the process is to end, and the limit of the time that it may take.
 
     Args:
-        name: of the node, for the message.
+        name: name of the node, for the message.
     """
 
     def __init__(self, name: str) -> None:

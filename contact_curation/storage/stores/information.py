@@ -53,7 +53,7 @@ class InformationStore(Store):
     """TossInformation by toss and parameters version, in one SQLite file. Use it as a context manager.
 
     Args:
-        path: of the file; made when there is none.
+        path: path of the file; made when there is none.
 
     Attributes:
         states: what its node must remember beside the records.

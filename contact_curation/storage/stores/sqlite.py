@@ -29,8 +29,8 @@ class StoreSchema:
     Attributes:
         what: its name in errors, e.g. "a toss store".
         application_id: marks files of this kind, 31 bits.
-        version: of the tables; a file with a higher one is refused.
-        statements: that create the tables.
+        version: version of the tables; a file with a higher one is refused.
+        statements: SQL statements that create the tables.
         upgrades: by version, what brings a file of that version to the next one, given its connection and path.
     """
 
@@ -45,7 +45,7 @@ class SqliteStore:
     """The file under a store; may be used from several threads, one at a time in a transaction.
 
     Args:
-        path: of the file; made when there is none.
+        path: path of the file; made when there is none.
         schema: what it must look like.
 
     Raises:
@@ -169,7 +169,7 @@ class Store:
     """What all stores are: one SQLite file that is closed in the end. Use them as context managers.
 
     Args:
-        path: of the file; made when there is none.
+        path: path of the file; made when there is none.
         schema: what it must look like.
 
     Raises:

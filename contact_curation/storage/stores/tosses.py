@@ -79,7 +79,7 @@ class TossStore(Store):
     Each method is one transaction; `transaction()` makes several one. Use it as a context manager.
 
     Args:
-        path: of the file; made when there is none.
+        path: path of the file; made when there is none.
 
     Attributes:
         states: what the node must remember beside them.
