@@ -54,7 +54,7 @@ def test_progress_counts_the_simulated_throws_of_all_that_there_will_be(
     total = (8 + 16) * 2 + 16 * 2 + 2 * 1 * 12 * 4  # reference and finalists, sieve, search
     assert {int(one[2]) for one in counts if one} == {total}
     assert done == sorted(done)
-    assert 0.9 * total <= done[-1] <= 1.1 * total
+    assert 0.5 * total <= done[-1] <= 1.1 * total  # of the releases that are refused early nothing more is simulated
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_other_throws(cli: Cli, tmp_path: Path) -> None:
