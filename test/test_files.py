@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from contact_curation import files
 from contact_curation.files import partial_name, staged_folder, write_atomically
 
 
@@ -39,7 +40,7 @@ def in_a_folder(path: Path) -> None:
 def test_what_is_there_under_the_hidden_name_is_never_followed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: Callable[[Path], None]
 ) -> None:
-    monkeypatch.setattr("secrets.token_hex", lambda count: "guessed")
+    monkeypatch.setattr(files, "token_hex", lambda count: "guessed")
     victim = tmp_path / "victim"
     victim.write_bytes(b"years of work")
     (tmp_path / ".a.partial-guessed").symlink_to(victim)

@@ -49,6 +49,7 @@ class Curator(StageNode):
         self._save_folder = Path(folder) if folder else store.parent
         self._overwrites = declare(self, "save_overwrites", False, "whether save_buffer replaces an earlier manifest")
         self._informations = InformationStore(store)
+        self._informations.claim()
         self._stage = CurationStage(ranking, config, self._informations)
         self._wanted = self._stage.ranking
         if self._wanted != ranking:

@@ -26,6 +26,8 @@ PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 """Variables that Fast DDS 2 and 3 take the name of a file with profiles from."""
 
 LOOPBACK = Path(__file__).resolve().parents[1] / "config" / "loopback.xml"
+"""Fast DDS's profile of participants that speak UDP on the loopback interface alone. On its own Fast DDS prefers shared memory,
+which a killed process leaves behind with what it had locked, so that others stand still (docs/reliability.md)."""
 
 LISTENERS = 1
 """Stage of the nodes that only listen: they are stopped last, so that they hear how the others end."""

@@ -173,7 +173,9 @@ def test_the_domain_is_the_users_or_one_of_its_own_on_this_machine(tmp_path: Pat
     with graph_domain({}) as domain:
         own = graph_environment({"ROS_STATIC_PEERS": "far", "A": "1"}, tmp_path, domain)
     assert own["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SYSTEM_DEFAULT"
-    assert Path(own["FASTRTPS_DEFAULT_PROFILES_FILE"]).name == "loopback.xml"
+    assert "127.0.0.1" in Path(own["FASTRTPS_DEFAULT_PROFILES_FILE"]).read_text()
+    for others in ({"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}, {"FASTRTPS_DEFAULT_PROFILES_FILE": "own.xml"}):
+        assert graph_environment(others, tmp_path, 7)["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
     assert 1 <= int(own["ROS_DOMAIN_ID"]) <= 101
     assert "ROS_STATIC_PEERS" not in own
     given = {"ROS_DOMAIN_ID": "7", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_STATIC_PEERS": "far"}
