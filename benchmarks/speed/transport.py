@@ -17,11 +17,11 @@ from tempfile import gettempdir
 
 import contact_curation.nodes  # noqa: F401 - as a node does
 from contact_curation.session.free_domain import free_domain
-from contact_curation.session.graph import graph_environment
+from contact_curation.session.graph import PROFILES, graph_environment
 
 RATE, SECONDS, TURNS = 148.0, 6.0, 3
 SIZES = (1_000, 900_000)
-KINDS = {"shared memory": {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}, "loopback.xml": {}}
+KINDS = {"shared memory": {PROFILES[1]: ""}, "loopback.xml": {}}  # with a profile of the user's, sessions use LOCALHOST
 
 
 def subscribe(size: int) -> None:
