@@ -90,7 +90,11 @@ class Tally:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Scores all inputs, writes the arrays, and prints a summary."""
+    """Scores all inputs, writes the arrays, and prints a summary.
+
+    Raises:
+        ContactCurationError: nothing could be scored, or the file cannot be written.
+    """
     load_kernel()  # better said before tosses are read
     check_outputs(overwrite=arguments.overwrite, out=arguments.out)
     body = chosen_body(arguments, models=[arguments.params])

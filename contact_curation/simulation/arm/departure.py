@@ -90,7 +90,15 @@ class Departure:
         return np.array(states)
 
     def too_near(self, flight: Array, stopping: JointPath) -> Gap | None:
-        """Where the arm, on its way from the release to rest and waiting there, comes too near to the body; None if nowhere."""
+        """Finds where the arm comes too near to the body after the release.
+
+        Args:
+            flight: (N, 13) states of the body from the release on, in SI units.
+            stopping: path of the arm from the release to rest, where it waits.
+
+        Returns:
+            The largest violation of the wanted distance; None if there is none.
+        """
         worst: Gap | None = None
         for frame, state in enumerate(flight):
             wanted = min(self._config.at_first + self._config.opening * frame * self._every * self._step, self._config.apart)

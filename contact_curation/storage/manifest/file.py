@@ -217,7 +217,11 @@ def to_parquet(manifest: Manifest) -> bytes:
 
 
 def from_parquet(data: bytes) -> Parsed:
-    """Reads what `to_parquet` wrote."""
+    """Reads what `to_parquet` wrote.
+
+    Raises:
+        ValueError: there are more rows than a manifest may have.
+    """
     rows = pq.read_metadata(BytesIO(data)).num_rows  # a few kB can claim any number
     if rows > MOST_ROWS:
         raise ValueError(f"found {rows} rows, expected at most {MOST_ROWS}")
