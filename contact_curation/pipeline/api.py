@@ -348,7 +348,7 @@ def design(
             baselines.
         arm: only throws that the simulated arm can make.
         seed: the same gives the same throws.
-        name: that their ids begin with.
+        name: beginning of their ids.
 
     Returns:
         The throws, best first: release poses [m], linear [m/s] and angular [rad/s] velocities, and the gain in log-det of each;

@@ -27,9 +27,17 @@ def open_journal(path: Path, configuration: str = "as it is") -> tuple[TossStore
     return store, IngestJournal(fresh_ingest(), store, configuration, "/odom")
 
 
+def jittering(measured: tuple[FramePose, ...]) -> tuple[FramePose, ...]:
+    """The same, stamped up to 2 ms late."""
+    draw = np.random.default_rng(0)
+    return tuple(one if one.static else replace(one, stamp_ns=one.stamp_ns + int(draw.integers(2_000_000))) for one in measured)
+
+
+@pytest.mark.parametrize("late", [False, True])
 @pytest.mark.parametrize("seed", range(4))
-def test_tosses_are_the_same_however_often_it_dies(golden_bag: Path, tmp_path: Path, seed: int) -> None:
+def test_tosses_are_the_same_however_often_it_dies(golden_bag: Path, tmp_path: Path, seed: int, late: bool) -> None:
     measured = measured_of(golden_bag)[:MESSAGES]
+    measured = jittering(measured) if late else measured
     draw = np.random.default_rng(seed)
     store, journal = open_journal(tmp_path / "store")
     for batch in batched(arrivals_of(measured), 7):

@@ -21,7 +21,7 @@ from contact_curation.motion.toss import Toss
 
 @dataclass(frozen=True)
 class RejectedMotion:
-    """A motion that the gates rejected: its id, its number of frames, and why."""
+    """A motion that the quality checks rejected: its id, its number of frames, and why."""
 
     toss_id: str
     frames: int
@@ -42,13 +42,13 @@ def show_ranked(
 
     Args:
         screen: to write to.
-        body: as it was described.
-        theta: that the tosses were scored at.
-        loss: that impulses are found with.
+        body: body as it was described.
+        theta: theta that the tosses were scored at.
+        loss: loss that impulses are found with.
         pool: all tosses that were ranked.
         selected: those that are selected.
         tosses: the selected ones, by id.
-        rejected: what the gates rejected.
+        rejected: what the quality checks rejected.
 
     Raises:
         InvalidValueError: theta cannot be rolled out.

@@ -36,10 +36,10 @@ class LiveSession:
 
     Args:
         screen: to write to.
-        body: as it was described.
+        body: body as it was described.
         theta: to begin with.
-        loss: that impulses are found with.
-        throws: that are planned in all; 0: not known.
+        loss: loss that impulses are found with.
+        throws: throws that are planned in all; 0: not known.
     """
 
     def __init__(self, screen: Screen, body: Body, theta: ShownTheta, loss: LossConfig, throws: int = 0) -> None:
@@ -71,7 +71,7 @@ class LiveSession:
         return len(self._numbers)
 
     def add_toss(self, toss: Toss) -> None:
-        """A toss that passed the gates.
+        """A toss that passed the quality checks.
 
         Raises:
             InvalidValueError: it cannot be predicted at the newest theta.
@@ -86,7 +86,7 @@ class LiveSession:
             self._newest = toss
 
     def add_rejected(self, toss_id: str, frames: int, reasons: Sequence[str], stamp_ns: int) -> None:
-        """A motion that the gates rejected."""
+        """A motion that the quality checks rejected."""
         self._passed(stamp_ns)
         self._screen.at(Moment(len(self._numbers), stamp_ns))
         self._gates.show(toss_id, frames, reasons)

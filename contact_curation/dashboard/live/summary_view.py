@@ -17,8 +17,8 @@ class SessionOverview:
         throws: commanded so far; 0 where nobody throws.
         planned: throws in all; 0: not known.
         under_way: whether the newest throw's toss is still to come.
-        tosses: that passed the quality checks.
-        selected: of them.
+        tosses: number of tosses that passed the quality checks.
+        selected: number of selected ones.
         rejected: motions that did not pass.
         friction: what is known of it, in words; empty where that is nothing.
         drawn: the toss in the view of a toss, in words; empty before the first.

@@ -132,7 +132,7 @@ def read_mjcf(path: Path, body: str | None = None) -> Link:
     """A rigid body.
 
     Args:
-        path: of the file.
+        path: path of the file.
         body: its name; None for the only one with colliding geoms.
 
     Raises:

@@ -22,7 +22,7 @@ def read_xml(path: Path, root: str) -> Element:
     """The root element of an XML file.
 
     Args:
-        path: of the file.
+        path: path of the file.
         root: the name that it must have.
 
     Raises:

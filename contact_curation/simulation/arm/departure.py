@@ -23,12 +23,12 @@ class DepartureConfig:
 
     Attributes:
         at_first: gap that the release begins with at least; the pad is soft [m].
-        opening: by which the gap grows at least [m/s].
+        opening: smallest rate at which the gap grows [m/s].
         apart: gap that is enough at any time; the body's bounces are not known better [m].
         longest: a body that does not rest by then is not followed further [s].
         rest_speed: a body slower than this rests [m/s].
         rest_spin: and turning slower than this [rad/s].
-        rest_frames: so many times in a row.
+        rest_frames: number of successive frames at rest.
     """
 
     at_first: float = 0.001
@@ -54,8 +54,8 @@ class Departure:
     """Says of planned motions whether the arm meets the body it has released.
 
     Args:
-        body: that is thrown.
-        arm: that throws it.
+        body: body that is thrown.
+        arm: arm that throws it.
         step: between samples of a motion, and of the simulation [s].
         every: samples from one look to the next.
         config: how far they stay apart.

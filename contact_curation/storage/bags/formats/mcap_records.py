@@ -133,7 +133,7 @@ class McapSummary:
     """The content of the index.
 
     Attributes:
-        chunk_offsets: of the chunk records.
+        chunk_offsets: offsets of the chunk records.
         counts: messages per channel id; None when it does not say.
         total: messages in the file; None when it does not say.
     """
