@@ -3,9 +3,9 @@
 import numpy as np
 
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.survey.falls import Flight
+from contact_curation.motion.survey.falls import Flight, survey
 from contact_curation.motion.survey.series import PoseSeries
-from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.evidence import NEAREST_UNIT, UNITS, Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity, by_recording, of_recordings
 from contact_curation.pipeline.diagnosis.recording import Recording
 
@@ -17,6 +17,12 @@ MOST_DISORDER = 0.02
 
 LEAST_JITTER = 1e-4
 """[s] What cameras have anyway."""
+
+SHORT, SOME = 0.75, 0.1
+"""Median steps, and the share of shorter ones from which on stamps are uneven."""
+
+LONGEST = 0.2
+"""A longer time without poses is a pause [s]."""
 
 WORSE = 1.5
 """Times what is left over with even stamps: as much with the stamps as they are, and they are not when poses were taken."""
@@ -86,7 +92,7 @@ def jitter(evidence: Evidence) -> Finding | None:
         as_stamped.append(_left_over(series, flight, times))
         as_even.append(_left_over(series, flight, frames))
     if len(spreads) < 2:
-        return None
+        return _too_uneven_to_fall(evidence)
     spread = float(np.median(spreads))
     if spread < LEAST_JITTER or np.median(as_stamped) < WORSE * np.median(as_even):
         return None
@@ -94,6 +100,39 @@ def jitter(evidence: Evidence) -> Finding | None:
     remedy = "stamp poses with the time of exposure, not of reception"
     what = f"header stamps jitter by {1e3 * spread:.2g} ms against the motion: falls are even at {1.0 / evidence.period:.4g} Hz"
     return Finding(severity, what, remedy)
+
+
+def _too_uneven_to_fall(evidence: Evidence) -> Finding | None:
+    """Stamps so uneven that nothing seems to fall, though over even ones it does."""
+    uneven = [np.mean(one.steps < SHORT * one.period) for one in evidence.survey.series if len(one) > 1]
+    if not uneven or np.median(uneven) < SOME:
+        return None
+    evened = [part for one in evidence.survey.series for part in _evened(one)]
+    found = survey(evened)
+    size = 0.0 if found.gravity is None else float(np.linalg.norm(found.gravity))
+    if len(found.throws) < 2 or not any(
+        1.0 / NEAREST_UNIT < size / (evidence.body.gravity * u) < NEAREST_UNIT for u in UNITS.values()
+    ):
+        return None
+    spread = float(np.median([np.std(one.steps[one.steps < LONGEST]) for one in evidence.survey.series if len(one) > 1]))
+    period = float(np.median([one.period for one in evened]))
+    jitter = f"header stamps jitter by {1e3 * spread / np.sqrt(2.0):.2g} ms against the motion"
+    what = f"{jitter}: falls are even at {1.0 / period:.4g} Hz"
+    return Finding(Severity.FAULT, what, "stamp poses with the time of exposure, not of reception")
+
+
+def _evened(series: PoseSeries) -> list[PoseSeries]:
+    """The poses between pauses, each with even stamps from its first to its last."""
+    parts = np.split(np.arange(len(series)), np.flatnonzero(series.steps > LONGEST) + 1)
+    return [
+        PoseSeries(
+            np.linspace(series.stamps_ns[part[0]], series.stamps_ns[part[-1]], len(part)).astype(np.int64),
+            series.positions[part],
+            series.orientations_wxyz[part],
+        )
+        for part in parts
+        if len(part) > 1
+    ]
 
 
 def _left_over(series: PoseSeries, flight: Flight, times: Array) -> float:
