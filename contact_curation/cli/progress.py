@@ -17,7 +17,7 @@ class Progress:
 
     Args:
         what: is being done, e.g. "reading".
-        unit: of what is counted, e.g. "tosses".
+        unit: unit of what is counted, e.g. "tosses".
         total: how many there will be; None where nobody knows.
         done: how many of them were done before.
     """

@@ -29,8 +29,8 @@ class ShownTheta:
 
     Attributes:
         version: its digest.
-        geometry: of a polytope; None of a network.
-        model: of a network; None of a polytope, which needs no torch.
+        geometry: geometry of a polytope; None of a network.
+        model: model of a network; None of a polytope, which needs no torch.
     """
 
     version: str
@@ -58,11 +58,11 @@ class TossMotion:
     """What the view of a toss shows; SI units, the board's frame.
 
     Attributes:
-        toss: as measured.
+        toss: toss as measured.
         predicted: (T, 13) states from the measured release on; NaN from where they are not finite.
         impulses: by the loss's inner problem at theta; none for a network.
         vertices: (V, 3) [m] of the body as theta has it.
-        version: of theta.
+        version: version of theta.
     """
 
     toss: Toss

@@ -52,7 +52,7 @@ def vertex_uncertainty(pool: Pool, selected: Sequence[str]) -> VertexUncertainty
     """Computes how accurately the selected tosses determine vertices and friction.
 
     Args:
-        pool: of a polytope, scored with the Gauss-Newton estimator.
+        pool: pool of a polytope, scored with the Gauss-Newton estimator.
         selected: ids of the tosses that theta is fitted to; none gives the prior.
 
     Raises:

@@ -52,7 +52,7 @@ def tags_on_faces(polytope: Polytope, frame: str, first_id: int = 0, share: floa
         polytope: the body.
         frame: its frame.
         first_id: the tags' ids go up from it, face by face.
-        share: of the largest edge that fits.
+        share: share of the largest edge that fits.
         smallest: edge [m] below which a face gets no tag.
 
     Raises:

@@ -87,8 +87,8 @@ class Tag:
 
     Attributes:
         tag_id: 0 to 586.
-        pose: of the tag's frame in that of the body or board [m].
-        edge: of its black square [m].
+        pose: pose of the tag's frame in that of the body or board [m].
+        edge: edge of its black square [m].
     """
 
     tag_id: int
@@ -112,7 +112,7 @@ class TagMap:
     """The tags of one rigid thing.
 
     Attributes:
-        frame: of the body or the board.
+        frame: frame of the body or the board.
         tags: no id twice.
     """
 

@@ -36,8 +36,8 @@ class TrueFrame(NamedTuple):
 
     Attributes:
         stamp_ns: simulated time.
-        pose: of the body on the board.
-        throw_id: of the throw that the frame belongs to; empty where none is known.
+        pose: pose of the body on the board.
+        throw_id: name of the throw that the frame belongs to; empty where none is known.
         begun_ns: stamp of that throw's beginning; 0 without one.
     """
 
@@ -69,12 +69,12 @@ class TrackedPoses:
     """Publishes poses as TagSLAM does, with a tracker's noise and faults; the board has a pose in the map.
 
     Args:
-        node: that publishes.
-        body: whose tracked frame the poses are of.
+        node: node that publishes.
+        body: body whose tracked frame the poses are of.
         rig: frames, the board in the map, deviations.
         noise: the tracker's faults.
-        seed: of them.
-        history: so many poses are there for whoever comes late.
+        seed: random seed of the noise.
+        history: number of poses that late subscribers receive.
     """
 
     def __init__(
@@ -119,13 +119,13 @@ class RenderedTags:
     The view is made when the first frame comes, for OpenGL belongs to a thread.
 
     Args:
-        node: that publishes.
-        body: that is tossed.
+        node: node that publishes.
+        body: body that is tossed.
         rig: the tags on it and on the board.
-        camera: that sees them.
-        detector: of the tags.
-        seed: of the pixels' noise.
-        history: the detections of so many images are there for whoever comes late.
+        camera: camera that sees them.
+        detector: detector of the tags.
+        seed: random seed of the pixels' noise.
+        history: number of images whose detections late subscribers receive.
         images: publish the images too.
     """
 

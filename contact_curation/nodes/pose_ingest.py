@@ -60,6 +60,7 @@ class PoseIngest(StageNode):
         type_name = declared_type(self)
         depth = declare(self, "queue_depth", 32768, "poses that wait to be processed", bounds=(296, 1 << 20))
         self._store = TossStore(Path(declare(self, "store", "tosses.sqlite", "file that stores tosses")))
+        self._store.claim()
         self._warnings = ThrottledWarnings(self)
         self._inbox = Inbox[Received](MOST_WAITING, self.context.ok)
         self._received = Rate()
@@ -151,6 +152,7 @@ class PoseIngest(StageNode):
             **counts, **self._warnings.counts, **offers,
         }  # fmt: skip
         if self._ingest is not None:
+            values["stamps"] = self._ingest.stamps_done or "as they came"
             values["noise"] = f"{self._ingest.noise.multiple:.1f}"
             if rate and (text := self._ingest.noise_warning()):
                 return Health(text, values, warning=True)

@@ -28,7 +28,7 @@ class ThrowGoals:
     and is dropped.
 
     Args:
-        node: that sends.
+        node: node that sends.
         told: called once per goal, on the executor's thread.
         patience: a goal of which nothing is heard, be it feedback or result, for this time of the steady clock is given up [s].
     """

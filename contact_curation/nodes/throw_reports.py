@@ -14,8 +14,8 @@ class ThrowReports:
     """Publishes reports of throws.
 
     Args:
-        node: that publishes.
-        board_frame: of the headers.
+        node: node that publishes.
+        board_frame: board frame of the headers.
     """
 
     def __init__(self, node: Node, board_frame: str) -> None:

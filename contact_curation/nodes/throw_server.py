@@ -36,11 +36,11 @@ class ThrowServer:
     """Serves the action.
 
     Args:
-        node: that serves.
+        node: node that serves.
         admits: takes a throw, or says in one line why not; called on the executor's thread.
         taken: called on the executor's thread when a goal was taken.
         released: gives stamp and frame of a release, from the simulated time [s].
-        warnings: of throws that were not made.
+        warnings: warnings of throws that were not made.
 
     Attributes:
         goal: under way; None without.

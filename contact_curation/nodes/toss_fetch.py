@@ -20,8 +20,8 @@ class TossFetch:
     """Fetches what is missing, a page at a time, and asks again once a second while something is.
 
     Args:
-        node: that asks.
-        worker: that handles what comes; `missing` and `handle` are called on it only.
+        node: node that asks.
+        worker: worker that handles what comes; `missing` and `handle` are called on it only.
         missing: gives the ids that are wanted now.
         handle: takes the messages of a page, and the ids that the keeper does not know.
     """

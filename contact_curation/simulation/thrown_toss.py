@@ -18,12 +18,12 @@ class ThrownTossConfig:
     """What is recorded of a throw.
 
     Attributes:
-        frame_period: of the tracker [s].
-        longest: a motion that has not come to rest by then is none [s].
-        rest_displacement: a body at rest moves at most this from frame to frame [m].
-        rest_turn: and turns at most this [rad].
-        rest_frames: so many of them are recorded.
-        world: how finely it moves.
+        frame_period: frame period of the tracker [s].
+        longest: longest time until the body must rest [s].
+        rest_displacement: largest displacement of a body at rest from frame to frame [m].
+        rest_turn: largest rotation of a body at rest from frame to frame [rad].
+        rest_frames: number of frames at rest that are recorded.
+        world: step and softness of the simulated world.
     """
 
     frame_period: float = 1.0 / 148.0
@@ -48,9 +48,9 @@ def thrown_toss(body: Body, throw: Throw, config: ThrownTossConfig = DEFAULT_THR
 
     Args:
         body: what is thrown.
-        throw: as it leaves.
+        throw: throw as it leaves.
         config: what is recorded.
-        first_stamp_ns: of the release.
+        first_stamp_ns: stamp [ns] of the release.
 
     Raises:
         InvalidValueError: a throw of another body, or one after which the body does not come to rest.

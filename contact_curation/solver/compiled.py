@@ -41,7 +41,7 @@ class Kernel:
     """A loaded library; its functions run without the GIL.
 
     Args:
-        path: of the library.
+        path: path of the library.
 
     Raises:
         MissingDependencyError: it does not load, or does not describe itself.

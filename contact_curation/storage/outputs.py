@@ -28,8 +28,8 @@ def check_replaceable(name: str, path: Path, remedy: str) -> None:
     """Refuses to replace what cannot be made again.
 
     Args:
-        name: of the option or parameter, for the message.
-        path: of the output.
+        name: name of the option or parameter, for the message.
+        path: path of the output.
         remedy: what its user can do.
 
     Raises:

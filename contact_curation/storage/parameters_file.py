@@ -46,8 +46,8 @@ def read_parameters(path: Path, body: Body) -> Parameters:
     """The parameters in a file.
 
     Args:
-        path: of the JSON file.
-        body: whose mass, inertia and length scale hold where the file has none.
+        path: path of the JSON file.
+        body: body whose mass, inertia and length scale hold where the file has none.
 
     Raises:
         UnreadableInputError: there is no such file, or it holds no JSON object.
@@ -139,7 +139,7 @@ def read_theta(path: Path, body: Body) -> "Parameters | Model":
     """A polytope's numbers out of JSON, or the model of a checkpoint.
 
     Args:
-        path: of the file.
+        path: path of the file.
         body: which a checkpoint must be for, and which completes what JSON leaves out.
 
     Raises:

@@ -27,9 +27,9 @@ def write_throws(path: Path, throws: Sequence[Throw], body: Body | None = None) 
     """Writes throws, whole or not at all.
 
     Args:
-        path: of the file.
-        throws: of one body.
-        body: that is thrown, for whoever reads them.
+        path: path of the file.
+        throws: throws of one body.
+        body: body that is thrown, written for the readers of the file.
 
     Raises:
         InvalidValueError: the file cannot be written there.

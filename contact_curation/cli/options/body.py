@@ -69,10 +69,10 @@ def chosen_body(
     """The body of the option's file, else that of a file that carries one, else ContactNets' cube, which is noted.
 
     Args:
-        arguments: with the options.
+        arguments: arguments with the options.
         models: checkpoints or JSON files, None for what was not given.
-        manifest: of a ranking.
-        throws: as `design` writes them.
+        manifest: manifest of a ranking.
+        throws: throws as `design` writes them.
         said: whether a line says that the cube is assumed.
 
     Raises:

@@ -87,9 +87,9 @@ def add_fields(
     None, and `with_options` leaves it as the config has it.
 
     Args:
-        group: of options.
+        group: group of options.
         config: the defaults.
-        paths: of fields; the last name of one is the option's.
+        paths: paths of fields; the last name of one is the option's.
         choices: by path, words that are accepted where the type does not say.
         told: by path, help in place of the class's.
         also: by path, further names of the option.

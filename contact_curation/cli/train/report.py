@@ -21,7 +21,7 @@ class TrainReport:
     Attributes:
         run: what it was, and how it ended.
         tosses: what it learned from.
-        seconds: of this run [s].
+        seconds: time of this run [s].
         checkpoint: its file.
         metrics: their file.
         next_command: what one does next.

@@ -29,7 +29,7 @@ class BodyPicture:
     """What the figure shows.
 
     Attributes:
-        name: of the body.
+        name: name of the body.
         vertices: (V, 3) about the centre of mass [m].
         center_of_mass: (3,) in the frame that a tracker follows [m].
         mass: [kg].

@@ -101,7 +101,7 @@ class Panel:
     """One measure.
 
     Attributes:
-        measure: with its unit.
+        measure: measure with its unit.
         series: at least one.
         logarithmic: whether the measure's axis is.
         level: to compare with, if there is one.
@@ -124,7 +124,7 @@ def save_experiment_figure(panels: Sequence[Panel], title: str, places: str, pat
         panels: at least one, all over numbers or all over categories.
         title: one line.
         places: what stands along the horizontal axis.
-        path: of the file.
+        path: path of the file.
 
     Raises:
         InvalidValueError: there is nothing to draw, or the file cannot be written there.

@@ -51,7 +51,7 @@ class RankingPicture:
 
     Attributes:
         title: one line.
-        criterion: of the ranking.
+        criterion: criterion of the ranking.
         scores: (K,) of all ranked tosses, best first.
         gains: (K,) marginal gains, likewise.
         selected: how many are selected.

@@ -35,7 +35,7 @@ class BodyView:
 
     Args:
         screen: to write to.
-        body: as it was described.
+        body: body as it was described.
     """
 
     def __init__(self, screen: Screen, body: Body) -> None:
@@ -55,8 +55,8 @@ class BodyView:
         """Writes the body at a theta; None is that of a network, whose body is as described.
 
         Args:
-            geometry: of theta.
-            uncertainty: of its vertices and friction, where that is known.
+            geometry: geometry of theta.
+            uncertainty: uncertainty of its vertices and friction, where that is known.
 
         Returns:
             The friction with its interval of one sigma, in words; empty for a network.

@@ -50,7 +50,7 @@ class Moment:
 
     Attributes:
         toss: how many tosses there were.
-        stamp_ns: of the newest.
+        stamp_ns: stamp [ns] of the newest.
     """
 
     toss: int = 0
@@ -61,7 +61,7 @@ class Screen:
     """A recording to write views to.
 
     Args:
-        stream: of Rerun.
+        stream: stream of Rerun.
     """
 
     def __init__(self, stream: rr.RecordingStream) -> None:

@@ -27,7 +27,7 @@ class ThrowMade:
         state: commanded, not made, executed or scored.
         commanded: the throw.
         planned: gain in log-det; 0 for exploration.
-        realised: the same, by its toss; NaN until that was scored.
+        realised: gain of its toss in log-det; NaN until that was scored.
         detail: why it explores, or was not made.
     """
 

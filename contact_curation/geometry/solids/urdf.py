@@ -21,7 +21,7 @@ def read_urdf(path: Path, link: str | None = None) -> Link:
     """A rigid link.
 
     Args:
-        path: of the file.
+        path: path of the file.
         link: its name; None for the only one with collision geometry.
 
     Raises:

@@ -18,8 +18,8 @@ def odometry_message(stamped: Stamped, child: str, pose: Pose, deviations: tuple
     Args:
         stamped: when, and in which frame.
         child: the body's frame.
-        pose: of the body.
-        deviations: of its position [m] and turn [rad].
+        pose: pose of the body.
+        deviations: standard deviations of its position [m] and turn [rad].
     """
     x, y, z = pose.position.tolist()
     covariance = np.diag(np.repeat(deviations, 3) ** 2).ravel()

@@ -32,10 +32,10 @@ class Source:
 
     Attributes:
         message: type of the messages; with fields `sequence` and `toss_id`.
-        topic: that announces them.
+        topic: topic that announces them.
         service: type of the service; its request has `after_sequence` and `limit`, its response `last_sequence`.
-        service_name: that gives them on demand.
-        field: of the response, with the messages.
+        service_name: name of the service that gives them on demand.
+        field: field of the response, with the messages.
         page: how many are asked for at a time.
     """
 
@@ -51,8 +51,8 @@ class CatchUp:
     """Follows a source from a cursor on.
 
     Args:
-        node: that listens.
-        worker: that handles what comes.
+        node: node that listens.
+        worker: worker that handles what comes.
         source: what to follow.
         cursor: where an earlier run stopped; checked against the source before it is believed.
         handle: called on the worker with messages in order, and the cursor behind them.

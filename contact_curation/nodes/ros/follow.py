@@ -22,7 +22,7 @@ class Follow:
     """Follows a source.
 
     Args:
-        node: that listens.
+        node: node that listens.
         source: what to follow.
         offer: takes a batch of messages, or says that there is no room for it.
         idle: whether there is time for what was missed.

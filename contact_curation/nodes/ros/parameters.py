@@ -32,8 +32,8 @@ def declare(
     """Declares a parameter and gives its value.
 
     Args:
-        node: whose.
-        name: with dots between its parts.
+        node: node that has the parameter.
+        name: name with dots between its parts.
         default: also says the type.
         description: for `ros2 param describe`.
         bounds: smallest and largest accepted number.
@@ -61,7 +61,7 @@ def declare_config[Config](node: Node, default: Config, prefix: str = "", *, fix
     """Declares every field of a config as a parameter and gives the config of their values.
 
     Args:
-        node: whose parameters.
+        node: node whose parameters.
         default: a frozen dataclass.
         prefix: what its names begin with, dot included.
         fixed: the parameters cannot be changed while the node runs.

@@ -48,9 +48,9 @@ class Received(NamedTuple):
     """A message as it came.
 
     Attributes:
-        topic: that it came on.
+        topic: topic that it came on.
         published_ns: when it was published, by the middleware's clock.
-        message: of that topic's type.
+        message: message of that topic's type.
     """
 
     topic: str
@@ -62,11 +62,11 @@ class PoseTopics:
     """Follows the topics of one body.
 
     Args:
-        node: that subscribes.
+        node: node that subscribes.
         body: name of the body.
         config: which topics; the names of the node's remaps and namespace hold for them. What it leaves open is looked for
             in the node's namespace only, transforms on its `tf` and `tf_static`.
-        type_name: of the body's topic, where the graph has several under its name; empty for any.
+        type_name: ROS type of the body's topic, where the graph has several under its name; empty for any.
         depth: samples kept per topic until they are taken.
         found: called once, with the body's topic when it is found; gives per topic the time of publication up to which
             everything is known already [ns].

@@ -49,7 +49,7 @@ class Latest:
     """A job that always works on the newest state: asked for again while it waits, it is done once.
 
     Args:
-        worker: that does it.
+        worker: worker that does it.
         job: what to do.
     """
 
@@ -73,7 +73,7 @@ class Inbox[Item]:
     """A bounded queue of what waits for the worker: a callback that brings more waits, and nothing is lost.
 
     Args:
-        limit: so many items wait at most.
+        limit: largest number of items that wait.
         goes_on: says whether anything will be taken any more.
     """
 

@@ -24,7 +24,7 @@ class ArmFeasibility:
     """Answers for throws, as the safety set of a design asks; an object of it is such a function.
 
     Attributes:
-        planner: of the arm's motions.
+        planner: planner of the arm's motions.
         gate: limits of commands.
     """
 

@@ -104,7 +104,7 @@ class LimitUse:
     """Remembers the largest shares that were used.
 
     Args:
-        limits: of the joints.
+        limits: limits of the joints.
     """
 
     def __init__(self, limits: JointLimits) -> None:

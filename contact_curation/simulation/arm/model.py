@@ -46,7 +46,7 @@ class Inertial:
 
     Attributes:
         mass: [kg].
-        centre: of mass [m].
+        centre: centre of mass [m].
         inertia: xx, yy, zz, xy, xz, yz about the centre of mass [kg m^2].
     """
 
@@ -210,7 +210,7 @@ def add_arm(spec: mujoco.MjSpec, config: ArmConfig, *, meets_itself: bool, frict
     """Adds the arm to a world and gives its last link.
 
     Args:
-        spec: of the world.
+        spec: specification of the world.
         config: where it stands.
         meets_itself: whether its links hit each other and the board; in simulation the plan has seen to it.
         friction: factor on the joints' dry friction.

@@ -17,7 +17,7 @@ class RampConfig:
     """How hard joints speed up.
 
     Attributes:
-        acceleration: of a ramp [rad/s^2].
+        acceleration: acceleration of a ramp [rad/s^2].
         rise: time in which the acceleration gets there [s].
         moving: largest speed between postures, as a share of what a joint may do.
         moving_acceleration: and largest acceleration; there has to be room for braking in a stop [rad/s^2].

@@ -40,8 +40,8 @@ class ArmRig:
     """Throws one body with the simulated arm.
 
     Args:
-        body: that is thrown.
-        seed: of the gripper's delays and the tracker's noise.
+        body: body that is thrown.
+        seed: random seed of the gripper's delays and the tracker's noise.
         tracker: its faults.
     """
 

@@ -75,10 +75,10 @@ class ArmSimulation:
     """Arm, body and board, moved on frame by frame.
 
     Args:
-        body: that is thrown.
-        config: of the arm.
-        control: of its motions.
-        seed: of the gripper's delay, with the throw's name.
+        body: body that is thrown.
+        config: configuration of the arm.
+        control: control of its motions.
+        seed: random seed of the gripper's delay, with the throw's name.
     """
 
     def __init__(

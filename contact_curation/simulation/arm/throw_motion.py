@@ -45,7 +45,7 @@ class Refused(NamedTuple):
         limit: what is broken.
         found: what the best attempt needs.
         allowed: what there is.
-        unit: of both.
+        unit: unit of both.
     """
 
     limit: str
@@ -63,13 +63,13 @@ class ThrowMotion:
     """A throw that the arm can make. The last sample of each path is the first of the next.
 
     Attributes:
-        throw: as commanded.
+        throw: throw as commanded.
         candidate: posture, speeds and face at release.
         grip: the body in the last link's frame.
-        approach: from home to the wind-up, at rest at both ends.
-        swing: from the wind-up to the release.
-        stopping: from the release to rest.
-        returning: from there home.
+        approach: path from home to the wind-up, at rest at both ends.
+        swing: path from the wind-up to the release.
+        stopping: path from the release to rest.
+        returning: path from there home.
     """
 
     throw: Throw
@@ -86,8 +86,8 @@ class ThrowPlanner:
     """Plans throws of one body; made once, for its table of postures takes a while.
 
     Attributes:
-        body: that is thrown.
-        config: of the arm.
+        body: body that is thrown.
+        config: configuration of the arm.
         ramp: how its joints speed up.
         search: how hard postures are looked for.
         departure: how far arm and thrown body stay apart.

@@ -32,7 +32,7 @@ class World(NamedTuple):
     """A simulated world.
 
     Attributes:
-        model: of it.
+        model: model of the world.
         data: its state.
         joints: (7,) where the arm's joints are among the state's positions.
         dofs: (7,) and among its speeds.
@@ -48,9 +48,9 @@ class ArmWorlds:
     """Arm, body and board, with the body in the gripper at first, by the first face that it can be held by.
 
     Args:
-        body: that is thrown.
-        config: of the arm, which stands at home.
-        step: of the simulation [s].
+        body: body that is thrown.
+        config: configuration of the arm, which stands at home.
+        step: step of the simulation [s].
     """
 
     def __init__(self, body: Body, config: ArmConfig, step: float) -> None:

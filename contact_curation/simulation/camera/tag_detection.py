@@ -39,7 +39,7 @@ class Detection:
     """A tag in an image, with the fields of apriltag_msgs.
 
     Attributes:
-        tag_id: of the family 36h11.
+        tag_id: id in the family 36h11.
         hamming: corrected bits.
         margin: by how much its bits differ from the threshold; the greater the surer.
         centre: (2,) [px].

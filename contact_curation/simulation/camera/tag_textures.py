@@ -31,7 +31,7 @@ def tag_library(**options: Any) -> TagLibrary:
     (pupil-labs/apriltags, issues 34 and 46). So the family is taken out of its hands, and never freed.
 
     Args:
-        options: of the wrapper's Detector.
+        options: options of the wrapper's Detector.
 
     Raises:
         MissingDependencyError: the library is not installed.

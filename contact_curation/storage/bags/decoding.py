@@ -45,9 +45,9 @@ class Definition(NamedTuple):
 
     Attributes:
         type: ROS 2 type name.
-        encoding: of the messages, `cdr` or `ros1`.
+        encoding: encoding of the messages, `cdr` or `ros1`.
         schema: definition text; empty where the bag carries none.
-        schema_encoding: of it.
+        schema_encoding: encoding of it.
     """
 
     type: str
@@ -64,7 +64,7 @@ class TypeDecoder:
         decode: bytes to message object; raises one of DECODE_ERRORS.
         to_cdr: bytes to CDR of the ROS 2 type; raises one of DECODE_ERRORS.
         schema: ROS 2 definition text.
-        schema_encoding: of it.
+        schema_encoding: encoding of it.
         type_hash: `RIHS01_...` of the definition.
     """
 

@@ -27,11 +27,11 @@ class BagLimits:
     """Bounds on what reading a bag takes; far above what recorders write, far below what a machine has.
 
     Attributes:
-        chunk_bytes: of a chunk or record, stored and unpacked [B].
-        message_bytes: of one message [B].
-        reorder_bytes: of messages held back to bring overlapping chunks into order of log time [B].
-        unpacked_file_bytes: of a storage file that is compressed as a whole, on disk [B].
-        fixed_array_length: of fixed-size arrays in message definitions, which decoders unroll.
+        chunk_bytes: largest size of a chunk or record, stored and unpacked [B].
+        message_bytes: largest size of one message [B].
+        reorder_bytes: largest size of messages held back to bring overlapping chunks into order of log time [B].
+        unpacked_file_bytes: largest size of a storage file that is compressed as a whole, on disk [B].
+        fixed_array_length: largest length of fixed-size arrays in message definitions, which decoders unroll.
     """
 
     chunk_bytes: int = 256 * MEBIBYTE
@@ -76,7 +76,7 @@ class BagFile:
     """A regular file opened for reading, under a shared advisory lock that keeps `BagWriter` from replacing it.
 
     Attributes:
-        path: of the file.
+        path: path of the file.
         size: in bytes, when it was opened.
 
     Raises:

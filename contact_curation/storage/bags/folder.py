@@ -147,7 +147,7 @@ def compare(metadata: BagMetadata, counts: Mapping[Channel, int] | None, channel
     Args:
         metadata: what metadata.yaml says.
         counts: messages per channel in the storage files; None when not known.
-        channels: of all storage files.
+        channels: channels of all storage files.
         losses: where it is said.
     """
     declared = {topic.name: topic for topic in metadata.topics}

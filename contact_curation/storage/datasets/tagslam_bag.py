@@ -59,8 +59,8 @@ class TagslamRig:
         pause: time without poses between tosses [s].
         lead_in: made-up frames before each toss.
         lead_out: and after it.
-        position_deviation: of the covariance [m].
-        turn_deviation: of the covariance [rad].
+        position_deviation: standard deviation of the covariance [m].
+        turn_deviation: standard deviation of the covariance [rad].
         rules: what the tosses were cut by; the made-up frames are fitted to them, and the bag says them.
     """
 
@@ -82,10 +82,10 @@ class ImportReport:
 
     Attributes:
         tosses: how many.
-        frames: of the tosses themselves.
+        frames: number of frames of the tosses themselves.
         steps: between them.
-        timed_steps: whose time is the tracker's for certain; the others' is within the bounds that the velocities set.
-        inexact: whose velocities no stamps give, one line each.
+        timed_steps: steps whose time is the tracker's for certain; the others' is within the bounds that the velocities set.
+        inexact: files whose velocities no stamps give, one line each.
         skipped: why other files did not go in, one line each.
     """
 

@@ -31,7 +31,7 @@ def data_card(form: str, body: Body, manifest: Manifest) -> str:
     Args:
         form: format of the export, one of `LAYOUTS`.
         body: the object that was tossed.
-        manifest: of the whole ranking, of which the selected tosses are exported.
+        manifest: manifest of the whole ranking, of which the selected tosses are exported.
     """
     return "\n".join(_lines(form, body, manifest)) + "\n"
 

@@ -58,8 +58,8 @@ def episode_columns(toss: Toss, episode: int, first_index: int, fps: int) -> Col
     Args:
         toss: T frames.
         episode: its number.
-        first_index: of its first frame among all frames.
-        fps: of the dataset.
+        first_index: index of its first frame among all frames.
+        fps: frame rate of the dataset.
     """
     frames = np.arange(toss.frames, dtype=np.int64)
     return {

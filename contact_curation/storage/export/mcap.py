@@ -40,7 +40,7 @@ class SubsetFile:
     """One bag to be, opened when its first message comes; use it as a context manager.
 
     Args:
-        path: of the file.
+        path: path of the file.
         windows: log times.
         source: the topics with the body's poses.
         qos: what a topic was offered with.
@@ -120,7 +120,7 @@ def write_subsets(reader: BagReader, parts: dict[Path, tuple[Window, ...]], sour
     """Writes parts of a bag as bags.
 
     Args:
-        reader: of the bag.
+        reader: reader of the bag.
         parts: log times by the file that they go to.
         source: the topics with the body's poses.
 
@@ -190,7 +190,7 @@ def export_bag(
     """Writes what a bag holds of some tosses.
 
     Args:
-        path: of the bag.
+        path: path of the bag.
         files: where each toss goes that is wanted, by its id; several may go to one file.
         body: what was tossed.
         config: how the bag is read.

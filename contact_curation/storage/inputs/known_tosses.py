@@ -48,7 +48,7 @@ class KnownTosses:
 
         Args:
             toss_id: its id.
-            digest: of its content.
+            digest: digest of its content.
             where: its recording.
             whole: whether it is a toss; False for a rejected motion.
         """

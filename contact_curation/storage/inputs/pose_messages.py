@@ -64,7 +64,7 @@ def measured_pose(type_name: str, message: Any, child: str, index: int = 0) -> M
 
     Args:
         type_name: ROS 2 type name.
-        message: of that type.
+        message: message of that type.
         child: frame the pose is of.
         index: which pose of a PoseArray.
 
@@ -78,7 +78,7 @@ def measured_transforms(message: Any, *, static: bool) -> tuple[Measured, ...]:
     """The transforms of a TFMessage: each a child frame in its parent.
 
     Args:
-        message: of /tf or /tf_static.
+        message: message of /tf or /tf_static.
         static: whether it came on /tf_static.
     """
     return tuple(

@@ -123,7 +123,7 @@ class PoseSource:
 
         Args:
             topic: its topic.
-            message: as anyone decoded it.
+            message: message, decoded by any library.
             detections: the reader of this recording, where the body's topic has detections of tags.
         """
         if detections is not None and self.camera is not None and topic in (self.camera.name, self.body.name):

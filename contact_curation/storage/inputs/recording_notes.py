@@ -49,7 +49,7 @@ class RecordedNumbers:
 
     Attributes:
         starts_ns: stamps, ascending.
-        numbers: of the files, one each.
+        numbers: numbers of the files, one each.
     """
 
     starts_ns: tuple[int, ...] = ()
