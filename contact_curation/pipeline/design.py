@@ -78,12 +78,14 @@ class DesignedThrows:
         known: how many tosses were known.
         seed: that they were designed with.
         body: that is thrown.
+        warnings: what was assumed, one line each.
     """
 
     plan: Plan
     known: int
     seed: int
     body: Body
+    warnings: tuple[str, ...] = ()
 
     def save(self, path: str | Path) -> None:
         """Writes the throws as JSON, for `simulate` or a robot.
