@@ -87,11 +87,11 @@ def earlier(*words: str) -> Callable[[Path, Path], None]:
     """An earlier run with other settings has left its files."""
 
     def before(out: Path, inputs: Path) -> None:
-        kept = inputs / "earlier"
-        if not kept.exists():
-            kept.mkdir()
-            assert verb(*words)(kept, inputs) == 0
-        shutil.copytree(kept, out, dirs_exist_ok=True)
+        folder = inputs / "earlier"
+        if not folder.exists():
+            folder.mkdir()
+            assert verb(*words)(folder, inputs) == 0
+        shutil.copytree(folder, out, dirs_exist_ok=True)
 
     return before
 
