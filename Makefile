@@ -17,7 +17,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 # Without bytecode every process of the demo and the tests, and there are hundreds, compiles its modules anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow fuzz check format site wheel bench figures setup lock clean distclean
+.PHONY: demo test test-slow fuzz mutants check format site wheel bench figures setup lock clean distclean
 .DELETE_ON_ERROR:
 
 demo: setup
@@ -36,6 +36,11 @@ fuzz: setup build/fuzz/site
 
 build/fuzz/site:
 	$(PYTHON) -m pip install --quiet --disable-pip-version-check --target $@ atheris==3.1.0
+
+# Do the tests notice what is changed? Takes hours; the library's half needs mutmut in the environment.
+mutants: setup
+	$(PYTHON) -m test.mutation.kernel --count 100
+	$(PYTHON) -m test.mutation.library --count 300
 
 check: setup
 	$(PYTHON) -m ruff check $(CHECKED)

@@ -1,6 +1,7 @@
 """For mkdocs: what the site needs beside its extensions, which bring scripts from other hosts.
 
-Formulas become MathML, which browsers draw themselves. A link that leaves docs/ is plain text on the site.
+Formulas become MathML, which browsers draw themselves. A link that leaves docs/ is plain text on the site. The word behind the
+language of a code block (```sh background), which is for the tests, is left out: mkdocs would take the block for text.
 """
 
 import posixpath
@@ -11,6 +12,7 @@ from typing import Any
 from latex2mathml.converter import convert
 
 LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(((?!https?:|mailto:|#)[^)#\s]+)(#[^)\s]*)?\)")
+MARKED = re.compile(r"^(```\w+) \w+$", re.MULTILINE)
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
@@ -22,7 +24,7 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         outside = posixpath.normpath(posixpath.join(folder, link[2])).startswith("..")
         return link[1] if outside else link[0]
 
-    return LINK.sub(inside, markdown)
+    return LINK.sub(inside, MARKED.sub(r"\1", markdown))
 
 
 def on_page_content(html: str, **_: Any) -> str:

@@ -6,14 +6,16 @@ as one accepted toss is a false alarm. Accepted tosses are then made bad as in `
 for some, 10 mm of drift, a board off by 3 mm and 2 degrees, tags taken for others, orientations 2 frames late), turned by 90
 degrees in one frame, or made 5 % too large; a fault is found if the checks reject the toss.
 
-    python -m benchmarks.data.gate_false_alarms [--tosses N] [--bodies NAME ...] [--out FILE.csv]
+    python -m benchmarks.data.gate_false_alarms [--tosses N] [--bodies NAME ...] [--out FILE.csv [--resume]]
+
+Rows are written as they are known, and `--resume` goes on with a file that was begun with the same number of tosses and seed.
 """
 
 import argparse
 import csv
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -21,6 +23,7 @@ import numpy as np
 
 from benchmarks.data.thrown_bodies import FINE_PERIOD, ThrownBody, bodies, release, thrown
 from contact_curation.contact.body import Body
+from contact_curation.errors import InvalidValueError
 from contact_curation.experiments.faults import MAKERS, FaultConfig
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
@@ -79,28 +82,53 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0, help="of throws, noise and faults (default 0)")
     parser.add_argument("--bodies", nargs="+", help="names (default all)")
     parser.add_argument("--out", type=Path, help="CSV file to write")
+    parser.add_argument("--resume", action="store_true", help="go on with the file")
     arguments = parser.parse_args()
-    cells: list[Cell] = []
+    if arguments.out and not arguments.resume:
+        arguments.out.unlink(missing_ok=True)
+    known = known_cells(arguments.out, arguments.tosses) if arguments.out else set()
     for thrower in bodies():
         if arguments.bodies and thrower.body.name not in arguments.bodies:
             continue
-        for cell in cells_of(thrower, arguments.tosses, arguments.seed):
+        for cell in cells_of(thrower, arguments.tosses, arguments.seed, known):
             shares = "  ".join(f"{name} {share:.0%}" for name, share in cell.found.items())
             against = f"({cell.against}) " if cell.against else ""
             head = f"{cell.body:16s} {cell.rate:4d} Hz {cell.noise:g}x  rejected {cell.rejected}/{cell.tosses}"
             print(f"{head} {against} found: {shares}", flush=True)
-            cells.append(cell)
-    if arguments.out:
-        with arguments.out.open("w", newline="") as file:
-            rows = [cell.row() for cell in cells]
-            table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-            table.writeheader()
-            table.writerows(rows)
+            if arguments.out:
+                append(arguments.out, cell)
     return 0
 
 
-def cells_of(thrower: ThrownBody, count: int, seed: int) -> Iterator[Cell]:
-    """A cell per rate and noise, of the same throws."""
+def known_cells(path: Path, tosses: int) -> set[tuple[str, int, float]]:
+    """Body, rate and noise of the cells that a file has.
+
+    Raises:
+        InvalidValueError: they are of another number of tosses.
+    """
+    if not path.exists():
+        return set()
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    if others := {row["tosses"] for row in rows} - {str(tosses)}:
+        raise InvalidValueError(f"tosses in {path}", ", ".join(sorted(others)), f"{tosses}, as --tosses says")
+    return {(row["body"], int(row["rate"]), float(row["noise"])) for row in rows}
+
+
+def append(path: Path, cell: Cell) -> None:
+    """Writes a row more."""
+    row, begun = cell.row(), path.exists()
+    with path.open("a", newline="") as file:
+        table = csv.DictWriter(file, list(row), lineterminator="\n")
+        if not begun:
+            table.writeheader()
+        table.writerow(row)
+
+
+def cells_of(thrower: ThrownBody, count: int, seed: int, known: Set[tuple[str, int, float]]) -> Iterator[Cell]:
+    """A cell per rate and noise that is not known, of the same throws."""
+    if all((thrower.body.name, rate, noise) in known for rate in RATES for noise in NOISES):
+        return
     rng, motions = np.random.default_rng(seed), list[Array]()
     while len(motions) < count:
         poses = thrown(thrower, release(thrower.body, rng))
@@ -108,6 +136,8 @@ def cells_of(thrower: ThrownBody, count: int, seed: int) -> Iterator[Cell]:
     for rate in RATES:
         frames = [poses[:: round(1.0 / (rate * FINE_PERIOD))] for poses in motions]
         for noise in NOISES:
+            if (thrower.body.name, rate, noise) in known:
+                continue
             yield cell_of(thrower.body, rate, noise, frames, np.random.default_rng([seed, rate, round(noise)]))
 
 

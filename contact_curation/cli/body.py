@@ -24,9 +24,9 @@ def add_options(parser: OneLineParser) -> None:
         "(STL, OBJ, PLY, OFF), which YAML may name, too: `mesh: brick.stl`, `mass: 0.3`, `friction: 0.2`, `scale: 0.001`. "
         "Vertices are given about the centre of mass, in the axes of the file."
     )
-    parser.add_argument("file", type=Path, metavar="FILE", help="that describes the object")
+    parser.add_argument("file", type=Path, metavar="FILE", help="file that describes the object")
     add_body_details(parser.add_argument_group("where the file does not say"))
-    parser.add_argument("--out", type=PathEndingIn(".png"), metavar="FIGURE.png", help="draw it")
+    parser.add_argument("--out", type=PathEndingIn(".png"), metavar="FIGURE.png", help="figure of the object to draw")
     add_overwrite_option(parser)
     add_json_option(parser)
     parser.set_examples(
@@ -38,7 +38,7 @@ def add_options(parser: OneLineParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Reads, says, and draws.
+    """Reads the file, prints what was understood, and draws it.
 
     Raises:
         ContactCurationError: the file describes no body, or the figure cannot be written.

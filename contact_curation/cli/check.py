@@ -44,7 +44,7 @@ def add_options(parser: OneLineParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Looks at the recordings, and says what was found.
+    """Diagnoses the recordings and prints the result.
 
     Raises:
         ContactCurationError: an option that is not accepted, or a body that cannot be read.

@@ -154,7 +154,7 @@ def _recording(arguments: argparse.Namespace, folder: Path) -> Recording:
 
 
 def _ranked_by_library(recording: Recording, out: Path) -> dict[str, Any]:
-    """What `rank --json` says."""
+    """The output of `rank --json`."""
     manifest = str(out / "manifest.parquet")
     output = verb_output("rank", str(recording.bag), "--top", str(recording.top), "--out", manifest, "--json")
     report: dict[str, Any] = json.loads(output)

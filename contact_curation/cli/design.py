@@ -45,7 +45,9 @@ def add_options(parser: OneLineParser) -> None:
     group.add_argument(
         "--known", type=Path, nargs="+", default=[], metavar="INPUT", help="recordings of tosses that are known (default none)"
     )
-    group.add_argument("--manifest", type=Path, metavar="FILE", help="of those recordings only the tosses that it selected")
+    group.add_argument(
+        "--manifest", type=Path, metavar="FILE", help="manifest: of those recordings, use only the tosses that it selected"
+    )
     group.add_argument(
         "--prior",
         type=Path,
@@ -56,20 +58,30 @@ def add_options(parser: OneLineParser) -> None:
     )
     add_pose_options(parser)
     group = parser.add_argument_group("throws")
-    group.add_argument("--throws", type=positive_integer, default=8, metavar="N", help="how many (default 8)")
-    group.add_argument("--seed", type=natural_number, default=0, metavar="N", help="the same gives the same throws (default 0)")
-    group.add_argument("--name", default="throw", help="that their ids begin with (default throw)")
+    group.add_argument("--throws", type=positive_integer, default=8, metavar="N", help="number of throws (default 8)")
+    group.add_argument(
+        "--seed",
+        type=natural_number,
+        default=0,
+        metavar="N",
+        help="random seed; the same seed gives the same throws (default 0)",
+    )
+    group.add_argument("--name", default="throw", help="beginning of the throws' ids (default throw)")
     ways = group.add_mutually_exclusive_group()
     ways.add_argument(
-        "--baseline", choices=BASELINES, help="paper: a normal in raw coordinates, best by trace; prior: at random"
+        "--baseline",
+        choices=BASELINES,
+        help="for comparison; paper: the best by trace from a normal in raw coordinates; prior: at random from the prior",
     )
     ways.add_argument(
-        "--exploration-throws", action="store_true", help="different first impacts instead of information, for an unknown theta"
+        "--exploration-throws",
+        action="store_true",
+        help="choose different first impacts instead of information, when nothing is learned yet",
     )
     group.add_argument("--arm", action="store_true", help="only throws that the simulated arm can make")
     add_settings(parser, STAGES)
     group = parser.add_argument_group("output")
-    group.add_argument("--out", type=PathEndingIn(".json"), required=True, metavar="THROWS.json", help="the throws")
+    group.add_argument("--out", type=PathEndingIn(".json"), required=True, metavar="THROWS.json", help="file for the throws")
     add_overwrite_option(group)
     add_json_option(parser)
     parser.set_examples(
@@ -94,7 +106,7 @@ def _add_theta_options(group: argparse._ArgumentGroup) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Designs, writes, and says what is expected.
+    """Designs the throws, writes them, and prints their predicted gains.
 
     Raises:
         ContactCurationError: a file cannot be used, nothing safe can be thrown, or `--out` cannot be written.

@@ -39,12 +39,14 @@ def add_options(parser: OneLineParser) -> None:
         "model", type=Path, metavar="CHECKPOINT", help="a .safetensors file from `train`, or a polytope as a JSON file"
     )
     add_reading_options(parser, STAGES)
-    parser.add_argument("--against", type=Path, metavar="CHECKPOINT", help="another model, compared with on the same tosses")
+    parser.add_argument("--against", type=Path, metavar="CHECKPOINT", help="another model to compare with on the same tosses")
     group = parser.add_argument_group("which tosses it is evaluated on")
     add_held_out_option(group, "default: those that the checkpoint held out; all where it says of none")
-    group.add_argument("--no-gate", action="store_true", help="take what the gates would reject, too")
+    group.add_argument("--no-gate", action="store_true", help="evaluate on tosses that the quality checks would reject, too")
     output = parser.add_argument_group("output")
-    output.add_argument("--figure", type=PathEndingIn(".png"), metavar="FILE.png", help="predicted against measured motion")
+    output.add_argument(
+        "--figure", type=PathEndingIn(".png"), metavar="FILE.png", help="figure of predicted and measured motions"
+    )
     add_overwrite_option(output)
     add_fields(output, BootstrapConfig(), "seed", told={"seed": "of the bootstrap"})
     add_json_option(parser)
@@ -56,7 +58,7 @@ def add_options(parser: OneLineParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Reads, rolls out, and says what came of it.
+    """Reads the tosses, predicts their motions, and prints the errors.
 
     Raises:
         ContactCurationError: a model or the tosses cannot be used, or the figure cannot be written.

@@ -22,10 +22,12 @@ def add_options(parser: OneLineParser) -> None:
         "dataset. Give the same inputs and options as for the ranking; no input is changed."
     )
     add_reading_options(parser, SHARED_STAGES)
-    parser.add_argument("--manifest", type=Path, required=True, metavar="FILE", help="what `contact-curation rank` wrote")
+    parser.add_argument(
+        "--manifest", type=Path, required=True, metavar="FILE", help="manifest that `contact-curation rank` wrote"
+    )
     parser.add_argument("--format", choices=KINDS, required=True, help="mcap: the recorded messages, byte for byte")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="a folder that is empty or not there yet")
-    parser.add_argument("--per-toss", action="store_true", help="of format mcap: a file per toss, not per recording")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder to write, empty or not there yet")
+    parser.add_argument("--per-toss", action="store_true", help="with --format mcap: a file per toss, not per recording")
     add_json_option(parser)
     parser.set_examples(
         "contact-curation export session.mcap --manifest manifest.parquet --format mcap --out selected",
@@ -35,7 +37,7 @@ def add_options(parser: OneLineParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exports, and says what went where.
+    """Exports the selected tosses and prints where each went.
 
     Raises:
         UnreadableInputError: the manifest is none.

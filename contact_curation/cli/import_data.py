@@ -25,9 +25,11 @@ def add_options(verb: OneLineParser) -> None:
         "body in the map, and the board's place. The frames just before and after each toss are made up and belong to no toss.",
     )
     parser.add_argument("input", type=Path, metavar="DIR", help="folder of N.pt files, or one file")
-    parser.add_argument("--out", type=Path, required=True, metavar="BAG.mcap", help="the bag; without .mcap a folder")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="BAG.mcap", help="bag to write; without .mcap a rosbag2 folder"
+    )
     add_overwrite_option(parser)
-    parser.add_argument("--tosses", metavar="NUMBERS", help="only the files of these numbers: 0-399, or 3,7-9 (default all)")
+    parser.add_argument("--tosses", metavar="NUMBERS", help="numbers of the files to import: 0-399, or 3,7-9 (default all)")
     add_body_option(parser)
     add_json_option(parser)
     for each in (verb, parser):
@@ -39,7 +41,7 @@ def add_options(verb: OneLineParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Writes the bag and says what went into it."""
+    """Writes the bag and prints its content."""
     from contact_curation.storage.datasets.tagslam_bag import import_contactnets
 
     check_outputs(overwrite=arguments.overwrite, out=arguments.out)

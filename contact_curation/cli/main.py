@@ -39,7 +39,7 @@ VERBS = {
     "export": ("cli.export", "the tosses that a ranking selected, as MCAP, ContactNets' files or a LeRobot dataset"),
     "play": ("cli.play", "a bag as live topics"),
 }
-"""By their names: the module of contact_curation, which has `add_options` and `run`, and what it does."""
+"""Verbs by their names: the module, which has `add_options` and `run`, and what the verb does."""
 
 
 def build_parser(words: Sequence[str]) -> OneLineParser:
@@ -110,7 +110,7 @@ def _run(words: list[str]) -> int:
 
 
 def _assumed(arguments: argparse.Namespace) -> str:
-    """What a verb assumed and its user should know, such as the body; empty where there is nothing."""
+    """Assumptions of a verb that its user should know, such as the body; empty without any."""
     return getattr(arguments, "assumed", "")
 
 

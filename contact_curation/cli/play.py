@@ -1,4 +1,4 @@
-"""`play BAG`: a bag as live topics. The process becomes the player node, for only nodes know ROS; so signals reach it."""
+"""`play BAG`: a bag as live topics. The process becomes the player node, so that signals reach the node."""
 
 import argparse
 import json
@@ -21,9 +21,11 @@ def add_options(parser: OneLineParser) -> None:
         "Publishes a bag's messages at the times they were recorded. The node's services pause, resume and seek."
     )
     parser.add_argument("bag", type=Path, metavar="BAG", help="an MCAP file, a rosbag2 folder or a ROS 1 bag")
-    parser.add_argument("--rate", type=positive_number, default=1.0, metavar="R", help="times real time (default 1)")
+    parser.add_argument(
+        "--rate", type=positive_number, default=1.0, metavar="R", help="recorded seconds per second (default 1)"
+    )
     parser.add_argument("--loop", action="store_true", help="begin again at the end")
-    parser.add_argument("--start-offset", type=number_from_zero, default=0.0, metavar="S", help="skip so many seconds")
+    parser.add_argument("--start-offset", type=number_from_zero, default=0.0, metavar="S", help="seconds to skip at the start")
     parser.add_argument("--clock", type=positive_number, default=0.0, metavar="HZ", help="publish /clock at this rate")
     parser.add_argument("--topics", nargs="+", action="extend", default=[], metavar="TOPIC", help="only these topics")
     parser.add_argument(

@@ -17,7 +17,7 @@ class Progress:
 
     Args:
         what: is being done, e.g. "reading".
-        unit: of what is counted, e.g. "tosses".
+        unit: unit of what is counted, e.g. "tosses".
         total: how many there will be; None where nobody knows.
         done: how many of them were done before.
     """
@@ -31,7 +31,7 @@ class Progress:
         self._next_line = self._began + SECONDS_BETWEEN_LINES
 
     def advance(self, count: int = 1, note: str = "", share: float | None = None) -> None:
-        """So many more are done; `note` says how it goes, `share` how much of all, where nobody knows the total."""
+        """Counts further ones as done; `note` describes the state, `share` is the share of all where the total is not known."""
         self._done += count
         self._share = share or self._share
         now = time.monotonic()
@@ -71,6 +71,6 @@ class Progress:
 
 
 def in_words(seconds: float) -> str:
-    """A time as people say it: ``42 s``, ``3 min``, ``2.5 h``."""
+    """A duration in words: ``42 s``, ``3 min``, ``2.5 h``."""
     size, unit = next(((size, unit) for size, unit in UNITS_OF_TIME if seconds >= size), UNITS_OF_TIME[-1])
     return f"{seconds / size:.{1 if unit == 'h' else 0}f} {unit}"

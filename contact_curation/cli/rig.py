@@ -90,6 +90,7 @@ def _document(found: RigEstimate, settings: str, warnings: Sequence[str]) -> dic
             "turn_degrees": [_times(one, float(np.degrees(1.0)))._asdict() for one in turn],
             "offset_mm": [_times(one, 1e3)._asdict() for one in offset],
         },
+        "unclear": list(found.doubts),
         "correction_needed": not found.needs_none,
         "settings": settings,
         "warnings": list(warnings),
@@ -117,6 +118,7 @@ def _lines(found: RigEstimate, settings: str) -> Iterator[str]:
         yield f"marker  the tracked frame is turned by {turn:.2f} degrees and {away:.1f} mm away from the described body's"
     else:
         yield "marker  the tracked frame is the described body's, as far as the rests tell"
+    yield from (f"unclear {line}" for line in found.doubts)
     if found.needs_none:
         yield NO_CORRECTION_NEEDED
     elif settings:

@@ -1,4 +1,4 @@
-"""`score INPUT... --params FILE --out FILE.npz`: everything the loss says of each transition."""
+"""`score INPUT... --params FILE --out FILE.npz`: loss terms, impulses and scores of each transition."""
 
 import argparse
 from collections import Counter
@@ -46,10 +46,10 @@ def add_options(parser: OneLineParser) -> None:
         type=Path,
         required=True,
         metavar="FILE",
-        help="theta, a JSON file or a polytope's checkpoint",
+        help="parameters: a JSON file or a polytope's checkpoint",
     )
     add_fields(parser, LossConfig(), "cone")
-    parser.add_argument("--out", type=PathEndingIn(".npz"), required=True, metavar="FILE.npz", help="the arrays")
+    parser.add_argument("--out", type=PathEndingIn(".npz"), required=True, metavar="FILE.npz", help="file for the arrays")
     add_overwrite_option(parser)
     add_json_option(parser)
     parser.set_examples(
@@ -69,7 +69,7 @@ class Tally:
         loss: sum over the solved ones.
         rejected: motions that were no tosses.
         repeated: tosses that came before.
-        inputs: that were read to their end.
+        inputs: number of inputs that were read to their end.
         failed: inputs that could not be read.
         warnings: what was left out or lost, one line each.
     """
@@ -90,7 +90,11 @@ class Tally:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Scores all inputs and says how it went."""
+    """Scores all inputs, writes the arrays, and prints a summary.
+
+    Raises:
+        ContactCurationError: nothing could be scored, or the file cannot be written.
+    """
     load_kernel()  # better said before tosses are read
     check_outputs(overwrite=arguments.overwrite, out=arguments.out)
     body = chosen_body(arguments, models=[arguments.params])

@@ -36,8 +36,10 @@ def add_options(parser: OneLineParser) -> None:
         "`rank` and the nodes to read. For a throw after which the body does not come to rest a line is printed to "
         "standard error; the others are written."
     )
-    parser.add_argument("throws", type=Path, metavar="THROWS.json", help="what `contact-curation design` wrote")
-    parser.add_argument("--out", type=Path, required=True, metavar="BAG.mcap", help="the bag; without .mcap a folder")
+    parser.add_argument("throws", type=Path, metavar="THROWS.json", help="throws that `contact-curation design` wrote")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="BAG.mcap", help="bag to write; without .mcap a rosbag2 folder"
+    )
     add_overwrite_option(parser)
     add_body_option(parser)
     parser.add_argument(
@@ -45,7 +47,7 @@ def add_options(parser: OneLineParser) -> None:
         action="store_true",
         help="throws come out as in practice: off by 5 %% of the speed and 3 cm/s, 5 degrees, 0.4 rad/s, 5 mm (--set noise.*)",
     )
-    parser.add_argument("--seed", type=natural_number, default=0, metavar="N", help="of that noise (default 0)")
+    parser.add_argument("--seed", type=natural_number, default=0, metavar="N", help="random seed of that noise (default 0)")
     add_settings(parser, STAGES)
     add_json_option(parser)
     parser.set_examples(
@@ -56,7 +58,7 @@ def add_options(parser: OneLineParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Throws, writes the bag, and says what went into it.
+    """Simulates the throws, writes the bag, and prints a summary.
 
     Raises:
         UnreadableInputError: the file holds no throws, or none of them comes to rest.

@@ -14,7 +14,11 @@ class LossConfig:
     """Weights of the loss and how well its inner problem is solved; the defaults are ContactNets' (method.md 1.2, 1.3).
 
     Attributes:
-        match, complementarity_normal, complementarity_tangent, dissipation, penetration: weights of the terms.
+        match: weight of the squared velocity error.
+        complementarity_normal: weight of normal impulses at open gaps.
+        complementarity_tangent: weight of tangential impulses at open gaps.
+        dissipation: weight of tangential impulses that do not oppose the slip with full friction.
+        penetration: weight of negative gaps.
         regularization: small weight eps that picks the smallest of equally good impulses.
         cone: shape of the friction cone.
         tolerance: largest natural residual at which impulses count as solved.

@@ -23,14 +23,14 @@ DEFAULT = RankingConfig()
 
 @dataclass(frozen=True)
 class SelectedSet:
-    """A selected set, best first, as whoever chose it says.
+    """A selected set, best first, as its curator reports it.
 
     Attributes:
-        criterion: that chose it.
+        criterion: criterion that chose it.
         capacity: how many may be selected.
-        toss_ids: of the k selected tosses.
+        toss_ids: ids of the k selected tosses.
         gains: k marginal gains by the criterion.
-        version: of theta that the tosses were scored at.
+        version: version of theta that the tosses were scored at.
         seen: how many tosses were looked at.
         bound: what is proven of its D-efficiency against the best set of its size; 0: nothing.
     """
@@ -53,10 +53,10 @@ class EvidenceRow:
     """One toss of the ranking.
 
     Attributes:
-        rank: from 1.
+        rank: place in the ranking, from 1.
         toss_id: the toss.
-        trace: of its information.
-        gain: of a selected toss by the criterion; of another toss what it would add to the selected set: with representative
+        trace: trace of its information.
+        gain: gain of a selected toss by the criterion; of another toss what it would add to the set: with representative
             by how much it would lower the expected error, with all others log-det [nats].
         selected: whether it is.
         reason: why, in a few words.
@@ -93,8 +93,8 @@ class Evidence:
 
     Attributes:
         rows: all tosses, the selected ones first.
-        spectrum: of the selected set.
-        shift: of the selected set's optimum from that of all tosses.
+        spectrum: spectrum of the selected set.
+        shift: shift of the selected set's optimum from that of all tosses.
     """
 
     rows: tuple[EvidenceRow, ...]

@@ -1,4 +1,4 @@
-"""How everything is drawn: colours that people tell apart whatever colours they see, and how a figure becomes a file.
+"""Style of all figures: colours that colour-blind people can distinguish, ticks, titles, and writing of files.
 
 The colours are those of Okabe and Ito ("Color Universal Design", 2008), and greys for what is there anyway. Their yellow is
 left out: it is hardly seen on white. Each panel says in its title what is seen in it, its legend stands above it, and its ticks
@@ -41,20 +41,20 @@ VERMILION = Colour(213, 94, 0)
 PURPLE = Colour(204, 121, 167)
 
 INK = Colour(34, 34, 34)
-"""Of what was measured, and of lines to compare with."""
+"""Colour of what was measured, and of lines to compare with."""
 
 LEVEL = Colour(68, 68, 68)
-"""Of a level in a figure of curves."""
+"""Colour of a level in a figure of curves."""
 
 GREY = Colour(153, 153, 153)
-"""Of a curve among coloured ones."""
+"""Colour of a curve among coloured ones."""
 
 PALE = Colour(184, 184, 184)
-"""Of areas that others stand out from."""
+"""Colour of areas in the background."""
 
 
 def save_figure(figure: "Figure", path: Path) -> Path:
-    """Writes it, and gives the path.
+    """Writes a figure as PNG and returns its path.
 
     Raises:
         InvalidValueError: no PNG can be written there.
@@ -76,13 +76,13 @@ STYLE: Any = {
     "axes.titlelocation": "left",
     "legend.frameon": False,
 }
-"""Of every figure, as matplotlib calls it. Names of files and parameters are text, never formulas."""
+"""Settings of every figure, as matplotlib calls them. Names of files and parameters are text, never formulas."""
 
 TITLE_ABOVE_LEGEND, TICK_SIZE, LEGEND_SIZE = 24.0, 10.0, 10.0
 """[points]"""
 
 FEW_DECADES, SOME_DECADES, MANY_DECADES = 0.45, 1.3, 2.6
-"""Below these a logarithmic axis shows round steps, 1-2-3-5 and 1-2-5 of each decade; above them the decades alone."""
+"""Numbers of decades on a logarithmic axis: below these it shows the steps 1-2-3-5 and 1-2-5, above them decades alone."""
 
 PLAIN_FROM, PLAIN_TO = 1e-3, 1e5
 """Numbers between these are shown without a power of ten."""
@@ -109,12 +109,12 @@ def new_figure(width: float, height: float, dots: int) -> "Iterator[Figure]":
 
 
 def entitle(axes: "Axes", message: str, columns: int = 0) -> None:
-    """Writes what a panel says above it, and between both its legend, in so many columns, where it covers nothing.
+    """Writes the title above a panel, with the legend between them, where it covers nothing.
 
     Args:
-        axes: with everything drawn into it.
+        axes: panel into which everything is drawn.
         message: one line, or a few.
-        columns: of the legend; 0: there is none.
+        columns: number of columns of the legend; 0: there is none.
     """
     axes.tick_params(labelsize=TICK_SIZE)
     axes.set_title(message, pad=TITLE_ABOVE_LEGEND if columns else 6.0)

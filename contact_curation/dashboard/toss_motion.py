@@ -1,4 +1,4 @@
-"""A toss as it was measured, as theta predicts it from its release, and the impulses that theta sees in it."""
+"""A toss as measured and as predicted from its release, with the impulses at the parameters."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -29,8 +29,8 @@ class ShownTheta:
 
     Attributes:
         version: its digest.
-        geometry: of a polytope; None of a network.
-        model: of a network; None of a polytope, which needs no torch.
+        geometry: geometry of a polytope; None of a network.
+        model: model of a network; None of a polytope, which needs no torch.
     """
 
     version: str
@@ -58,11 +58,11 @@ class TossMotion:
     """What the view of a toss shows; SI units, the board's frame.
 
     Attributes:
-        toss: as measured.
+        toss: toss as measured.
         predicted: (T, 13) states from the measured release on; NaN from where they are not finite.
         impulses: by the loss's inner problem at theta; none for a network.
         vertices: (V, 3) [m] of the body as theta has it.
-        version: of theta.
+        version: version of theta.
     """
 
     toss: Toss
@@ -97,7 +97,7 @@ def motion_of(toss: Toss, body: Body, theta: ShownTheta, loss: LossConfig) -> To
 
 
 def impulses_of(toss: Toss, body: Body, geometry: ContactGeometry | None, loss: LossConfig) -> Impulses:
-    """The impulses that a polytope sees in a toss; transitions without certified ones have none."""
+    """The impulses of a toss at a polytope's parameters; transitions without a certificate have none."""
     if geometry is None:
         return Impulses(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
     rows = transitions_of([toss], body.length_scale)

@@ -21,11 +21,11 @@ from contact_curation.information.subspace import identifiable_subspace
 
 VERTICES, FRICTION = "vertices_normal", "friction"
 PRIOR_DEVIATION = 0.4
-"""Of every parameter before the first toss: the published initialisation (method.md 1.1) [characteristic lengths, shares,
-rad]."""
+"""Standard deviation of every parameter before the first toss, that of the published initialisation (method.md 1.1)
+[characteristic lengths, shares, rad]."""
 
 FEWEST_OTHERS = 8
-"""With fewer tosses that are not selected, sigma^2 is taken over all."""
+"""Fewest unselected tosses from which sigma^2 is estimated; with fewer, all tosses are used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +49,10 @@ class VertexUncertainty:
 
 
 def vertex_uncertainty(pool: Pool, selected: Sequence[str]) -> VertexUncertainty:
-    """What is known of the vertices.
+    """Computes how accurately the selected tosses determine vertices and friction.
 
     Args:
-        pool: of a polytope, scored with the Gauss-Newton estimator.
+        pool: pool of a polytope, scored with the Gauss-Newton estimator.
         selected: ids of the tosses that theta is fitted to; none gives the prior.
 
     Raises:
@@ -77,7 +77,7 @@ def vertex_uncertainty(pool: Pool, selected: Sequence[str]) -> VertexUncertainty
 
 
 def uncertainty_if_known(pool: Pool, selected: Sequence[str]) -> VertexUncertainty | None:
-    """The same; None where the information says nothing of the kind: it is empirical, or about a network."""
+    """Uncertainty of the vertices as `vertex_uncertainty`; None for empirical information and for networks."""
     try:
         return vertex_uncertainty(pool, selected)
     except InvalidValueError:

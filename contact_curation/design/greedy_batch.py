@@ -145,7 +145,7 @@ class RefinementConfig:
     Attributes:
         generations: generations of the search for each throw; 0 leaves throws where they are.
         population: candidates in each generation.
-        step: initial standard deviation of the search, in units of `scales`.
+        step: initial standard deviation of the search, in units of refinement.scales.
         scales: scale of each coordinate: height [m], speed along and up [m/s], spin (3) [rad/s] and turn (3) [rad].
         tries: how often an infeasible candidate is re-drawn.
         executions: simulated executions of each candidate over which information is averaged; an even number.

@@ -76,10 +76,10 @@ class PredictionConfig:
         executions: simulated executions of each throw over which its information is averaged; an even number.
         frame_period: time between frames of the tracker that will observe the throw [s].
         longest: time at which a predicted motion is cut off [s].
-        still_speed: a body is at rest when its centre moves slower than this [m/s],
-        still_spin: and when it turns slower than this [rad/s].
+        still_speed: largest speed of the centre of a body at rest [m/s].
+        still_spin: largest angular speed of a body at rest [rad/s].
         still_frames: a toss ends after this many frames at rest.
-        thinning: of the frames in which the body lies on the same vertices, one in this many is evaluated and weighted for all.
+        thinning: one in this many of the frames in which the body lies on the same vertices is evaluated, weighted for all.
         touching: gap under which a vertex is in contact [characteristic lengths].
         airborne: gap over which contact forces are neglected [characteristic lengths].
     """

@@ -30,7 +30,7 @@ class ReadinessConfig:
         least_tosses: number of scored tosses that theta needs at least.
         recent: number of newest tosses whose losses are checked.
         largest_loss: largest median loss of the newest tosses, each when it was first scored, in characteristic units
-            (method.md 1.2); None: m (v / length scale)^2 with v = 33 mm/s, a velocity that no impulse explains: 0.15 for
+            (method.md 1.2); by default m (v / length scale)^2 with v = 33 mm/s, a velocity that no impulse explains: 0.15 for
             ContactNets' cube, whose real tosses have 0.02 at the true parameters.
         least_agreement: smallest Spearman correlation of the reference throws' information between two thetas.
         most_tosses: from this many scored tosses on agreement is no longer required, only the loss; 0 requires it always.

@@ -33,7 +33,7 @@ class Face(NamedTuple):
 
 
 def faces_of(polytope: Polytope) -> list[Face]:
-    """The faces, in an order that hangs on nothing but the shape."""
+    """The faces, in an order that depends on the shape alone."""
     from scipy.spatial import ConvexHull  # with the other two half a second to import, which every node would pay
 
     faces: list[Face] = []
@@ -52,7 +52,7 @@ def tags_on_faces(polytope: Polytope, frame: str, first_id: int = 0, share: floa
         polytope: the body.
         frame: its frame.
         first_id: the tags' ids go up from it, face by face.
-        share: of the largest edge that fits.
+        share: share of the largest edge that fits.
         smallest: edge [m] below which a face gets no tag.
 
     Raises:
@@ -68,7 +68,7 @@ def tags_on_faces(polytope: Polytope, frame: str, first_id: int = 0, share: floa
 
 
 def _rounded_down(edge: float) -> float:
-    """To a tenth of a millimetre: a tag has to be printed and measured."""
+    """Rounds down to a tenth of a millimetre: a tag has to be printed and measured."""
     return float(np.floor(round(edge / 1e-4, 6)) * 1e4 / 1e8)
 
 
@@ -77,7 +77,7 @@ def _same(one: Face, other: Face, size: float) -> bool:
 
 
 def _squares(faces: list[Face]) -> Iterator[tuple[Pose, float]]:
-    """For each face the pose and the edge [m] of the largest square on it, its z outwards."""
+    """Pose (z outwards) and edge [m] of the largest square on each face."""
     from scipy.spatial.transform import Rotation
 
     for face in faces:

@@ -17,8 +17,8 @@ class Pinhole:
     """Intrinsics.
 
     Attributes:
-        width: of the image [px].
-        height: of the image [px].
+        width: width of the image [px].
+        height: height of the image [px].
         focal: fx, fy [px].
         middle: cx, cy [px].
         distortion_model: "", or a name of ROS' CameraInfo: plumb_bob, rational_polynomial, equidistant.

@@ -72,6 +72,6 @@ def angle_between(a_wxyz: ArrayLike, b_wxyz: ArrayLike) -> Array:
 
 
 def normalized(q_wxyz: ArrayLike) -> Array:
-    """Quaternions divided by their norm; the caller has checked that the norm is near 1."""
+    """Quaternions (..., 4) divided by their norm; the caller has checked that the norm is near 1."""
     q = np.asarray(q_wxyz, dtype=float)
     return np.asarray(q / np.linalg.norm(q, axis=-1, keepdims=True))

@@ -1,4 +1,4 @@
-"""AprilTags on a body or a board, and the one place that knows how others name their corners and turn their frames.
+"""AprilTags on a body or a board, and the conventions of other libraries for corners and frames.
 
 Our tag frame is that of apriltag_ros and TagSLAM: origin in the middle of the tag, x to the right and y up as one reads it, z
 out of it towards the reader. Corners are in the order of the AprilTag library and apriltag_msgs: lower left, lower right, upper
@@ -24,10 +24,10 @@ LARGEST_ID = 586
 """36h11 has 587 tags."""
 
 BLACK_CELLS = 8
-"""Along the edge of a tag of 36h11."""
+"""Cells along the black edge of a tag of 36h11."""
 
 CELLS = 10
-"""With the white rim that a detector needs."""
+"""Cells along the edge with the white rim that a detector needs."""
 
 CORNERS: Array = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
 """(4, 3) corners in the tag's frame, in edges."""
@@ -36,7 +36,7 @@ HALF_TURN_ABOUT_X: Array = np.array([0.0, 1.0, 0.0, 0.0])
 
 
 class TagAxes(Enum):
-    """How the frame lies in which a pose of a tag is given.
+    """The frame of a tag in which its pose is given.
 
     `OUT`: x right, y up, z out of the tag (apriltag_ros, TagSLAM). `INTO`: x right, y down, z into it (the AprilTag library's
     own pose estimation, pupil-apriltags, isaac_ros_apriltag); diag(1, -1, -1) between them.
@@ -47,7 +47,7 @@ class TagAxes(Enum):
 
 
 class CornerOrder(Enum):
-    """In which order, and with which first pixel, a detector lists the corners.
+    """The order in which a detector lists corners, and its first pixel.
 
     `APRILTAG`: as above. `OPENCV`: OpenCV's aruco, clockwise from the upper left. `OPENCV_TURNED`: likewise, by versions
     of OpenCV that hold the tags of this family upside down (measured: 4.14 and 5.0).
@@ -87,8 +87,8 @@ class Tag:
 
     Attributes:
         tag_id: 0 to 586.
-        pose: of the tag's frame in that of the body or board [m].
-        edge: of its black square [m].
+        pose: pose of the tag's frame in that of the body or board [m].
+        edge: edge of its black square [m].
     """
 
     tag_id: int
@@ -112,7 +112,7 @@ class TagMap:
     """The tags of one rigid thing.
 
     Attributes:
-        frame: of the body or the board.
+        frame: frame of the body or the board.
         tags: no id twice.
     """
 
@@ -135,7 +135,7 @@ class TagMap:
 
     @property
     def ids(self) -> tuple[int, ...]:
-        """In order of the map."""
+        """Ids of the tags, in the order of the map."""
         return tuple(tag.tag_id for tag in self.tags)
 
     def tag(self, tag_id: int) -> Tag:
@@ -159,7 +159,7 @@ class TagMap:
 
 
 def check_no_id_twice(tags: Iterable[Tag], where: str) -> None:
-    """Refuses tags that no detector could tell apart.
+    """Refuses tags of which two have the same id.
 
     Raises:
         InvalidValueError: an id is there twice.

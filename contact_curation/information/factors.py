@@ -20,7 +20,7 @@ class Compression:
     """How small a factor is made.
 
     Attributes:
-        max_rows: R, the largest number of rows; 24 also holds the weak directions that log-det needs (method.md 2.3).
+        max_rows: largest number of rows of a factor; 24 also hold the weak directions that log-det needs (method.md 2.3).
         cut: rows with eigenvalues below this share of the largest are dropped. Eigenvalues of a rank-deficient matrix come out
             at about P times the rounding unit of the largest, so the default drops just those.
     """

@@ -26,31 +26,38 @@ FRICTION_MARGIN = 1.5
 
 @dataclass(frozen=True)
 class GateConfig:
-    """Bounds that a user sets; None leaves one to the body and its tracker. In brackets what it then is for ContactNets' cube.
+    """Bounds of the quality checks that a user sets; None derives one from the body and its tracker.
+
+    `size` is half the width of a cube with the same spread of vertices (`motion.scales`), g gravity. In brackets stands the
+    derived bound of ContactNets' cube.
 
     Bounds on velocities hold up to 150 frames a second for the real rig's noise; with more of either they grow, those on
     accelerations with the square of the rate.
 
     Attributes:
         enabled: whether gates are applied; if not, every toss passes.
-        gravity: gravitational acceleration [m/s^2]; None: the body's.
-        largest_friction: mu_max, the friction coefficient of the cone; None: 1.5 times the body's friction, at least 0.5 [0.5].
-        impulse_tolerance: tolerance of impulses outside the friction cone [m/s]; None: 0.219 sqrt(size g) [0.157].
-        airborne_clearance: a body is in the air if its vertices are higher than this [m]; None: 0.191 sizes [0.010].
-        airborne_acceleration: a_max, largest acceleration in the air beside gravity [m/s^2]; None: 0.6 g [5.89].
-        airborne_spin_change: w_max, largest change of spin between frames in the air, beside free rotation [rad/s]; None: 2.
+        gravity: gravitational acceleration [m/s^2]; by default the body's.
+        largest_friction: friction coefficient of the cone; by default 1.5 times the body's, at least 0.5 [0.5].
+        impulse_tolerance: tolerance of impulses outside the friction cone [m/s]; by default 0.219 sqrt(size g) [0.157].
+        airborne_clearance: height over which all vertices of a body in the air are [m]; by default 0.191 size [0.010].
+        airborne_acceleration: largest acceleration in the air beside gravity [m/s^2]; by default 0.6 g [5.89].
+        airborne_spin_change: largest change of angular velocity between frames in the air, beside free rotation [rad/s]; by
+            default 2.
         twist_leverage: factor on the levers of the body, larger than 1 where its inertia is not well known.
-        twist_tolerance: w_tol, tolerance of changes of spin that no contact impulse explains [rad/s]; None: 2, or more for a
-            noisy tracker of a small body [2].
-        energy_tolerance: e_tol, tolerance of a gain of energy per mass [m^2/s^2]; None: 0.1, or 0.04 m/s times the speed.
-        jump_velocity: v_max, largest difference of the velocity from the displacement over time [m/s]; None: 0.4, about 3 mm at
-            148 Hz.
-        jump_spin: the same for rotations, about any axis [rad/s]; None: what an impulse of 0.74 m/s at a vertex gives [25].
-        depth: largest depth of the lowest vertex under the board [m]; None: 0.15 sizes [0.0079].
-        rest_tilt: largest tilt of the face that the body comes to rest on [rad]; None: 0.024, 1.4 degrees.
-        rest_height: largest distance of that face from the board [m]; None: 0.0573 sizes [0.003].
-        resting_speed: a body is at rest at the end if it moves slower than this over the last frames [m/s]; None: 0.05,
-        resting_spin: and if it turns slower than this [rad/s]; None: 0.5.
+        twist_tolerance: tolerance of changes of angular velocity that no contact impulse explains [rad/s]; by default 2, or
+            more for a noisy tracker of a small body [2].
+        energy_tolerance: tolerance of a gain of energy per mass [m^2/s^2]; by default the larger of 0.1 and 0.04 m/s times the
+            speed.
+        jump_velocity: largest difference of the velocity from the displacement over time [m/s]; by default 0.4, which is 3 mm
+            from frame to frame at 148 Hz.
+        jump_spin: largest difference of the angular velocity from the rotation over time, about any axis [rad/s]; by default
+            what an impulse at a vertex gives that changes the velocity by 0.74 m/s [25].
+        depth: largest depth of the lowest vertex under the board in any frame [m]; by default 0.15 size [0.0079].
+        rest_tilt: largest tilt of the face on which the body comes to rest [rad]; by default 0.024 (1.4 degrees).
+        rest_height: largest distance from the board of the face on which the body comes to rest [m]; by default 0.0573 size
+            [0.003].
+        resting_speed: largest speed over the last frames of a body at rest [m/s]; by default 0.05.
+        resting_spin: largest angular speed over the last frames of a body at rest [rad/s]; by default 0.5.
         quaternion_tolerance: largest deviation of a quaternion's norm from 1.
         largest_gap: longest time between frames, in frame periods.
     """

@@ -14,8 +14,10 @@ dv = v' - v + g dt e3 and dw = w' - w + I^-1 (w x I w) dt the velocity and spin 
     depth     lowest vertex >= -depth                                 the board is hard
     rest      tilt <= angle, |height| <= bound of the face it lies on a body at rest lies flat on the board
 
-a is each principal axis of inertia, and |J| / m = sqrt(1 + mu_max^2) dv_z. The bounds follow from the body's size and inertia
-and from the tracker's rate and noise (`gate_config`). Stamps and quaternion norms complete the list. The jump gate sees what a
+a is each principal axis of inertia, and |J| / m = sqrt(1 + mu_max^2) dv_z. The symbols are fields of `GateConfig`: tol is
+impulse_tolerance, mu_max largest_friction, a_max airborne_acceleration, w_max airborne_spin_change, w_tol twist_tolerance,
+e_tol energy_tolerance, v_max jump_velocity. The bounds follow from the body's size and inertia and from the tracker's rate and
+noise (`gate_config`). Stamps and quaternion norms complete the list. The jump gate sees what a
 filter hid: a median of three takes an outlier of one frame out of the velocities, but not out of the positions. A rejected toss
 is stored and shown, never deleted.
 """

@@ -1,4 +1,4 @@
-"""Turns measured poses into tosses that may be scored: track, segment, calibrate, check."""
+"""Turns measured poses into tosses that may be scored: track, even stamps, segment, calibrate, check."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
@@ -8,6 +8,7 @@ from typing import Any
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.body_tracker import BodyPose, BodyTracker, ClockJump, TrackerConfig, TrackerEvent
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration, apply_calibration
+from contact_curation.motion.even_stamps import StampEvener
 from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.gates import inspect
 from contact_curation.motion.pose_noise import PoseNoise
@@ -47,7 +48,7 @@ class TossIngest:
         placed: hears every pose on the board, in order; nobody by default.
 
     Attributes:
-        counts: how often what happened: "poses", "tosses", "rejected", and kinds of bad poses.
+        counts: how often what happened: "poses", "tosses", "rejected", stamps that were "evened", and kinds of bad poses.
         noise: how much the poses scatter; no part of the state.
     """
 
@@ -58,17 +59,25 @@ class TossIngest:
         self._placed = placed
         self._body = body
         self._tracker = BodyTracker(config.tracker)
+        self._stamps = StampEvener(config.tracker.body_frame)
         self._segmenter = TossSegmenter(config.segmenter, body, source=source, rig=config.rig)
         self._outcomes: Counter[str] = Counter()
         self.noise = PoseNoise()
 
     @property
     def counts(self) -> Counter[str]:
-        return self._tracker.counts + self._outcomes
+        counts = self._tracker.counts + self._stamps.counts + self._outcomes
+        counts["poses"] -= self._stamps.counts["stamp"]
+        return +counts
 
     def noise_warning(self) -> str:
         """One line where the poses are much noisier than the segmenter expects; else nothing."""
         return self.noise.warning(self.config.segmenter.tracker_noise)
+
+    @property
+    def stamps_done(self) -> str:
+        """What was done to the stamps, one line; nothing where all are as they came."""
+        return self._stamps.done
 
     @property
     def tossing(self) -> bool:
@@ -86,13 +95,14 @@ class TossIngest:
 
     def flush(self) -> tuple[IngestEvent, ...]:
         """Ends the stream; a toss that is not at rest is rejected."""
-        ended = [*self._followed(self._tracker.flush()), *self._segmenter.flush()]
+        ended = [*self._followed(self._tracker.flush()), *self._segmented(self._stamps.flush()), *self._segmenter.flush()]
         return tuple(self._outcome(event) for event in ended)
 
     def snapshot(self) -> dict[str, Any]:
         """The state as plain numbers, lists and names: JSON keeps it exactly."""
         return {
             "tracker": self._tracker.snapshot(),
+            "stamps": self._stamps.snapshot(),
             "segmenter": self._segmenter.snapshot(),
             "outcomes": dict(self._outcomes),
         }
@@ -105,9 +115,12 @@ class TossIngest:
         """
         try:
             tracker, segmenter, outcomes = snapshot["tracker"], snapshot["segmenter"], Counter(snapshot["outcomes"])
+            stamps = snapshot.get("stamps")  # states of before there was one go on without
         except (KeyError, TypeError) as error:
             raise InvalidValueError("ingest state", repr(snapshot)[:80], "what TossIngest.snapshot gave") from error
         self._tracker.restore(tracker)
+        if stamps is not None:
+            self._stamps.restore(stamps)
         self._segmenter.restore(segmenter)
         self._outcomes = outcomes
 
@@ -116,16 +129,27 @@ class TossIngest:
         followed: list[IngestEvent] = []
         for event in events:
             if isinstance(event, BodyPose):
-                if self._placed is not None:
-                    self._placed(event)
-                self.noise.push(event.stamp_ns, event.pose.position)
-                followed += self._segmenter.push(event.stamp_ns, event.pose.position, event.pose.orientation_wxyz)
+                followed += self._segmented(self._stamps.push(event))
             elif isinstance(event, ClockJump):
+                followed += self._segmented(self._stamps.flush())
                 self.noise.reset()
                 followed += self._segmenter.reset(f"clock: found a jump back by {event.back:.3f} s, expected stamps that go on")
             else:
                 followed.append(event)
         return followed
+
+    def _segmented(self, poses: Iterable[BodyPose | BadPose]) -> list[IngestEvent]:
+        """What the segmenter makes of poses whose stamps go on."""
+        ended: list[IngestEvent] = []
+        for pose in poses:
+            if isinstance(pose, BadPose):
+                ended.append(pose)
+                continue
+            if self._placed is not None:
+                self._placed(pose)
+            self.noise.push(pose.stamp_ns, pose.pose.position)
+            ended += self._segmenter.push(pose.stamp_ns, pose.pose.position, pose.pose.orientation_wxyz)
+        return ended
 
     def _outcome(self, event: IngestEvent) -> IngestEvent:
         """The event, counted: a motion calibrated, a toss after the gates."""

@@ -27,29 +27,31 @@ STILL_NOISE = 8.0
 class SegmenterConfig:
     """When a toss starts and ends, and which motions are not tosses.
 
-    None leaves a bound to the body and its tracker. In brackets what it then is for ContactNets' cube at its rig's noise.
+    None derives a bound from the body and its tracker. `size` is half the width of a cube with the same spread of vertices,
+    `reach` the distance of the farthest vertex from the centre of mass (`motion.scales`), g gravity. In brackets stands the
+    derived bound of ContactNets' cube at the noise of its rig.
 
     Attributes:
-        gravity: gravitational acceleration [m/s^2]; None: the body's.
-        fall_tolerance: a body is in free fall if its upward acceleration is under -gravity plus this [m/s^2]; None: 0.306 g
-            [3],
-        fall_mean_tolerance: and if the mean over two frames is within this of -gravity [m/s^2]; None: 0.102 g [1].
-        release_clearance: height of every vertex over the board at the start of a toss [m]; None: 0.191 sizes of the body
-            [0.010].
+        gravity: gravitational acceleration [m/s^2]; by default the body's.
+        fall_tolerance: largest upward acceleration of a body in free fall, above -gravity [m/s^2]; by default 0.306 g [3].
+        fall_mean_tolerance: largest difference of a falling body's mean acceleration over two frames from -gravity [m/s^2]; by
+            default 0.102 g [1].
+        release_clearance: height over which all vertices are at the start of a toss [m]; by default 0.191 size [0.010].
         region_x: range of x in which a toss may start [m]; with finite bounds the body must also have been outside before.
         region_y: range of y in which a toss may start [m].
-        settle_time: time without free fall that separates two motions [s]; None: 4.1 sqrt(size / g) [0.3].
-        rest_displacement: largest displacement between frames of a body at rest [m]; None: 0.0057 sizes [0.0003].
+        settle_time: time without free fall that separates two motions [s]; by default 4.1 sqrt(size / g) [0.3].
+        rest_displacement: largest displacement between frames of a body at rest [m]; by default 0.0057 size [0.0003].
         rest_frames: number of successive displacements of a body at rest; over 150 frames a second more, for the same time.
-        flat_tolerance: a body lies flat if three vertices are at most this over the lowest one [m]; None: 0.055 of its reach
-            [0.005].
+        flat_tolerance: largest height over the lowest vertex of the three vertices on which a body lies flat [m]; by default
+            0.055 reach [0.005].
         rest_height: largest height of the body's origin at rest [m]; inf for no bound.
-        shortest: shortest duration of a toss [s]; None: 4.1 sqrt(size / g) [0.3].
-        lowest_corner: largest distance from the board to the lowest vertex over a whole toss [m]; None: 0.134 sizes [0.007].
-        airborne_clearance: a body is in the air if all vertices are higher than this in all frames that an acceleration comes
-            from [m]; None: 0.191 sizes [0.010],
-        airborne_acceleration: and if its acceleration differs from gravity by at most this [m/s^2]; None: 0.5 g [4.905].
-        frame_period: nominal time between frames [s]; None: the median of the stamp differences.
+        shortest: shortest duration of a toss [s]; by default 4.1 sqrt(size / g) [0.3].
+        lowest_corner: largest distance from the board to the lowest vertex of a whole toss [m]; by default 0.134 size
+            [0.007].
+        airborne_clearance: height over which all vertices of a body in the air are, in all frames that an acceleration comes
+            from [m]; by default 0.191 size [0.010].
+        airborne_acceleration: largest difference of the acceleration in the air from gravity [m/s^2]; by default 0.5 g [4.905].
+        frame_period: nominal time between frames [s]; by default the median of the stamp differences.
         largest_gap: longest time between frames, in frame periods.
         most_frames: a motion with more frames than this is dropped.
         tracker_noise: noise of the poses between frames as a multiple of the real rig's, 0.022 mm and 0.024 degrees per axis;

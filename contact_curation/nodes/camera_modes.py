@@ -1,4 +1,4 @@
-"""The two ways in which `sim_camera` tells where the body is: as a tracker's poses, or as tags in rendered images."""
+"""The two modes of `sim_camera`: a tracker's poses, or tags in rendered images."""
 
 from collections import deque
 from typing import Any, NamedTuple, Protocol
@@ -36,8 +36,8 @@ class TrueFrame(NamedTuple):
 
     Attributes:
         stamp_ns: simulated time.
-        pose: of the body on the board.
-        throw_id: of the throw that the frame belongs to; empty where none is known.
+        pose: pose of the body on the board.
+        throw_id: name of the throw that the frame belongs to; empty where none is known.
         begun_ns: stamp of that throw's beginning; 0 without one.
     """
 
@@ -53,28 +53,28 @@ class TrueFrame(NamedTuple):
 
 
 class Sight(Protocol):
-    """What sees the body and tells of it; all of it on one thread."""
+    """A mode of the camera: it publishes what it observes of the body; all calls are on one thread."""
 
     def see(self, true: TrueFrame) -> None:
-        """Tells of a frame, at once or when its time has come."""
+        """Publishes a frame, at once or when its latency is over."""
 
     def rest(self) -> None:
-        """Tells what still waits: no frames come any more."""
+        """Publishes what still waits: no frames come any more."""
 
     def close(self) -> None:
-        """Gives back what it holds."""
+        """Frees what it holds."""
 
 
 class TrackedPoses:
-    """Tells poses as TagSLAM does, with a tracker's faults; the board stands somewhere in the map.
+    """Publishes poses as TagSLAM does, with a tracker's noise and faults; the board has a pose in the map.
 
     Args:
-        node: that publishes.
-        body: whose tracked frame the poses are of.
+        node: node that publishes.
+        body: body whose tracked frame the poses are of.
         rig: frames, the board in the map, deviations.
         noise: the tracker's faults.
-        seed: of them.
-        history: so many poses are there for whoever comes late.
+        seed: random seed of the noise.
+        history: number of poses that late subscribers receive.
     """
 
     def __init__(
@@ -114,18 +114,18 @@ class TrackedPoses:
 
 
 class RenderedTags:
-    """Renders what the camera sees and tells which tags are in it.
+    """Renders the camera's image and publishes the tags that are detected in it.
 
     The view is made when the first frame comes, for OpenGL belongs to a thread.
 
     Args:
-        node: that publishes.
-        body: that is tossed.
+        node: node that publishes.
+        body: body that is tossed.
         rig: the tags on it and on the board.
-        camera: that sees them.
-        detector: of the tags.
-        seed: of the pixels' noise.
-        history: the detections of so many images are there for whoever comes late.
+        camera: camera that sees them.
+        detector: detector of the tags.
+        seed: random seed of the pixels' noise.
+        history: number of images whose detections late subscribers receive.
         images: publish the images too.
     """
 

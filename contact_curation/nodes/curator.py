@@ -37,7 +37,7 @@ INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation,
 
 
 class Curator(StageNode):
-    """Ranks all that came, at every change, and publishes the best."""
+    """Ranks all scored tosses at every change and publishes the best."""
 
     def __init__(self) -> None:
         super().__init__("curator")
@@ -49,7 +49,8 @@ class Curator(StageNode):
         self._stage = CurationStage(ranking, config, self._informations)
         self._wanted = self._stage.ranking
         if self._wanted != ranking:
-            self.get_logger().info(f"{ranking.criterion} needs all tosses: keeps to {self._wanted.criterion}")
+            used = self._wanted.criterion
+            self.get_logger().info(f"{ranking.criterion} needs all tosses, which a stream does not hold: using {used}")
         self._warnings = ThrottledWarnings(self)
         self._buffer: Buffer | None = None
         self._publisher = self.create_publisher(CuratedBuffer, "curated_buffer", latched(1))

@@ -33,7 +33,7 @@ from contact_curation.storage.bags.records import RawMessage
 
 FOREVER = 1e9
 NAP = Duration(seconds=0.1)
-"""Between looks at whether subscribers are there, have got everything, or the player is to stop."""
+"""Time between checks for subscribers, for acknowledgements, and for the end."""
 
 BURST = 1000
 """Messages between acknowledgements when playing as fast as possible."""

@@ -81,7 +81,7 @@ class PoseIngest(StageNode):
         self._store.close()
 
     def _look(self) -> None:
-        """Follows the graph, and says whether there is a tracker: without one nobody should throw."""
+        """Follows the graph, and publishes whether there is a tracker: without one no throw should be commanded."""
         self._topics.follow()
         if self._topics.has_publisher != self._said_tracked:
             self._said_tracked = self._topics.has_publisher
@@ -151,6 +151,7 @@ class PoseIngest(StageNode):
             **counts, **self._warnings.counts, **offers,
         }  # fmt: skip
         if self._ingest is not None:
+            values["stamps"] = self._ingest.stamps_done or "as they came"
             values["noise"] = f"{self._ingest.noise.multiple:.1f}"
             if rate and (text := self._ingest.noise_warning()):
                 return Health(text, values, warning=True)

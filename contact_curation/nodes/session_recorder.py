@@ -41,7 +41,7 @@ class Heard(NamedTuple):
         type: ROS type name.
         schema: its definition.
         type_hash: `RIHS01_...`.
-        qos: as all of its publishers offer it.
+        qos: quality of service as all of its publishers offer it.
     """
 
     type: str

@@ -47,19 +47,19 @@ TRUTH_DEPTH = 2000
 """Frames that a slow listener may lag behind."""
 
 BEAT = 0.1
-"""Between the node's own heartbeats, of the thread that would hear a stop [s]."""
+"""Time between the node's own heartbeats, sent by the thread that would hear a stop [s]."""
 
 LONGEST_HUSH = 10.0
-"""So long the simulation waits for the node's own heartbeat before its absence is taken for a failure [s]."""
+"""Time for which the simulation waits for the node's own heartbeat before its absence counts as a failure [s]."""
 
 BREATH, BREATH_FRAMES = 1e-3, 4
 """Given to the other threads after so many frames that nothing waits for, or the heartbeat would starve [s]."""
 
 IDLE = 0.05
-"""Between looks for a goal where simulated time stands still [s]."""
+"""Time between looks for a goal while simulated time stands still [s]."""
 
 COUNTED = 0.1
-"""Of the time between two looks of the watchdog so much counts at most [s]: a process that stood still moved nothing."""
+"""Largest time between two looks of the watchdog that counts [s]: a process that stood still moved nothing."""
 
 
 class SimArm(StageNode):
@@ -136,7 +136,7 @@ class SimArm(StageNode):
         return SetParametersResult(successful=True)
 
     def _beat(self) -> None:
-        """Arms as `armed` says: once where the heartbeat is somebody else's, after every failure where it is its own."""
+        """Arms if `armed` is set: once with an external heartbeat, after every failure with its own."""
         self._gate.heartbeat(self._awake.now())
         if self._arms_itself and not self._gate.was_stopped:
             self._arms_itself = self._beats_itself

@@ -1,4 +1,4 @@
-"""sim_camera: the tracker of the simulated world. A body's true pose in; what a tracker, or a camera, would tell of it out.
+"""sim_camera: the tracker of the simulated world. It takes a body's true poses and publishes what a tracker would measure.
 
 In mode `poses` that is TagSLAM's Odometry with a tracker's faults; in mode `rendered` images are rendered, and the tags that
 the AprilTag library finds in them are published. Stamps are those of the ground truth, however long rendering takes. What is
@@ -43,7 +43,7 @@ THROWS_KNOWN = 2
 """The newest throw, and the one before it: the first may be heard of before the last frames of the other."""
 
 SILENCE = 0.2
-"""After so long [s] without a frame, what waits for its latency is told."""
+"""Time without a frame after which poses that wait for their latency are published [s]."""
 
 
 class SimCamera(StageNode):

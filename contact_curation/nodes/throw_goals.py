@@ -1,4 +1,4 @@
-"""ExecuteThrow goals, one at a time: what becomes of each is told once, whatever happens to the thrower."""
+"""ExecuteThrow goals, one at a time: the outcome of each is reported once, whatever happens to the thrower."""
 
 import threading
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from contact_curation.motion.toss import NANOSECONDS
 
 
 class Outcome(NamedTuple):
-    """What became of a goal: the executed throw's message, or None and why there is none."""
+    """The outcome of a goal: the message of the executed throw, or None and the reason."""
 
     executed: Any
     message: str
@@ -28,7 +28,7 @@ class ThrowGoals:
     and is dropped.
 
     Args:
-        node: that sends.
+        node: node that sends.
         told: called once per goal, on the executor's thread.
         patience: a goal of which nothing is heard, be it feedback or result, for this time of the steady clock is given up [s].
     """
@@ -54,7 +54,7 @@ class ThrowGoals:
         return self._heard_ns is not None
 
     def send(self, throw: Any) -> None:
-        """Commands a throw, a message; not while another is under way."""
+        """Commands a throw (a message); not while another is under way."""
         with self._lock:
             self._number += 1
             number, self._heard_ns = self._number, self._clock.now().nanoseconds
@@ -63,7 +63,7 @@ class ThrowGoals:
         future.add_done_callback(lambda done: self._answered(number, done))
 
     def look(self) -> None:
-        """Gives up what takes too long, or what nobody works on any more; to be called now and then."""
+        """Gives up a goal that takes too long or whose thrower is gone; call it regularly."""
         with self._lock:
             if self._heard_ns is None:
                 return
@@ -74,7 +74,8 @@ class ThrowGoals:
             if handle is not None and not gone:
                 handle.cancel_goal_async()
             self._end(
-                self._number, Outcome(None, "the thrower is gone" if gone else f"nothing heard of it for {self._patience:g} s")
+                self._number,
+                Outcome(None, "the thrower is gone" if gone else f"no feedback or result for {self._patience:g} s"),
             )
 
     def _heard(self, number: int) -> None:
@@ -86,7 +87,7 @@ class ThrowGoals:
     def _answered(self, number: int, future: Future) -> None:
         handle = future.result()
         if not handle.accepted:
-            self._end(number, Outcome(None, "the thrower did not take the goal"))
+            self._end(number, Outcome(None, "the thrower rejected the goal"))
             return
         with self._lock:
             given_up = self._heard_ns is None or number != self._number
@@ -103,7 +104,7 @@ class ThrowGoals:
         self._end(number, Outcome(result.result.executed if fine else None, result.result.message))
 
     def _end(self, number: int, outcome: Outcome) -> None:
-        """Tells what became of a goal, unless that was told before."""
+        """Reports the outcome of a goal, once."""
         with self._lock:
             if self._heard_ns is None or number != self._number:
                 return

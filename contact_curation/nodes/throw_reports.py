@@ -1,4 +1,4 @@
-"""Topic `throw_report`: what became of each throw, told again whenever more is known of it."""
+"""Topic `throw_report`: the state of each throw, published again whenever more is known of it."""
 
 from collections.abc import Iterable
 
@@ -14,8 +14,8 @@ class ThrowReports:
     """Publishes reports of throws.
 
     Args:
-        node: that publishes.
-        board_frame: of the headers.
+        node: node that publishes.
+        board_frame: board frame of the headers.
     """
 
     def __init__(self, node: Node, board_frame: str) -> None:
@@ -24,7 +24,7 @@ class ThrowReports:
         self._told: dict[str, tuple[str, str, str]] = {}
 
     def tell(self, reports: Iterable[ThrowReport]) -> None:
-        """Publishes those that say something new."""
+        """Publishes the reports that are new."""
         for report in reports:
             known = (report.state.value, repr(report.realised), report.detail)
             if self._told.get(report.commanded.throw_id) != known:

@@ -1,4 +1,4 @@
-"""The action execute_throw: one goal at a time, whose ending is told once, on the executor's thread.
+"""The action execute_throw: one goal at a time, whose outcome is reported once, on the executor's thread.
 
 Goals are always taken, so that a refusal can say why: a refused one is aborted at once, with the reason in its result.
 """
@@ -29,18 +29,18 @@ PHASES = {
     Phase.STOPPING: ExecuteThrow.Feedback.STOPPED,
     Phase.STOPPED: ExecuteThrow.Feedback.STOPPED,
 }
-"""The phases as feedback names them."""
+"""Names of the phases in the feedback."""
 
 
 class ThrowServer:
     """Serves the action.
 
     Args:
-        node: that serves.
+        node: node that serves.
         admits: takes a throw, or says in one line why not; called on the executor's thread.
         taken: called on the executor's thread when a goal was taken.
         released: gives stamp and frame of a release, from the simulated time [s].
-        warnings: of throws that were not made.
+        warnings: warnings of throws that were not made.
 
     Attributes:
         goal: under way; None without.

@@ -20,8 +20,8 @@ class TossFetch:
     """Fetches what is missing, a page at a time, and asks again once a second while something is.
 
     Args:
-        node: that asks.
-        worker: that handles what comes; `missing` and `handle` are called on it only.
+        node: node that asks.
+        worker: worker that handles what comes; `missing` and `handle` are called on it only.
         missing: gives the ids that are wanted now.
         handle: takes the messages of a page, and the ids that the keeper does not know.
     """
@@ -42,7 +42,7 @@ class TossFetch:
         node.create_timer(PERIOD, partial(worker.do, self._tick), clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def ask(self) -> None:
-        """Asks for the next page, unless nothing is missing, an answer is due already, or there is nobody to ask."""
+        """Requests the next page, unless nothing is missing, a request is under way, or the service is not there."""
         if self._asked is not None or not self._client.service_is_ready():
             return
         wanted = list(self._missing()[:PAGE])

@@ -36,7 +36,7 @@ STATUS_DEPTH = 64
 
 
 class Trainer(StageNode):
-    """Trains a model on whatever the curator selects, round after round."""
+    """Trains a model on the tosses that the curator selects, round after round."""
 
     def __init__(self) -> None:
         super().__init__("trainer")

@@ -56,10 +56,10 @@ def read(
     Args:
         inputs: an MCAP file, a rosbag2 folder or its storage file, a ROS 1 bag, a folder of ContactNets' `.pt` files or one of
             them; several of those; or a pattern such as ``"bags/*.mcap"``.
-        body: what was tossed; None assumes ContactNets' cube, which is a warning.
+        body: the tossed object; None assumes ContactNets' cube, with a warning.
         config: topics, rules of segmenting, gates, calibration of the rig.
-        jobs: so many recordings are read at once, each in a process.
-        progress: hears how far it is.
+        jobs: number of recordings that are read at the same time, each in a process.
+        progress: is told how far the work is, as `contact_curation.pipeline.workers.Progress` describes; silent by default.
 
     Returns:
         `accepted`, `rejected` and `warnings`. A recording that cannot be read is a warning.
@@ -91,14 +91,14 @@ def check(
     most_messages: int = MOST_MESSAGES,
     progress: Progress = silent,
 ) -> Diagnosis:
-    """Says what is wrong with recordings, before anything is learned from them.
+    """Diagnoses recordings: finds what is wrong with them, before anything is learned from them.
 
     Args:
-        inputs: as of `read`.
-        body: what was tossed; None assumes ContactNets' cube.
+        inputs: as in `read`.
+        body: the tossed object; None assumes ContactNets' cube.
         config: topics, rules of segmenting, quality checks, calibration of the rig.
-        most_messages: so many messages of pose topics are looked at, the first ones of each recording.
-        progress: hears how far it is.
+        most_messages: largest number of messages of pose topics that are read, the first ones of each recording.
+        progress: is told how far the work is, as `contact_curation.pipeline.workers.Progress` describes; silent by default.
 
     Returns:
         `verdict` in one line, `ok`, `reasons`, the `settings` that correct what they can, and the `next` command; `print` shows
@@ -129,7 +129,7 @@ def score(
 
     Args:
         tosses: as `read` gives them, or what `read` takes.
-        body: what was tossed, where `tosses` are recordings; None for that of the model, or ContactNets' cube.
+        body: the tossed object, where `tosses` are recordings; None for that of the model, or ContactNets' cube.
         model: whose parameters theta are, or its file; None for the body as it is described.
         estimator: of the Fisher matrix: ``gauss-newton`` or ``empirical``.
 
@@ -171,7 +171,7 @@ def rank(
     Args:
         tosses: as `read` gives them, or what `read` takes: then no more than 64 tosses of a recording are in memory at a time.
         top: how many are selected.
-        body: what was tossed, where `tosses` are recordings; None for that of the model, or ContactNets' cube.
+        body: the tossed object, where `tosses` are recordings; None for that of the model, or ContactNets' cube.
         criterion: by what: ``representative``, ``herding``, ``log-det``, ``trace``, ``min-eig``, ``orthogonal``, ``leverage``,
             ``longest``, ``random``, or one of your own (`information.criteria.criterion.register`).
         model: the information is about its parameters; a model or its file, None for the body as described.
@@ -179,7 +179,7 @@ def rank(
         seed: of criterion random.
         held_out: what is neither scored nor ranked: numbers (``"400-569"``), a share (``"0.2"``), or a file of ids.
         jobs: how many processes read recordings; None for one per processor.
-        progress: hears how far it is.
+        progress: is told how far the work is, as `contact_curation.pipeline.workers.Progress` describes; silent by default.
 
     Returns:
         The ranking: `selected`, `selected_ids`, `to_pandas()`, `to_arrow()`, `plot()`, `save(path)`; `print` shows it.
@@ -230,14 +230,14 @@ def train(
     Args:
         tosses: to learn from, as `read` or `RankedTosses.selected` gives them, or what `read` takes.
         model: ``polytope``, ``deep``, ``deepvertex`` or ``end_to_end``.
-        body: what was tossed, where `tosses` are recordings; None for that of the model, or ContactNets' cube.
-        protocol: ``budgeted``: so many steps in batches; ``published``: ContactNets', until the held-out loss stops falling;
+        body: the tossed object, where `tosses` are recordings; None for that of the model, or ContactNets' cube.
+        protocol: ``budgeted``: a number of steps; ``published``: ContactNets', until the held-out loss stops falling;
             ``exact``: a polytope's optimum at once.
         steps: gradient steps at most; None for the protocol's own.
         seed: of everything random.
         held_out: which of the tosses are never learned from: numbers, a share (``"0.2"``), or a file of ids; None for none.
         start: a checkpoint to start with; None for the published random initialisation.
-        progress: hears how far it is.
+        progress: is told how far the work is, as `contact_curation.pipeline.workers.Progress` describes; silent by default.
 
     Returns:
         The model; `save("model.safetensors")` stores it.
@@ -299,7 +299,7 @@ def evaluate(
         against: another model, compared with on the same tosses.
         held_out: which tosses it is evaluated on; None for those that its training held out, or all where it held out none.
         seed: of the bootstrap.
-        progress: hears how far it is.
+        progress: is told how far the work is, as `contact_curation.pipeline.workers.Progress` describes; silent by default.
 
     Returns:
         Errors of position and penetration [% of the body's width] and rotation [degrees] with 95 % intervals: `print` shows
@@ -348,7 +348,7 @@ def design(
             baselines.
         arm: only throws that the simulated arm can make.
         seed: the same gives the same throws.
-        name: that their ids begin with.
+        name: beginning of their ids.
 
     Returns:
         The throws, best first: release poses [m], linear [m/s] and angular [rad/s] velocities, and the gain in log-det of each;
@@ -377,7 +377,7 @@ def _tosses(tosses: Tosses | Inputs, body: Body | None) -> Tosses:
 
 
 def _body(body: Body | None, model: "LearnedModel | str | PathLike[str] | None") -> Body | None:
-    """The body that is given, or that of the model; None where neither says."""
+    """The given body, or that of the model; None without either."""
     if body is not None or model is None:
         return body
     if not isinstance(model, str | PathLike):

@@ -47,7 +47,7 @@ class DesignTask:
         method: one of `METHODS`.
         arm: only throws that the simulated arm can make.
         seed: the same gives the same throws.
-        name: that their ids begin with.
+        name: beginning of their ids.
     """
 
     thetas: tuple[Parameters, ...]

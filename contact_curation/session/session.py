@@ -97,7 +97,7 @@ def run_session(
             summary = finish_record(config, folder, parameters, command, summary, events)
         reporter.conclude(summary)
         if staying:
-            reporter.say(f"\nThe dashboard goes on until Ctrl-C: {session.state.dashboard}")
+            reporter.say(f"\nThe dashboard is served until Ctrl-C: {session.state.dashboard}")
             session.stay(supervisor, stopped)
     return summary
 

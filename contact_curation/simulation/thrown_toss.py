@@ -18,12 +18,12 @@ class ThrownTossConfig:
     """What is recorded of a throw.
 
     Attributes:
-        frame_period: of the tracker [s].
-        longest: a motion that has not come to rest by then is none [s].
-        rest_displacement: a body at rest moves at most this from frame to frame [m].
-        rest_turn: and turns at most this [rad].
-        rest_frames: so many of them are recorded.
-        world: how finely it moves.
+        frame_period: frame period of the tracker [s].
+        longest: longest time until the body must rest [s].
+        rest_displacement: largest displacement of a body at rest from frame to frame [m].
+        rest_turn: largest rotation of a body at rest from frame to frame [rad].
+        rest_frames: number of frames at rest that are recorded.
+        world: step and softness of the simulated world.
     """
 
     frame_period: float = 1.0 / 148.0
@@ -48,9 +48,9 @@ def thrown_toss(body: Body, throw: Throw, config: ThrownTossConfig = DEFAULT_THR
 
     Args:
         body: what is thrown.
-        throw: as it leaves.
+        throw: throw as it leaves.
         config: what is recorded.
-        first_stamp_ns: of the release.
+        first_stamp_ns: stamp [ns] of the release.
 
     Raises:
         InvalidValueError: a throw of another body, or one after which the body does not come to rest.
@@ -68,7 +68,8 @@ def _until_rest(throw: Throw, states: Array, config: ThrownTossConfig) -> Array:
     moving = np.flatnonzero(moved | turned | ~np.isfinite(states[1:]).all(axis=1))
     end = (int(moving[-1]) + 2 if moving.size else 1) + config.rest_frames
     if end > len(states):
-        raise InvalidValueError(f"motion of throw {throw.throw_id}", f"none that rests within {config.longest:g} s", "one")
+        expected = "rest: throw more gently, or set a larger simulation.longest"
+        raise InvalidValueError(f"motion of throw {throw.throw_id}", f"no rest within {config.longest:g} s", expected)
     return states[:end]
 
 

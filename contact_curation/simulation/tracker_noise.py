@@ -24,7 +24,7 @@ BLOCK = 1024
 """Frames whose losses are drawn together."""
 
 PLACES = 16
-"""In a frame's period noise is drawn for so many places: stamps that are off by a nanosecond change nothing."""
+"""Places in a frame period for which noise is drawn: stamps that are off by a nanosecond change nothing."""
 
 LONGEST_MEAN = 128.0
 """[frames] A loss ends within the block after its own, which one of so many frames on average practically always does."""
@@ -78,7 +78,7 @@ class TrackerNoise:
 
     Args:
         config: its faults.
-        seed: of all that is random.
+        seed: random seed.
     """
 
     def __init__(self, config: TrackerNoiseConfig, seed: int) -> None:
@@ -91,9 +91,9 @@ class TrackerNoise:
         """What the tracker makes of a frame; None where it has lost the body.
 
         Args:
-            time_ns: since the throw began; the frame's stamp where no throw is known.
+            time_ns: time [ns] since the throw began; the frame's stamp where no throw is known.
             pose: the true one.
-            throw_id: of the throw; empty where none is known.
+            throw_id: name of the throw; empty where none is known.
         """
         throw = throw_seed(throw_id)
         if self._lost(throw, time_ns):

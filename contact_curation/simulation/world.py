@@ -46,7 +46,7 @@ class WorldConfig:
 DEFAULT_WORLD = WorldConfig()
 
 MUJOCO_DEFAULTS = WorldConfig(longest_step=0.0035, contact_time=0.02)
-"""As in method.md 1.11: MuJoCo's own softness, at two steps a frame."""
+"""World of method.md 1.11: MuJoCo's default softness, with two steps a frame."""
 
 
 def world_of(body: Body, step: float, contact_time: float = DEFAULT_WORLD.contact_time) -> mujoco.MjSpec:
@@ -87,7 +87,7 @@ def _add_body(spec: mujoco.MjSpec, body: Body, contact_time: float) -> None:
 
 
 def free_motion(body: Body, release: ArrayLike, frames: int, frame_period: float, config: WorldConfig = DEFAULT_WORLD) -> Array:
-    """What a tracker without noise would see of a toss.
+    """Simulates the free motion of a body after its release, as a tracker without noise would measure it.
 
     Args:
         body: what is tossed.

@@ -1,4 +1,4 @@
-"""How an answer to the inner problem proves itself: by the objective alone, whatever found it.
+"""Certificate of a solution of the inner problem: it uses the objective alone, not the method that found the solution.
 
 The natural residual |l - proj(l - gradient)|_inf is zero at the minimum only.
 """
@@ -58,7 +58,7 @@ def project(points: Array, cone: Cone) -> Array:
 
 
 def project_circular(points: Array) -> Array:
-    """The nearest points of |tangent| <= normal."""
+    """The points of the cone |tangent| <= normal nearest to points (..., 3) = (normal, tangent 1, tangent 2)."""
     normal, radius = points[..., :1], np.linalg.norm(points[..., 1:], axis=-1, keepdims=True)
     along = 0.5 * (normal + radius)
     rim = along * np.concatenate([np.ones_like(radius), points[..., 1:] / np.where(radius > 0.0, radius, 1.0)], axis=-1)
@@ -66,7 +66,7 @@ def project_circular(points: Array) -> Array:
 
 
 def project_polyhedral(points: Array) -> Array:
-    """The nearest points of the polyhedral cone: of the feet on its faces, edges and apex the nearest that lies in it."""
+    """The points of the polyhedral cone nearest to points (..., 3): the nearest of the feet on faces, edges and apex."""
     on_facets = points[..., None, :] - (points @ FACET_NORMALS.T)[..., None] / 2.0 * FACET_NORMALS  # (..., 8, 3)
     lengths = np.maximum(0.0, points @ EDGES.T / np.square(EDGES[0]).sum())
     feet = np.concatenate([points[..., None, :], on_facets, lengths[..., None] * EDGES], axis=-2)  # (..., 17, 3)

@@ -28,7 +28,7 @@ _V2 = {"cx16", "lahf_lm", "popcnt", "pni", "ssse3", "sse4_1", "sse4_2"}
 _V3 = _V2 | {"abm", "avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "movbe", "xsave"}
 _V4 = _V3 | {"avx512bw", "avx512cd", "avx512dq", "avx512f", "avx512vl"}
 LEVELS = {"x86_64": {"x86-64-v4": _V4, "x86-64-v3": _V3, "x86-64-v2": _V2}}
-"""By machine, the features of each level as Linux calls them, highest first (x86-64 psABI, "Micro-Architecture Levels")."""
+"""Features of each level as Linux calls them, by machine, highest first (x86-64 psABI, "Micro-Architecture Levels")."""
 
 
 class KernelStructure(ctypes.Structure):
@@ -41,7 +41,7 @@ class Kernel:
     """A loaded library; its functions run without the GIL.
 
     Args:
-        path: of the library.
+        path: path of the library.
 
     Raises:
         MissingDependencyError: it does not load, or does not describe itself.

@@ -52,7 +52,7 @@ def solve_compiled(
     Args:
         problems: what to solve.
         tolerance: largest residual that counts as solved.
-        max_iterations: of the interior point method.
+        max_iterations: largest number of iterations of the interior point method.
         threads: how many work at once; 0 for one per processor.
 
     Raises:

@@ -76,7 +76,7 @@ class ConeProblems:
         free_velocities: (B, 6) v_f, the next velocity without contact.
         velocities_next: (B, 6) v', as measured.
         dt: (B,) [s].
-        weights: of the objective.
+        weights: weights of the objective.
         cone: shape of the friction cone.
     """
 

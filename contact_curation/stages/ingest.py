@@ -87,6 +87,7 @@ class IngestJournal:
         self._journaled = 0
         self._last = 0
         self._restore()
+        store.reach_disk()  # what was stored and not announced will be
 
     @property
     def newest(self) -> dict[str, int]:
@@ -94,7 +95,10 @@ class IngestJournal:
         return dict(self._newest)
 
     def take(self, arrivals: Sequence[Arrival]) -> Happened:
-        """Takes in measurements; when it returns, they and what came of them are permanent."""
+        """Takes in measurements; when it returns, they and what came of them are permanent.
+
+        Whoever hears of a toss relies on it, and nobody can make it again: it is on the disk before anybody does.
+        """
         events: list[IngestEvent] = []
         before = self._ingest.needed_frames
         with self._store.transaction():
@@ -106,7 +110,10 @@ class IngestJournal:
             self._write_down([one for one in measured if one.static or one.child in needed])
             if needed != before:  # the state has what these frames did before they were needed
                 self._save()
-            return self._stored(events)
+            happened = self._stored(events)
+        if happened.tosses or happened.rejected:
+            self._store.reach_disk()
+        return happened
 
     def unannounced(self) -> tuple[tuple[StoredToss, ...], tuple[StoredRejected, ...]]:
         """A page of what is stored and was perhaps never announced, because of a kill."""

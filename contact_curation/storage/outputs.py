@@ -18,7 +18,7 @@ MARKS = {
     ".jsonl": (b'"event": "start"',),
     ".rrd": (b"contact_curation",),
 }
-"""By the ending of a file, what stands near the begin or the end of one that this program made."""
+"""Marks near the beginning or the end of files that this program made, by their ending."""
 
 EDGE = 1 << 16
 """Bytes at the begin and at the end of a file in which its mark is."""
@@ -28,8 +28,8 @@ def check_replaceable(name: str, path: Path, remedy: str) -> None:
     """Refuses to replace what cannot be made again.
 
     Args:
-        name: of the option or parameter, for the message.
-        path: of the output.
+        name: name of the option or parameter, for the message.
+        path: path of the output.
         remedy: what its user can do.
 
     Raises:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 REQUIRED = ("vertices_normal", "normal", "vertices_tangent", "tangents")
 OPTIONAL = ("mass", "inertia", "length_scale")
 VERSION = 1
-"""Of the JSON; a file may name it under the key "version", and is of the first version where it does not."""
+"""Newest version of the JSON format; a file may name its version under the key "version", else it is of the first one."""
 LARGEST_BYTES = 1 << 20
 """Far more than 32 vertices take."""
 
@@ -46,8 +46,8 @@ def read_parameters(path: Path, body: Body) -> Parameters:
     """The parameters in a file.
 
     Args:
-        path: of the JSON file.
-        body: whose mass, inertia and length scale hold where the file has none.
+        path: path of the JSON file.
+        body: body whose mass, inertia and length scale hold where the file has none.
 
     Raises:
         UnreadableInputError: there is no such file, or it holds no JSON object.
@@ -57,7 +57,7 @@ def read_parameters(path: Path, body: Body) -> Parameters:
 
 
 def parameters_from_mapping(data: dict[str, Any], body: Body, name: str) -> Parameters:
-    """As `read_parameters`, from parsed JSON; errors begin with `name`."""
+    """Makes parameters of parsed JSON, as `read_parameters` does of a file; errors begin with `name`."""
     _check_keys(data, name)
     points = (len(body.vertices), 3)
     vertices_normal, vertices_tangent = (_numbers(data, key, name, points) for key in ("vertices_normal", "vertices_tangent"))
@@ -139,7 +139,7 @@ def read_theta(path: Path, body: Body) -> "Parameters | Model":
     """A polytope's numbers out of JSON, or the model of a checkpoint.
 
     Args:
-        path: of the file.
+        path: path of the file.
         body: which a checkpoint must be for, and which completes what JSON leaves out.
 
     Raises:

@@ -12,9 +12,9 @@ class TossProvenance:
 
     Attributes:
         input: path of the bag or file; empty for a toss that came live.
-        input_sha256: of its bytes (`BagReader.sha256`); empty for a toss that came live.
+        input_sha256: SHA-256 digest of its bytes (`BagReader.sha256`); empty for a toss that came live.
         topic: the pose topic; empty where the input has none.
-        number: of the file that the recording was made of; None where it does not say.
+        number: number of the file that the recording was made of; None where it does not say.
     """
 
     input: str = ""
@@ -29,12 +29,12 @@ class SeenToss:
 
     Attributes:
         toss_id: unique in its recording.
-        digest: of its content.
+        digest: digest of its content.
         reasons: why it was rejected; empty when it may be scored.
         frames: how many.
         duration: [s].
-        first_stamp_ns: of its first frame.
-        last_stamp_ns: of its last frame.
+        first_stamp_ns: stamp [ns] of its first frame.
+        last_stamp_ns: stamp [ns] of its last frame.
         origin: the file it came from.
     """
 
@@ -60,8 +60,8 @@ class InputProvenance:
     """One recording that was read.
 
     Attributes:
-        path: as given.
-        sha256: of its bytes.
+        path: path as given.
+        sha256: SHA-256 digest of its bytes.
         losses: what could not be read of it, one line each (`BagReader.losses`).
     """
 
@@ -75,14 +75,14 @@ class RunProvenance:
     """How a ranking was made: with the inputs, enough to make it again.
 
     Attributes:
-        criterion: of the ranking, e.g. "log-det".
+        criterion: criterion of the ranking, e.g. "log-det".
         estimator: "empirical" or "gauss-newton"; empty where the criterion needs none.
         influence_bound: losses above this were scaled down to it; inf when unbounded.
         model: what the parameters parameterise, e.g. "polytope".
         parameters: where they came from: a file, or how they were set.
         parameters_version: digest of their values.
-        seed: of everything random.
-        package_version: of this package.
+        seed: random seed.
+        package_version: version of this package.
         command: the command line, word by word; empty when the library was called.
         inputs: the recordings, in the order they were read.
         body: what was tossed, as `Body.to_mapping` gives it; None where that is not known.

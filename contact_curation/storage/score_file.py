@@ -49,7 +49,7 @@ class ScoreFileWriter:
         parameter_names (P,) text · status (N,), `SolveStatus` · kkt_residual (N,) · format_version ()
 
     Args:
-        path: of the file, `*.npz`.
+        path: path of the file, `*.npz`.
         parameter_names: P names of the first P columns of the scores; columns behind them are left out.
 
     Raises:
@@ -76,7 +76,7 @@ class ScoreFileWriter:
         """Adds the N transitions of a toss.
 
         Args:
-            toss_id: whose they are.
+            toss_id: id of their toss.
             index: (N,) their numbers in the toss.
             evaluation: their losses, impulses and scores.
         """

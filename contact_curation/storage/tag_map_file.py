@@ -121,7 +121,7 @@ def _simple_tags(body: Mapping[str, Any]) -> Iterator[Tag]:
 
 
 def _board_tags(board: Mapping[str, Any]) -> list[Tag]:
-    """Row by row; TagSLAM's `pose` of a board says where the body is on it."""
+    """Tags of a board, row by row; TagSLAM's `pose` of a board is that of the body on it."""
     _check_bits(board.get("tag_bits", BITS_OF_FAMILY))
     edge, columns = float(board["tag_size"]), int(board["tag_columns"])
     back = _tagslam_pose(board["pose"]).inverse() if "pose" in board else Pose.identity()

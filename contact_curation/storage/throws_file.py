@@ -27,9 +27,9 @@ def write_throws(path: Path, throws: Sequence[Throw], body: Body | None = None) 
     """Writes throws, whole or not at all.
 
     Args:
-        path: of the file.
-        throws: of one body.
-        body: that is thrown, for whoever reads them.
+        path: path of the file.
+        throws: throws of one body.
+        body: body that is thrown, written for the readers of the file.
 
     Raises:
         InvalidValueError: the file cannot be written there.
@@ -59,7 +59,7 @@ def read_throws(path: Path) -> tuple[Throw, ...]:
 
 
 def read_throws_body(path: Path) -> Body | None:
-    """The body that the throws in a file are of; None where it does not say.
+    """The body of the throws in a file; None if the file does not describe it.
 
     Raises:
         UnreadableInputError: there is no such file, or it describes no body.

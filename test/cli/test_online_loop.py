@@ -115,7 +115,7 @@ def test_a_dashboard_that_stays_is_served_when_the_throws_are_over_until_a_signa
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as online:
         assert online.stdout is not None
         said = ""
-        while "goes on until Ctrl-C" not in said:
+        while "is served until Ctrl-C" not in said:
             line = online.stdout.readline()
             assert line, said
             said += line

@@ -64,7 +64,7 @@ def test_a_throw_that_does_not_come_to_rest_is_left_out_and_named(cli: Cli, tmp_
     assert outcome.status == 0
     assert outcome.out.startswith(f"{tmp_path / 'b.mcap'}: 1 of 2 throws")
     assert len(outcome.err_lines) == 2  # the other one says that the cube is assumed
-    assert "left out: motion of throw fast: found none that rests within 1.2 s" in outcome.err
+    assert "left out: motion of throw fast: found no rest within 1.2 s" in outcome.err
     short = cli("simulate", throws, "--out", tmp_path / "c.mcap", "--set", "simulation.longest=0.1")
     assert short.status == 1
     assert "found no throw that comes to rest" in short.err

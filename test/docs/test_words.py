@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import pytest
 
 from test.conftest import REPOSITORY
+from test.graph.parts.declared_parameters import all_declared
 
 FORBIDDEN = {
     r"\bkept[ _]back\b|\bkeeps?[ _]back\b": "rejected",
@@ -62,3 +63,30 @@ def test_descriptions_of_parameters_name_no_constant_of_the_code() -> None:
     page = (REPOSITORY / "docs" / "ros" / "reference.md").read_text().partition("## contact_curation_msgs")[0]
     leaked = [line for line in page.splitlines() if re.search(r"`[A-Z][A-Z_]{3,}`|\bCRITERIA\b|\bMETHOD\b|method\.md", line)]
     assert not leaked, "\n".join(leaked)
+
+
+INTERNAL = {
+    r"\bNone\b": "a ROS parameter has no None: say what is the default",
+    r"`\w+`": "a name in backticks is one of the code",
+    r"\b\w+\.py\b|contact_curation\.": "a module is one of the code",
+    r"\b[a-z]+_(?:max|tol|min)\b|\bdelta\b": "a symbol of a formula needs the formula",
+}
+"""What no description of a parameter holds, and why."""
+
+MESSAGES_AND_FILES = {"`body_<name>`", "`throw n of N`"}
+
+
+@pytest.mark.parametrize("pattern", INTERNAL)
+def test_descriptions_of_parameters_need_nothing_of_the_code(pattern: str) -> None:
+    described = [(node, one) for node, found in all_declared().items() for one in found]
+    assert len(described) > 200
+    told = [(f"{node} {one.name}", one.description) for node, one in described]
+    leaked = [f"{name}: {text}" for name, text in told if set(re.findall(pattern, text)) - MESSAGES_AND_FILES]
+    assert not leaked, f"{INTERNAL[pattern]}\n" + "\n".join(leaked)
+
+
+def test_descriptions_of_parameters_stand_alone() -> None:
+    """`ros2 param describe` shows one of them at a time."""
+    told = [(f"{node} {one.name}", one.description) for node, found in all_declared().items() for one in found]
+    begun_elsewhere = re.compile(r"(?:and|or|the same|of|of the|in the|so many|likewise)\b|.*,[;.]?$")
+    assert [f"{name}: {text}" for name, text in told if len(text.split()) < 3 or begun_elsewhere.match(text)] == []

@@ -161,7 +161,7 @@ def test_a_goal_that_is_taken_when_it_was_given_up_is_cancelled(graph: Graph, mo
     settled(0.02)
     goals.look()
     answer.set_result(handle)
-    assert [one.message for one in outcomes] == ["nothing heard of it for 0.01 s"]
+    assert [one.message for one in outcomes] == ["no feedback or result for 0.01 s"]
     handle.cancel_goal_async.assert_called_once_with()
     assert not goals.busy
 
@@ -194,7 +194,7 @@ def test_a_thrower_that_refuses_is_asked_again_after_a_pause_and_the_loop_goes_o
     told = [(one.throw_command.throw_id, one.state, one.detail) for one in reports]
     assert told[:3] == [
         ("cube-throw-0", "commanded", ""),
-        ("cube-throw-0", "not made", "the thrower did not take the goal"),
+        ("cube-throw-0", "not made", "the thrower rejected the goal"),
         ("cube-throw-1", "commanded", ""),
     ]
     thrower.refuse = False

@@ -106,17 +106,6 @@ def test_a_hole_in_a_moving_board_loses_the_poses_in_it_and_no_others() -> None:
     assert_poses([event for event in found if not isinstance(event, BadPose)], TRUTH[:10] + TRUTH[13:])
 
 
-@pytest.mark.parametrize(("back", "why"), [(0, "the same one twice"), (1_000_000, "one that goes back by 0.001000 s")])
-def test_stamps_that_repeat_or_go_back_are_flagged_and_left_out(back: int, why: str) -> None:
-    body = in_map(TRUTH)
-    late = FramePose(body[19].stamp_ns - back, "map", "body_cube", body[19].pose)
-    events = tracked([board_in_map(), *body[:20], late, *body[20:]])
-    (bad,) = [event for event in events if isinstance(event, BadPose)]
-    assert bad.why.startswith(f"stamp: found {why}, expected a later one")
-    assert bad.kind == "stamp"
-    assert_poses([event for event in events if event is not bad], TRUTH)
-
-
 @pytest.mark.parametrize(("back", "jumps"), [(1.01, True), (0.99, False)])
 def test_a_clock_that_jumps_far_back_starts_anew(back: float, jumps: bool) -> None:
     once = in_map(TRUTH)
@@ -126,7 +115,7 @@ def test_a_clock_that_jumps_far_back_starts_anew(back: float, jumps: bool) -> No
     ]
     events = tracked([board_in_map(), *once, *again])
     assert [event.back for event in events if isinstance(event, ClockJump)] == ([pytest.approx(back)] if jumps else [])
-    assert sum(isinstance(event, BodyPose) for event in events) == len(TRUTH) * (2 if jumps else 1)
+    assert [event.stamp_ns for event in events if isinstance(event, BodyPose)] == [one.stamp_ns for one in (*once, *again)]
 
 
 def test_a_looping_bag_with_a_moving_board_gives_the_same_poses_again() -> None:

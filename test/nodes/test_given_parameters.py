@@ -76,7 +76,7 @@ def test_a_former_name_is_taken_and_the_present_one_said(capfd: pytest.CaptureFi
     with small("-p", "body_file:=brick.yaml") as node:
         check_names(node, "curator", ["-p", "body_file:=brick.yaml"])
         assert node.body == "brick.yaml"
-    assert "parameter body_file is called body now" in capfd.readouterr().err
+    assert "parameter body_file is now called body: use that name" in capfd.readouterr().err
 
 
 def test_a_parameter_file_that_is_not_there_is_one_line_and_no_node(tmp_path: Path) -> None:

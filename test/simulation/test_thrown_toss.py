@@ -49,7 +49,7 @@ def test_the_same_throw_gives_the_same_toss_and_noise_repeats_by_its_seed() -> N
 
 
 def test_what_does_not_come_to_rest_in_time_and_other_bodies_are_refused() -> None:
-    with pytest.raises(InvalidValueError, match=r"motion of throw throw-0: found none that rests within 0\.3 s"):
+    with pytest.raises(InvalidValueError, match=r"motion of throw throw-0: found no rest within 0\.3 s"):
         thrown_toss(CUBE, THROWS[0], replace(DEFAULT_THROWN, longest=0.3))
     with pytest.raises(InvalidValueError, match="body of throw throw-0: found cube, expected brick"):
         thrown_toss(replace(CUBE, name="brick"), THROWS[0])

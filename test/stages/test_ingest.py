@@ -27,9 +27,17 @@ def open_journal(path: Path, configuration: str = "as it is") -> tuple[TossStore
     return store, IngestJournal(fresh_ingest(), store, configuration, "/odom")
 
 
+def jittering(measured: tuple[FramePose, ...]) -> tuple[FramePose, ...]:
+    """The same, stamped up to 2 ms late."""
+    draw = np.random.default_rng(0)
+    return tuple(one if one.static else replace(one, stamp_ns=one.stamp_ns + int(draw.integers(2_000_000))) for one in measured)
+
+
+@pytest.mark.parametrize("late", [False, True])
 @pytest.mark.parametrize("seed", range(4))
-def test_tosses_are_the_same_however_often_it_dies(golden_bag: Path, tmp_path: Path, seed: int) -> None:
+def test_tosses_are_the_same_however_often_it_dies(golden_bag: Path, tmp_path: Path, seed: int, late: bool) -> None:
     measured = measured_of(golden_bag)[:MESSAGES]
+    measured = jittering(measured) if late else measured
     draw = np.random.default_rng(seed)
     store, journal = open_journal(tmp_path / "store")
     for batch in batched(arrivals_of(measured), 7):
@@ -73,6 +81,19 @@ def test_what_was_stored_and_not_announced_is_announced_after_a_death(golden_bag
     store, journal = open_journal(tmp_path / "store")
     missed, _ = journal.unannounced()
     assert [one.sequence for one in missed] == [one.sequence for one in happened.tosses[1:]]
+    store.close()
+
+
+def test_a_toss_that_was_announced_is_there_after_the_machine_died_and_took_the_log_of_the_store_with_it(
+    golden_bag: Path, tmp_path: Path
+) -> None:
+    measured = measured_of(golden_bag)[:MESSAGES]
+    store, journal = open_journal(tmp_path / "store")
+    happened = journal.take(arrivals_of(measured))
+    assert len(happened.tosses) >= 2
+    (tmp_path / "left").write_bytes((tmp_path / "store").read_bytes())  # and nothing that is only in the log beside it
+    with TossStore(tmp_path / "left") as left:
+        assert [one.toss.digest() for one in left.after(0, 100)] == [one.toss.digest() for one in happened.tosses]
     store.close()
 
 

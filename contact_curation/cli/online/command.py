@@ -31,7 +31,7 @@ def add_options(parser: OneLineParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Runs a session, and says what came of it.
+    """Runs a session and prints its summary.
 
     Raises:
         ContactCurationError: an option's file cannot be used, or a node cannot be kept running.
@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 class _Lines:
-    """For people."""
+    """Prints a session's progress and summary for people."""
 
     def say(self, line: str) -> None:
         print(line, flush=True)
@@ -66,7 +66,7 @@ class _Lines:
 
 
 class _Json:
-    """For programs: one object and nothing else."""
+    """Prints one JSON object for programs and nothing else."""
 
     def say(self, line: str) -> None:
         print(line.strip(), file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""The options that say what is tossed: a file, what it leaves open, or a checkpoint or manifest that carries the body."""
+"""The options for the body: a file, what it leaves open, or a checkpoint or manifest that carries the body."""
 
 import argparse
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ DETAILS = ("mass", "density", "friction", "length_scale", "mesh_scale", "link", 
 
 
 def add_body_option(parser: argparse.ArgumentParser, *others: str, details: bool = True) -> None:
-    """Adds `--body`, with further names; `details` says whether there are options for what the file leaves open."""
+    """Adds `--body`, with further names, and with `details` the options for what the file leaves open."""
     parser.add_argument("--body", *others, dest="body", type=Path, metavar="FILE", help=BODY_HELP)
     if details:
         add_body_details(parser.add_argument_group("the object, where its file does not say (or keys of the YAML file)"))
@@ -66,13 +66,13 @@ def chosen_body(
     throws: Path | None = None,
     said: bool = True,
 ) -> Body:
-    """The body of the option's file, or that of a file that carries one, or ContactNets' cube, which is noted to be said.
+    """The body of the option's file, else that of a file that carries one, else ContactNets' cube, which is noted.
 
     Args:
-        arguments: with the options.
+        arguments: arguments with the options.
         models: checkpoints or JSON files, None for what was not given.
-        manifest: of a ranking.
-        throws: as `design` writes them.
+        manifest: manifest of a ranking.
+        throws: throws as `design` writes them.
         said: whether a line says that the cube is assumed.
 
     Raises:

@@ -53,7 +53,7 @@ class OneLineParser(argparse.ArgumentParser):
         self.exit(BAD_USAGE, f"{self.prog}: error: {line} (usage: {self.prog} --help)\n")
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
-        """As argparse does, but each verb's own parser says what it does not know, with the option that was perhaps meant."""
+        """Parses as argparse does; each verb's own parser names an unknown option, with the one that was perhaps meant."""
         known, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self.error(self._unknown(unknown))
@@ -68,7 +68,7 @@ class OneLineParser(argparse.ArgumentParser):
         return f"unknown option {name}" + (f": did you mean {near[0]}?" if near else f": {self.prog} --help lists its options")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """As argparse does, but with the word that was perhaps meant."""
+        """Checks as argparse does; the message names the word that was perhaps meant."""
         if action.choices is not None and value not in action.choices:
             raise argparse.ArgumentError(action, f"unknown {value}: {did_you_mean(str(value), map(str, action.choices))}")
 

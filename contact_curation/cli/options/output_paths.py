@@ -1,4 +1,4 @@
-"""Outputs that could never be written, or must not be, are said before hours of work, not after them."""
+"""Checks of outputs before the work: paths that cannot be written or must not be replaced."""
 
 import argparse
 import os
@@ -41,7 +41,7 @@ def check_outputs(*, overwrite: bool, remedy: str = NEW_NAME, **paths: Path | No
 
 
 def _obstacle(path: Path) -> str:
-    """Why a file cannot be written; empty where nothing speaks against it."""
+    """Why a file cannot be written; empty if it can."""
     if path.is_dir():
         return "it is a folder"
     folder = path.parent

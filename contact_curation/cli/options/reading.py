@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from contact_curation.storage.inputs.inputs import InputsConfig
 
 SHARED_STAGES = ("poses", "segmenter", "rig", "gates")
-"""Of every verb that learns from recordings, or has them judge."""
+"""Stages of every verb that learns from recordings or evaluates on them."""
 
 POSES = ("topic", "body_frame", "tag_map", "board_frame")
 """Fields of the stage `poses` that have options of their own."""
 
 
 def add_held_out_option(parser: argparse._ArgumentGroup, default: str) -> None:
-    """Adds `--held-out`; `default` says what holds without it."""
+    """Adds `--held-out`; `default` describes its default."""
     parser.add_argument(
         "--held-out",
         metavar="SPEC",
@@ -69,7 +69,7 @@ class _Inputs(argparse.Action):
 
 
 def add_pose_options(parser: argparse.ArgumentParser) -> None:
-    """Adds the options that say where the poses are."""
+    """Adds the options for the pose topics."""
     group = parser.add_argument_group("where the poses are (found by themselves in TagSLAM bags)")
     from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 

@@ -17,10 +17,10 @@ EXAMPLES = ("gates.depth=0.01", "segmenter.settle_time=0.5", "simulation.longest
 """The help names the first one of a stage that the verb has."""
 
 OF_CODE = re.compile(r"(: )?one of `[A-Z]+`(; )?|`")
-"""What descriptions say to readers of code; the help lists the choices itself."""
+"""Part of a description for readers of the code; the help lists the choices itself."""
 
 OF_THE_BODY = "gravity"
-"""A field that the stages take from the body, whatever else is said of it."""
+"""A field that the stages always take from the body."""
 
 
 def add_settings(parser: argparse.ArgumentParser, stages: Sequence[str]) -> None:
@@ -57,7 +57,7 @@ def with_settings(stages: Mapping[str, Any], settings: Sequence[str]) -> dict[st
 
 
 def _changed(config: Any, stage: str, name: str, text: str) -> Any:
-    """A copy of a stage's config with the field at a path set to what `text` says."""
+    """A copy of a stage's config with the field at a path set to the value of `text`."""
     fields = {field.path: field for field in fields_of(config)}
     if name not in fields:
         raise UnknownNameError("field in --set", f"{stage}.{name}", [f"{stage}.{path}" for path in fields])
@@ -87,9 +87,9 @@ def add_fields(
     None, and `with_options` leaves it as the config has it.
 
     Args:
-        group: of options.
+        group: group of options.
         config: the defaults.
-        paths: of fields; the last name of one is the option's.
+        paths: paths of fields; the last name of one is the option's.
         choices: by path, words that are accepted where the type does not say.
         told: by path, help in place of the class's.
         also: by path, further names of the option.

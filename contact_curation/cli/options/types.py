@@ -9,17 +9,17 @@ Arguments = argparse.Namespace
 
 
 def positive_integer(text: str) -> int:
-    """A whole number of at least 1."""
+    """Reads a whole number of at least 1, for argparse."""
     return _at_least(text, 1)
 
 
 def natural_number(text: str) -> int:
-    """A whole number of at least 0."""
+    """Reads a whole number of at least 0, for argparse."""
     return _at_least(text, 0)
 
 
 def positive_number(text: str) -> float:
-    """A finite number above 0."""
+    """Reads a finite number above 0, for argparse."""
     number = _number(text)
     if not (math.isfinite(number) and number > 0.0):
         raise argparse.ArgumentTypeError(f"found {text}, expected a number above 0")
@@ -27,7 +27,7 @@ def positive_number(text: str) -> float:
 
 
 def number_from_zero(text: str) -> float:
-    """A finite number of at least 0."""
+    """Reads a finite number of at least 0, for argparse."""
     number = _number(text)
     if not (math.isfinite(number) and number >= 0.0):
         raise argparse.ArgumentTypeError(f"found {text}, expected a number of at least 0")

@@ -47,7 +47,7 @@ SCORING = ("estimator", "influence_bound")
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Scores all tosses that pass the gates and are not held out, ranks them, and prints the ranking with its "
+        "Scores all tosses that pass the quality checks and are not held out, ranks them, and prints the ranking with its "
         "diagnostics. For an input that cannot be read a line is printed to standard error and the others are ranked; the "
         "exit status is 1 only if no input could be ranked."
     )
@@ -72,7 +72,7 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
         "--block",
         choices=BLOCKS,
         default="all",
-        help="of theta: all of it, or of a deep model only the parameters of its polytope (default all)",
+        help="parameters that count: all, or of a deep model only those of its polytope (default all)",
     )
     group.add_argument(
         "--form",
@@ -87,24 +87,31 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
         help="scale scores down where the loss is above the pool's 98.5 %% quantile; reads in two passes",
     )
     add_fields(bounds, ScoringConfig(), "influence_bound")
-    group.add_argument("--no-gate", action="store_true", help="score what the gates would reject, too")
+    group.add_argument("--no-gate", action="store_true", help="score tosses that the quality checks would reject, too")
 
 
 def _add_output_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("output")
-    group.add_argument("--out", type=PathEndingIn(*FORMATS), metavar="MANIFEST", help="a .parquet, .csv or .json file")
+    group.add_argument(
+        "--out", type=PathEndingIn(*FORMATS), metavar="MANIFEST", help="manifest to write: a .parquet, .csv or .json file"
+    )
     figures = group.add_mutually_exclusive_group()
-    figures.add_argument("--figure", type=PathEndingIn(".png"), metavar="FILE.png", help="(default: beside the manifest)")
-    figures.add_argument("--no-figure", action="store_true", help="draw none")
+    figures.add_argument(
+        "--figure", type=PathEndingIn(".png"), metavar="FILE.png", help="figure of the ranking (default: beside the manifest)"
+    )
+    figures.add_argument("--no-figure", action="store_true", help="draw no figure")
     add_overwrite_option(group)
     group.add_argument(
-        "--jobs", type=positive_integer, metavar="N", help="read so many inputs at once (default: one per processor)"
+        "--jobs",
+        type=positive_integer,
+        metavar="N",
+        help="number of inputs that are read at the same time (default: one per processor)",
     )
     add_json_option(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Reads, scores, ranks, writes, and says what came out.
+    """Reads, scores and ranks the tosses, writes the outputs, and prints the ranking.
 
     Raises:
         ContactCurationError: nothing could be ranked, or an output cannot be written.

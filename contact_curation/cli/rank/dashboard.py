@@ -31,22 +31,26 @@ POLL = 0.2
 
 
 def add_dashboard_options(parser: argparse.ArgumentParser) -> None:
-    """Adds what says where the ranking is shown."""
+    """Adds the options for the dashboard of a ranking."""
     group = parser.add_argument_group("what is shown")
     group.add_argument("--dashboard", action="store_true", help="serve the ranking to a browser, until Ctrl-C")
     group.add_argument(
-        "--rrd", "--recording", type=PathEndingIn(".rrd"), metavar="FILE.rrd", help="the same as a file for `rerun FILE.rrd`"
+        "--rrd",
+        "--recording",
+        type=PathEndingIn(".rrd"),
+        metavar="FILE.rrd",
+        help="write the dashboard to a file for `rerun FILE.rrd`",
     )
-    group.add_argument("--web-port", type=int, default=9090, metavar="PORT", help="of the page (default 9090)")
-    group.add_argument("--grpc-port", type=int, default=9876, metavar="PORT", help="of its data (default 9876)")
+    group.add_argument("--web-port", type=int, default=9090, metavar="PORT", help="port of the page (default 9090)")
+    group.add_argument("--grpc-port", type=int, default=9876, metavar="PORT", help="port of the page's data (default 9876)")
 
 
 class RankDashboard:
     """A ranking on a screen. To be ended, or to be dropped.
 
     Args:
-        arguments: of the command.
-        config: of the ranking.
+        arguments: arguments of the command.
+        config: configuration of the ranking.
 
     Raises:
         InvalidValueError: a port is in use, or the file cannot be written.

@@ -48,7 +48,7 @@ PROTOCOLS = ("budgeted", "published", "exact")
 CHOICES = {"criterion": criterion_names(), "variant": VARIANTS}
 TOLD = {"criterion": "by what the best tosses are selected"}
 DEFAULT_SHARE = 0.2
-"""Of the tosses that is held out where nothing else is said."""
+"""Share of the tosses that is held out by default."""
 
 CHECKPOINT_SECONDS = 30.0
 ONLY_WITH_TOP = ("criterion", "variant", "estimator", "rerank_every", "rerank_when_stale")
@@ -57,8 +57,8 @@ ONLY_WITH_TOP = ("criterion", "variant", "estimator", "rerank_every", "rerank_wh
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Trains a model on all tosses that pass the gates, on those that `rank` selected, or on the best K, which can be "
-        "selected again during training. Some tosses are held out: the model is not trained on them, but their loss is "
+        "Trains a model on all tosses that pass the quality checks, on those that `rank` selected, or on the best K, which can "
+        "be selected again during training. Some tosses are held out: the model is not trained on them, but their loss is "
         "monitored. Ctrl-C stops after the current gradient step and stores a checkpoint; the same command with --resume "
         "continues from it."
     )
@@ -93,23 +93,27 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
         "--protocol",
         choices=PROTOCOLS,
         default=PROTOCOLS[0],
-        help="budgeted: so many steps in batches; published: ContactNets', until the held-out loss stops falling; "
+        help="budgeted: a number of steps in batches; published: ContactNets', until the held-out loss stops falling; "
         "exact: a polytope's optimum at once (default budgeted)",
     )
     group.add_argument(
         "--steps",
         type=positive_integer,
         metavar="N",
-        help="gradient steps at most, which exact takes none of (default: of the protocol)",
+        help="largest number of gradient steps; exact takes none (default: that of the protocol)",
     )
-    group.add_argument("--seed", type=natural_number, default=0, metavar="N", help="of everything random (default 0)")
+    group.add_argument("--seed", type=natural_number, default=0, metavar="N", help="random seed of the training (default 0)")
 
 
 def _add_toss_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("which tosses it learns from (default: all)")
     chosen = group.add_mutually_exclusive_group()
-    chosen.add_argument("--manifest", type=Path, metavar="FILE", help="those that `rank` selected")
-    chosen.add_argument("--top", type=positive_integer, metavar="K", help="the best K, as the model sees them")
+    chosen.add_argument(
+        "--manifest", type=Path, metavar="FILE", help="learn from the tosses that this manifest of `rank` selected"
+    )
+    chosen.add_argument(
+        "--top", type=positive_integer, metavar="K", help="learn from the best K tosses by the model's own ranking"
+    )
     add_fields(group, RankingConfig(), *CHOICES, choices=CHOICES, told=TOLD)
     add_fields(group, ScoringConfig(), "estimator")
     again = group.add_mutually_exclusive_group()
@@ -123,17 +127,21 @@ def _add_toss_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--keep-duplicates", action="store_true", help="learn from motions, too, that are held out under another id"
     )
-    group.add_argument("--no-gate", action="store_true", help="learn from what the gates would reject, too")
+    group.add_argument("--no-gate", action="store_true", help="learn from tosses that the quality checks would reject, too")
 
 
 def _add_output_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("output")
     group.add_argument(
-        "--out", type=PathEndingIn(".safetensors"), required=True, metavar="CHECKPOINT", help="a .safetensors file"
+        "--out",
+        type=PathEndingIn(".safetensors"),
+        required=True,
+        metavar="CHECKPOINT",
+        help="checkpoint to write: a .safetensors file",
     )
     exists = group.add_mutually_exclusive_group()
-    exists.add_argument("--resume", action="store_true", help="go on where the checkpoint is, if there is one")
-    exists.add_argument("--overwrite", action="store_true", help="start over although there is one")
+    exists.add_argument("--resume", action="store_true", help="continue from the checkpoint, if there is one")
+    exists.add_argument("--overwrite", action="store_true", help="start over and replace the checkpoint")
     group.add_argument(
         "--checkpoint-every",
         type=number_from_zero,
@@ -149,7 +157,7 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Reads, trains, stores, and says how it went.
+    """Reads the tosses, trains a model, writes the checkpoint, and prints a summary.
 
     Raises:
         ContactCurationError: there is nothing to train on, the checkpoint belongs to another one, or a loss was not finite.

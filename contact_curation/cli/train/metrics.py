@@ -21,8 +21,8 @@ class TrainingMetrics:
     """Writes to one file; use it as a context manager.
 
     Args:
-        path: of the file, which is replaced, except for the lines that still hold.
-        curated: whose metrics they are.
+        path: path of the file, which is replaced, except for the lines that still hold.
+        curated: training whose metrics they are.
         start: what the first line says.
 
     Raises:

@@ -1,4 +1,4 @@
-"""What `train` says of its result: some lines for people, one object for programs."""
+"""The report of `train`: some lines for people, one object for programs."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,7 +11,7 @@ from contact_curation.pipeline.training import TrainingRun
 from contact_curation.pipeline.wording import counted_tosses
 
 LISTED = 5
-"""Selections that are told one by one."""
+"""Most selections that are reported one by one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +21,7 @@ class TrainReport:
     Attributes:
         run: what it was, and how it ended.
         tosses: what it learned from.
-        seconds: of this run [s].
+        seconds: time of this run [s].
         checkpoint: its file.
         metrics: their file.
         next_command: what one does next.
@@ -59,7 +59,7 @@ def json_report(report: TrainReport) -> dict[str, Any]:
 
 
 def print_report(report: TrainReport) -> None:
-    """For people."""
+    """Prints a report for people."""
     data, progress = report.run.curated.training.data, report.run.progress
     out_of = f" of {len(report.run.plan.tosses)}" if report.run.plan.selection else ""
     tosses = f"{len(data.toss_ids)}{out_of} tosses" if out_of else counted_tosses(len(data.toss_ids))

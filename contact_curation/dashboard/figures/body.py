@@ -19,7 +19,7 @@ FLAT = 0.999
 
 MARGIN = 1.15
 TICKS = 5
-"""At most, on an axis."""
+"""Most ticks on an axis."""
 
 VIEWS = (("From above, along -z", "xy"), ("From the front, along y", "xz"), ("From the side, along -x", "yz"))
 
@@ -29,7 +29,7 @@ class BodyPicture:
     """What the figure shows.
 
     Attributes:
-        name: of the body.
+        name: name of the body.
         vertices: (V, 3) about the centre of mass [m].
         center_of_mass: (3,) in the frame that a tracker follows [m].
         mass: [kg].

@@ -1,4 +1,4 @@
-"""Results of experiments: a panel per measure, which says what is best; a line or points per rule, with intervals.
+"""Figures of experiments: a panel per measure with its conclusion as title, a line or points per rule, with intervals.
 
 Markers differ, too, not only colours; where there are more rules than colours, those that come again are dashed. matplotlib is
 imported when a picture is drawn.
@@ -36,17 +36,17 @@ if TYPE_CHECKING:
 
 COLOURS = (BLACK, GREY, ORANGE, PURPLE, SKY_BLUE, GREEN, BLUE)
 OWN_COLOUR = VERMILION
-"""Of the series that stands out."""
+"""Colour of the series that stands out."""
 
 MARKERS = "os^vDP*Xhp<>"
 LINES = ("-", "--", ":")
 WIDTH, HEIGHT, DOTS = 5.0, 4.2, 110
 COLUMNS, LEGEND_COLUMNS = 3, 5
 LETTERS = 50
-"""Of the figure's title, in a line above one panel."""
+"""Characters in a line of the figure's title, for each panel below it."""
 
 SPREAD = 0.6
-"""Of the width between two categories that the points of all series take."""
+"""Share of the width between two categories that the points of all series take."""
 
 MANY_CATEGORIES = 8
 """More have their names upright."""
@@ -101,7 +101,7 @@ class Panel:
     """One measure.
 
     Attributes:
-        measure: with its unit.
+        measure: measure with its unit.
         series: at least one.
         logarithmic: whether the measure's axis is.
         level: to compare with, if there is one.
@@ -124,7 +124,7 @@ def save_experiment_figure(panels: Sequence[Panel], title: str, places: str, pat
         panels: at least one, all over numbers or all over categories.
         title: one line.
         places: what stands along the horizontal axis.
-        path: of the file.
+        path: path of the file.
 
     Raises:
         InvalidValueError: there is nothing to draw, or the file cannot be written there.
@@ -151,7 +151,7 @@ def save_experiment_figure(panels: Sequence[Panel], title: str, places: str, pat
 
 
 def _styles(panels: Sequence[Panel]) -> dict[str, Style]:
-    """By the name of a series, the same in all panels."""
+    """Style of each series by its name, the same in all panels."""
     names = {one.name: one.stands_out for panel in panels for one in panel.series}
     others = [name for name, stands_out in names.items() if not stands_out]
     own = Style(OWN_COLOUR.web, "o", "-")

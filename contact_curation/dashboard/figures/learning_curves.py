@@ -56,7 +56,7 @@ def save_learning_curves(
     Args:
         runs: by what chose the tosses, at least one curve each.
         title: one line.
-        path: of the file.
+        path: path of the file.
         floors: by name of the error, a level to compare with, such as that of the true parameters.
 
     Raises:

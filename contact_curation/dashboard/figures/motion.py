@@ -25,10 +25,10 @@ STYLES = ((BLUE.web, "--"), (VERMILION.web, ":"))
 WIDTH, ROW_HEIGHT, TITLE_HEIGHT, DOTS = 16.0, 3.9, 0.9, 100
 COLUMNS = (1.0, 1.0, 1.5)
 MOMENTS = (0.0, 0.35, 1.0)
-"""Of the motion, as shares of its frames: when the bodies' outlines are drawn."""
+"""Moments of the motion at which outlines are drawn, as shares of its frames."""
 
 RELEASE_FRAMES = 5
-"""Over which the direction of flight is taken."""
+"""Frames from which the direction of flight is computed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ def _draw_heights(axes: "Axes", models: Sequence[str], toss: PicturedToss) -> No
 
 
 def _draw_paths(axes: "Axes", models: Sequence[str], toss: PicturedToss) -> None:
-    """From above, the flight to the right; a dot where a motion ends."""
+    """Draws the paths from above, the flight to the right, with a dot where a motion ends."""
     for track, _, colour, line in _lines(models, toss):
         along = _along_the_flight(toss, track.positions_mm)
         axes.plot(along[:, 0], along[:, 1], line, color=colour, linewidth=1.8)
@@ -135,7 +135,7 @@ def _draw_paths(axes: "Axes", models: Sequence[str], toss: PicturedToss) -> None
 
 
 def _draw_side(axes: "Axes", models: Sequence[str], toss: PicturedToss) -> None:
-    """From the side: outlines of the bodies at a few moments, all of one moment at the same time."""
+    """Draws the bodies from the side at a few moments, the same ones for all."""
     from matplotlib.patches import Polygon
 
     axes.axhline(0.0, color=BOARD, linewidth=3.0, zorder=0)

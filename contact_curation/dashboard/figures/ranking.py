@@ -39,7 +39,7 @@ LABEL_WIDTH = 20
 """Letters in a line of a long label."""
 
 ASINH_TICKS = 7
-"""On an axis that is linear about zero only."""
+"""Largest number of ticks on an axis that is linear only about zero."""
 
 LARGEST_LINEAR_RATIO = 50.0
 """Scores that differ by more are drawn on a logarithmic axis."""
@@ -51,7 +51,7 @@ class RankingPicture:
 
     Attributes:
         title: one line.
-        criterion: of the ranking.
+        criterion: criterion of the ranking.
         scores: (K,) of all ranked tosses, best first.
         gains: (K,) marginal gains, likewise.
         selected: how many are selected.
@@ -165,7 +165,7 @@ def _draw_gains(axes: "Axes", picture: RankingPicture) -> None:
 
 
 def _draw_outcomes(axes: "Axes", picture: RankingPicture) -> None:
-    """Where all the recorded motions went."""
+    """Draws the outcomes of all recorded motions."""
     names = [fill(name, LABEL_WIDTH) for name, _ in picture.outcomes]
     counts = [count for _, count in picture.outcomes]
     colours = [SELECTED, OTHER, *[WARNING] * len(names)][: len(names)]

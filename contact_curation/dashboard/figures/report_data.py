@@ -33,14 +33,14 @@ GONE = ("died", "given up", "stopped")
 
 @dataclass(frozen=True)
 class ReportedThrow:
-    """A throw and what came of it.
+    """A throw and its outcome.
 
     Attributes:
-        number: from 1.
+        number: number from 1.
         kind: designed or exploration.
         planned: gain in log-det; None for exploration.
         realised: gain of its toss; None where it is not known.
-        outcome: of its toss, in words.
+        outcome: outcome of its toss, in words.
     """
 
     number: int
@@ -55,7 +55,7 @@ class ReportedToss:
     """A toss of the final ranking.
 
     Attributes:
-        rank: from 1.
+        rank: place in the ranking, from 1.
         toss_id: unique.
         score, gain, trace: as ranked.
         selected: whether it is in the buffer.
@@ -74,7 +74,7 @@ class ReportedEvent:
     """Something that happened to a node.
 
     Attributes:
-        seconds: since the session began.
+        seconds: time since the session began.
         event: started, died, restarted, given up or stopped.
         node: its name.
         detail: how.
@@ -95,8 +95,8 @@ class ReportData:
         facts: name and text of each line of the summary.
         throws: in order.
         ranking: best first.
-        rejected: motions that the gates rejected: id and reasons.
-        events: of the nodes, in order.
+        rejected: motions that the quality checks rejected: id and reasons.
+        events: events of the nodes, in order.
         seconds: how long the session took.
         errors: by name with its unit, (N,) held-out errors at the end of the rounds of training; none without held-out tosses.
         throws_then: (N,) throws that had been scored then.
@@ -121,7 +121,7 @@ def save_figures(data: ReportData, folder: Path) -> dict[str, Path]:
     """Draws what there is to draw.
 
     Args:
-        data: of the session.
+        data: data of the session.
         folder: for the PNG files.
 
     Returns:

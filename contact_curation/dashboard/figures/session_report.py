@@ -26,9 +26,9 @@ def save_report(data: ReportData, figures: Mapping[str, Path], path: Path) -> No
     """Writes the page.
 
     Args:
-        data: of the session.
+        data: data of the session.
         figures: PNG files by their titles.
-        path: of the HTML file.
+        path: path of the HTML file.
 
     Raises:
         InvalidValueError: the file cannot be written there.

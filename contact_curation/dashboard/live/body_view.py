@@ -16,13 +16,13 @@ BODY, KNOWN, FRICTION = "body", "known", "friction"
 
 DESCRIBED, LEARNED, SURE, UNSURE, TEXT, BAND = Colour(150, 150, 150), BLUE, GREEN, VERMILION, Colour(20, 20, 20), GREY
 SMALL = 0.0005
-"""[m] A point that a label hangs on."""
+"""Radius of a point that carries a label [m]."""
 
 MAGNIFIED = 10.0
 """Ellipsoids are drawn so many times as large, to be seen beside the body."""
 
 LARGEST_SHARE = 0.5
-"""Of a characteristic length: no ellipsoid is drawn larger, however little is known; its label tells the truth."""
+"""Largest drawn ellipsoid, as a share of the characteristic length; its label still gives its real size."""
 
 SURE_MM, UNSURE_MM = 0.5, 10.0
 """One standard deviation at the ends of the colours."""
@@ -35,7 +35,7 @@ class BodyView:
 
     Args:
         screen: to write to.
-        body: as it was described.
+        body: body as it was described.
     """
 
     def __init__(self, screen: Screen, body: Body) -> None:
@@ -55,8 +55,8 @@ class BodyView:
         """Writes the body at a theta; None is that of a network, whose body is as described.
 
         Args:
-            geometry: of theta.
-            uncertainty: of its vertices and friction, where that is known.
+            geometry: geometry of theta.
+            uncertainty: uncertainty of its vertices and friction, where that is known.
 
         Returns:
             The friction with its interval of one sigma, in words; empty for a network.
@@ -107,7 +107,7 @@ def ellipsoids_of(vertices: Array, uncertainty: VertexUncertainty, length_scale:
 
 
 def colour_of(millimetres: float) -> Colour:
-    """From sure to unsure by the logarithm of a standard deviation."""
+    """Colour of a standard deviation [mm], from sure to unsure on a logarithmic scale."""
     share = np.log(max(millimetres, SURE_MM) / SURE_MM) / np.log(UNSURE_MM / SURE_MM)
     mixed = np.array(SURE) + min(float(share), 1.0) * (np.array(UNSURE) - np.array(SURE))
     return Colour(*mixed.astype(int).tolist())

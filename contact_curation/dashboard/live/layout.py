@@ -27,7 +27,7 @@ UP = (0.0, 0.0, 1.0)
 
 
 def live_layout(body: Body) -> rrb.Blueprint:
-    """Of a session: everything."""
+    """Layout of a session: all views."""
     seen = rrb.Vertical(_motion(), _body(body), row_shares=[1.1, 1.0])
     chosen = rrb.Vertical(_summary(), _ranking(), _throws(), _rejected(), row_shares=[0.56, 1.5, 0.75, 0.5])
     more = rrb.Tabs(_health(), _spectrum(), _epsilon(), _losses())
@@ -36,7 +36,7 @@ def live_layout(body: Body) -> rrb.Blueprint:
 
 
 def ranking_layout(body: Body) -> rrb.Blueprint:
-    """Of a ranking of recordings: what there is without a session."""
+    """Layout of a ranking of recordings: the views that need no session."""
     seen = rrb.Vertical(_motion(), _body(body), row_shares=[1.1, 1.0])
     chosen = rrb.Vertical(_summary(), _ranking(), _rejected(), row_shares=[0.5, 2.2, 0.6])
     known = rrb.Vertical(_friction(), _known(), rrb.Tabs(_spectrum(), _epsilon()), row_shares=[1.0, 1.0, 1.3])
@@ -126,5 +126,5 @@ def _spectrum() -> rrb.BarChartView:
 
 
 def _curves(origin: str, name: str) -> rrb.TimeSeriesView:
-    """Curves told apart by their colours in the view's name; a legend would lie on them, as Rerun has none beside them."""
+    """A view of curves whose colours its name gives; Rerun can draw a legend only on top of the curves."""
     return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=rrb.PlotLegend(visible=False))

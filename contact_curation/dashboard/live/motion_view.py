@@ -41,7 +41,7 @@ class MotionView:
 
     Args:
         screen: to write to.
-        body: as it was described.
+        body: body as it was described.
     """
 
     def __init__(self, screen: Screen, body: Body) -> None:

@@ -10,7 +10,7 @@ from contact_curation.dashboard.live.body_view import BodyView
 from contact_curation.dashboard.live.motion_view import MotionView
 from contact_curation.dashboard.live.ranking_view import GateView, RankingView
 from contact_curation.dashboard.live.screen import Moment, Screen
-from contact_curation.dashboard.live.summary_view import Standing, SummaryView
+from contact_curation.dashboard.live.summary_view import SessionOverview, SummaryView
 from contact_curation.dashboard.live.toss_names import zoned
 from contact_curation.dashboard.toss_motion import ShownTheta, motion_of
 from contact_curation.dashboard.vertex_uncertainty import uncertainty_if_known
@@ -21,7 +21,7 @@ from contact_curation.motion.toss import Toss
 
 @dataclass(frozen=True)
 class RejectedMotion:
-    """A motion that the gates rejected: its id, its number of frames, and why."""
+    """A motion that the quality checks rejected: its id, its number of frames, and why."""
 
     toss_id: str
     frames: int
@@ -42,13 +42,13 @@ def show_ranked(
 
     Args:
         screen: to write to.
-        body: as it was described.
-        theta: that the tosses were scored at.
-        loss: that impulses are found with.
+        body: body as it was described.
+        theta: theta that the tosses were scored at.
+        loss: loss that impulses are found with.
         pool: all tosses that were ranked.
         selected: those that are selected.
         tosses: the selected ones, by id.
-        rejected: what the gates rejected.
+        rejected: what the quality checks rejected.
 
     Raises:
         InvalidValueError: theta cannot be rolled out.
@@ -60,8 +60,8 @@ def show_ranked(
         gates.show(one.toss_id, one.frames, one.reasons)
     numbers = {toss_id: place for place, toss_id in enumerate(selected.toss_ids, start=1)}
     rankings.show_page(selected, evidence_of(pool, selected), {one: place for one, place in numbers.items() if one in tosses})
-    standing = Standing(tosses=len(pool), selected=len(selected.toss_ids), rejected=len(rejected))
-    summary.show(standing)
+    overview = SessionOverview(tosses=len(pool), selected=len(selected.toss_ids), rejected=len(rejected))
+    summary.show(overview)
     subspace = pool_subspace(pool, DEFAULT.cut)
     bodies.show(theta.geometry, uncertainty_if_known(pool, ()))
     for place, toss_id in enumerate(selected.toss_ids, start=1):
@@ -72,4 +72,4 @@ def show_ranked(
             motion = motion_of(tosses[toss_id], body, theta, loss)
             motions.show(motion, place, "rank")
             drawn = f"rank {place}, the toss of {zoned(toss_id)}"
-            summary.show(replace(standing, friction=friction, drawn=drawn, error=motion.position_error))
+            summary.show(replace(overview, friction=friction, drawn=drawn, error=motion.position_error))

@@ -1,4 +1,4 @@
-"""Views: the ranking with its reasons, the selected set's spectrum, epsilon over the session, and what the gates rejected."""
+"""Views: the ranking with its reasons, the selected set's spectrum, epsilon over the session, and the rejected motions."""
 
 from collections.abc import Mapping, Sequence
 

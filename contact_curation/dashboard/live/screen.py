@@ -19,7 +19,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.toss import NANOSECONDS
 
 WHOLE, LARGE = 100.0, 1e6
-"""Between these a number is shown without decimals or an exponent."""
+"""Numbers between these are shown without decimals and exponent."""
 
 STRUCTURE = str.maketrans({"|": "\\|", "\n": " ", "\r": " "})
 """What would end a cell."""
@@ -50,7 +50,7 @@ class Moment:
 
     Attributes:
         toss: how many tosses there were.
-        stamp_ns: of the newest.
+        stamp_ns: stamp [ns] of the newest.
     """
 
     toss: int = 0
@@ -61,7 +61,7 @@ class Screen:
     """A recording to write views to.
 
     Args:
-        stream: of Rerun.
+        stream: stream of Rerun.
     """
 
     def __init__(self, stream: rr.RecordingStream) -> None:
@@ -112,7 +112,7 @@ class Screen:
         return "timestamp" if self._dates else "duration"
 
     def _times(self, stamps_ns: NDArray[np.int64]) -> dict[str, Any]:
-        """As dates or as durations: whatever the first stamp was, since a timeline is of one kind."""
+        """Stamps as dates or as durations, as the first stamp was: a timeline has one kind."""
         if self._dates is None:
             self._dates = bool(stamps_ns[0] >= FIRST_DATE_NS)
         return {self._kind: stamps_ns.astype("datetime64[ns]" if self._dates else "timedelta64[ns]")}

@@ -16,7 +16,7 @@ from contact_curation.errors import InvalidValueError
 
 APPLICATION = "contact_curation"
 BLUEPRINT = ".rbl"
-"""Of the layout's file beside a recording, for `rerun OTHER.rrd SESSION.rbl`."""
+"""Ending of the layout's file beside a recording, for `rerun OTHER.rrd SESSION.rbl`."""
 
 ANYWHERE = "0.0.0.0"
 FLUSH_PERIOD = 0.5
@@ -60,7 +60,7 @@ class ServingConfig:
 
 
 def open_screen(config: ServingConfig, layout: rrb.Blueprint) -> Screen:
-    """Opens a recording for what `config` says; it is closed with `close_screen`.
+    """Opens the server, the file, or both; close them with `close_screen`.
 
     Raises:
         InvalidValueError: a port is in use, or the file cannot be written.
@@ -98,7 +98,7 @@ def _file_sink(path: Path, index: bool) -> rr.FileSink:
 
 
 def _check_port(name: str, address: str, port: int) -> None:
-    """Rerun says that a port is taken on its own thread, too late for whoever asked."""
+    """Refuses a port that is taken; Rerun would report it later, on a thread of its own."""
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

@@ -18,7 +18,7 @@ from contact_curation.dashboard.live.learning_view import LearningView, Training
 from contact_curation.dashboard.live.motion_view import MotionView
 from contact_curation.dashboard.live.ranking_view import GateView, RankingView
 from contact_curation.dashboard.live.screen import Moment, Screen
-from contact_curation.dashboard.live.summary_view import Standing, SummaryView
+from contact_curation.dashboard.live.summary_view import SessionOverview, SummaryView
 from contact_curation.dashboard.live.throw_view import NEXT_STATE, ThrowMade, ThrowView
 from contact_curation.dashboard.live.toss_names import zoned
 from contact_curation.dashboard.toss_motion import ShownTheta, motion_of
@@ -36,10 +36,10 @@ class LiveSession:
 
     Args:
         screen: to write to.
-        body: as it was described.
+        body: body as it was described.
         theta: to begin with.
-        loss: that impulses are found with.
-        throws: that are planned in all; 0: not known.
+        loss: loss that impulses are found with.
+        throws: throws that are planned in all; 0: not known.
     """
 
     def __init__(self, screen: Screen, body: Body, theta: ShownTheta, loss: LossConfig, throws: int = 0) -> None:
@@ -63,7 +63,7 @@ class LiveSession:
         self._gates = GateView(screen)
         self._healths = HealthView(screen)
         self._summary = SummaryView(screen)
-        self._standing = Standing(planned=throws)
+        self._overview = SessionOverview(planned=throws)
 
     @property
     def tosses(self) -> int:
@@ -71,7 +71,7 @@ class LiveSession:
         return len(self._numbers)
 
     def add_toss(self, toss: Toss) -> None:
-        """A toss that passed the gates.
+        """A toss that passed the quality checks.
 
         Raises:
             InvalidValueError: it cannot be predicted at the newest theta.
@@ -80,17 +80,17 @@ class LiveSession:
             return
         self._numbers[toss.toss_id] = len(self._numbers) + 1
         self._passed(int(toss.stamps_ns[-1]))
-        self._stands(tosses=self.tosses)
+        self._overview_changed(tosses=self.tosses)
         self._show_motion(toss)
         if self._newest is None or toss.stamps_ns[-1] > self._newest.stamps_ns[-1]:
             self._newest = toss
 
     def add_rejected(self, toss_id: str, frames: int, reasons: Sequence[str], stamp_ns: int) -> None:
-        """A motion that the gates rejected."""
+        """A motion that the quality checks rejected."""
         self._passed(stamp_ns)
         self._screen.at(Moment(len(self._numbers), stamp_ns))
         self._gates.show(toss_id, frames, reasons)
-        self._stands(rejected=self._gates.rejected)
+        self._overview_changed(rejected=self._gates.rejected)
 
     def add_information(self, information: TossInformation) -> None:
         """The information of a toss, at any theta."""
@@ -106,7 +106,7 @@ class LiveSession:
         self._passed(stamp_ns)
         self._selected = selected
         self._now()
-        self._stands(selected=len(selected.toss_ids))
+        self._overview_changed(selected=len(selected.toss_ids))
 
     def set_theta(self, theta: ShownTheta) -> None:
         """The newest theta: what `show_motion` and all tosses to come are predicted with."""
@@ -124,13 +124,13 @@ class LiveSession:
         self._learning.show(moment)
 
     def add_throw(self, throw: ThrowMade) -> None:
-        """A throw, or what became of one."""
+        """Adds a throw, or news of one."""
         self._throws[throw.commanded.throw_id] = throw
         self._now()
         throws = tuple(self._throws.values())
         self._flights.show(throws, throw)
         waiting = throws[-1].state == NEXT_STATE
-        self._stands(throws=len(throws), under_way=waiting)
+        self._overview_changed(throws=len(throws), under_way=waiting)
         self._motions.show_throw(throws[-1].commanded if waiting else None)
 
     def show_health(
@@ -169,19 +169,19 @@ class LiveSession:
     def _show_body(self, pool: Pool, selected: SelectedSet) -> None:
         geometry = self._thetas.get(selected.version, self._theta).geometry
         uncertainty = None if geometry is None else uncertainty_if_known(pool, selected.toss_ids)
-        self._stands(friction=self._bodies.show(geometry, uncertainty))
+        self._overview_changed(friction=self._bodies.show(geometry, uncertainty))
 
     def _show_motion(self, toss: Toss) -> None:
         number = self._numbers[toss.toss_id]
         motion = motion_of(toss, self._body, self._theta, self._loss)
         self._screen.at(Moment(number, int(toss.stamps_ns[0])))
         self._motions.show(motion, number)
-        self._stands(drawn=f"toss {number} of {zoned(toss.toss_id)}", error=motion.position_error)
+        self._overview_changed(drawn=f"toss {number} of {zoned(toss.toss_id)}", error=motion.position_error)
 
-    def _stands(self, **changes: Any) -> None:
-        """What is known now of where the session stands."""
-        self._standing = replace(self._standing, **changes)
-        self._summary.show(self._standing)
+    def _overview_changed(self, **changes: Any) -> None:
+        """Changes the overview and writes it."""
+        self._overview = replace(self._overview, **changes)
+        self._summary.show(self._overview)
 
     def _passed(self, stamp_ns: int) -> None:
         self._stamp_ns = max(self._stamp_ns, stamp_ns)

@@ -1,4 +1,4 @@
-"""View: where the session stands, in a few lines."""
+"""View: an overview of the session, in a few lines."""
 
 from dataclasses import dataclass
 from math import isfinite
@@ -10,15 +10,15 @@ MILLIMETRES = 1e3
 
 
 @dataclass(frozen=True)
-class Standing:
-    """Where a session stands.
+class SessionOverview:
+    """The state of a session in numbers.
 
     Attributes:
         throws: commanded so far; 0 where nobody throws.
         planned: throws in all; 0: not known.
         under_way: whether the newest throw's toss is still to come.
-        tosses: that passed the quality checks.
-        selected: of them.
+        tosses: number of tosses that passed the quality checks.
+        selected: number of selected ones.
         rejected: motions that did not pass.
         friction: what is known of it, in words; empty where that is nothing.
         drawn: the toss in the view of a toss, in words; empty before the first.
@@ -37,7 +37,7 @@ class Standing:
 
 
 class SummaryView:
-    """Writes where a session stands, when that is another than before.
+    """Writes the overview of a session when it has changed.
 
     Args:
         screen: to write to.
@@ -47,23 +47,23 @@ class SummaryView:
         self._screen = screen
         self._page = ""
 
-    def show(self, standing: Standing) -> None:
+    def show(self, overview: SessionOverview) -> None:
         """Writes it."""
-        page = summary_page(standing)
+        page = summary_page(overview)
         if page != self._page:
             self._page = page
             self._screen.text(PAGE, page)
 
 
-def summary_page(standing: Standing) -> str:
-    """Where a session stands, as a page."""
-    others = standing.tosses - standing.selected
-    counts = f"{standing.tosses} tosses: **{standing.selected} selected**, {others} not selected; {standing.rejected} rejected"
-    of = f" of {standing.planned}" if standing.planned else ""
-    state = "is under way" if standing.under_way else "is done"
-    throws = f"**Throw {standing.throws}{of}** {state}. " if standing.throws else ""
-    known = f" Friction {standing.friction}." if standing.friction else ""
-    if not standing.drawn:
+def summary_page(overview: SessionOverview) -> str:
+    """The overview of a session, as a page."""
+    others = overview.tosses - overview.selected
+    counts = f"{overview.tosses} tosses: **{overview.selected} selected**, {others} not selected; {overview.rejected} rejected"
+    of = f" of {overview.planned}" if overview.planned else ""
+    state = "is under way" if overview.under_way else "is done"
+    throws = f"**Throw {overview.throws}{of}** {state}. " if overview.throws else ""
+    known = f" Friction {overview.friction}." if overview.friction else ""
+    if not overview.drawn:
         return f"{throws}{counts}.{known}\n\nNo toss is drawn yet."
-    off = f"{MILLIMETRES * standing.error:.0f} mm off on average" if isfinite(standing.error) else "without a finite motion"
-    return f"{throws}{counts}.{known}\n\nDrawn: **{standing.drawn}**, predicted {off}."
+    off = f"{MILLIMETRES * overview.error:.0f} mm off on average" if isfinite(overview.error) else "without a finite motion"
+    return f"{throws}{counts}.{known}\n\nDrawn: **{overview.drawn}**, predicted {off}."

@@ -20,14 +20,14 @@ HEADER = ("throw", "kind", "state", "planned", "realised", "note")
 
 @dataclass(frozen=True, eq=False)
 class ThrowMade:
-    """A throw and what became of it.
+    """A throw and its outcome.
 
     Attributes:
         kind: designed or exploration.
         state: commanded, not made, executed or scored.
         commanded: the throw.
         planned: gain in log-det; 0 for exploration.
-        realised: the same, by its toss; NaN until that was scored.
+        realised: gain of its toss in log-det; NaN until that was scored.
         detail: why it explores, or was not made.
     """
 

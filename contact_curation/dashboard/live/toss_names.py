@@ -9,7 +9,7 @@ from contact_curation.dashboard.live.screen import FIRST_DATE_NS
 from contact_curation.motion.toss import NANOSECONDS, first_stamp_in
 
 PATHS = "scene/tosses"
-"""Below it every toss has its path, under its number."""
+"""Entity below which the path of each toss is, under its number."""
 
 
 def path_of(number: int) -> str:

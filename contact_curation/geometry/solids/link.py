@@ -14,7 +14,7 @@ class Link:
     """A rigid body in the frame of its file.
 
     Attributes:
-        name: of the link, the robot or the file.
+        name: name of the link, the robot or the file.
         solid: what collides, as one body of density 1 kg/m^3.
         mass: its mass properties as the file says them; None where it does not.
         friction: Coulomb coefficient; None where the file says none.
@@ -32,8 +32,8 @@ def chosen_name(path: Path, names: Sequence[str], wanted: str | None, expected: 
     """The link to take.
 
     Args:
-        path: of the file, for the message.
-        names: of the links that have collision geometry.
+        path: path of the file, for the message.
+        names: names of the links that have collision geometry.
         wanted: the name that was asked for; None for the only one.
         expected: what there was none of, for the message.
 

@@ -51,7 +51,7 @@ def read_mesh(path: Path, scale: Array) -> Mesh:
     """The body that a mesh encloses.
 
     Args:
-        path: of the file.
+        path: path of the file.
         scale: (3,) what its coordinates are multiplied with, to become metres.
 
     Raises:

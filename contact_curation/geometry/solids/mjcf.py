@@ -66,7 +66,11 @@ class _Model:
             self._take_defaults(child, child.get("class", MAIN), own)
 
     def with_defaults(self, element: Element, childclass: str) -> Element:
-        """The element with what its class gives it."""
+        """The element, completed by the defaults of its class.
+
+        Raises:
+            UnreadableInputError: there is no such class.
+        """
         chosen = element.get("class", childclass)
         if chosen not in self.defaults:
             raise UnreadableInputError(self.path, f"class of <{element.tag}>: found {chosen}, expected one of <default>")
@@ -107,7 +111,11 @@ class _Model:
         return angle if self.options.get("angle", "degree") == "radian" else float(np.radians(angle))
 
     def mesh(self, name: str) -> Mesh:
-        """A mesh of the assets."""
+        """Reads a mesh of the assets.
+
+        Raises:
+            UnreadableInputError: there is no such mesh, or it has no file, or it is posed in a way that is not understood.
+        """
         asset = self.meshes.get(name)
         if asset is None or asset.get("file") is None:
             what = f"no mesh {name} among the assets" if asset is None else f"mesh {name} without a file"
@@ -124,7 +132,7 @@ def read_mjcf(path: Path, body: str | None = None) -> Link:
     """A rigid body.
 
     Args:
-        path: of the file.
+        path: path of the file.
         body: its name; None for the only one with colliding geoms.
 
     Raises:

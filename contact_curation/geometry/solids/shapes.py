@@ -1,4 +1,4 @@
-"""The shapes that URDF and MJCF know, as points whose convex hull they are, with their exact mass properties.
+"""The shapes of URDF and MJCF as points of their convex hull, with exact mass properties.
 
 Round shapes become polytopes inside them. A prism with N sides stays r (1 - cos(pi / N)) inside its cylinder, a triangulated
 sphere as far as the middle of its largest triangle does.
@@ -15,7 +15,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.solids.mass_properties import MassProperties, combined
 
 SIDES = 16
-"""Of the prism in place of a cylinder: its 32 corners are what the solver takes."""
+"""Sides of the prism that stands for a cylinder: its 32 corners are what the solver takes."""
 
 SPHERE_ERROR = 0.00453
 """Share of the radius: so far inside the sphere is the hull of `_sphere_points` at most."""

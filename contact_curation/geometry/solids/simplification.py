@@ -63,7 +63,7 @@ def hull_corners(points: Array, most: int) -> Corners:
 
 
 def _without_flat_ones(corners: Array, tolerance: float) -> Array:
-    """Without those that lie in the hull of the others, or outside of it by rounding."""
+    """Corners without those that lie in the hull of the others, or outside of it by rounding only."""
     from scipy.spatial import ConvexHull
 
     taken = np.ones(len(corners), dtype=bool)
@@ -109,7 +109,7 @@ def _outside(points: Array, hull: "object") -> Array:
 
 
 def _largest_distance(points: Array, corners: Array) -> float:
-    """From points (N, 3) outside of a hull to it; the nearest place lies on a facet that the point is beyond."""
+    """Largest distance from points (N, 3) outside of a hull to it; the nearest place is on a facet that the point is beyond."""
     from scipy.spatial import ConvexHull
     from trimesh import triangles as triangle_geometry
 

@@ -21,7 +21,7 @@ def read_urdf(path: Path, link: str | None = None) -> Link:
     """A rigid link.
 
     Args:
-        path: of the file.
+        path: path of the file.
         link: its name; None for the only one with collision geometry.
 
     Raises:
@@ -79,7 +79,7 @@ SHAPES = {"box": _box, "cylinder": _cylinder, "capsule": _capsule, "sphere": _sp
 
 
 def _inertial(path: Path, link: Element) -> MassProperties | None:
-    """In the link's frame; the inertia is given in the axes of the inertial's own origin."""
+    """Mass properties in the link's frame; the file gives the inertia in the axes of the inertial's own origin."""
     inertial = link.find("inertial")
     if inertial is None:
         return None
@@ -93,7 +93,7 @@ def _inertial(path: Path, link: Element) -> MassProperties | None:
 
 
 def _friction(path: Path, robot: Element, link: Element, name: str) -> float | None:
-    """As Bullet and Gazebo say it; URDF itself has no friction."""
+    """Friction as Bullet or Gazebo define it; URDF itself has none."""
     said = link.find("contact/lateral_friction")
     if said is not None:
         return number(path, said, "value")

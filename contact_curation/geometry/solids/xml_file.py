@@ -22,7 +22,7 @@ def read_xml(path: Path, root: str) -> Element:
     """The root element of an XML file.
 
     Args:
-        path: of the file.
+        path: path of the file.
         root: the name that it must have.
 
     Raises:
@@ -63,12 +63,16 @@ def numbers(path: Path, element: Element, name: str, count: int, default: tuple[
 
 
 def number(path: Path, element: Element, name: str, default: float | None = None) -> float:
-    """One number; the rest as of `numbers`."""
+    """One number of an attribute; arguments and errors as of `numbers`."""
     return float(numbers(path, element, name, 1, None if default is None else (default,))[0])
 
 
 def positive(path: Path, element: Element, name: str, count: int) -> Array:
-    """(count,) positive numbers; the rest as of `numbers`."""
+    """Positive numbers (count,) of an attribute; arguments as of `numbers`.
+
+    Raises:
+        UnreadableInputError: the attribute holds no such numbers.
+    """
     found = numbers(path, element, name, count)
     if found.min() <= 0.0:
         raise UnreadableInputError(path, f"{name} of <{element.tag}>: found {element.get(name)!r}, expected positive numbers")

@@ -34,9 +34,9 @@ class RankingConfig:
 
     Attributes:
         criterion: name of a registered criterion; a stream that is not stored whole takes log-det in place of representative.
-        top: k, the number of tosses to select.
+        top: number of tosses to select.
         seed: random seed of the criterion random.
-        prior: delta: the prior information A0 is this share of the pool's mean toss (method.md 1.6).
+        prior: prior information as a share of the information of the pool's mean toss (method.md 1.6).
         normalisation: normalisation of the criterion trace: sum, mean or coherent.
         variant: variant of the criterion orthogonal: pivoted, max-cosine or literal.
         whiten: whether the criterion orthogonal whitens toss scores by the pooled information first.

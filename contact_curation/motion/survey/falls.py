@@ -80,14 +80,19 @@ class Throw:
     Attributes:
         flights: the first, and bounces; at least one.
         rest: None where it does not come to rest in sight.
-        acceleration: (3,) of its longest flight.
-        frames: of that flight.
+        span: that part of its longest flight which is one parabola.
+        acceleration: (3,) over it.
     """
 
     flights: tuple[Flight, ...]
     rest: Rest | None
+    span: Flight
     acceleration: Array
-    frames: int
+
+    @property
+    def frames(self) -> int:
+        """Of the parabola."""
+        return self.span.stop - self.span.first
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,14 +201,21 @@ def _throws(
         end = after[0].first if after and after[0].series == group[0].series else len(series[group[0].series])
         longest = max(group, key=lambda flight: flight.stop - flight.first)
         one = series[longest.series]
-        acceleration, frames = _acceleration(one, fits[longest.series], longest, noise)
+        span = _parabola(one, fits[longest.series], longest, noise)
         rest = _rest(one, fits[longest.series], group[-1].stop, end, shared)
-        throws.append(Throw(tuple(group), rest, acceleration, frames))
+        acceleration = acceleration_of(one.positions[span.first : span.stop], one.period)
+        throws.append(Throw(tuple(group), rest, span, acceleration))
     return throws
 
 
-def _acceleration(series: PoseSeries, fit: LocalFits, flight: Flight, noise: float) -> tuple[Array, int]:
-    """(3,) over as many frames as one parabola fits, and their number; grown from the window that fits best."""
+def acceleration_of(positions: Array, period: float) -> Array:
+    """(3,) of even positions (n, 3), by the parabola that fits them best."""
+    terms = np.linalg.lstsq(_powers(np.arange(len(positions))), positions, rcond=None)[0]
+    return np.asarray(terms[2] / period**2)
+
+
+def _parabola(series: PoseSeries, fit: LocalFits, flight: Flight, noise: float) -> Flight:
+    """As many frames of a flight as one parabola fits; grown from the window that fits best."""
     inside = _windows(fit, flight.first, flight.stop)
     start = int(fit.first[inside][np.argmin(fit.residuals[inside])])
     stop = start + fit.frames
@@ -218,7 +230,7 @@ def _acceleration(series: PoseSeries, fit: LocalFits, flight: Flight, noise: flo
             for at, when in ends
         ]
         if min(off) > allowed:
-            return np.asarray(terms[2] / series.period**2), stop - start
+            return Flight(flight.series, start, stop)
         start, stop = (start - 1, stop) if off[0] < off[1] else (start, stop + 1)
 
 

@@ -18,13 +18,13 @@ LARGEST_SPEED = 1e4
 LARGEST_SPIN = 1e5
 """[rad/s]"""
 MOST_FRAMES = 100_000
-"""Of a toss: over a minute at 1 kHz."""
+"""Most frames of a toss: over a minute at 1 kHz."""
 MOST_NUMBERS = 1 << 20
-"""Of a factor: 8 MiB."""
+"""Most numbers of a factor: 8 MiB."""
 LARGEST_INFORMATION = 1e60
-"""Of a score or a factor's entry, in characteristic units: its fourth power can still be computed with."""
+"""Largest score or entry of a factor, in characteristic units: its fourth power is still finite."""
 MOST_IDS = 1 << 16
-"""Of the selected tosses."""
+"""Most ids of selected tosses."""
 
 
 def check_size(name: str, values: Sized, most: int) -> None:

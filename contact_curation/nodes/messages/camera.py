@@ -1,4 +1,4 @@
-"""What a camera and its detector of tags say."""
+"""Messages of a camera and of its tag detector."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,7 +15,7 @@ from contact_curation.simulation.camera.tag_detection import Detection
 from contact_curation.simulation.camera.tag_textures import Image
 
 FAMILY_NAME = "36h11"
-"""As apriltag_ros writes it."""
+"""Tag family as apriltag_ros writes it."""
 
 
 def camera_info_message(stamped: Stamped, camera: Pinhole) -> CameraInfo:

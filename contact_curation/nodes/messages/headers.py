@@ -41,5 +41,5 @@ def header_message(stamped: Stamped) -> Header:
 
 
 def stamped_of(header: Any) -> Stamped:
-    """What a message's header says."""
+    """Stamp and frame of a message's header."""
     return Stamped(nanoseconds_of(header.stamp), str(header.frame_id))

@@ -1,4 +1,4 @@
-"""What the dashboard shows, from the messages that say it."""
+"""Translation of messages to the records that the dashboard shows."""
 
 from pathlib import Path
 from typing import Any
@@ -77,7 +77,7 @@ def selected_set_of(message: Any) -> SelectedSet:
 
 
 def training_of(message: Any) -> TrainingMoment:
-    """Where a TrainingStatus says that training stands.
+    """The state of the training in a TrainingStatus.
 
     Raises:
         InvalidValueError: a newer format.
@@ -94,7 +94,7 @@ def training_of(message: Any) -> TrainingMoment:
 
 
 def throw_made_of(message: Any) -> ThrowMade:
-    """What a ThrowReport says.
+    """The throw and its outcome in a ThrowReport.
 
     Raises:
         InvalidValueError: a newer format, or its throw is none.
@@ -111,7 +111,7 @@ def throw_made_of(message: Any) -> ThrowMade:
 
 
 def healths_of(message: Any, now: float) -> list[NodeHealth]:
-    """What the nodes in a DiagnosticArray say of themselves, heard `now` [s]."""
+    """The state of each node in a DiagnosticArray that was received at `now` [s]."""
     return [
         NodeHealth(
             name=status.name,

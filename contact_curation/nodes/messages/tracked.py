@@ -1,4 +1,4 @@
-"""A body and a board as TagSLAM tells of them: Odometry with an empty twist and a covariance, and a static transform."""
+"""Poses of body and board in TagSLAM's messages: Odometry with an empty twist and a covariance, and a static transform."""
 
 from typing import Any
 
@@ -18,8 +18,8 @@ def odometry_message(stamped: Stamped, child: str, pose: Pose, deviations: tuple
     Args:
         stamped: when, and in which frame.
         child: the body's frame.
-        pose: of the body.
-        deviations: of its position [m] and turn [rad].
+        pose: pose of the body.
+        deviations: standard deviations of its position [m] and turn [rad].
     """
     x, y, z = pose.position.tolist()
     covariance = np.diag(np.repeat(deviations, 3) ** 2).ravel()

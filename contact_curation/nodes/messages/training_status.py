@@ -19,9 +19,9 @@ def waiting_message(kind: str, revision: int, stamped: Stamped) -> TrainingStatu
     """Nothing is trained yet, and nothing is to be done for this buffer.
 
     Args:
-        kind: of the model.
-        revision: of the buffer.
-        stamped: of the buffer.
+        kind: kind of the model.
+        revision: revision of the buffer.
+        stamped: stamp and frame of the buffer.
     """
     unknown = dict.fromkeys(("training_loss", "held_out_loss", "position_error", "rotation_error"), float("nan"))
     return TrainingStatus(
@@ -41,9 +41,9 @@ def status_message(
 
     Args:
         moment: at a round's start or end.
-        version: of the parameters there.
-        errors: of the motions that they predict of held-out tosses.
-        stamped: of the newest buffer.
+        version: version of the parameters there.
+        errors: errors of the motions that they predict of held-out tosses.
+        stamped: stamp and frame of the newest buffer.
         rests_on: revision of the buffer for which nothing is left to do; None while something is.
     """
     progress = moment.progress

@@ -1,4 +1,4 @@
-"""The parameter that says which body a node works on."""
+"""The parameter `body`, which describes the body of a node."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from contact_curation.pipeline.carried_body import ASSUMED
 
 
 def declared_body(node: Node) -> Body:
-    """The body that parameter `body` describes; ContactNets' cube where it is empty, and a line that says so.
+    """Declares `body` and reads the body; if it is empty, assumes ContactNets' cube and logs a line.
 
     Raises:
         UnreadableInputError: the file describes no body.

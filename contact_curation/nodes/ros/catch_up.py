@@ -32,10 +32,10 @@ class Source:
 
     Attributes:
         message: type of the messages; with fields `sequence` and `toss_id`.
-        topic: that announces them.
+        topic: topic that announces them.
         service: type of the service; its request has `after_sequence` and `limit`, its response `last_sequence`.
-        service_name: that gives them on demand.
-        field: of the response, with the messages.
+        service_name: name of the service that gives them on demand.
+        field: field of the response, with the messages.
         page: how many are asked for at a time.
     """
 
@@ -51,8 +51,8 @@ class CatchUp:
     """Follows a source from a cursor on.
 
     Args:
-        node: that listens.
-        worker: that handles what comes.
+        node: node that listens.
+        worker: worker that handles what comes.
         source: what to follow.
         cursor: where an earlier run stopped; checked against the source before it is believed.
         handle: called on the worker with messages in order, and the cursor behind them.
@@ -121,7 +121,7 @@ class CatchUp:
             self._ask()
 
     def _ask(self) -> None:
-        """Asks for the next page, unless an answer is due already or there is nobody to ask."""
+        """Requests the next page, unless a request is under way or the service is not there."""
         with self._lock:
             if self._asked is not None:
                 return
@@ -152,7 +152,7 @@ class CatchUp:
         self._worker.do(self._ask if more else self._say_caught_up)
 
     def _same_source(self, messages: Sequence[Any], last_sequence: int) -> bool:
-        """Whether the cursor belongs to this source; a new store knows neither its number nor its toss."""
+        """Whether the cursor belongs to this source; a new store holds neither its number nor its toss."""
         if not self._confirmed:
             first = messages[0] if messages else None
             self._confirmed = first is not None and Cursor(first.sequence, first.toss_id) == self._cursor

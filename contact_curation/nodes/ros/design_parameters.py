@@ -19,7 +19,7 @@ JUDGED = ("forecast", "safety", "noise", "placement")
 
 
 def declared_thrower(node: Node, body: Body) -> Feasible | None:
-    """What the thrower says of throws; None where parameter `thrower` is empty.
+    """Declares `thrower` and gives its judge of throws; None if it is empty or `none`.
 
     Raises:
         InvalidValueError: an arm that there cannot be.

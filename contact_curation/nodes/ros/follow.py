@@ -1,4 +1,4 @@
-"""Numbered messages for whoever may miss some: from a topic, and again from the service behind it when there is time.
+"""Numbered messages of a topic for a node that may miss some: these are requested from the service later.
 
 Unlike `catch_up.CatchUp`, which queues everything in order, nothing is taken here that there is no room for: it is asked for
 again later, so that a listener that cannot keep up holds a bounded number of messages. They may come twice and in any order.
@@ -22,7 +22,7 @@ class Follow:
     """Follows a source.
 
     Args:
-        node: that listens.
+        node: node that listens.
         source: what to follow.
         offer: takes a batch of messages, or says that there is no room for it.
         idle: whether there is time for what was missed.

@@ -17,7 +17,7 @@ def check_files(words: Sequence[str]) -> None:
     """Refuses parameter files that are not there, which rcl would do in several lines.
 
     Args:
-        words: of the command line.
+        words: arguments of the command line.
 
     Raises:
         InvalidValueError: one is not there.
@@ -28,17 +28,17 @@ def check_files(words: Sequence[str]) -> None:
 
 
 def take_former_names(node: Node, name: str) -> None:
-    """Gives parameters that were given under a former name their present one, and says so.
+    """Renames parameters that were given under a former name, and logs a line.
 
     Args:
         node: before it declares any.
-        name: of the node in config/nodes.yaml.
+        name: name of the node in config/nodes.yaml.
     """
     given = node._parameter_overrides
     for former, now in FORMER_NAMES.items():
         if former in given and now in declared_parameters().get(name, {}):
             given.setdefault(now, Parameter(now, value=given.pop(former).value))
-            node.get_logger().warning(f"parameter {former} is called {now} now")
+            node.get_logger().warning(f"parameter {former} is now called {now}: use that name")
 
 
 def check_names(node: Node, name: str, words: Sequence[str]) -> None:
@@ -48,8 +48,8 @@ def check_names(node: Node, name: str, words: Sequence[str]) -> None:
 
     Args:
         node: after it has declared all.
-        name: of the node in config/nodes.yaml.
-        words: of the command line.
+        name: name of the node in config/nodes.yaml.
+        words: arguments of the command line.
 
     Raises:
         UnknownNameError: there is no parameter of that name.

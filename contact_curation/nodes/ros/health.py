@@ -15,7 +15,7 @@ PERIOD = 1.0
 
 
 class Health(NamedTuple):
-    """What a node says of itself.
+    """The state of a node.
 
     Attributes:
         message: one line.

@@ -25,10 +25,10 @@ from contact_curation.errors import ContactCurationError, UnknownNameError
 from contact_curation.nodes.ros.given_parameters import check_files, check_names, take_former_names
 
 REFUSED = (ContactCurationError, ParameterException, RCLError)
-"""What a user can cause before a node is there."""
+"""Errors that a user can cause before a node is there."""
 
 OF_RCL = re.compile(r",? at /\S+:\d+")
-"""Where in its own sources rcl found an error; nobody can do anything about it."""
+"""Place in rcl's sources that its messages end with; it is left out."""
 
 LONGEST_CLOSING = 4.5
 """[s] from the first signal to the end of the process; launch ends by force what takes over 5 s."""
@@ -66,7 +66,7 @@ class _Ending:
     """Whether the process is to end, and the limit of the time that it may take.
 
     Args:
-        name: of the node, for the message.
+        name: name of the node, for the message.
     """
 
     def __init__(self, name: str) -> None:
@@ -157,7 +157,7 @@ def _spin(node: StageNode, ending: _Ending) -> None:
 
 @contextmanager
 def _signals(end: Callable[[], None]) -> Iterator[None]:
-    """Calls `end` on a thread of its own for each SIGINT and SIGTERM, at once, whatever the main thread is doing."""
+    """Calls `end` on a thread of its own for each SIGINT and SIGTERM, at once, also while the main thread is busy."""
     heard, told = socket.socketpair()
     told.setblocking(False)
 

@@ -13,7 +13,7 @@ def is_own(node: Node, name: str, named: Container[str] = ()) -> bool:
     """Whether a topic or node is in a node's namespace, or was named by its user.
 
     Args:
-        node: that asks.
+        node: node that asks.
         name: absolute.
         named: absolute names that hold wherever they are.
     """

@@ -1,7 +1,7 @@
 """A config dataclass as ROS parameters: field paths are parameter names, docstrings descriptions, the class judges the values.
 
 A field that is itself a config gives names with dots (`gates.depth`). A field that may be None takes 0.0 for None, because a
-ROS parameter has one type.
+ROS parameter has one type; its description says so.
 """
 
 from collections.abc import Sequence
@@ -14,6 +14,9 @@ from rclpy.node import Node
 from contact_curation.configs import accepted_range, fields_of
 from contact_curation.errors import UnknownNameError
 from contact_curation.stages.parameters import as_parameter, with_parameters
+
+DERIVED = "; 0: this default"
+"""End of the description of a field that is None unless it is set."""
 
 
 def declare(
@@ -29,8 +32,8 @@ def declare(
     """Declares a parameter and gives its value.
 
     Args:
-        node: whose.
-        name: with dots between its parts.
+        node: node that has the parameter.
+        name: name with dots between its parts.
         default: also says the type.
         description: for `ros2 param describe`.
         bounds: smallest and largest accepted number.
@@ -58,7 +61,7 @@ def declare_config[Config](node: Node, default: Config, prefix: str = "", *, fix
     """Declares every field of a config as a parameter and gives the config of their values.
 
     Args:
-        node: whose parameters.
+        node: node whose parameters.
         default: a frozen dataclass.
         prefix: what its names begin with, dot included.
         fixed: the parameters cannot be changed while the node runs.
@@ -75,7 +78,7 @@ def declare_config[Config](node: Node, default: Config, prefix: str = "", *, fix
             node,
             name,
             as_parameter(field.default),
-            field.description,
+            field.description.rstrip(".") + DERIVED if field.default is None else field.description,
             bounds=accepted_range(default, field),
             choices=choices,
             fixed=fixed,

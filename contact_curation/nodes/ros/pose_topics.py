@@ -1,4 +1,4 @@
-"""Subscriptions to the topics that tell where a body is, as the graph has them: found, and matched to their publishers.
+"""Subscriptions to the topics with a body's poses: found in the graph and matched to their publishers.
 
 A reliable subscriber hears nothing from a best-effort publisher, and only a transient local one gets what was published before
 it came. So the publishers are looked at again and again, and a topic whose publishers changed is subscribed to again. What a
@@ -27,7 +27,7 @@ from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIO
 READ_TYPES = (*POSE_MESSAGES, DETECTIONS, CAMERA_INFO)
 
 LOOKS_FOR_THE_RIG = 10
-"""So many looks at the graph a body's poses wait for the rig's static transforms: a fast bag would be far ahead of them.
+"""Looks at the graph for which poses wait for the rig's static transforms: a fast bag would be far ahead of them.
 
 Discovery may find the publisher of the poses before that of the transforms, so they also wait where none was found yet."""
 
@@ -48,9 +48,9 @@ class Received(NamedTuple):
     """A message as it came.
 
     Attributes:
-        topic: that it came on.
+        topic: topic that it came on.
         published_ns: when it was published, by the middleware's clock.
-        message: of that topic's type.
+        message: message of that topic's type.
     """
 
     topic: str
@@ -62,11 +62,11 @@ class PoseTopics:
     """Follows the topics of one body.
 
     Args:
-        node: that subscribes.
+        node: node that subscribes.
         body: name of the body.
         config: which topics; the names of the node's remaps and namespace hold for them. What it leaves open is looked for
             in the node's namespace only, transforms on its `tf` and `tf_static`.
-        type_name: of the body's topic, where the graph has several under its name; empty for any.
+        type_name: ROS type of the body's topic, where the graph has several under its name; empty for any.
         depth: samples kept per topic until they are taken.
         found: called once, with the body's topic when it is found; gives per topic the time of publication up to which
             everything is known already [ns].
@@ -139,7 +139,7 @@ class PoseTopics:
             self._follow_topics([topic for topic in self.source.topics if topic not in rig])
 
     def _past(self, newest: Mapping[str, int]) -> dict[str, int]:
-        """Times of publication that lie behind the present one; the others say nothing any more."""
+        """Times of publication before the present one; later ones are from a clock that was set back."""
         past, warning = published_before(newest, Clock(clock_type=ClockType.SYSTEM_TIME).now().nanoseconds)
         if warning:
             self._node.get_logger().warning(warning)
@@ -159,7 +159,7 @@ class PoseTopics:
         return self._tf_static in self._heard or not self._subscriptions[self._tf_static][0].qos.latched
 
     def read(self, received: Received) -> tuple[str, int, tuple[Measured, ...]]:
-        """What a message says, with the topic and the time of publication that it is known by from now on.
+        """Reads a message: its topic, its time of publication [ns], and its poses.
 
         To be called on one thread, in the order in which messages came. Images may have waited for a CameraInfo, so what it
         gives counts as of the newest of them; it itself is needed again after a restart and so is never known.

@@ -11,7 +11,7 @@ RESULTS_DEPTH = 256
 
 
 def latched(depth: int) -> QoSProfile:
-    """Reliable, and the last `depth` messages are there for whoever comes late."""
+    """Reliable and transient local: late subscribers receive the last `depth` messages."""
     return profile(depth, reliable=True, latched=True)
 
 

@@ -1,4 +1,4 @@
-"""What went wrong with single messages: counted, and logged once per reason with a pause before it is said again."""
+"""Warnings of single messages: counted, and logged once per kind and period."""
 
 from collections import Counter
 
@@ -26,7 +26,7 @@ class ThrottledWarnings:
         return dict(self._counts)
 
     def note(self, kind: str, what: str) -> None:
-        """Counts a fault, and says what it was if that kind was not said lately."""
+        """Counts a fault, and logs it unless its kind was logged lately."""
         self._counts[kind] += 1
         last, now = self._said.get(kind), self._clock.now().nanoseconds
         if last is None or now - last >= PAUSE * NANOSECONDS:

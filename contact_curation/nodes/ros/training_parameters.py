@@ -1,4 +1,4 @@
-"""The parameters that say what the trainer trains, from where, and how."""
+"""The parameters of the trainer: model, first parameters, protocol, recordings to evaluate on."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -27,8 +27,8 @@ ROUND_STEPS = 400
 
 PROTOCOLS = ("auto", "exact", "budgeted")
 PROTOCOLS_EXPLAINED = (
-    "budgeted: a round is `steps` gradient steps; exact: a polytope's optimum at once, whatever the steps, batch, paces and "
-    "influence; auto: exact where there is one, that is for a polytope in the physical form"
+    "how a round trains; budgeted: takes the gradient steps of parameter steps; exact: goes to a polytope's optimum, without "
+    "steps, batch, polytope.*, network.* and influence.*; auto: exact for a polytope in the physical form, else budgeted"
 )
 
 

@@ -49,7 +49,7 @@ class Latest:
     """A job that always works on the newest state: asked for again while it waits, it is done once.
 
     Args:
-        worker: that does it.
+        worker: worker that does it.
         job: what to do.
     """
 
@@ -70,10 +70,10 @@ class Latest:
 
 
 class Inbox[Item]:
-    """What has arrived and waits for the worker: in order, and bounded, so that whoever brings more waits and loses nothing.
+    """A bounded queue of what waits for the worker: a callback that brings more waits, and nothing is lost.
 
     Args:
-        limit: so many items wait at most.
+        limit: largest number of items that wait.
         goes_on: says whether anything will be taken any more.
     """
 

@@ -73,6 +73,7 @@ class Recording:
         outcomes: tosses and rejected motions.
         losses: what could not be read, one line each.
         taken_as_on_board: whether poses in another frame than the board's are taken as given on it.
+        stamps_done: what was done to header stamps that jitter; empty where all are as they came.
     """
 
     path: str
@@ -91,6 +92,7 @@ class Recording:
     outcomes: tuple[Toss | Rejected, ...] = ()
     losses: tuple[str, ...] = ()
     taken_as_on_board: bool = False
+    stamps_done: str = ""
 
     @property
     def name(self) -> str:
@@ -166,6 +168,7 @@ def _of_bag(path: Path, reader: BagReader, config: ReadingConfig, most_messages:
         outcomes=tuple(outcomes),
         losses=reader.losses,
         taken_as_on_board=tosses.taken_as_on_board,
+        stamps_done=tosses.stamps_done,
     )
 
 

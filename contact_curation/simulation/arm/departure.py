@@ -23,12 +23,12 @@ class DepartureConfig:
 
     Attributes:
         at_first: gap that the release begins with at least; the pad is soft [m].
-        opening: by which the gap grows at least [m/s].
+        opening: smallest rate at which the gap grows [m/s].
         apart: gap that is enough at any time; the body's bounces are not known better [m].
         longest: a body that does not rest by then is not followed further [s].
         rest_speed: a body slower than this rests [m/s].
         rest_spin: and turning slower than this [rad/s].
-        rest_frames: so many times in a row.
+        rest_frames: number of successive frames at rest.
     """
 
     at_first: float = 0.001
@@ -54,8 +54,8 @@ class Departure:
     """Says of planned motions whether the arm meets the body it has released.
 
     Args:
-        body: that is thrown.
-        arm: that throws it.
+        body: body that is thrown.
+        arm: arm that throws it.
         step: between samples of a motion, and of the simulation [s].
         every: samples from one look to the next.
         config: how far they stay apart.
@@ -90,7 +90,15 @@ class Departure:
         return np.array(states)
 
     def too_near(self, flight: Array, stopping: JointPath) -> Gap | None:
-        """Where the arm, on its way from the release to rest and waiting there, comes too near to the body; None if nowhere."""
+        """Finds where the arm comes too near to the body after the release.
+
+        Args:
+            flight: (N, 13) states of the body from the release on, in SI units.
+            stopping: path of the arm from the release to rest, where it waits.
+
+        Returns:
+            The largest violation of the wanted distance; None if there is none.
+        """
         worst: Gap | None = None
         for frame, state in enumerate(flight):
             wanted = min(self._config.at_first + self._config.opening * frame * self._every * self._step, self._config.apart)
@@ -100,7 +108,7 @@ class Departure:
         return worst
 
     def _gap(self, state: Array, posture: Array) -> float:
-        """Between body and arm, or the largest that matters."""
+        """Distance between body and arm [m], or the largest that matters."""
         model, data = self._model, self._data
         data.qpos[self._place : self._place + 7], data.qpos[self._joints] = state[:7], posture
         mujoco.mj_kinematics(model, data)

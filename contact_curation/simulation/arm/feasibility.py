@@ -13,7 +13,7 @@ from contact_curation.simulation.arm.safety import GateConfig, out_of_limits
 from contact_curation.simulation.arm.throw_motion import Refused, ThrowMotion, ThrowPlanner
 
 HALVINGS = 7
-"""Of the way to a feasible throw: the nearest one is found within a hundredth of it."""
+"""Halvings of the way to a feasible throw: the nearest one is found within a hundredth of that way."""
 
 EASY_PLACE, EASY_VELOCITY = (-0.307, 0.0, 0.17), (0.6, 0.0, 0.0)
 """A throw in the middle of what the arm can do: where [m] and how fast [m/s], without spin."""
@@ -24,7 +24,7 @@ class ArmFeasibility:
     """Answers for throws, as the safety set of a design asks; an object of it is such a function.
 
     Attributes:
-        planner: of the arm's motions.
+        planner: planner of the arm's motions.
         gate: limits of commands.
     """
 
@@ -66,7 +66,11 @@ class ArmFeasibility:
 
 
 def feasible(throws: Sequence[Throw], body: Body) -> tuple[str | None, ...]:
-    """Of throws of a body, by an arm with defaults; for more than one call make an `ArmFeasibility`."""
+    """Judges throws of a body by an arm with default settings; `ArmFeasibility` is faster for more than one call.
+
+    Returns:
+        For each throw None, or in one line why the arm cannot make it.
+    """
     return ArmFeasibility(ThrowPlanner(body), GateConfig())(throws)
 
 

@@ -27,8 +27,8 @@ class ArmFrame:
 
     Attributes:
         time: simulated [s].
-        phase: of the arm.
-        progress: of the motion, 0 to 1.
+        phase: phase of the arm.
+        progress: progress of the motion, 0 to 1.
         joints: (7,) [rad].
         speeds: (7,) [rad/s].
         torques: (7,) that the motors gave [N m].

@@ -10,7 +10,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 
 PAD_RADIUS = 0.015
-"""Of the pad's sealing lip [m]."""
+"""Radius of the pad's sealing lip [m]."""
 
 SAME_PLANE = 1e-6
 """Facets whose planes differ by no more are one face."""

@@ -22,7 +22,7 @@ LINK_LENGTHS = np.array([0.333, 0.0, 0.316, 0.0, 0.384, 0.0, 0.0])
 """d [m]: along the joint's own z axis."""
 
 FLANGE = 0.107
-"""From the last joint to the flange, along its z axis [m]."""
+"""Distance from the last joint to the flange, along its z axis [m]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -88,7 +88,7 @@ FR3_LIMITS = JointLimits(
     brake_end_low=np.array([-2.7501, -1.7918, -2.9065, -3.0481, -2.8101, 0.54092, -3.0196]),
     brake_end_high=np.array([2.7501, 1.7918, 2.9065, -0.1458, 2.8101, 4.5205, 3.0196]),
 )
-"""Of a Franka Research 3."""
+"""Limits of a Franka Research 3."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,7 @@ class LimitUse:
     """Remembers the largest shares that were used.
 
     Args:
-        limits: of the joints.
+        limits: limits of the joints.
     """
 
     def __init__(self, limits: JointLimits) -> None:
@@ -124,7 +124,7 @@ class LimitUse:
 
     @property
     def peaks(self) -> Peaks:
-        """So far."""
+        """The largest shares of the limits so far."""
         return Peaks(self._torque.copy(), self._speed.copy(), self._position.copy())
 
 

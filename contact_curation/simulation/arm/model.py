@@ -37,7 +37,7 @@ JOINT_FRICTION = (0.273, 0.436, 0.320, 0.640, 0.420, 0.152, 0.282)
 small offset is left out. The controller does not know it."""
 
 GRIPPER_LENGTH = 0.105
-"""From the flange to the pad [m]."""
+"""Distance from the flange to the pad [m]."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Inertial:
 
     Attributes:
         mass: [kg].
-        centre: of mass [m].
+        centre: centre of mass [m].
         inertia: xx, yy, zz, xy, xz, yz about the centre of mass [kg m^2].
     """
 
@@ -93,7 +93,7 @@ LINKS = (
     ),
 )
 GRIPPER = Inertial(1.01, (0.0, 0.0, 0.063), (0.001, 0.001, 0.001, 0.0, 0.0, 0.0))
-"""In the flange's frame."""
+"""The gripper in the flange's frame."""
 
 SHAPES: tuple[tuple[int, tuple[float, ...], float], ...] = (
     (0, (0.0, 0.0, 0.06, 0.0, 0.0, 0.16), 0.07),
@@ -210,7 +210,7 @@ def add_arm(spec: mujoco.MjSpec, config: ArmConfig, *, meets_itself: bool, frict
     """Adds the arm to a world and gives its last link.
 
     Args:
-        spec: of the world.
+        spec: specification of the world.
         config: where it stands.
         meets_itself: whether its links hit each other and the board; in simulation the plan has seen to it.
         friction: factor on the joints' dry friction.

@@ -17,7 +17,7 @@ class RampConfig:
     """How hard joints speed up.
 
     Attributes:
-        acceleration: of a ramp [rad/s^2].
+        acceleration: acceleration of a ramp [rad/s^2].
         rise: time in which the acceleration gets there [s].
         moving: largest speed between postures, as a share of what a joint may do.
         moving_acceleration: and largest acceleration; there has to be room for braking in a stop [rad/s^2].
@@ -75,13 +75,13 @@ def ramp_way(speeds: Array, config: RampConfig) -> Array:
 
 
 def speeding_up(posture: Array, speeds: Array, step: float, config: RampConfig) -> JointPath:
-    """From rest to a posture (7,) passed with speeds (7,): samples up to and with the last, which is there exactly."""
+    """Path from rest to a posture (7,) [rad] passed with speeds (7,) [rad/s]; its last sample is that posture exactly."""
     backwards = slowing_down(posture, -speeds, step, config)
     return JointPath(backwards.positions[::-1], -backwards.speeds[::-1], backwards.accelerations[::-1])
 
 
 def slowing_down(posture: Array, speeds: Array, step: float, config: RampConfig) -> JointPath:
-    """From a posture (7,) passed with speeds (7,) to rest: samples from the first, which is there exactly."""
+    """Path from a posture (7,) [rad] passed with speeds (7,) [rad/s] to rest; its first sample is that posture exactly."""
     durations = _duration(speeds, config)
     count = int(np.ceil(durations.max() / step)) + 1
     times = np.arange(count)[:, None] * step  # (N, 1)
@@ -97,7 +97,7 @@ def slowing_down(posture: Array, speeds: Array, step: float, config: RampConfig)
 
 
 def moving(start: Array, end: Array, fastest: Array, step: float, config: RampConfig) -> JointPath:
-    """From rest at one posture (7,) to rest at another, straight in the joints' space, by a quintic.
+    """Path from rest at one posture (7,) to rest at another, straight in joint space, with a quintic time law.
 
     Args:
         start: first posture.

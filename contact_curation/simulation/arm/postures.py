@@ -36,10 +36,10 @@ class SearchConfig:
         table: postures that are tried for the table.
         neighbours: taken from the table for each face.
         refined: how many of them are brought onto the pose.
-        iterations: of the inverse kinematics at most.
+        iterations: largest number of iterations of the inverse kinematics.
         place_scale: a difference in place that counts like a turn by `turn_scale` [m].
         turn_scale: [rad].
-        seed: of the table.
+        seed: random seed of the table.
     """
 
     table: int = 120_000
@@ -113,7 +113,7 @@ class PostureSearch:
 
     Args:
         model: the arm with a body in its gripper, see `arm.planning_model`.
-        config: of the arm.
+        config: configuration of the arm.
         ramp: how its joints speed up.
         search: how hard to look.
     """

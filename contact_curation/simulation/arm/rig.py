@@ -25,7 +25,7 @@ from contact_curation.simulation.tracker_noise import TrackerNoise, TrackerNoise
 
 BOARD = "body_surface"
 PAUSE_NS = 10 * NANOSECONDS
-"""Between throws."""
+"""Pause between two throws [ns]."""
 
 
 class Seen(NamedTuple):
@@ -40,8 +40,8 @@ class ArmRig:
     """Throws one body with the simulated arm.
 
     Args:
-        body: that is thrown.
-        seed: of the gripper's delays and the tracker's noise.
+        body: body that is thrown.
+        seed: random seed of the gripper's delays and the tracker's noise.
         tracker: its faults.
     """
 

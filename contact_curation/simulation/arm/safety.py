@@ -59,7 +59,7 @@ class GateConfig:
 
 
 def out_of_limits(throw: Throw, config: GateConfig) -> str | None:
-    """Why a throw is outside of the limits of commands, whoever executes it; None if it is not."""
+    """The limit of commands that a throw breaks, in one line; None if it breaks none."""
     if not np.isfinite(throw.release).all():
         return "throw: found a number that is not finite, expected finite numbers"
     away = float(np.linalg.norm(throw.position[:2] - np.asarray(config.keep_out_place)))
@@ -174,6 +174,6 @@ class SafetyGate:
         return None
 
     def _disarm(self, reason: str) -> None:
-        """With the lock held."""
+        """Disarms; the caller holds the lock."""
         if self._armed:
             self._armed, self._reason = False, reason

@@ -41,8 +41,8 @@ class ControlConfig:
         release_jitter: the gripper opens late by the absolute value of a normal number with this standard deviation [s].
         braking: joint acceleration of a stop [rad/s^2].
         return_rate: speed of the way back after a stop, as a share of the planned motion's speed.
-        rest_speed: a body is at rest when it moves slower than this [m/s],
-        rest_spin: and when it turns slower than this [rad/s].
+        rest_speed: largest speed of a body at rest [m/s].
+        rest_spin: largest angular speed of a body at rest [rad/s].
         rest_time: time at rest before the body is taken away [s].
         longest_flight: time after which the body is taken away in any case [s].
         still: joints slower than this count as still [rad/s].
@@ -75,10 +75,10 @@ class ArmSimulation:
     """Arm, body and board, moved on frame by frame.
 
     Args:
-        body: that is thrown.
-        config: of the arm.
-        control: of its motions.
-        seed: of the gripper's delay, with the throw's name.
+        body: body that is thrown.
+        config: configuration of the arm.
+        control: control of its motions.
+        seed: random seed of the gripper's delay, with the throw's name.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class ArmSimulation:
 
     @property
     def peaks(self) -> Peaks:
-        """Of the limits, since the motion began."""
+        """The largest shares of the limits since the motion began."""
         return self._used.peaks
 
     def begin(self, motion: ThrowMotion) -> None:
@@ -149,7 +149,7 @@ class ArmSimulation:
             self.phase, self._wanted = Phase.STOPPING, 0.0
 
     def rearm(self) -> None:
-        """After a stop: goes home, back on the way it came, or forward when the body is gone."""
+        """Goes home after a stop: back along the way it came, or forward when the body is gone."""
         if self.phase is Phase.STOPPED:
             self.phase, self._wanted = Phase.RETURNING, -self.control.return_rate if self._worlds.held else 1.0
 

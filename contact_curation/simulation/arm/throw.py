@@ -20,7 +20,7 @@ class ExecutedThrow:
     """What really happened.
 
     Attributes:
-        throw: as commanded.
+        throw: throw as commanded.
         release: (13,) state of the body in the instant it was released, SI units.
         states: (T, 13) the body's states from the release on, one each `frame_period`, until it rests.
         frame_period: [s].
@@ -43,7 +43,7 @@ class ExecutedThrow:
 
     @property
     def errors(self) -> "ReleaseErrors":
-        """Of the release."""
+        """Errors of the release against the commanded throw."""
         return release_errors(self.throw, self.release)
 
 
@@ -53,9 +53,9 @@ class ReleaseErrors:
 
     Attributes:
         position: [m].
-        turn: of the orientation [rad].
+        turn: error of the orientation [rad].
         speed: relative, of the velocity's size.
-        direction: of the velocity [rad].
+        direction: error of the direction of the velocity [rad].
         spin: size of the difference of the angular velocities, in the board's frame [rad/s].
     """
 
@@ -85,9 +85,9 @@ class ArmThrower:
     """Throws a body, one throw after the other; made once per body.
 
     Args:
-        planner: of its motions.
+        planner: planner of its motions.
         control: how they are followed.
-        seed: of the gripper's delays.
+        seed: random seed of the gripper's delays.
     """
 
     def __init__(self, planner: ThrowPlanner, control: ControlConfig = DEFAULT_CONTROL, seed: int = 0) -> None:

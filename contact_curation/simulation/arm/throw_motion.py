@@ -25,11 +25,11 @@ from contact_curation.simulation.arm.postures import DEFAULT_SEARCH, Candidate, 
 from contact_curation.simulation.world import DEFAULT_WORLD
 
 FRAME_PERIOD = 1.0 / 148.0
-"""Of trackers like ContactNets' [s]."""
+"""Frame period of trackers like ContactNets' [s]."""
 
 STEPS_PER_FRAME = DEFAULT_WORLD.steps_in(FRAME_PERIOD)
 STEP = FRAME_PERIOD / STEPS_PER_FRAME
-"""Of control and simulation: 1036 Hz; the real arm is commanded at 1 kHz [s]."""
+"""Step of control and simulation [s]: 1036 Hz; the real arm is commanded at 1 kHz."""
 
 CHECKED_EVERY = 8
 """Samples between those that are checked for collisions and torques."""
@@ -45,7 +45,7 @@ class Refused(NamedTuple):
         limit: what is broken.
         found: what the best attempt needs.
         allowed: what there is.
-        unit: of both.
+        unit: unit of both.
     """
 
     limit: str
@@ -63,13 +63,13 @@ class ThrowMotion:
     """A throw that the arm can make. The last sample of each path is the first of the next.
 
     Attributes:
-        throw: as commanded.
+        throw: throw as commanded.
         candidate: posture, speeds and face at release.
         grip: the body in the last link's frame.
-        approach: from home to the wind-up, at rest at both ends.
-        swing: from the wind-up to the release.
-        stopping: from the release to rest.
-        returning: from there home.
+        approach: path from home to the wind-up, at rest at both ends.
+        swing: path from the wind-up to the release.
+        stopping: path from the release to rest.
+        returning: path from there home.
     """
 
     throw: Throw
@@ -86,8 +86,8 @@ class ThrowPlanner:
     """Plans throws of one body; made once, for its table of postures takes a while.
 
     Attributes:
-        body: that is thrown.
-        config: of the arm.
+        body: body that is thrown.
+        config: configuration of the arm.
         ramp: how its joints speed up.
         search: how hard postures are looked for.
         departure: how far arm and thrown body stay apart.
@@ -169,7 +169,7 @@ class ThrowPlanner:
         return refused or ThrowMotion(throw, candidate, grip, approach, swing, stopping, returning)
 
     def _moving(self, start: Array, end: Array) -> JointPath:
-        """Between two postures, slower where an end of a range is near, as the speed limits there want it."""
+        """Path between two postures, slower where an end of a range is near, as the speed limits there require."""
         for share in (1.0, 0.5, 0.25):
             ramp = replace(self.ramp, moving=share * self.ramp.moving)
             path = moving(start, end, self.config.limits.speed, STEP, ramp)

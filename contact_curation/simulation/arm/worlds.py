@@ -1,4 +1,4 @@
-"""The two worlds of a simulated arm, and how the body passes from one to the other (`arm.model` says why there are two).
+"""The two worlds of a simulated arm, and how the body passes from one to the other (`arm.model` gives the reason).
 
 In one the body is part of the arm, in the other it is free. Opening the gripper hands the state of the one to the other; taking
 the body puts it into the gripper without simulating how it was picked up.
@@ -32,7 +32,7 @@ class World(NamedTuple):
     """A simulated world.
 
     Attributes:
-        model: of it.
+        model: model of the world.
         data: its state.
         joints: (7,) where the arm's joints are among the state's positions.
         dofs: (7,) and among its speeds.
@@ -48,9 +48,9 @@ class ArmWorlds:
     """Arm, body and board, with the body in the gripper at first, by the first face that it can be held by.
 
     Args:
-        body: that is thrown.
-        config: of the arm, which stands at home.
-        step: of the simulation [s].
+        body: body that is thrown.
+        config: configuration of the arm, which stands at home.
+        step: step of the simulation [s].
     """
 
     def __init__(self, body: Body, config: ArmConfig, step: float) -> None:

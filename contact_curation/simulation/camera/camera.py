@@ -89,7 +89,7 @@ class CameraView:
     Args:
         body: what is tossed.
         rig: the tags on it and on the board.
-        config: of the camera.
+        config: configuration of the camera.
 
     Raises:
         MissingDependencyError: there is no EGL to render with.
@@ -120,8 +120,8 @@ class CameraView:
         """What the camera sees, (height, width) of grey values.
 
         Args:
-            pose: of the body in the board's frame.
-            rng: of the pixels' noise; None for none.
+            pose: pose of the body in the board's frame.
+            rng: random generator of the pixels' noise; None for none.
         """
         self.data.qpos[self._joint : self._joint + 7] = [*pose.position, *pose.orientation_wxyz]
         mujoco.mj_kinematics(self.model, self.data)

@@ -12,14 +12,13 @@ from contact_curation.simulation.camera.tag_textures import Image, tag_library
 
 @dataclass(frozen=True)
 class DetectorConfig:
-    """Of the AprilTag library.
+    """Settings of the AprilTag library's detector.
 
     Attributes:
         decimate: factor by which the image is reduced for the search for quads.
         blur: standard deviation of a Gaussian blur before the search [px].
         refine_edges: whether edges are moved to the strongest gradient nearby.
-        refine_corners: whether lines are then fitted to all pixels of the edges (`corner_refinement`), which the AprilTag
-            library does not do.
+        refine_corners: whether lines are fitted to all pixels of the edges afterwards, which the AprilTag library does not do.
         threads: number of threads that search for quads.
     """
 
@@ -40,7 +39,7 @@ class Detection:
     """A tag in an image, with the fields of apriltag_msgs.
 
     Attributes:
-        tag_id: of the family 36h11.
+        tag_id: id in the family 36h11.
         hamming: corrected bits.
         margin: by how much its bits differ from the threshold; the greater the surer.
         centre: (2,) [px].

@@ -31,7 +31,7 @@ def tag_library(**options: Any) -> TagLibrary:
     (pupil-labs/apriltags, issues 34 and 46). So the family is taken out of its hands, and never freed.
 
     Args:
-        options: of the wrapper's Detector.
+        options: options of the wrapper's Detector.
 
     Raises:
         MissingDependencyError: the library is not installed.
@@ -57,7 +57,7 @@ PRINT_WHITE, PRINT_BLACK = 230, 20
 
 CORNER_SIGNS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 TEXTURE_PLACES = np.array([[0, 1], [1, 1], [1, 0], [0, 0]])
-"""Of the same corners: a texture's v goes down, from its first row."""
+"""Texture coordinates of the same corners: v goes down, from the first row."""
 
 
 def tag_image(tag_id: int) -> Image:

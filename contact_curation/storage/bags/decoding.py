@@ -1,4 +1,4 @@
-"""From the bytes of stored messages to objects or CDR, by the definitions that the bag itself carries.
+"""Decoding of stored messages to objects or CDR, by the definitions that the bag itself carries.
 
 Every type gets a type store of its own: a definition that cannot be read, or that contradicts another topic's, costs only
 its own topic. Names are brought to ROS 2's form: fields of ROS 1 messages become lower case (`K` of CameraInfo is `k`).
@@ -45,9 +45,9 @@ class Definition(NamedTuple):
 
     Attributes:
         type: ROS 2 type name.
-        encoding: of the messages, `cdr` or `ros1`.
+        encoding: encoding of the messages, `cdr` or `ros1`.
         schema: definition text; empty where the bag carries none.
-        schema_encoding: of it.
+        schema_encoding: encoding of it.
     """
 
     type: str
@@ -64,7 +64,7 @@ class TypeDecoder:
         decode: bytes to message object; raises one of DECODE_ERRORS.
         to_cdr: bytes to CDR of the ROS 2 type; raises one of DECODE_ERRORS.
         schema: ROS 2 definition text.
-        schema_encoding: of it.
+        schema_encoding: encoding of it.
         type_hash: `RIHS01_...` of the definition.
     """
 

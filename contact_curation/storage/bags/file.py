@@ -1,4 +1,4 @@
-"""The bytes of an input file, read safely: no more than a bound, never beyond the end, and damage is told, not hidden.
+"""Safe reading of an input file: no more than a bound, never beyond the end; damage is an error.
 
 A damaged part is a `DamagedBagError`, which the readers catch; they go on behind it and say in `Losses` what was lost. Every
 size that a file declares is held against `BagLimits` before anything is allocated. A compressed frame of a few bytes can
@@ -27,11 +27,11 @@ class BagLimits:
     """Bounds on what reading a bag takes; far above what recorders write, far below what a machine has.
 
     Attributes:
-        chunk_bytes: of a chunk or record, stored and unpacked [B].
-        message_bytes: of one message [B].
-        reorder_bytes: of messages held back to bring overlapping chunks into order of log time [B].
-        unpacked_file_bytes: of a storage file that is compressed as a whole, on disk [B].
-        fixed_array_length: of fixed-size arrays in message definitions, which decoders unroll.
+        chunk_bytes: largest size of a chunk or record, stored and unpacked [B].
+        message_bytes: largest size of one message [B].
+        reorder_bytes: largest size of messages held back to bring overlapping chunks into order of log time [B].
+        unpacked_file_bytes: largest size of a storage file that is compressed as a whole, on disk [B].
+        fixed_array_length: largest length of fixed-size arrays in message definitions, which decoders unroll.
     """
 
     chunk_bytes: int = 256 * MEBIBYTE
@@ -76,7 +76,7 @@ class BagFile:
     """A regular file opened for reading, under a shared advisory lock that keeps `BagWriter` from replacing it.
 
     Attributes:
-        path: of the file.
+        path: path of the file.
         size: in bytes, when it was opened.
 
     Raises:
@@ -129,7 +129,7 @@ STEP = 1 << 22
 
 
 def _in_steps(read: Callable[[int], bytes], most: int) -> bytes:
-    """At most `most` bytes of a stream; what is allocated follows what is there, not what is asked for."""
+    """Reads at most `most` bytes of a stream; memory follows what is there, not what is asked for."""
     parts: list[bytes] = []
     while most > 0 and (part := read(min(most, STEP))):
         parts.append(part)
@@ -157,7 +157,7 @@ def _bz2(data: bytes, most: int) -> bytes:
 
 
 UNPACKERS: dict[str, Callable[[bytes, int], bytes]] = {"": _plain, "none": _plain, "zstd": _zstd, "lz4": _lz4, "bz2": _bz2}
-"""By the names that MCAP and ROS 1 bags use."""
+"""Decompressors by the names that MCAP and ROS 1 bags use."""
 
 
 def unpack(compression: str, data: bytes, size: int, limit: int) -> bytes:

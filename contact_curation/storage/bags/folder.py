@@ -23,7 +23,7 @@ LARGEST_METADATA = 16 << 20
 
 @dataclass(frozen=True)
 class TopicMetadata:
-    """What metadata.yaml says about one topic; `count` in messages, `qos` None where it cannot be read."""
+    """A topic in metadata.yaml: `count` in messages, `qos` None if it cannot be read."""
 
     name: str
     type: str
@@ -34,7 +34,7 @@ class TopicMetadata:
 
 @dataclass(frozen=True)
 class BagMetadata:
-    """What metadata.yaml says: names of the storage files, in their order, and the topics."""
+    """The content of metadata.yaml: names of the storage files, in their order, and the topics."""
 
     files: tuple[str, ...]
     topics: tuple[TopicMetadata, ...]
@@ -114,7 +114,7 @@ EXPECTED = "expected .mcap or .db3 files directly in it, or .pt files of Contact
 
 
 class BagFolder(NamedTuple):
-    """Storage files in their order, and what metadata.yaml says; None where there is none."""
+    """Storage files in their order, and the content of metadata.yaml; None without one."""
 
     files: tuple[Path, ...]
     metadata: BagMetadata | None
@@ -147,7 +147,7 @@ def compare(metadata: BagMetadata, counts: Mapping[Channel, int] | None, channel
     Args:
         metadata: what metadata.yaml says.
         counts: messages per channel in the storage files; None when not known.
-        channels: of all storage files.
+        channels: channels of all storage files.
         losses: where it is said.
     """
     declared = {topic.name: topic for topic in metadata.topics}
@@ -176,7 +176,7 @@ def _differences(declared: TopicMetadata | None, stored: Sequence[Channel], coun
 
 
 def _contradicts(said: object, held: set[object]) -> bool:
-    """Whether both say something, and not the same."""
+    """Whether a declared value differs from all values that are there; empty values differ from none."""
     known = {value for value in held if value}
     return bool(said) and bool(known) and said not in known
 

@@ -37,11 +37,11 @@ class BagStorage(Protocol):
 
     @property
     def name(self) -> str:
-        """Of the file."""
+        """Name of the file."""
 
     @property
     def channels(self) -> tuple[Channel, ...]:
-        """As declared so far."""
+        """The channels that are declared so far."""
 
     @property
     def extent_ns(self) -> tuple[int, int]:
@@ -119,7 +119,7 @@ def _unpacked(path: Path, limits: BagLimits, losses: Losses, stack: ExitStack) -
 
 
 DAMAGED = (McapError, StructError, OSError, EOFError, KeyError, ValueError)
-"""What the reader raises on files that were cut off or changed; it leaves the checks to whatever fails."""
+"""Errors that the readers raise on files that were cut off or changed."""
 
 
 def recorded_notes(path: Path) -> dict[str, dict[str, str]]:
@@ -160,7 +160,7 @@ class BagReader:
             compare(self._folder.metadata, self._counts(), self._channels, self._losses)
 
     def _opened_files(self, limits: BagLimits, stack: ExitStack) -> list[BagStorage]:
-        """Its storage files; of several, those that cannot be read are said and left out, as long as there is another.
+        """Opens the storage files; of several, those that cannot be read are noted and left out, while one can be read.
 
         Raises:
             UnreadableInputError: none of them can be read.
@@ -189,7 +189,7 @@ class BagReader:
         return tuple(TopicInfo(*key, None if counts is None else total) for key, total in sorted(totals.items()))
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
-        """Decoded messages in order of log time; what cannot be decoded is left out and said in `losses`.
+        """Decoded messages in order of log time; what cannot be decoded is left out and noted in `losses`.
 
         Args:
             topics: which; None for all.
@@ -201,7 +201,7 @@ class BagReader:
         return self._converter.decoded(merged(self._storages, topics))
 
     def raw_messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
-        """Messages as CDR bytes with their schema, in order of log time; also those of types nobody can decode.
+        """Messages as CDR bytes with their schema, in order of log time, also those of types that cannot be decoded.
 
         Args:
             topics: which; None for all.
@@ -213,7 +213,7 @@ class BagReader:
         return self._converter.raw(merged(self._storages, topics))
 
     def qos(self, topic: str) -> OfferedQos:
-        """What the topic was offered with; the defaults of `OfferedQos` where the bag does not say.
+        """Quality of service of the topic's publishers; the defaults of `OfferedQos` if the bag does not hold it.
 
         Raises:
             MissingTopicError: the bag lacks the topic.

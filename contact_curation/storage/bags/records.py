@@ -1,4 +1,4 @@
-"""What goes into and comes out of bags, whatever their file format: topics, messages, and the QoS they were offered with.
+"""Records of bags of all file formats: topics, messages, and the QoS of their publishers.
 
 rosbag2 keeps QoS profiles as YAML: written here as Jazzy does, read in the forms of every release. Up to metadata version 8 the
 policies are numbers, from version 9 (Jazzy) on they are names.
@@ -30,7 +30,7 @@ class TopicInfo:
     """One topic of a bag.
 
     Attributes:
-        name: with its leading slash.
+        name: name with its leading slash.
         type: ROS 2 type name, e.g. `nav_msgs/msg/Odometry`.
         count: number of messages the bag holds; None when only reading the whole bag would show it.
     """
@@ -83,11 +83,11 @@ class Channel:
     Attributes:
         topic: name.
         type: ROS 2 type name; empty where the file does not say.
-        encoding: of the messages: `cdr`, `ros1`, or something this package cannot decode.
+        encoding: encoding of the messages: `cdr`, `ros1`, or something this package cannot decode.
         schema: definition text; empty where the file carries none.
         schema_encoding: `ros2msg`, `ros2idl`, `ros1msg`, something this package cannot read, or empty.
         type_hash: `RIHS01_...`; empty where the file carries none.
-        qos: as recorded; None where the file does not say.
+        qos: quality of service as recorded; None where the file does not say.
     """
 
     topic: str

@@ -132,7 +132,7 @@ class BagWriter:
         self._writer.flush()  # type: ignore[no-untyped-call]
 
     def appear(self) -> None:
-        """Gives the storage file its name already now, as far as it is: it can be read, and stays whatever happens.
+        """Gives the storage file its name before it is complete: it can be read, and stays if the program is killed.
 
         Raises:
             InvalidValueError: the bag is to be a folder, or another of its name is being read.

@@ -36,7 +36,7 @@ LARGEST_FILE = 64 * 2**20
 """Bytes, unpacked; a minute of toss is 1.3 MB."""
 
 LARGEST_VALUE = 1e6
-"""In the files' units, far over what any tracker measures and far under what would overflow."""
+"""Largest accepted number in the files' units: far over what any tracker measures, far under what would overflow."""
 
 NO_TENSOR = (
     AssertionError,
@@ -53,7 +53,7 @@ NO_TENSOR = (
     ValueError,
     zipfile.BadZipFile,
 )
-"""What torch's reader of plain tensors and zipfile raise on other bytes: they leave the checks to whatever fails."""
+"""Errors that torch's reader of plain tensors and zipfile raise on other bytes."""
 
 SUBFOLDER = "tosses_processed"
 """Where the public repository keeps the files."""

@@ -49,7 +49,7 @@ SLANTED = ScalarPose((0.42, -0.31, 0.27), TURNED)
 
 @dataclass(frozen=True)
 class TagslamRig:
-    """A rig as TagSLAM sees it.
+    """A rig as TagSLAM records it.
 
     Attributes:
         map_frame: frame of all measurements.
@@ -59,8 +59,8 @@ class TagslamRig:
         pause: time without poses between tosses [s].
         lead_in: made-up frames before each toss.
         lead_out: and after it.
-        position_deviation: of the covariance [m].
-        turn_deviation: of the covariance [rad].
+        position_deviation: standard deviation of the covariance [m].
+        turn_deviation: standard deviation of the covariance [rad].
         rules: what the tosses were cut by; the made-up frames are fitted to them, and the bag says them.
     """
 
@@ -78,14 +78,14 @@ class TagslamRig:
 
 @dataclass(frozen=True)
 class ImportReport:
-    """What went into a bag.
+    """The content of a bag that was written.
 
     Attributes:
         tosses: how many.
-        frames: of the tosses themselves.
+        frames: number of frames of the tosses themselves.
         steps: between them.
-        timed_steps: whose time is the tracker's for certain; the others' is within the bounds that the velocities set.
-        inexact: whose velocities no stamps give, one line each.
+        timed_steps: steps whose time is the tracker's for certain; the others' is within the bounds that the velocities set.
+        inexact: files whose velocities no stamps give, one line each.
         skipped: why other files did not go in, one line each.
     """
 
@@ -119,9 +119,11 @@ def import_contactnets(
         UnreadableInputError: there is no toss in `source`; no bag is written then.
         InvalidValueError: `out` cannot be written, or no file is chosen.
     """
-    files = [file for file in contactnets_files(source) if chosen is None or _is_chosen(file, chosen)]
+    present = contactnets_files(source)
+    files = [file for file in present if chosen is None or _is_chosen(file, chosen)]
     if not files:
-        raise InvalidValueError("numbers to import", f"none among the files of {source}", "at least one")
+        expected = f"numbers such as those of {present[0].name} and {present[-1].name}"
+        raise InvalidValueError("numbers to import", f"none among the files of {source}", expected)
     skipped: list[str] = []
     inexact: list[str] = []
     steps = timed = 0

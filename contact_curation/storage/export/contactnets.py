@@ -21,7 +21,7 @@ from contact_curation.storage.datasets.contactnets import COLUMNS, CONTROL, FRAM
 from contact_curation.storage.export.selected import SelectedToss
 
 LARGEST_RATE_ERROR = 0.01
-"""A file does not say its frame rate, so all are read with the same one."""
+"""Largest relative error of a toss's frame rate: files are read with one rate, since they do not hold their own."""
 
 
 def write_contactnets(tosses: Sequence[SelectedToss], body: Body, folder: Path, *, copied: bool = True) -> None:

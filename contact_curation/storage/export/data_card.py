@@ -1,4 +1,4 @@
-"""The data card of an export: README.md, which says what the tosses are, where they come from and how they were selected.
+"""The data card of an export (README.md): what the tosses are, where they come from and how they were selected.
 
 Data cards follow Pushkarna et al., "Data Cards" (FAccT 2022), shortened to what the manifest knows. The front matter is what
 dataset hosts read. Licence and contact are left for the user to fill in: nobody else can know them.
@@ -20,7 +20,7 @@ LAYOUTS = {
     "contactnets": "ContactNets' files: `tosses_processed/0.pt` is the best toss; row N of `manifest.json` describes N.pt.",
     "lerobot": "A LeRobot dataset v3.0 with an episode per toss, best first; the manifest is `meta/curation.json`.",
 }
-"""By the format of the export."""
+"""What an export holds, by its format."""
 
 FILL_IN = "TO BE FILLED IN by whoever publishes this folder"
 
@@ -31,7 +31,7 @@ def data_card(form: str, body: Body, manifest: Manifest) -> str:
     Args:
         form: format of the export, one of `LAYOUTS`.
         body: the object that was tossed.
-        manifest: of the whole ranking, of which the selected tosses are exported.
+        manifest: manifest of the whole ranking, of which the selected tosses are exported.
     """
     return "\n".join(_lines(form, body, manifest)) + "\n"
 

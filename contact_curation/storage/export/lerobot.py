@@ -47,7 +47,7 @@ FEATURES: dict[str, dict[str, Any]] = {
     "index": {"dtype": "int64", "shape": [1], "names": None},
     "task_index": {"dtype": "int64", "shape": [1], "names": None},
 }
-"""As in meta/info.json; the last five are in every dataset of LeRobot's."""
+"""Features as in meta/info.json; the last five are in every LeRobot dataset."""
 
 Columns = dict[str, NDArray[Any]]
 
@@ -58,8 +58,8 @@ def episode_columns(toss: Toss, episode: int, first_index: int, fps: int) -> Col
     Args:
         toss: T frames.
         episode: its number.
-        first_index: of its first frame among all frames.
-        fps: of the dataset.
+        first_index: index of its first frame among all frames.
+        fps: frame rate of the dataset.
     """
     frames = np.arange(toss.frames, dtype=np.int64)
     return {
@@ -90,7 +90,7 @@ Stats = dict[str, list[float] | list[int]]
 
 
 def feature_stats(values: NDArray[Any]) -> Stats:
-    """Of the frames of one feature.
+    """Computes the statistics of one feature over its frames.
 
     Args:
         values: (N,) or (N, D).
@@ -106,7 +106,7 @@ def feature_stats(values: NDArray[Any]) -> Stats:
 
 
 def dataset_stats(columns: Mapping[str, NDArray[Any]]) -> dict[str, Stats]:
-    """Of all features, by their names."""
+    """Statistics of all features, by their names."""
     return {name: feature_stats(values) for name, values in columns.items()}
 
 
@@ -120,7 +120,7 @@ LARGEST_RATE_ERROR = 0.01
 
 PREFIX = "curation/"
 SAID_OTHERWISE = ("selected", "rejected", "reasons", "frames")
-"""Of a manifest's row: of selected tosses alike, or LeRobot's `length`."""
+"""Columns of a manifest's row that are left out: equal for all selected tosses, or LeRobot's `length`."""
 
 EVIDENCE = tuple(field for field in fields(ManifestRow) if field.name not in SAID_OTHERWISE)
 
@@ -192,7 +192,7 @@ def _episodes_table(episodes: Sequence[dict[str, Any]]) -> pa.Table:
 
 
 def _tasks_table(task: str) -> pa.Table:
-    """As pandas writes a frame whose index is the task: LeRobot looks a task's name up there."""
+    """The table of tasks as pandas writes a frame whose index is the task: LeRobot looks names up there."""
     table = pa.table({"task_index": pa.array([0], pa.int64()), "task": pa.array([task])})
     columns = [("task_index", "int64", "int64"), ("task", "unicode", "object")]
     about = {

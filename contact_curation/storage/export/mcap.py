@@ -40,7 +40,7 @@ class SubsetFile:
     """One bag to be, opened when its first message comes; use it as a context manager.
 
     Args:
-        path: of the file.
+        path: path of the file.
         windows: log times.
         source: the topics with the body's poses.
         qos: what a topic was offered with.
@@ -120,7 +120,7 @@ def write_subsets(reader: BagReader, parts: dict[Path, tuple[Window, ...]], sour
     """Writes parts of a bag as bags.
 
     Args:
-        reader: of the bag.
+        reader: reader of the bag.
         parts: log times by the file that they go to.
         source: the topics with the body's poses.
 
@@ -167,7 +167,7 @@ type Parts = dict[Path, tuple[Window, ...]]
 
 @dataclass(frozen=True, eq=False)
 class BagExport:
-    """What became of a recording.
+    """The export of one recording.
 
     Attributes:
         origin: the recording.
@@ -190,7 +190,7 @@ def export_bag(
     """Writes what a bag holds of some tosses.
 
     Args:
-        path: of the bag.
+        path: path of the bag.
         files: where each toss goes that is wanted, by its id; several may go to one file.
         body: what was tossed.
         config: how the bag is read.
@@ -214,7 +214,8 @@ def export_bag(
             if not changed:
                 break
         else:
-            raise UnreadableInputError(path, f"found toss {changed[0]} to be another in a part of it, expected the same")
+            why = f"found toss {changed[0]} changed when read from a part of it, expected the same: export to another --format"
+            raise UnreadableInputError(path, why)
     taken = {motion.toss_id: files[motion.toss_id] for motion in motions}
     others = sorted(set(again) - set(taken))
     extra = (f"{path}: the export holds motions that were not selected, too: {', '.join(others)}",) if others else ()

@@ -18,8 +18,8 @@ class SelectedToss:
     """A selected toss and its row of the manifest.
 
     Attributes:
-        toss: as it was cut from its recording.
-        row: of the manifest.
+        toss: toss as it was cut from its recording.
+        row: row of the manifest.
         origin: the recording.
     """
 

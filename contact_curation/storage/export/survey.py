@@ -122,7 +122,7 @@ class PoseTimes:
 
 
 def _stamp_of(message: Any) -> int | None:
-    """Of the header, or of the first transform."""
+    """Stamp of the header, or of the first transform."""
     try:
         return stamp_ns_of(message.header if hasattr(message, "header") else message.transforms[0].header)
     except (AttributeError, IndexError, TypeError, ValueError):
@@ -144,9 +144,9 @@ class Motion:
     """A toss or a motion that was rejected; what stays of it.
 
     Attributes:
-        toss_id: of the toss.
-        digest: of its content.
-        places: of its poses.
+        toss_id: id of the toss.
+        digest: digest of its content.
+        places: places of its poses.
     """
 
     toss_id: str
@@ -163,7 +163,7 @@ class Survey:
         source: the topics with the body's poses.
         motions: in their order.
         settle_ns: time that separates two motions.
-        times: of the poses.
+        times: times of the poses.
         left_out: what could not be used of it, one line each.
     """
 

@@ -81,7 +81,7 @@ class BagTosses:
     Attributes:
         origin: the bag.
         source: the topics that it wants.
-        settle_time: that separates two motions, as the bag's own rules say [s].
+        settle_time: settle time that separates two motions, as the bag's own rules say [s].
     """
 
     def __init__(
@@ -111,11 +111,11 @@ class BagTosses:
         self._bad_counts: dict[str, int] = {}
 
     def of(self, message: BagMessage) -> Iterator[Found]:
-        """What became complete with a message."""
+        """Yields the tosses and rejected motions that a message completes."""
         return self.taken(self.measured(message), message.topic)
 
     def taken(self, found: Iterable[Measured], topic: str) -> Iterator[Found]:
-        """What became complete with the poses in a message of a topic."""
+        """Yields the tosses and rejected motions that the poses in a message of a topic complete."""
         for measured in found:
             if isinstance(measured, FramePose):
                 self._frames.update((measured.parent, measured.child))
@@ -133,7 +133,7 @@ class BagTosses:
         yield from self._found(self._ingest.flush())
 
     def left_out(self) -> Iterator[str]:
-        """Lines about another body's poses, too few a second, too much noise, each kind left out, and no toss; as far as so."""
+        """Lines about another body's poses, a low rate, jitter, noise, each kind left out, and no toss; as far as so."""
         if self._of_another:
             yield f"found no topic named after {self._body}, expected one, or a name for it: took {self.source.body.name}"
         if self.taken_as_on_board:
@@ -142,6 +142,8 @@ class BagTosses:
         if self._steps and self._steps < LOWEST_RATE * self._stepped:
             rate = self._steps / self._stepped
             yield f"found poses of {self.source.body.name} at {rate:.3g} Hz, expected 60 Hz or more: tosses may go unseen"
+        if self.stamps_done:
+            yield f"found that {self.stamps_done}; stamp poses with the time of exposure, not of reception"
         if warning := self._ingest.noise_warning():
             yield warning
         for kind, first in self._bad.items():
@@ -152,6 +154,11 @@ class BagTosses:
             seen = ", ".join(sorted(name for name in self._frames if name)[:MOST_LISTED]) or "no frame"
             wanted = MOTION if poses else f": found {seen}, expected frames {self.source.body_frame} and {self._board}"
             yield f"found no toss in {poses} poses of {self.source.body.name}{wanted}{CHECK if poses else ''}"
+
+    @property
+    def stamps_done(self) -> str:
+        """What was done to the stamps, one line; nothing where all are as they came."""
+        return self._ingest.stamps_done
 
     @property
     def bad_poses(self) -> tuple[dict[str, int], dict[str, str]]:

@@ -1,4 +1,4 @@
-"""Each toss once: one that came before is left out, and so is another of the same id, which nobody could tell from it.
+"""Each toss once: a repeated one is left out, and so is another toss of the same id.
 
 One that was rejected, say because its recording was cut short, gives way to a whole one of the same id, whichever comes
 first: the order of the recordings does not decide which toss is ranked.
@@ -20,7 +20,7 @@ class LeftOut(NamedTuple):
 
 
 class DuplicateCheck(NamedTuple):
-    """What becomes of a toss that was seen.
+    """The decision about a toss.
 
     Attributes:
         taken: whether it is the one of its id from now on.
@@ -48,7 +48,7 @@ class KnownTosses:
 
         Args:
             toss_id: its id.
-            digest: of its content.
+            digest: digest of its content.
             where: its recording.
             whole: whether it is a toss; False for a rejected motion.
         """

@@ -1,4 +1,4 @@
-"""Pose messages become frame poses, whoever decoded them: attributes are all that is asked of a message (rclpy, rosbags, ...).
+"""Translation of pose messages to frame poses. Messages of rclpy, rosbags and others work: only attributes are read.
 
 This is where xyzw becomes wxyz, and where stamps are header stamps: log times are never looked at. Leading slashes of ROS 1
 frame names are dropped. What is no pose comes out as a `BadPose` with its reason.
@@ -29,18 +29,18 @@ type Translator = Callable[[Any, str, int], Measured]
 
 
 def with_covariance(message: Any, child: str, index: int) -> Measured:
-    """Of an Odometry or a PoseWithCovarianceStamped."""
+    """Pose of an Odometry or a PoseWithCovarianceStamped."""
     pose = message.pose.pose
     return on_header(message.header, child, pose.position, pose.orientation)
 
 
 def stamped(message: Any, child: str, index: int) -> Measured:
-    """Of a PoseStamped."""
+    """Pose of a PoseStamped."""
     return on_header(message.header, child, message.pose.position, message.pose.orientation)
 
 
 def of_array(message: Any, child: str, index: int) -> Measured:
-    """Of a PoseArray."""
+    """Pose of a PoseArray."""
     if index >= len(message.poses):
         found = f"{len(message.poses)} poses, expected one with index {index}"
         return BadPose(stamp_ns_of(message.header), child, f"pose array: found {found}")
@@ -53,7 +53,7 @@ POSE_MESSAGES: dict[str, Translator] = {
     POSE: stamped,
     POSE_ARRAY: of_array,
 }
-"""The message types that carry a body's pose, by their ROS 2 names, those that say more of it first.
+"""The message types that carry a body's pose, by their ROS 2 names, the most detailed first.
 
 Reading bags and following live topics both go by this table: another type takes a function and a line here.
 """
@@ -64,7 +64,7 @@ def measured_pose(type_name: str, message: Any, child: str, index: int = 0) -> M
 
     Args:
         type_name: ROS 2 type name.
-        message: of that type.
+        message: message of that type.
         child: frame the pose is of.
         index: which pose of a PoseArray.
 
@@ -78,7 +78,7 @@ def measured_transforms(message: Any, *, static: bool) -> tuple[Measured, ...]:
     """The transforms of a TFMessage: each a child frame in its parent.
 
     Args:
-        message: of /tf or /tf_static.
+        message: message of /tf or /tf_static.
         static: whether it came on /tf_static.
     """
     return tuple(

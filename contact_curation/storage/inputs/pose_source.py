@@ -17,7 +17,7 @@ from contact_curation.storage.tag_map_file import read_tag_rig
 TF_STATIC_NAME = "tf_static"
 TRUTH_NAME = "ground_truth"
 BODY_PREFIX = "body_"
-"""Of TagSLAM's topics; its frames are called by the name alone."""
+"""Beginning of TagSLAM's topic names; its frames have the name alone."""
 
 
 class TypedTopic(NamedTuple):
@@ -123,7 +123,7 @@ class PoseSource:
 
         Args:
             topic: its topic.
-            message: as anyone decoded it.
+            message: message, decoded by any library.
             detections: the reader of this recording, where the body's topic has detections of tags.
         """
         if detections is not None and self.camera is not None and topic in (self.camera.name, self.body.name):
@@ -137,7 +137,7 @@ class PoseSource:
         return (measured_pose(self.body.type, message, self.body_frame, self.array_index),)
 
     def _named(self, transform: Measured) -> Measured | None:
-        """With frames that TagSLAM calls `cube` and `surface` as `body_cube` and `body_surface`; None between the two names."""
+        """The transform with TagSLAM's frames renamed, `cube` to `body_cube`; None between the two names of one frame."""
         known = {frame.removeprefix(BODY_PREFIX): frame for frame in (self.body_frame, self.board_frame) if frame}
         child = known.get(transform.child, transform.child)
         if isinstance(transform, BadPose):
@@ -189,7 +189,7 @@ def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: st
 
 
 def is_of_another(topic: str, body: str, config: PoseTopicConfig) -> bool:
-    """Whether a topic that nobody named is called after another body, as TagSLAM does: `body_<name>`."""
+    """Whether a topic is called after another body, as TagSLAM does: `body_<name>`."""
     name = _last_part(topic)
     return not config.topic and name.startswith("body_") and name != config.body_frame_of(body)
 

@@ -14,17 +14,17 @@ from contact_curation.motion.segmenter_config import SegmenterConfig
 
 RULES_NOTE = "contact_curation.segmenter"
 UNSET = SegmenterConfig()
-"""By default the rest height follows from the body, and the frame period from the stamps; a recording may know better."""
+"""Rules with the defaults: rest height from the body, frame period from the stamps. A recording may set others."""
 
 
 def note_of_rules(rules: SegmenterConfig) -> dict[str, str]:
-    """The note that says a recording's rest height [m] and frame period [s], where they are set."""
+    """Makes the note of a recording's rest height [m] and frame period [s], where they are set."""
     known = {"rest_height": (rules.rest_height, UNSET.rest_height), "frame_period": (rules.frame_period, UNSET.frame_period)}
     return {name: repr(value) for name, (value, unset) in known.items() if value != unset}
 
 
 def with_recorded_rules(rules: SegmenterConfig, note: Mapping[str, str]) -> SegmenterConfig:
-    """`rules`, completed by what a recording says; what its user has set stays.
+    """Completes `rules` with those of a recording; what the user has set stays.
 
     Raises:
         InvalidValueError: the note does not hold positive numbers.
@@ -49,19 +49,19 @@ class RecordedNumbers:
 
     Attributes:
         starts_ns: stamps, ascending.
-        numbers: of the files, one each.
+        numbers: numbers of the files, one each.
     """
 
     starts_ns: tuple[int, ...] = ()
     numbers: tuple[int, ...] = ()
 
     def number_at(self, stamp_ns: int) -> int | None:
-        """The number of a toss whose first frame has this stamp; None where the recording says nothing of it."""
+        """The number of the toss whose first frame has this stamp; None if the recording has no number for it."""
         place = bisect_right(self.starts_ns, stamp_ns) - 1
         return self.numbers[place] if place >= 0 else None
 
     def note(self) -> dict[str, str]:
-        """The note that says it."""
+        """The numbers as a note of a recording."""
         return {str(number): str(start) for number, start in zip(self.numbers, self.starts_ns, strict=True)}
 
 
@@ -72,7 +72,7 @@ def number_of_file(name: str) -> int | None:
 
 
 def recorded_numbers(note: Mapping[str, str]) -> RecordedNumbers:
-    """What a recording's note says.
+    """Reads the numbers in a recording's note.
 
     Raises:
         InvalidValueError: the note does not hold stamps by number.

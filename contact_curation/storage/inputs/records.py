@@ -20,7 +20,7 @@ class InputsConfig:
         poses: which topics hold the body's poses.
         segmenter: when a motion is a toss.
         gates: what a toss must pass.
-        rig: what tracked; it is applied to motions before the gates see them.
+        rig: what tracked; it is applied to motions before the quality checks see them.
         as_stored: take ContactNets' files with the random heading and the even stamps that they are stored with. Otherwise
             both are undone (`motion.restored_toss`), so that the files give the tosses of the bag that is made of them.
     """
@@ -57,10 +57,10 @@ class InputSummary:
     """One input that was read to its end.
 
     Attributes:
-        path: as given.
-        sha256: of its bytes; of several files, of what sha256sum prints for them.
+        path: path as given.
+        sha256: SHA-256 digest of its bytes; of several files, of what sha256sum prints for them.
         topic: the pose topic; empty where the input has none.
-        first_stamp_ns: of the body's poses; None where there are none, or no stamps.
+        first_stamp_ns: stamp [ns] of the body's poses; None where there are none, or no stamps.
         last_stamp_ns: likewise.
         counts: how many "tosses", "rejected", "poses", and poses left out by kind.
         losses: what could not be read of it, one line each.

@@ -21,7 +21,7 @@ DETECTIONS = "apriltag_msgs/msg/AprilTagDetectionArray"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
 FAMILY_NAMES = {"", "36h11", FAMILY}
-"""As detectors write it; apriltag_msgs allows an empty one."""
+"""Family as detectors write it; apriltag_msgs allows an empty one."""
 
 MOST_WAITING = 4096
 """Images that wait for the first CameraInfo."""

@@ -217,7 +217,11 @@ def to_parquet(manifest: Manifest) -> bytes:
 
 
 def from_parquet(data: bytes) -> Parsed:
-    """Reads what `to_parquet` wrote."""
+    """Reads what `to_parquet` wrote.
+
+    Raises:
+        ValueError: there are more rows than a manifest may have.
+    """
     rows = pq.read_metadata(BytesIO(data)).num_rows  # a few kB can claim any number
     if rows > MOST_ROWS:
         raise ValueError(f"found {rows} rows, expected at most {MOST_ROWS}")
@@ -227,11 +231,11 @@ def from_parquet(data: bytes) -> Parsed:
 
 
 LARGEST_BYTES = 1 << 31
-"""Of a manifest file."""
+"""Largest manifest file [bytes]."""
 MOST_ROWS = 10_000_000
-"""Of a manifest."""
+"""Most rows of a manifest."""
 AROUND = 20
-"""Characters beside one that cannot be written, for the message."""
+"""Characters on each side of one that cannot be written, in the message."""
 
 
 class _Format(NamedTuple):

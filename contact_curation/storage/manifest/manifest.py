@@ -20,16 +20,16 @@ class ManifestRow:
         rejected: whether a gate rejected it, before it was scored.
         reasons: why it was rejected or not scored, one line each.
         rank: place in the ranking, from 1; None when it was not ranked.
-        score: of the toss alone, by the criterion; None when it was not ranked.
+        score: score of the toss alone, by the criterion; None when it was not ranked.
         marginal_gain: what it added when it was picked, or would add to the selected ones; None when it was not ranked.
-        trace: of its Fisher sum; None when it was not scored.
-        mean_loss: of its scored transitions; None when it was not scored.
+        trace: trace of its Fisher sum; None when it was not scored.
+        mean_loss: mean loss of its scored transitions; None when it was not scored.
         transitions: how many it has; None when it was not scored.
         not_scored: how many of them have no certified impulse; None when it was not scored.
         frames: how many poses.
-        duration: from first to last frame [s].
+        duration: time from first to last frame [s].
         input: path of the recording it was cut from.
-        input_sha256: of the recording.
+        input_sha256: SHA-256 digest of the recording.
         topic: its pose topic; empty where the input has none.
         first_stamp_ns: header stamp of its first frame.
         last_stamp_ns: header stamp of its last frame.

@@ -55,7 +55,7 @@ def ranked_manifest(
 
 
 def evidence_of(curation: Curation) -> dict[str, Diagnostic]:
-    """What the manifest says of the ranking as a whole."""
+    """The diagnostics of the ranking, as the manifest has them."""
     certificate = curation.ranking.certificate
     return {
         "dimension": curation.dimension,
@@ -75,7 +75,7 @@ def evidence_of(curation: Curation) -> dict[str, Diagnostic]:
 
 
 def _row(toss: PoolToss, entry: RankedToss | None) -> ManifestRow:
-    """A row; what is said of the information is said at the first theta."""
+    """Makes a row; its information is that at the first theta."""
     seen, origin = toss.seen, toss.seen.origin
     information = next((one for one in toss.scores if isinstance(one, TossInformation)), None)
     return ManifestRow(

@@ -55,7 +55,7 @@ class _RowsOnDisk:
         file: while it is open; its number alone could be another file's by now.
         begin: where the rows are in it [bytes].
         shape: (R, P).
-        dtype: of their numbers.
+        dtype: dtype of their numbers.
     """
 
     file: IO[bytes]

@@ -53,7 +53,7 @@ class InformationStore(Store):
     """TossInformation by toss and parameters version, in one SQLite file. Use it as a context manager.
 
     Args:
-        path: of the file; made when there is none.
+        path: path of the file; made when there is none.
 
     Attributes:
         states: what its node must remember beside the records.
@@ -120,7 +120,14 @@ class InformationStore(Store):
         self._table.drop_version(parameters_version)
 
     def keep_newest_versions(self, count: int = 2) -> tuple[str, ...]:
-        """Drops the records of all but the newest versions, which can be scored again; returns the versions dropped."""
+        """Drops the records of all but the newest versions, which can be scored again.
+
+        Returns:
+            The versions dropped.
+
+        Raises:
+            InvalidValueError: no version would be left.
+        """
         if count < 1:
             raise InvalidValueError("versions to keep", count, "at least 1")
         with self._store.transaction():

@@ -107,7 +107,7 @@ class SequencedTable:
 
     @staticmethod
     def statement(name: str) -> str:
-        """Creates the table. AUTOINCREMENT: a sequence number is never given twice, so that nobody misses a record."""
+        """Creates the table. AUTOINCREMENT: a sequence number is never used twice, so that no follower misses a record."""
         return (
             f"CREATE TABLE {name} (sequence INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL, version TEXT NOT NULL,"
             " head TEXT NOT NULL, arrays BLOB NOT NULL, extra TEXT NOT NULL, UNIQUE (id, version))"

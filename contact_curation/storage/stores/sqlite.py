@@ -3,6 +3,7 @@
 Write-ahead log, one transaction per change. With synchronous=NORMAL a commit hands its bytes to the operating system without
 waiting for the disk: the death of a process loses nothing that was committed, because the system has it; only the
 death of the machine can take the last commits, and it leaves the file consistent (sqlite.org/pragma.html#pragma_synchronous).
+What cannot be made again is followed by `reach_disk`, and survives that, too.
 """
 
 import sqlite3
@@ -28,8 +29,8 @@ class StoreSchema:
     Attributes:
         what: its name in errors, e.g. "a toss store".
         application_id: marks files of this kind, 31 bits.
-        version: of the tables; a file with a higher one is refused.
-        statements: that create the tables.
+        version: version of the tables; a file with a higher one is refused.
+        statements: SQL statements that create the tables.
         upgrades: by version, what brings a file of that version to the next one, given its connection and path.
     """
 
@@ -44,7 +45,7 @@ class SqliteStore:
     """The file under a store; may be used from several threads, one at a time in a transaction.
 
     Args:
-        path: of the file; made when there is none.
+        path: path of the file; made when there is none.
         schema: what it must look like.
 
     Raises:
@@ -85,6 +86,14 @@ class SqliteStore:
                 raise
             finally:
                 self._depth -= 1
+
+    def reach_disk(self) -> None:
+        """Waits until the disk has what was committed: then the death of the machine does not take it either.
+
+        A checkpoint writes the log to the disk before it takes anything out of it (sqlite.org/wal.html, "Checkpointing").
+        """
+        with self._lock, self._clear_errors():
+            self._connection.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchall()
 
     def execute(self, statement: str, values: Sequence[Any] = ()) -> int:
         """Runs a change in a transaction; returns the id of the row it added, if it added one."""
@@ -160,7 +169,7 @@ class Store:
     """What all stores are: one SQLite file that is closed in the end. Use them as context managers.
 
     Args:
-        path: of the file; made when there is none.
+        path: path of the file; made when there is none.
         schema: what it must look like.
 
     Raises:

@@ -18,7 +18,7 @@ class States:
     """Bytes by name, in a table of a store.
 
     Args:
-        store: with the table `STATES_TABLE`.
+        store: store with the table `STATES_TABLE`.
     """
 
     def __init__(self, store: SqliteStore) -> None:
@@ -41,7 +41,7 @@ class StateStore(Store, States):
     """Bytes by name in a SQLite file of their own, which survives a kill; use it as a context manager.
 
     Args:
-        path: of the file; made when there is none.
+        path: path of the file; made when there is none.
 
     Raises:
         UnreadableInputError: the file is no state store, or one of a newer version.

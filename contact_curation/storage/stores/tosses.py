@@ -79,7 +79,7 @@ class TossStore(Store):
     Each method is one transaction; `transaction()` makes several one. Use it as a context manager.
 
     Args:
-        path: of the file; made when there is none.
+        path: path of the file; made when there is none.
 
     Attributes:
         states: what the node must remember beside them.
@@ -129,12 +129,12 @@ class TossStore(Store):
 
     @property
     def last_sequence(self) -> int:
-        """Of the newest toss; 0 while there is none."""
+        """Sequence number of the newest toss; 0 while there is none."""
         return self._tosses.last_sequence
 
     @property
     def last_rejected_sequence(self) -> int:
-        """Of the newest rejected motion; 0 while there is none."""
+        """Sequence number of the newest rejected motion; 0 while there is none."""
         return self._rejected.last_sequence
 
     @contextmanager
@@ -142,6 +142,10 @@ class TossStore(Store):
         """Everything done inside becomes permanent together, or not at all."""
         with self._store.transaction():
             yield
+
+    def reach_disk(self) -> None:
+        """Waits until the disk has what was stored; not inside a transaction."""
+        self._store.reach_disk()
 
     def append_poses(self, poses: Sequence[JournalPose]) -> int:
         """Adds poses to the journal, every number bit for bit; returns the sequence number of the last pose ever added."""

@@ -204,7 +204,7 @@ def test_a_toss_that_comes_out_otherwise_is_an_error_and_leaves_no_word_unsaid(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(export_mcap, "digests_in", lambda *_: {})
-    with pytest.raises(UnreadableInputError, match="to be another in a part of it, expected the same"):
+    with pytest.raises(UnreadableInputError, match="changed when read from a part of it, expected the same"):
         exported(GOLDEN, list(golden_tosses())[:1], tmp_path / "part.mcap")
 
 

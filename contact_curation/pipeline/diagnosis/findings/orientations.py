@@ -9,7 +9,7 @@ import numpy as np
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.survey.falls import survey
-from contact_curation.motion.survey.rig import faces
+from contact_curation.motion.survey.rests import faces
 from contact_curation.motion.survey.series import PoseSeries
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity

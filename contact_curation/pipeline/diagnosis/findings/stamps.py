@@ -2,9 +2,6 @@
 
 import numpy as np
 
-from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.survey.falls import Flight
-from contact_curation.motion.survey.series import PoseSeries
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity, by_recording, of_recordings
 from contact_curation.pipeline.diagnosis.recording import Recording
@@ -14,12 +11,6 @@ LOWEST_RATE = 55.0
 
 MOST_DISORDER = 0.02
 """Share of stamps that stand still or go back, from which on it is a fault."""
-
-LEAST_JITTER = 1e-4
-"""[s] What cameras have anyway."""
-
-WORSE = 1.5
-"""Times what is left over with even stamps: as much with the stamps as they are, and they are not when poses were taken."""
 
 
 def zero(evidence: Evidence) -> Finding | None:
@@ -38,16 +29,17 @@ def zero(evidence: Evidence) -> Finding | None:
 
 
 def out_of_order(evidence: Evidence) -> Finding | None:
-    """Stamps that stand still or go back by less than a jump of the clock."""
+    """Stamps that stand still or go back by less than a jump of the clock, and are no jitter."""
     worst = 0.0
 
     def line(one: Recording) -> str:
         nonlocal worst
         steps = np.diff(one.measured.stamps_ns)
         still, back = int((steps == 0).sum()), int((steps < 0).sum())
-        if not still + back:
+        left_out = one.bad.get("stamp", 0)
+        if not left_out or not still + back:
             return ""
-        worst = max(worst, (still + back) / len(steps))
+        worst = max(worst, left_out / len(steps))
         parts = [f"{still} of {len(steps)} header stamps stand still"] if still else []
         farthest = -float(steps.min()) * 1e-9
         parts += (
@@ -71,34 +63,7 @@ def slow(evidence: Evidence) -> Finding | None:
 
 
 def jitter(evidence: Evidence) -> Finding | None:
-    """Falls that are parabolas over even stamps, and none over the stamps as they are."""
-    found = evidence.survey
-    flights = [max(throw.flights, key=lambda flight: flight.stop - flight.first) for throw in found.throws]
-    spreads, as_stamped, as_even = [], [], []
-    for flight in flights:
-        series = found.series[flight.series]
-        steps = series.steps[flight.first : flight.stop - 1]
-        if len(steps) < 4 or steps.max() > 1.9 * series.period:
-            continue
-        frames = np.asarray(np.arange(len(steps) + 1) * float(steps.mean()), dtype=float)
-        times = np.concatenate([[0.0], np.cumsum(steps)])
-        spreads.append(float(np.std(times - np.polyval(np.polyfit(frames, times, 1), frames))))
-        as_stamped.append(_left_over(series, flight, times))
-        as_even.append(_left_over(series, flight, frames))
-    if len(spreads) < 2:
-        return None
-    spread = float(np.median(spreads))
-    if spread < LEAST_JITTER or np.median(as_stamped) < WORSE * np.median(as_even):
-        return None
-    severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
+    """Stamps that were evened before anything else was made of the poses."""
+    found = by_recording(evidence, lambda one: one.stamps_done)
     remedy = "stamp poses with the time of exposure, not of reception"
-    what = f"header stamps jitter by {1e3 * spread:.2g} ms against the motion: falls are even at {1.0 / evidence.period:.4g} Hz"
-    return Finding(severity, what, remedy)
-
-
-def _left_over(series: PoseSeries, flight: Flight, times: Array) -> float:
-    """Root mean square of what a parabola leaves of a flight."""
-    terms = np.stack([np.ones_like(times), times, times**2], axis=1)
-    positions = series.positions[flight.first : flight.stop]
-    left = positions - terms @ np.linalg.lstsq(terms, positions, rcond=None)[0]
-    return float(np.sqrt(np.mean(np.square(left))))
+    return Finding(Severity.WARNING, of_recordings(evidence, found), remedy) if found else None

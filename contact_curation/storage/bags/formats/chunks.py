@@ -15,7 +15,7 @@ class Chunk:
     """Where a run of records lies in a file.
 
     Attributes:
-        offset: of its stored bytes in the file.
+        offset: offset of its stored bytes in the file.
         stored: number of stored bytes.
         compression: name, empty for none.
         unpacked: number of bytes once decompressed, as declared.
@@ -42,7 +42,7 @@ class ParsedChunk:
     """Records of a chunk.
 
     Attributes:
-        messages: of the wanted channels, in the order of the file.
+        messages: messages of the wanted channels, in the order of the file.
         undeclared: number of messages whose channel is declared nowhere.
         damage: why the rest could not be parsed; empty when all was.
     """

@@ -136,13 +136,13 @@ class McapWalk:
         self._loose = None
 
     def _doubt_last_index(self) -> None:
-        """Before a cut, the index of the last chunk may be incomplete."""
+        """Distrusts the index of the last chunk before a cut, which may be incomplete."""
         if self.chunks and self._loose is None:
             self.chunks[-1] = replace(self.chunks[-1], counts=None)
 
 
 def open_mcap(file: BagFile, limits: BagLimits, losses: Losses) -> ChunkedStorage:
-    """What can be read of the MCAP file `file`; what cannot is said to `losses`."""
+    """Opens an MCAP file as far as it can be read; what is lost is added to `losses`."""
     name = file.path.name
     declarations = McapDeclarations()
     summary = _summary_if_sound(file, declarations, limits, losses)
@@ -200,7 +200,7 @@ def _surveyed(file: BagFile, chunk: Chunk, declarations: McapDeclarations, limit
 
 
 def _compare(chunks: Sequence[Chunk], stop: Stop, summary: McapSummary | None, file: BagFile, losses: Losses) -> None:
-    """Says where the file is cut, and when it holds another number of messages than its index says."""
+    """Notes where the file is cut, and a number of messages that differs from that of its index."""
     name = file.path.name
     held = sum(sum((chunk.counts or {}).values()) for chunk in chunks)
     if stop.why:

@@ -74,7 +74,11 @@ def parsed(record: Any, body: bytes) -> Any:
 
 
 def parse_chunk(data: bytes, topics: Collection[str] | None, declarations: McapDeclarations) -> ParsedChunk:
-    """The messages of `topics` (None: all) in an unpacked chunk; declares the channels that it declares."""
+    """Reads the messages of `topics` (None: all) in an unpacked chunk, and declares its channels.
+
+    Raises:
+        DamagedBagError: a record is longer than the rest of the chunk, or malformed.
+    """
     messages: list[StoredMessage] = []
     undeclared, position, size = 0, 0, len(data)
     wanted = declarations.wanted(topics)
@@ -126,10 +130,10 @@ CRC_SIZE = 4
 
 @dataclass(frozen=True)
 class McapSummary:
-    """What the index says.
+    """The content of the index.
 
     Attributes:
-        chunk_offsets: of the chunk records.
+        chunk_offsets: offsets of the chunk records.
         counts: messages per channel id; None when it does not say.
         total: messages in the file; None when it does not say.
     """

@@ -158,13 +158,13 @@ def _normalized(topic: str) -> str:
 
 
 UNTIL_THE_END = 1 << 32
-"""Unpacked size of a chunk whose length was never written: whatever is there."""
+"""Unpacked size of a chunk whose length was never written: the rest of the file."""
 ENTRY = np.dtype([("seconds", "<u4"), ("nanoseconds", "<u4"), ("offset", "<u4")])
 """One index entry: a message's time and where it lies in its chunk."""
 
 
 def open_ros1(file: BagFile, limits: BagLimits, losses: Losses) -> ChunkedStorage:
-    """What can be read of the ROS 1 bag `file`; what cannot is said to `losses`.
+    """Opens a ROS 1 bag as far as it can be read; what is lost is added to `losses`.
 
     Raises:
         UnreadableInputError: the bag is encrypted.
@@ -224,7 +224,7 @@ class _Ros1Walk:
 
     def _take_header(self, record: Record) -> None:
         if record.text(b"encryptor"):
-            raise UnreadableInputError(self._file.path, "is encrypted")
+            raise UnreadableInputError(self._file.path, "is encrypted: decrypt it first (`rosbag decrypt`)")
         self._finished = record.number(b"index_pos", "<Q") != 0
 
     def _take_chunk(self, record: Record, held: int) -> None:

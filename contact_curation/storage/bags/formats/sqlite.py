@@ -18,7 +18,7 @@ LARGEST_ROW = 1_000_000_000
 """SQLite's own bound."""
 TABLES = ("topics", "messages")
 SQLITE_ERRORS = (sqlite3.Error, UnicodeDecodeError, MemoryError)
-"""Of damaged files: even SQLite's messages can be no text, and a row can claim to be larger than it is."""
+"""Errors of damaged files: even SQLite's messages can be no text, and a row can claim to be larger than it is."""
 UNFINISHED = ("-wal", "-journal")
 """What SQLite leaves beside a database whose writer was killed: part of the messages is still in there."""
 
