@@ -27,8 +27,8 @@ from contact_curation.geometry.quaternions import IDENTITY, Array
 from contact_curation.geometry.tag_rig import TagRig
 from contact_curation.geometry.tags import FAMILY, Tag, TagAxes, TagMap, in_our_axes
 
-LARGEST_FILE = 2**22
-"""Bytes."""
+LARGEST_FILE = 2**17
+"""Bytes: YAML takes some 20 microseconds each, and a whole family of tags some 60 kB."""
 
 MOST_TAGS = 587
 """In the family."""

@@ -56,3 +56,28 @@ def test_the_watch_sees_a_reader_that_writes(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setitem(TARGETS, "theta", TARGETS["theta"]._replace(read=writes))
     with pytest.raises(TouchedError):
         read("theta", b"anything")
+
+
+NESTED = "".join(f"- &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]\n" for k in range(1, 9))
+BOMBS = {
+    "aliases that stand for 43 million numbers": ("body", b"name: b\nvertices:\n- &a0 [1, 1, 1]\n" + NESTED.encode()),
+    "a list that holds itself": ("body", b"name: b\nmass: 1\nvertices: &a [*a, *a]\n"),
+    "a section that holds itself": ("node_parameters", b"/**:\n  ros__parameters: &a {b: *a}\n"),
+    "a board of nine billion tags": (
+        "tag_map",
+        b"bodies: [{t: {type: board, board: {tag_rows: 1000000000, tag_columns: 9, tag_size: 1, tag_spacing: 1}}}]",
+    ),
+    "a document type that is not in ASCII": (
+        "urdf",
+        '<?xml version="1.0" encoding="utf-16"?><!DOCTYPE robot [<!ENTITY a "b">]><robot name="&a;"/>'.encode("utf-16"),
+    ),
+}
+
+
+@pytest.mark.parametrize("bomb", BOMBS)
+def test_what_stands_for_far_more_than_it_is_is_refused_before_it_is_unfolded(bomb: str) -> None:
+    target, data = BOMBS[bomb]
+    began = time.monotonic()
+    error = read(target, data)
+    assert time.monotonic() - began < SLOWEST
+    assert any(word in str(error) for word in ("aliases", "587 tags", "document type")), str(error)
