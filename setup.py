@@ -141,7 +141,7 @@ if __name__ == "__main__":
         long_description_content_type="text/markdown",
         python_requires=">=3.12",
         packages=find_packages(include=[NAME, f"{NAME}.*"]),
-        package_data={NAME: ["py.typed", "config/*.yaml", "launch/*.py"]},
+        package_data={NAME: ["py.typed", "config/*.yaml", "config/*.xml", "launch/*.py"]},
         ext_modules=kernel_extensions(),
         cmdclass={"build_ext": BuildKernel, "bdist_wheel": TagWheel},
         data_files=[

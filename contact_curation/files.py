@@ -1,13 +1,15 @@
 """Files and folders that a user names: read whole and never further than a bound, written whole or not at all."""
 
+import fcntl
 import json
 import math
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from secrets import token_hex
+from typing import Any, BinaryIO
 
 import yaml
 
@@ -100,19 +102,30 @@ def write_atomically(path: Path, data: bytes) -> None:
     Raises:
         InvalidValueError: the file cannot be written there.
     """
-    partial = path.with_name(f".{path.name}.partial-{os.getpid()}")
-    try:
-        with partial.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        partial.replace(path)
-    except BaseException as error:  # an interrupt leaves nothing behind either
-        with suppress(OSError):
-            partial.unlink()
-        if isinstance(error, OSError):
-            raise InvalidValueError("output", path, f"a path that can be written ({error.strerror})") from error
-        raise
+    with replacing(path) as file:
+        file.write(data)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[BinaryIO]:
+    """A hidden file beside `path` that takes its name, whole, when the block ends well, and is removed when it does not.
+
+    Raises:
+        InvalidValueError: the file cannot be written there.
+    """
+    with writing(path):
+        descriptor, partial = _partial(path, _new_file)
+        try:
+            with os.fdopen(descriptor, "wb") as file:
+                yield file
+                file.flush()
+                os.fsync(descriptor)
+                partial.replace(path)  # while it is locked: nobody takes it for one that was left behind
+        except BaseException:  # an interrupt leaves nothing behind either
+            with suppress(OSError):
+                partial.unlink(missing_ok=True)
+            raise
+        _sync_folder(path.absolute().parent)
 
 
 @contextmanager
@@ -125,16 +138,78 @@ def staged_folder(path: Path) -> Iterator[Path]:
     if path.exists() and not (path.is_dir() and not any(path.iterdir())):
         what = "a folder that is not empty" if path.is_dir() else "a file"
         raise InvalidValueError("output", f"{path}, {what}", "a folder that is empty or not there yet")
-    staged = path.absolute().with_name(f".{path.name}.partial-{os.getpid()}")
+    with writing(path):
+        path.absolute().parent.mkdir(parents=True, exist_ok=True)
+        lock, staged = _partial(path.absolute(), _new_folder)
+        try:
+            yield staged
+            staged.replace(path)
+        except BaseException:
+            shutil.rmtree(staged, ignore_errors=True)
+            raise
+        finally:
+            os.close(lock)
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Says what the system refuses (a disk that is full or breaks, a folder that is not there) as an error of this output.
+
+    Raises:
+        InvalidValueError: the block raised an OSError.
+    """
     try:
-        staged.mkdir(parents=True)
+        yield
     except OSError as error:
-        raise InvalidValueError("output", path, f"a path that can be written ({error.strerror})") from error
-    try:
-        yield staged
-        staged.replace(path)
-    except BaseException as error:
-        shutil.rmtree(staged, ignore_errors=True)
-        if isinstance(error, OSError):
-            raise InvalidValueError("output", path, f"a path that can be written ({error.strerror})") from error
-        raise
+        raise InvalidValueError("output", path, f"a path that can be written ({error.strerror or error})") from error
+
+
+def _partial(path: Path, make: Callable[[Path], int]) -> tuple[int, Path]:
+    """A hidden file or folder beside `path` that is locked while its descriptor is open, and removes those that nobody locks.
+
+    They are what processes left that were killed. A name that nobody can foretell is no link to somewhere else.
+    """
+    prefix = f".{path.name}.partial-"
+    for left in [one for one in path.parent.iterdir() if one.name.startswith(prefix)]:
+        _remove_unlocked(left)
+    while True:
+        partial = path.with_name(prefix + token_hex(4))
+        descriptor = make(partial)
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if partial.exists():  # else somebody took it for one that was left behind
+            return descriptor, partial
+        os.close(descriptor)
+
+
+def _new_file(path: Path) -> int:
+    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+
+
+def _new_folder(path: Path) -> int:
+    path.mkdir()
+    return os.open(path, os.O_RDONLY)
+
+
+def _remove_unlocked(left: Path) -> None:
+    """Removes a file or folder, unless somebody has it locked or it may not be removed."""
+    with suppress(OSError):
+        descriptor = os.open(left, os.O_RDONLY | os.O_NOFOLLOW)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if left.is_dir():
+                shutil.rmtree(left)
+            else:
+                left.unlink()
+        finally:
+            os.close(descriptor)
+
+
+def _sync_folder(folder: Path) -> None:
+    """A name outlives the machine's death, too, where the file system can promise that."""
+    with suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)

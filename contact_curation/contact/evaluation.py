@@ -7,6 +7,7 @@ never zero.
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +16,7 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.compiled import evaluation as compiled_evaluation
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
-from contact_curation.contact.time_step import checked_states, checked_time_steps
+from contact_curation.contact.time_step import checked_states, checked_time_steps, step
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.solver.cone_problem import MAX_CONTACTS
@@ -135,6 +136,7 @@ def fisher_sums(
     estimator: Estimator,
     influence_bound: float = np.inf,
     config: LossConfig = DEFAULT_LOSS,
+    weights: ArrayLike | None = None,
 ) -> FisherSums:
     """Fisher matrices of K tosses, summed over their transitions.
 
@@ -143,9 +145,12 @@ def fisher_sums(
         starts: (K + 1,) toss k owns rows starts[k]:starts[k + 1].
         estimator: empirical or Gauss-Newton.
         influence_bound: a score whose loss L is above this is scaled by bound / L (method.md 2.1).
+        weights: (N,) of the losses, one over their variances; those of `transition_weights` by default. The losses that are
+            returned are without them.
 
     Raises:
-        InvalidValueError: as `evaluate`, or starts that do not cover the rows, or a bound that is not positive.
+        InvalidValueError: as `evaluate`, weights that do not fit, starts that do not cover the rows, or a bound that is not
+            positive.
     """
     first, second, periods = checked_transitions(geometry, before, after, dt)
     edges = np.ascontiguousarray(starts, dtype=np.int64)
@@ -153,7 +158,89 @@ def fisher_sums(
         raise InvalidValueError("starts", f"{edges.size} edges", f"rising edges from 0 to {len(first)}")
     if not influence_bound > 0.0:
         raise InvalidValueError("influence_bound", influence_bound, "a positive number, or inf for none")
-    count, tosses, size = len(first), edges.size - 1, 6 * geometry.vertex_count + 10
+    if weights is None:
+        weights = transition_weights(geometry, body, first, periods)
+    rows = _Rows(first, second, periods, edges)
+    each = None if weights is None else checked_weights(weights, len(first))
+    if each is None or (each == 1.0).all():
+        return _sums(geometry, body, rows, estimator, influence_bound, config)
+    return _weighted_sums(geometry, body, rows, each, estimator, influence_bound, config)
+
+
+def transition_weights(geometry: ContactGeometry, body: Body, before: ArrayLike, dt: ArrayLike) -> Array | None:
+    """(N,) one over the variances of N transitions' residuals, by the impulses that theta predicts; None for one variance.
+
+    Scores take them as given: their own slope by theta is no part of a score, as in iteratively re-weighted least squares.
+    """
+    if geometry.noise is None or geometry.noise.growth == 0.0:
+        return None
+    return np.asarray(1.0 / geometry.noise.variances(predicted_impulses(geometry, body, before, dt)))
+
+
+def predicted_impulses(geometry: ContactGeometry, body: Body, before: ArrayLike, dt: ArrayLike) -> Array:
+    """(N,) normal impulses of one time step from states (N, 13), relative to the one that carries the body at rest."""
+    steps = step(geometry, body, before, dt)
+    resting = body.mass * body.scaled_gravity * checked_time_steps(dt, len(steps.impulses))
+    return np.asarray(steps.impulses[:, :, 0].sum(axis=1) / resting)
+
+
+def checked_weights(weights: ArrayLike, count: int) -> Array:
+    """Weights (N,) of N transitions.
+
+    Raises:
+        InvalidValueError: another shape, or not all finite and positive.
+    """
+    each = np.asarray(weights, dtype=float)
+    if each.shape != (count,) or not (np.isfinite(each).all() and (each > 0.0).all()):
+        raise InvalidValueError("weights of transitions", f"shape {each.shape}", f"({count},) finite positive numbers")
+    return each
+
+
+class _Rows(NamedTuple):
+    """N checked transitions of K tosses: (N, 13), (N, 13), (N,), and (K + 1,) edges."""
+
+    before: Array
+    after: Array
+    dt: Array
+    starts: NDArray[np.int64]
+
+
+def _weighted_sums(
+    geometry: ContactGeometry,
+    body: Body,
+    rows: _Rows,
+    weights: Array,
+    estimator: Estimator,
+    influence_bound: float,
+    config: LossConfig,
+) -> FisherSums:
+    """The sums of each toss over runs of one weight each, which the kernel sums as if they were tosses."""
+    toss = np.repeat(np.arange(rows.starts.size - 1), np.diff(rows.starts))
+    order = np.lexsort((weights, toss))
+    toss, each = toss[order], weights[order]
+    changes = np.flatnonzero((np.diff(toss) != 0) | (np.diff(each) != 0.0)) + 1
+    edges = np.unique(np.concatenate([[0], changes, [len(each)]])).astype(np.int64)
+    ordered = _Rows(rows.before[order], rows.after[order], rows.dt[order], edges)
+    runs = _sums(geometry, body, ordered, estimator, influence_bound, config)
+    by_run, owner = each[edges[:-1]], toss[edges[:-1]]
+    in_fishers = by_run if estimator is Estimator.GAUSS_NEWTON else by_run**2  # its rows are residuals, the other's are scores
+    tosses = rows.starts.size - 1
+    fishers, score_sums = np.zeros((tosses, *runs.fishers.shape[1:])), np.zeros((tosses, runs.score_sums.shape[1]))
+    np.add.at(fishers, owner, in_fishers[:, None, None] * runs.fishers)
+    np.add.at(score_sums, owner, by_run[:, None] * runs.score_sums)
+    back = np.argsort(order)
+    return FisherSums(fishers, score_sums, runs.losses[back], runs.residuals[back], runs.status[back])
+
+
+def _sums(
+    geometry: ContactGeometry,
+    body: Body,
+    rows: _Rows,
+    estimator: Estimator,
+    influence_bound: float,
+    config: LossConfig,
+) -> FisherSums:
+    count, tosses, size = len(rows.dt), rows.starts.size - 1, 6 * geometry.vertex_count + 10
     terms = np.empty((count, len(LOSS_TERMS)))
     result = FisherSums(
         fishers=np.zeros((tosses, size, size)),
@@ -163,7 +250,7 @@ def fisher_sums(
         status=np.empty(count, np.int32),
     )
     compiled_evaluation.run(
-        geometry, body, config, first, second, periods, edges, KERNEL_CODES[estimator], influence_bound,
+        geometry, body, config, *rows, KERNEL_CODES[estimator], influence_bound,
         terms=terms, residual=result.residuals, status=result.status, fisher=result.fishers, score_sum=result.score_sums,
     )  # fmt: skip
     terms.sum(axis=1, out=result.losses)

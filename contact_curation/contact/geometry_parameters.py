@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from contact_curation.contact.body import Body
+from contact_curation.contact.impulse_noise import ImpulseNoise
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
@@ -29,6 +30,8 @@ class ContactGeometry:
         tangents: (2, 3) T in the board's frame, friction coefficient included.
         pivot: (3,) point of the board about which n tilts.
         height: gap of the pivot, negated.
+        noise: how the residuals' variance grows with impacts, of a theta in the rigid form (`parameter_form`); None for others,
+            whose residuals all count as of one variance.
     """
 
     vertices_normal: Array
@@ -37,6 +40,7 @@ class ContactGeometry:
     tangents: Array
     pivot: Array = field(default_factory=lambda: np.zeros(3))
     height: float = 0.0
+    noise: ImpulseNoise | None = None
 
     def __post_init__(self) -> None:
         count = np.shape(self.vertices_normal)[0] if np.ndim(self.vertices_normal) == 2 else 0

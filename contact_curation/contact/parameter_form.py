@@ -8,6 +8,7 @@ and Fisher matrices as C^T F C.
   motion (method.md 1.1): it is projected out, so that no estimator, Gauss-Newton's least of all, finds information in it.
 - ``physical``: vertices_normal, vertices_tangent, friction (its logarithm), tilt (2) about a pivot, height. The normal stays a
   unit vector, friction a number; nothing depends on where the board's origin lies once the pivot is the data's centroid.
+- ``rigid``: the same with one set of vertices, called vertices_normal: a rigid body touches and rubs at the same points.
 """
 
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ class Form(StrEnum):
 
     CONTACTNETS = "contactnets"
     PHYSICAL = "physical"
+    RIGID = "rigid"
 
 
 class Block(NamedTuple):
@@ -81,11 +83,19 @@ def is_physical(geometry: ContactGeometry) -> bool:
     return friction > 0.0 and bool(np.abs(gram - expected).max() < PHYSICAL_TOLERANCE)
 
 
+def form_of_geometry(geometry: ContactGeometry) -> Form:
+    """The form that a theta has by itself: rigid where it knows its noise, else physical where it can be."""
+    if geometry.noise is not None:
+        return Form.RIGID
+    return Form.PHYSICAL if is_physical(geometry) else Form.CONTACTNETS
+
+
 def parameter_form(geometry: ContactGeometry, form: Form) -> ParameterForm:
     """Theta of `geometry` in `form`.
 
     Raises:
-        InvalidValueError: the physical form is wanted of a geometry that is not (see `is_physical`).
+        InvalidValueError: the physical form is wanted of a geometry that is not (see `is_physical`), or the rigid one of a
+            geometry with two sets of vertices.
     """
     if form is Form.CONTACTNETS:
         return _contactnets_form(geometry)
@@ -94,7 +104,8 @@ def parameter_form(geometry: ContactGeometry, form: Form) -> ParameterForm:
             "parameters", f"a normal of length {np.linalg.norm(geometry.normal):.6g} or tangents that are not orthogonal",
             "a unit normal and one friction coefficient, as the physical form has; use the contactnets form",
         )  # fmt: skip
-    return _physical_form(geometry)
+    physical = _physical_form(geometry)
+    return physical if form is Form.PHYSICAL else _rigid_form(geometry, physical)
 
 
 def _contactnets_form(geometry: ContactGeometry) -> ParameterForm:
@@ -130,3 +141,18 @@ def _physical_form(geometry: ContactGeometry) -> ParameterForm:
         chart[tangents + 3 * axis : tangents + 3 * axis + 3, column] = -friction * geometry.normal
     chart[height, -1] = 1.0
     return ParameterForm(Form.PHYSICAL, blocks, chart, np.zeros((0, 2 * own + 4)), axes)
+
+
+def _rigid_form(geometry: ContactGeometry, physical: ParameterForm) -> ParameterForm:
+    """The physical form along the directions in which both sets of vertices move alike."""
+    apart = float(np.abs(geometry.vertices_normal - geometry.vertices_tangent).max())
+    if apart > 0.0:
+        raise InvalidValueError(
+            "vertices_tangent",
+            f"up to {apart:.3g} from vertices_normal",
+            "the same, as the rigid form has; or the physical form",
+        )
+    own = 3 * geometry.vertex_count
+    together = np.vstack([np.eye(own, own + 4), np.eye(own + 4)])
+    blocks = tuple(block for block in physical.blocks if block.name != "vertices_tangent")
+    return ParameterForm(Form.RIGID, blocks, physical.chart @ together, np.zeros((0, own + 4)), physical.tilt_axes)

@@ -7,11 +7,12 @@ are plain numbers. matplotlib is imported when something is drawn.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from math import log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from contact_curation.errors import InvalidValueError
+from contact_curation.files import write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,10 +60,9 @@ def save_figure(figure: "Figure", path: Path) -> Path:
     Raises:
         InvalidValueError: no PNG can be written there.
     """
-    try:
-        figure.savefig(path, format="png")
-    except OSError as error:
-        raise InvalidValueError("file of the figure", path, f"a place where a PNG can be written ({error.strerror})") from error
+    content = BytesIO()
+    figure.savefig(content, format="png")
+    write_atomically(path, content.getvalue())
     return path
 
 

@@ -20,7 +20,7 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.evaluation import Estimator, SolveStatus, fisher_sums
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
-from contact_curation.contact.parameter_form import Form, is_physical
+from contact_curation.contact.parameter_form import form_of_geometry
 from contact_curation.contact.rollout import Rollout, rollout
 from contact_curation.contact.time_step import StepStatus, SweepLimits
 from contact_curation.errors import InvalidValueError
@@ -49,7 +49,7 @@ class Particle:
         Always Gauss-Newton: of a motion that the model itself predicted the empirical matrix is almost zero, and what is left
         of it is unrelated to the information of a real toss (method.md 0.4).
         """
-        form = Form.PHYSICAL if is_physical(self.geometry) else Form.CONTACTNETS
+        form = form_of_geometry(self.geometry)
         return Scorer(self.geometry, self.body, ScoringConfig(estimator=Estimator.GAUSS_NEWTON, form=form, loss=self.loss))
 
     @property

@@ -6,7 +6,7 @@ depends on where the board's origin lies; `pool` brings them to a common pivot.
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ import numpy as np
 from contact_curation.contact.body import Body
 from contact_curation.contact.evaluation import Estimator, FisherSums, SolveStatus, fisher_sums
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.impulse_noise import ImpulseNoise
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.parameter_form import Form, ParameterForm, parameter_form
 from contact_curation.errors import InvalidValueError
@@ -33,6 +34,8 @@ STORED = np.float32
 @dataclass(frozen=True)
 class ScoringConfig:
     """How tosses are scored.
+
+    A theta in the rigid form keeps it where the physical one is asked for; one without a noise has the usual one in the rigid.
 
     Attributes:
         estimator: which Fisher matrix is estimated.
@@ -69,7 +72,8 @@ class NotScored:
 def parameters_version(geometry: ContactGeometry, body: Body) -> str:
     """A digest of theta and of the body's constants: equal numbers, equal version."""
     state = hashlib.sha256()
-    constants = np.array([geometry.height, body.mass, body.gravity, body.length_scale])
+    noise = () if geometry.noise is None else astuple(geometry.noise)
+    constants = np.array([*noise, geometry.height, body.mass, body.gravity, body.length_scale])
     parts = (
         geometry.vertices_normal,
         geometry.normal,
@@ -96,10 +100,12 @@ class Scorer:
     """Scores tosses of one body at one theta; holds nothing but its arguments and what follows from them."""
 
     def __init__(self, geometry: ContactGeometry, body: Body, config: ScoringConfig) -> None:
+        rigid = config.form is Form.RIGID or (config.form is Form.PHYSICAL and geometry.noise is not None)
+        geometry = replace(geometry, noise=geometry.noise or ImpulseNoise()) if rigid else geometry
         self.geometry = geometry
         self.body = body
         self.config = config
-        self.form: ParameterForm = parameter_form(geometry, config.form)
+        self.form: ParameterForm = parameter_form(geometry, Form.RIGID if rigid else config.form)
         self.version = parameters_version(geometry, body)
         edges = np.cumsum([0, *(block.size for block in self.form.blocks)]).tolist()
         self.blocks = tuple(ParameterBlock(block.name, *span) for block, span in zip(self.form.blocks, pairwise(edges)))

@@ -68,7 +68,7 @@ class BodyPose:
     """The body in the board's frame.
 
     Attributes:
-        stamp_ns: header stamp, as it came; `even_stamps` puts right what does not go on.
+        stamp_ns: header stamp, as it came; `even_stamps` corrects uneven ones.
         pose: body to board [m].
     """
 

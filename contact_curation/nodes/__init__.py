@@ -18,3 +18,6 @@ for library in ("rclpy", "contact_curation_msgs"):
 
 for library in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):  # read when NumPy or torch is imported, which is after this
     os.environ.setdefault(library, "1")
+
+# Fast DDS's shared memory outlives a killed process, and its locks with it (docs/reliability.md).
+os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")

@@ -46,6 +46,7 @@ class Curator(StageNode):
         config = declare_config(self, CurationConfig())
         store = Path(declare(self, "store", "buffer.sqlite", "file that stores the buffer and all information"))
         self._informations = InformationStore(store)
+        self._informations.claim()
         self._stage = CurationStage(ranking, config, self._informations)
         self._wanted = self._stage.ranking
         if self._wanted != ranking:

@@ -52,6 +52,7 @@ class FisherScorer(StageNode):
         if parameters:
             theta, self._body = read_scored_theta(Path(parameters), self._body)
         self._informations = InformationStore(store)
+        self._informations.claim()
         self._stage = ScoringStage(self._body, config, self._informations, theta)
         self._warnings = ThrottledWarnings(self)
         self._publisher = self.create_publisher(TossInformationMessage, "toss_information", latched(RESULTS_DEPTH))

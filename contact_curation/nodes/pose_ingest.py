@@ -60,6 +60,7 @@ class PoseIngest(StageNode):
         type_name = declared_type(self)
         depth = declare(self, "queue_depth", 32768, "poses that wait to be processed", bounds=(296, 1 << 20))
         self._store = TossStore(Path(declare(self, "store", "tosses.sqlite", "file that stores tosses")))
+        self._store.claim()
         self._warnings = ThrottledWarnings(self)
         self._inbox = Inbox[Received](MOST_WAITING, self.context.ok)
         self._received = Rate()

@@ -69,6 +69,7 @@ class ThrowDesigner(StageNode):
             theta, self._body = read_scored_theta(Path(parameters), self._body)
             geometry = polytope_of(theta)
         self._states = StateStore(store)
+        self._states.claim()
         self._stage = DesignStage(self._body, config, self._states, geometry, feasible=declared_thrower(self, self._body))
         self._warnings = ThrottledWarnings(self)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)

@@ -55,6 +55,7 @@ class Trainer(StageNode):
             "file of the model and the state of its training; empty: the store's name, ending in .safetensors",
         )
         self._tosses = TossStore(store)
+        self._tosses.claim()
         self._stage = TrainingStage(
             first,
             self._body.length_scale,

@@ -13,6 +13,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval, Spread
 from contact_curation.learning.evaluation.evaluation import MEASURES, ModelEvaluation, Summary, comparison, summary
+from contact_curation.learning.evaluation.without_model import doubt, plain_errors
 from contact_curation.learning.uncertainty.parameters import Known, KnownParameter
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.learned_model import LearnedModel
@@ -108,6 +109,9 @@ class Evaluation:
             "bootstrap": asdict(self.bootstrap),
             "known": _json_known(self.known) if self.known else None,
             "known_why_not": self.why_not,
+            "without_a_model": {
+                name: errors._asdict() for name, errors in plain_errors(self.evaluations[0], self.models[0].body).items()
+            },
             "warnings": self.tosses.warnings,
         }
 
@@ -144,8 +148,13 @@ def _lines(report: Evaluation) -> Iterator[str]:
         yield from ("", f"{one.name}: {one.kind}, mean loss {evaluation.mean_loss:.4g}")
         yield from _shape(evaluation)
         yield from _failures(evaluation)
+        if line := doubt(evaluation, one.body):
+            yield f"  careful: {line}"
+    yield from ("", _without_model(report))
     yield ""
     if report.known:
+        if doubt(report.evaluations[0], report.models[0].body):
+            yield "careful: these are deviations of a model that does not describe the motions; they say nothing of the body"
         yield from _known(report.known, at_optimum=report.models[0].at_optimum)
     else:
         yield report.why_not
@@ -162,6 +171,12 @@ def _summary(each: Summary, share: str) -> Iterator[str]:
 def _cells(interval: Interval) -> str:
     ends = f"{interval.low:.2f} to {interval.high:.2f}" if isfinite(interval.low) else "of one toss: none"
     return f"{interval.value:8.2f}  {ends:18}"
+
+
+def _without_model(report: Evaluation) -> str:
+    plain = plain_errors(report.evaluations[0], report.models[0].body)
+    words = [f"{errors.position:.1f} % and {errors.rotation:.1f} degrees if it {name}" for name, errors in plain.items()]
+    return f"without a model (means of position and rotation): {'; '.join(words)}"
 
 
 def _shape(evaluation: ModelEvaluation) -> Iterator[str]:
@@ -226,6 +241,7 @@ def _json_model(one: LearnedModel, each: ModelEvaluation) -> dict[str, Any]:
         "path": one.name,
         "model": one.kind,
         "mean_loss": each.mean_loss,
+        "doubt": doubt(each, one.body),
         "transitions": each.transitions,
         "not_solved": each.not_solved,
         "not_finite": each.not_finite,

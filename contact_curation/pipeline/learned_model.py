@@ -6,7 +6,7 @@ from pathlib import Path
 from contact_curation.contact.body import Body
 from contact_curation.contact.models.model import Model
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.contact.parameter_form import Form, is_physical
+from contact_curation.contact.parameter_form import form_of_geometry
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.files import read_bounded, write_atomically
 from contact_curation.learning.checkpoints.safetensors_bytes import LARGEST_BYTES
@@ -92,8 +92,7 @@ def load_model(path: str | Path, body: Body | None = None) -> LearnedModel:
         raise InvalidValueError("body", "none", f"the body that the polytope in {path} is for")
     theta = read_theta(path, body)
     assert isinstance(theta, Parameters)
-    form = Form.PHYSICAL if is_physical(theta.geometry) else Form.CONTACTNETS
-    return LearnedModel(PolytopeModel(theta.geometry, theta.body, form), str(path))
+    return LearnedModel(PolytopeModel(theta.geometry, theta.body, form_of_geometry(theta.geometry)), str(path))
 
 
 def model_of_checkpoint(data: bytes, name: str, body: Body | None = None) -> LearnedModel:

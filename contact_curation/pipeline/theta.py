@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.registry import model_class, model_entry
-from contact_curation.contact.parameter_form import Form, is_physical
+from contact_curation.contact.parameter_form import Form, form_of_geometry
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.storage.parameters_file import CHECKPOINT, Parameters, is_checkpoint, read_theta
@@ -72,11 +72,13 @@ def theta_of(model: "Model") -> Theta:
 
 
 def form_of(wanted: str | None, thetas: Sequence[Theta]) -> Form:
-    """The form that was asked for, or the physical one where every polytope has it; a network's own where it has one."""
+    """The form that was asked for, or the rigid or physical one where every polytope has it; of networks physical."""
     if wanted is not None:
         return Form(wanted)
-    polytopes = [theta for theta in thetas if isinstance(theta, Parameters)]
-    return Form.PHYSICAL if all(is_physical(theta.geometry) for theta in polytopes) else Form.CONTACTNETS
+    forms = {form_of_geometry(theta.geometry) for theta in thetas if isinstance(theta, Parameters)}
+    if Form.CONTACTNETS in forms:
+        return Form.CONTACTNETS
+    return Form.RIGID if forms == {Form.RIGID} else Form.PHYSICAL
 
 
 def polytope_of(path: Path, body: Body) -> Parameters:

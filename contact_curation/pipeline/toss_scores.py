@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contact_curation.contact.parameter_form import parameter_form
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.network.model_scorer import TossScorer
 from contact_curation.information.record import ParameterBlock, Rows, TossInformation
@@ -84,7 +83,7 @@ def toss_scores(scorer: TossScorer, tosses: Sequence[Toss]) -> TossScores:
 
 def _names(scorer: TossScorer) -> tuple[str, ...]:
     if isinstance(scorer, Scorer):
-        return parameter_form(scorer.geometry, scorer.config.form).names()
+        return scorer.form.names()
     return tuple(name for block in scorer.blocks for name in _names_in(block))
 
 

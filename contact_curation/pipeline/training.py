@@ -195,7 +195,7 @@ class TrainingRun:
 def _polytope(start: Parameters, form: Form, tosses: LearningTosses) -> PolytopeModel:
     """The same ground about a pivot amid the data, where the physical form's tilt and height keep apart."""
     geometry = start.geometry
-    if form is Form.PHYSICAL:
+    if form is not Form.CONTACTNETS:
         middle = np.concatenate([toss.positions for toss in tosses.training]).mean(axis=0) / start.body.length_scale
         pivot = np.array([*middle[:2], 0.0])
         geometry = _about(geometry, pivot)

@@ -14,6 +14,13 @@ from contact_curation.session.supervisor import Incident, Patience, Program, Sup
 OTHER_RANGES = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS")
 """Variables that would reach beyond this machine, or confuse, when discovery is on it."""
 
+LOOPBACK = Path(__file__).parents[1] / "config" / "loopback.xml"
+"""Fast DDS's profile of participants that speak UDP on the loopback interface alone. On its own Fast DDS prefers shared memory,
+which a killed process leaves behind with what it had locked, so that others stand still (docs/reliability.md)."""
+
+PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+"""Variables that name such a file."""
+
 LISTENERS = 1
 """Stage of the nodes that only listen: they are stopped last, so that they hear how the others end."""
 
@@ -54,8 +61,19 @@ def graph_environment(own: Mapping[str, str], logs: Path, domain: int | str) -> 
     environment.setdefault("ROS_LOG_DIR", str(logs.absolute() / "ros"))
     if "ROS_AUTOMATIC_DISCOVERY_RANGE" not in own:
         environment = {name: value for name, value in environment.items() if name not in OTHER_RANGES}
-        environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        environment.update(_this_machine(own))
     return {**SHARED, **environment}
+
+
+def _this_machine(own: Mapping[str, str]) -> dict[str, str]:
+    """What keeps the middleware on this machine.
+
+    With LOCALHOST rmw_fastrtps sets the transports itself, shared memory among them, whatever a profile says. So the profile
+    does it, where there is no other one and the middleware is the one that reads it.
+    """
+    if any(name in own for name in PROFILES) or "fastrtps" not in own.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp"):
+        return {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    return {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", PROFILES[0]: str(LOOPBACK)}
 
 
 def _program(name: str, parameters: Path) -> Program:

@@ -7,16 +7,17 @@ however much is scored, and the .npz appears whole or not at all.
 import shutil
 import tempfile
 import zipfile
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contact_curation.contact.evaluation import LOSS_TERMS, Evaluation
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.files import check_version
+from contact_curation.files import check_version, replacing, writing
 
 VERSION_NAME, VERSION = "format_version", 1
 UNREADABLE = (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile)
@@ -64,13 +65,7 @@ class ScoreFileWriter:
         self._columns: dict[str, _Column] = {}
         if path.suffix != ".npz" or path.is_dir():
             raise InvalidValueError("output", path, "the name of an .npz file")
-        try:
-            # Goes with this object, or with the process, also where an interrupt comes before `with` or while it ends.
-            self._holder = tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent, ignore_cleanup_errors=True)
-        except OSError as error:
-            raise InvalidValueError("output", path, f"a path that can be written ({error.strerror})") from error
-
-        self._folder = Path(self._holder.name)
+        self._column("index", np.zeros(0, dtype=np.int64))  # a place that cannot be written is known before any work
 
     def add(self, toss_id: str, index: ArrayLike, evaluation: Evaluation) -> None:
         """Adds the N transitions of a toss.
@@ -90,29 +85,27 @@ class ScoreFileWriter:
             "kkt_residual": evaluation.residuals,
         }
         for name, values in rows.items():
-            column = self._columns.get(name) or self._columns.setdefault(name, _Column(self._folder / name, values))
-            column.append(values)
+            column = self._column(name, values)
+            with writing(self.path):
+                column.append(values)
         self._counts.append((toss_id, len(evaluation.status)))
         self.transitions += len(evaluation.status)
 
     def close(self) -> None:
         """Completes the file and gives it its name."""
-        partial = self._folder / self.path.name
-        with zipfile.ZipFile(partial, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
+        with replacing(self.path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
             self._write_ids(archive)
             for name, column in self._columns.items():
                 column.copy_to(archive, name, self.transitions)
             for name, values in {"parameter_names": np.array(self._names), VERSION_NAME: np.array(VERSION)}.items():
-                with archive.open(f"{name}.npy", "w") as member:
+                with archive.open(_member(name), "w") as member:
                     np.lib.format.write_array(member, values, allow_pickle=False)
-        partial.replace(self.path)
         self.discard()
 
     def discard(self) -> None:
-        """Removes what is not part of a finished file."""
+        """Forgets what is not part of a finished file."""
         for column in self._columns.values():
-            column.file.close()
-        self._holder.cleanup()
+            column.close()
 
     def __enter__(self) -> Self:
         return self
@@ -123,30 +116,43 @@ class ScoreFileWriter:
         else:
             self.discard()
 
+    def _column(self, name: str, values: NDArray[Any]) -> "_Column":
+        with writing(self.path):
+            return self._columns.get(name) or self._columns.setdefault(name, _Column(self.path.absolute().parent, values))
+
     def _write_ids(self, archive: zipfile.ZipFile) -> None:
         dtype = np.dtype(f"U{max((len(toss_id) for toss_id, _ in self._counts), default=1)}")
-        with archive.open("toss_id.npy", "w", force_zip64=True) as member:
+        with archive.open(_member("toss_id"), "w", force_zip64=True) as member:
             _write_header(member, dtype, (self.transitions,))
             for toss_id, count in self._counts:
                 member.write(np.full(count, toss_id, dtype).tobytes())
 
 
 class _Column:
-    """Rows of one array, in a file without header."""
+    """Rows of one array, in a file without header or name, of which nothing is left however the process ends."""
 
-    def __init__(self, path: Path, first: NDArray[Any]) -> None:
-        self.file: BinaryIO = path.open("w+b")
+    def __init__(self, folder: Path, first: NDArray[Any]) -> None:
+        self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 - open until `close`
         self._dtype = first.dtype
         self._shape = first.shape[1:]
 
     def append(self, values: NDArray[Any]) -> None:
-        self.file.write(np.ascontiguousarray(values).tobytes())
+        self._file.write(np.ascontiguousarray(values).tobytes())
 
     def copy_to(self, archive: zipfile.ZipFile, name: str, rows: int) -> None:
-        self.file.seek(0)
-        with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+        self._file.seek(0)
+        with archive.open(_member(name), "w", force_zip64=True) as member:
             _write_header(member, self._dtype, (rows, *self._shape))
-            shutil.copyfileobj(self.file, member, 1 << 20)
+            shutil.copyfileobj(self._file, member, 1 << 20)
+
+    def close(self) -> None:
+        with suppress(OSError):  # of a full disk, which could not take the rest
+            self._file.close()
+
+
+def _member(name: str) -> zipfile.ZipInfo:
+    """Of the archive, with the earliest time that there is, so that the same scores give the same bytes."""
+    return zipfile.ZipInfo(f"{name}.npy")
 
 
 def _write_header(member: Any, dtype: np.dtype[Any], shape: tuple[int, ...]) -> None:

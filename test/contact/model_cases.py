@@ -14,8 +14,10 @@ from test.contact.cases import CUBE, DT, rows_of_kind, tracked_transitions
 VARIANTS = [
     ("polytope", Form.CONTACTNETS),
     ("polytope", Form.PHYSICAL),
+    ("polytope", Form.RIGID),
     ("deep", Form.CONTACTNETS),
     ("deep", Form.PHYSICAL),
+    ("deep", Form.RIGID),
     ("deepvertex", Form.PHYSICAL),
     ("end_to_end", Form.PHYSICAL),
 ]

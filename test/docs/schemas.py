@@ -107,7 +107,10 @@ def stores_page() -> str:
             "",
         ]
         lines += ["```sql", *(_wrapped(statement) for statement in schema.statements), "```", ""]
-    lines += ["`head` is JSON, `arrays` an .npz archive without pickle, `extra` JSON with the source of the record.", ""]
+    lines += ["`head` is JSON, `arrays` a JSON list of arrays and behind it their numbers (`record_table.py`), `extra` JSON"]
+    lines += ["with the source of the record. Each blob ends with a CRC-32 over its row (`seal.py`): what a disk changed is"]
+    lines += ["refused."]
+    lines += ["A node takes its store for itself and looks through all of it when it starts; others may read.", ""]
     lines += [
         "## Records of the nodes",
         "",

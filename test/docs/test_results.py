@@ -209,3 +209,36 @@ def test_the_whole_table_of_designed_throws_is_that_of_ten_seeds() -> None:
                     check(Said(throws, rule, what, number.split()[0]), values, 10)
                     counted += 1
     assert counted == 69
+
+
+FITS = {
+    "the cube as described": ("described", ""),
+    "two sets": ("two", ""),
+    "two sets, friction moved": ("two", "shared_"),
+    "one set, noise learned": ("noise", ""),
+}
+"""Of the table of one set of vertices: the arm, and what its columns begin with."""
+
+
+def test_the_tables_of_one_set_of_vertices_are_medians_of_their_rows() -> None:
+    found, counted = rows("impact_noise"), 0
+    text = section("One set of vertices and the noise of impacts")
+    for table, judges in zip(
+        re.findall(r"^\| selected \| rule \| fit \|.*?\n\n", text + "\n", re.DOTALL | re.MULTILINE), ("third", "first")
+    ):
+        for line in table.strip().splitlines()[2:]:
+            size, rule, fit, *numbers = (cell.strip() for cell in line.strip("|").split("|"))
+            arm, prefix = FITS[fit]
+            rule = rule or ("" if arm == "described" else "all")
+            key = (judges, arm, rule, "0" if size in ("", "all") else size)
+            own = [row for row in found if (row["judges"], row["arm"], row["rule"], row["size"]) == key]
+            assert own, line
+            names = (prefix + "position", prefix + "rotation", "vertices", "friction", "mujoco_position", "mujoco_rotation")
+            for name, number in zip(names, numbers, strict=False):
+                if number:
+                    digits = len(number.partition(".")[2])
+                    assert float(np.median([float(row[name]) for row in own])) == pytest.approx(
+                        float(number), abs=0.51 * 10.0**-digits
+                    ), (line, name)
+                    counted += 1
+    assert counted > 100

@@ -77,7 +77,7 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--form",
         choices=[form.value for form in Form],
-        help="how theta is parameterised (default: physical where theta allows it, else contactnets)",
+        help="how theta is parameterised (default: its own; of the body as described physical)",
     )
     add_fields(group, ScoringConfig(), "estimator")
     bounds = group.add_mutually_exclusive_group()

@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import Any, Self, TextIO
 
 from contact_curation.errors import InvalidValueError
+from contact_curation.files import write_atomically
 from contact_curation.learning.checkpoints.selection_document import document_of
 from contact_curation.learning.training.curated import CuratedTraining
 from contact_curation.learning.training.progress import Evaluated, Progress
@@ -35,8 +36,8 @@ class TrainingMetrics:
         lines = (_lines_until(path, steps) if steps else []) or [json_line({"event": "start", **start}), *_told(curated)]
         self._steps = steps
         self._selections = len(curated.selections)
+        write_atomically(path, "".join(f"{line}\n" for line in lines).encode())  # the lines before are there at any time
         self._file = _opened(path)
-        self._write(lines)
 
     def follow(self) -> None:
         """What has come since the last call."""
@@ -65,7 +66,7 @@ class TrainingMetrics:
 
 def _opened(path: Path) -> TextIO:
     try:
-        return path.open("w", encoding="utf-8")
+        return path.open("a", encoding="utf-8")
     except OSError as error:
         raise InvalidValueError("--metrics", path, f"a path that can be written ({error.strerror})") from error
 

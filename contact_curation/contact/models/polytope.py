@@ -2,7 +2,8 @@
 
 ``contactnets`` trains the published 57 numbers and needs a regulariser that keeps the normal's scale in place
 (`scale_regularizer`); ``physical`` trains vertices, the tilt of a unit normal about a pivot, one friction coefficient by its
-logarithm, and the ground's height.
+logarithm, and the ground's height; ``rigid`` the same with one set of vertices, and knows how its residuals' variance grows
+with impacts (contact/impulse_noise.py).
 
 The ground leans from where it was described. In the frame of the described normal and axes, as rows F (3, 3), with the tilt
 t (2), s = sqrt(1 + |t|^2) and mu = exp(f):
@@ -26,6 +27,7 @@ from torch import Tensor
 from contact_curation.contact.body import Body
 from contact_curation.contact.compiled.descent import DescentTask, KernelDescent, polytope_descent
 from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
+from contact_curation.contact.impulse_noise import ImpulseNoise
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.explicit_parameters import ExplicitParameters
 from contact_curation.contact.models.model import BatchLoss, ContactModel, Rows, setting
@@ -62,7 +64,11 @@ class PolytopeModel(ContactModel):
         self.form = form
         theta = Theta.of(geometry)
         self.vertices_normal = torch.nn.Parameter(theta.vertices_normal)
-        self.vertices_tangent = torch.nn.Parameter(theta.vertices_tangent)
+        if form is Form.RIGID:
+            noise = geometry.noise or ImpulseNoise()
+            self.register_buffer("noise", torch.tensor([noise.growth, noise.power], dtype=torch.float64))
+        else:
+            self.vertices_tangent = torch.nn.Parameter(theta.vertices_tangent)
         self.register_buffer("pivot", theta.pivot)
         if form is Form.CONTACTNETS:
             self.normal = torch.nn.Parameter(theta.normal)
@@ -85,19 +91,27 @@ class PolytopeModel(ContactModel):
 
     @classmethod
     def has_exact_fit(cls, form: Form) -> bool:
-        return form is Form.PHYSICAL
+        return form is not Form.CONTACTNETS
 
     def theta(self) -> Theta:
         """The polytope, differentiable by the parameters."""
         pivot, height = self.get_buffer("pivot"), torch.as_tensor(self.height)
+        vertices_tangent = self.vertices_normal if self.form is Form.RIGID else self.vertices_tangent
         if self.form is Form.CONTACTNETS:
-            return Theta(self.vertices_normal, self.normal, self.vertices_tangent, self.tangents, height, pivot)
+            return Theta(self.vertices_normal, self.normal, vertices_tangent, self.tangents, height, pivot)
         normal, tangents = tilted_plane(self.tilt, self.log_friction, self.get_buffer("frame"))
-        return Theta(self.vertices_normal, normal, self.vertices_tangent, tangents, height, pivot)
+        return Theta(self.vertices_normal, normal, vertices_tangent, tangents, height, pivot)
 
     def geometry(self) -> ContactGeometry:
         """The polytope's numbers."""
-        return self.theta().geometry()
+        geometry = self.theta().geometry()
+        if self.form is not Form.RIGID:
+            return geometry
+        return replace(geometry, noise=ImpulseNoise(*self.get_buffer("noise").tolist()))
+
+    def with_noise(self, noise: ImpulseNoise) -> "PolytopeModel":
+        """The same model in the rigid form with another noise."""
+        return PolytopeModel(replace(self.geometry(), noise=noise), self.body, Form.RIGID)
 
     def batch_loss(self, rows: Rows, config: LossConfig) -> BatchLoss:
         theta = self.theta()
@@ -141,7 +155,7 @@ class PolytopeModel(ContactModel):
 
     @property
     def has_own_friction_vertices(self) -> bool:
-        return not torch.equal(self.vertices_normal, self.vertices_tangent)
+        return self.form is not Form.RIGID and not torch.equal(self.vertices_normal, self.vertices_tangent)
 
     def with_shared_vertices(self) -> "PolytopeModel":
         """The same model with friction at the contact vertices, as for a rigid body.
@@ -152,7 +166,7 @@ class PolytopeModel(ContactModel):
         return PolytopeModel(replace(geometry, vertices_tangent=geometry.vertices_normal), self.body, self.form)
 
     def _regularizer(self, theta: Theta) -> Tensor:
-        if self.form is Form.PHYSICAL:
+        if self.form is not Form.CONTACTNETS:
             return torch.zeros((), dtype=torch.float64)
         return len(theta.vertices_normal) * scale_excess(theta.normal, theta.tangents)  # the same at every contact
 
@@ -191,7 +205,8 @@ def initial_geometry(
 
     Args:
         body: whose corners and friction are known up to noise.
-        form: in the physical one the normal tilts by the noise [rad] and friction is noisy by a factor.
+        form: in the physical one the normal tilts by the noise [rad] and friction is noisy by a factor; in the rigid one the
+            vertices at which friction acts are those of the gaps, too.
         pivot: (3,) of the plane z = 0, about which the physical form's ground tilts; amid the data, tilt and height keep apart.
         rng: where the noise comes from; the same seed gives the same vertices in both forms.
         noise: standard deviation, in characteristic lengths and as a share of friction.
@@ -201,6 +216,7 @@ def initial_geometry(
     if form is Form.CONTACTNETS:
         normal = UPWARD + noise * rng.standard_normal(3)
         return ContactGeometry(own, normal, tangent, body.friction * (np.eye(2, 3) + noise * rng.standard_normal((2, 3))))
+    tangent = own if form is Form.RIGID else tangent
     model = PolytopeModel(ContactGeometry(own, UPWARD, tangent, body.friction * np.eye(2, 3), pivot), body, form)
     with torch.no_grad():
         for value in (model.tilt, model.log_friction, model.height):

@@ -6,7 +6,7 @@ from html import escape
 from pathlib import Path
 
 from contact_curation.dashboard.figures.report_data import ReportData
-from contact_curation.errors import InvalidValueError
+from contact_curation.files import write_atomically
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1000px; margin: 2em auto; padding: 0 1em; }
@@ -33,10 +33,7 @@ def save_report(data: ReportData, figures: Mapping[str, Path], path: Path) -> No
     Raises:
         InvalidValueError: the file cannot be written there.
     """
-    try:
-        path.write_text(report_text(data, figures), encoding="utf-8")
-    except OSError as error:
-        raise InvalidValueError("report", path, f"a place where a file can be written ({error.strerror})") from error
+    write_atomically(path, report_text(data, figures).encode())
 
 
 def report_text(data: ReportData, figures: Mapping[str, Path]) -> str:

@@ -35,7 +35,7 @@ class Optimum(NamedTuple):
     """Result of a fit.
 
     Attributes:
-        model: in the physical form.
+        model: in the form of theta_0.
         steps: of Gauss-Newton, taken or not, of all fits.
         finite: whether the sum that was minimised is.
     """
@@ -49,15 +49,15 @@ def theta_0(model: Model) -> PolytopeModel:
     """A copy of a model over the ground as it is known, to begin fits at.
 
     Raises:
-        InvalidValueError: it is no polytope in the physical form.
+        InvalidValueError: it is no polytope in the physical or the rigid form.
     """
     geometry, form = model.geometry(), model.settings().get("form")
-    if geometry is None or form != Form.PHYSICAL:
+    if geometry is None or form not in (Form.PHYSICAL, Form.RIGID):
         found = model.kind if geometry is None else f"{model.kind} in the {form} form"
-        raise InvalidValueError("model to train exactly", f"a {found}", "a polytope in the physical form")
+        raise InvalidValueError("model to train exactly", f"a {found}", "a polytope in the physical or the rigid form")
     friction = float(np.linalg.norm(geometry.tangents[0]))
     level = replace(geometry, normal=UPWARD, tangents=friction * np.eye(2, 3), height=0.0)
-    return PolytopeModel(level, model.body, Form.PHYSICAL)
+    return PolytopeModel(level, model.body, Form(form))
 
 
 def optimum(start: PolytopeModel, data: Transitions, loss: LossConfig, trimmed: float) -> Optimum:

@@ -3,7 +3,7 @@
     H = sum_k w_k F_k the Gauss-Newton information,  s = sum_k w_k s_k the score,     over tosses k
 
 That makes it the tool for questions about the optimum itself, such as how far it moves when tosses are re-drawn; a network
-has no such matrices.
+has no such matrices. In the rigid form the transitions keep the variances that they have where the fit begins.
 """
 
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from contact_curation.contact.evaluation import Estimator
+from contact_curation.contact.evaluation import Estimator, transition_weights
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.errors import InvalidValueError
@@ -50,7 +50,7 @@ class PolytopeFit(NamedTuple):
     """Result of a fit.
 
     Attributes:
-        model: in the physical form.
+        model: in the physical or the rigid form.
         loss: weighted sum over all solved transitions.
         steps: how many were tried.
         converged: whether the last one was as small as wanted.
@@ -85,13 +85,15 @@ def fit_polytope(
     config = config or FitConfig()
     counts = checked_weights(weights, len(data.toss_ids))
     limits = DescentLimits(config.tolerance, config.max_steps, config.damping, config.largest_damping, FLOOR)
-    found = descend(model, lambda here: _iterate(here, data, counts, config), limits)
+    inverse_variances = transition_weights(model.geometry(), model.body, data.before, data.dt)
+    each = np.ones(len(data.dt)) if inverse_variances is None else inverse_variances
+    found = descend(model, lambda here: _iterate(here, data, counts, each, config), limits)
     end = found.iterate
     return PolytopeFit(end.model, end.objective, found.steps, found.arrived, end.not_solved)
 
 
-def _iterate(model: PolytopeModel, data: Transitions, weights: Array, config: FitConfig) -> Iterate:
-    sums = polytope_sums(model, data, Estimator.GAUSS_NEWTON, config.loss)
+def _iterate(model: PolytopeModel, data: Transitions, weights: Array, each: Array, config: FitConfig) -> Iterate:
+    sums = polytope_sums(model, data, Estimator.GAUSS_NEWTON, config.loss, each)
     information = np.tensordot(weights, sums.fishers, axes=1)
     missing = int(sums.not_solved[weights > 0.0].sum())
     return Iterate(model, float(weights @ sums.losses), weights @ sums.scores, information, missing)

@@ -1,4 +1,4 @@
-"""Sums over tosses for a polytope in its physical form: per toss the loss, the score and the Fisher matrix.
+"""Sums over tosses for a polytope in its physical or rigid form: per toss the loss, the score and the Fisher matrix.
 
 Unlike the records that rank (`information.scoring`) these are whole matrices about one pivot, neither compressed nor bounded:
 from them theta is fitted, and its uncertainty estimated.
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from torch.nn.utils import parameters_to_vector, vector_to_parameters
 
-from contact_curation.contact.evaluation import Estimator, SolveStatus, fisher_sums
+from contact_curation.contact.evaluation import Estimator, SolveStatus, fisher_sums, transition_weights
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.polytope import PolytopeModel
@@ -21,10 +21,10 @@ from contact_curation.motion.transitions import Transitions
 
 @dataclass(frozen=True, eq=False)
 class PolytopeSums:
-    """Sums over the solved transitions of each of K tosses, by the P parameters of the physical form.
+    """Sums over the solved transitions of each of K tosses, by the P parameters of the model's form.
 
     Attributes:
-        losses: (K,).
+        losses: (K,) weighted.
         scores: (K, P) s = -dL/dtheta / 2.
         fishers: (K, P, P) of one estimator.
         not_solved: (K,) how many transitions were left out.
@@ -36,21 +36,33 @@ class PolytopeSums:
     not_solved: NDArray[np.int64]
 
 
-def polytope_sums(model: PolytopeModel, data: Transitions, estimator: Estimator, loss: LossConfig) -> PolytopeSums:
+def polytope_sums(
+    model: PolytopeModel, data: Transitions, estimator: Estimator, loss: LossConfig, weights: Array | None = None
+) -> PolytopeSums:
     """The sums at a model's theta.
+
+    Args:
+        model: in the physical or the rigid form; of a model in the contactnets form the physical parameters are taken.
+        data: tosses.
+        estimator: of the Fisher matrices.
+        loss: weights of its terms, and solver.
+        weights: (N,) of the transitions' losses; by default those of the model's own noise at its theta.
 
     Raises:
         InvalidValueError: its geometry has no physical form.
     """
     geometry = model.geometry()
-    chart = parameter_form(geometry, Form.PHYSICAL).chart
+    chart = parameter_form(geometry, fitted_form(model)).chart
+    if weights is None:
+        weights = transition_weights(geometry, model.body, data.before, data.dt)
     found = fisher_sums(
-        geometry, model.body, data.before, data.after, data.dt, data.starts, estimator, influence_bound=np.inf, config=loss
+        geometry, model.body, data.before, data.after, data.dt, data.starts, estimator, config=loss, weights=weights
     )
     solved = found.status == SolveStatus.SOLVED
+    losses = found.losses if weights is None else weights * found.losses
     fishers = chart.T @ found.fishers @ chart
     return PolytopeSums(
-        losses=np.add.reduceat(np.where(solved, found.losses, 0.0), data.starts[:-1]),
+        losses=np.add.reduceat(np.where(solved, losses, 0.0), data.starts[:-1]),
         scores=found.score_sums @ chart,
         fishers=0.5 * (fishers + fishers.transpose(0, 2, 1)),
         not_solved=np.add.reduceat((~solved).astype(np.int64), data.starts[:-1]),
@@ -58,23 +70,31 @@ def polytope_sums(model: PolytopeModel, data: Transitions, estimator: Estimator,
 
 
 def moved(model: PolytopeModel, step: Array) -> PolytopeModel:
-    """Another model, whose physical theta is `step` (P,) further on, in the coordinates of `polytope_sums`."""
-    other = PolytopeModel(model.geometry(), model.body, Form.PHYSICAL)  # its tilt is zero: the chart is taken about its normal
+    """Another model, whose theta is `step` (P,) further on, in the coordinates of `polytope_sums`."""
+    other = PolytopeModel(
+        model.geometry(), model.body, fitted_form(model)
+    )  # its tilt is zero: the chart is taken about its normal
     theta = parameters_to_vector(other.parameters()).detach()
     vector_to_parameters(theta + theta.new_tensor(step), other.parameters())
     return other
 
 
+def fitted_form(model: PolytopeModel) -> Form:
+    """The form in which a polytope is fitted: its own, but the physical one for one in the contactnets form."""
+    return Form.RIGID if model.form is Form.RIGID else Form.PHYSICAL
+
+
 def physical_difference(geometry: ContactGeometry, origin: ContactGeometry) -> Array:
-    """(P,) from `origin` to a geometry with the same pivot, in the physical coordinates about the former; see `moved`.
+    """(P,) from `origin` to a geometry with the same pivot, in the physical or rigid coordinates about the former; see `moved`.
 
     Raises:
-        InvalidValueError: one of them has no physical form.
+        InvalidValueError: one of them has no such form.
     """
-    for each in (geometry, origin):
-        parameter_form(each, Form.PHYSICAL)
+    form = Form.PHYSICAL if origin.noise is None else Form.RIGID
+    names = [block.name for block in parameter_form(origin, form).blocks if block.name.startswith("vertices")]
+    parameter_form(geometry, form)
     friction, own = (float(np.linalg.norm(each.tangents[0])) for each in (geometry, origin))
     tilt = (origin.tangents / own) @ geometry.normal / (origin.normal @ geometry.normal)
-    vertices = (getattr(geometry, name) - getattr(origin, name) for name in ("vertices_normal", "vertices_tangent"))
+    vertices = (getattr(geometry, name) - getattr(origin, name) for name in names)
     shift = geometry.height - origin.height
     return np.concatenate([*(each.ravel() for each in vertices), [np.log(friction / own)], tilt, [shift]])

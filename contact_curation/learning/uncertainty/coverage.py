@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contact_curation.contact.evaluation import Estimator
+from contact_curation.contact.evaluation import Estimator, transition_weights
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.errors import InvalidValueError
@@ -103,9 +103,14 @@ def calibration(
 
 def whole_hessian_deviations(model: PolytopeModel, data: Transitions, loss: LossConfig) -> Array:
     """Standard deviations (P,) in theta's own coordinates by the sandwich about the loss's whole Hessian."""
-    scores = polytope_sums(model, data, Estimator.EMPIRICAL, loss).scores
-    size = scores.shape[1]
-    slopes = [_score(model, data, loss, step) - _score(model, data, loss, -step) for step in DIFFERENCE * np.eye(size)]
+    weights = transition_weights(model.geometry(), model.body, data.before, data.dt)
+    each = np.ones(len(data.dt)) if weights is None else weights
+
+    def score(step: Array) -> Array:
+        return np.asarray(polytope_sums(moved(model, step), data, Estimator.EMPIRICAL, loss, each).scores.sum(axis=0))
+
+    scores = polytope_sums(model, data, Estimator.EMPIRICAL, loss, each).scores
+    slopes = [score(step) - score(-step) for step in DIFFERENCE * np.eye(scores.shape[1])]
     hessian = -0.25 / DIFFERENCE * (np.array(slopes) + np.array(slopes).T)
     pulls = np.linalg.solve(hessian, (scores - scores.mean(axis=0)).T)  # (P, K) how far each toss pulls the optimum
     return np.asarray(np.sqrt(np.square(pulls).sum(axis=1)))
@@ -129,8 +134,3 @@ def bootstrap_deviations(
         thetas.append(physical_difference(fit.model.geometry(), model.geometry()))
         converged += fit.converged
     return BootstrapDeviations(np.std(thetas, axis=0, ddof=1), converged)
-
-
-def _score(model: PolytopeModel, data: Transitions, loss: LossConfig, step: Array) -> Array:
-    """(P,) summed, a step away."""
-    return np.asarray(polytope_sums(moved(model, step), data, Estimator.EMPIRICAL, loss).scores.sum(axis=0))

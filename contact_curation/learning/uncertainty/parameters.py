@@ -32,11 +32,11 @@ from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.models.model import Model
 from contact_curation.contact.models.polytope import INITIAL_NOISE, PolytopeModel
-from contact_curation.contact.parameter_form import Form, parameter_form
+from contact_curation.contact.parameter_form import Form, ParameterForm, parameter_form
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.subspace import identifiable_subspace, model_covariance, sandwich_covariance
-from contact_curation.learning.fits.polytope_sums import PolytopeSums, polytope_sums
+from contact_curation.learning.fits.polytope_sums import PolytopeSums, fitted_form, polytope_sums
 from contact_curation.motion.transitions import Transitions
 
 
@@ -181,12 +181,17 @@ def _about_the_middle(model: Model, data: Transitions) -> PolytopeModel:
         raise InvalidValueError("model whose parameters are estimated", model.kind, "a polytope")
     pivot = np.array([*data.before[:, :2].mean(axis=0), 0.0])
     height = geometry.height + float(geometry.normal @ (geometry.pivot - pivot))
-    return PolytopeModel(replace(geometry, pivot=pivot, height=height), model.body, Form.PHYSICAL)
+    form = Form.PHYSICAL if geometry.noise is None else Form.RIGID
+    return PolytopeModel(replace(geometry, pivot=pivot, height=height), model.body, form)
 
 
 def _by_block(model: PolytopeModel, values: dict[str, float]) -> Array:
     """(P,) one value per block, for each of its parameters."""
-    return np.concatenate([np.full(b.size, values[b.name]) for b in parameter_form(model.geometry(), Form.PHYSICAL).blocks])
+    return np.concatenate([np.full(b.size, values[b.name]) for b in _form(model).blocks])
+
+
+def _form(model: PolytopeModel) -> ParameterForm:
+    return parameter_form(model.geometry(), fitted_form(model))
 
 
 def _prior_deviations(model: PolytopeModel, config: KnownConfig) -> Array:
@@ -207,9 +212,10 @@ def _friction(model: PolytopeModel) -> float:
 
 def _parameters(model: PolytopeModel, cramer_rao: Array, sandwich: Array, naive: Array) -> tuple[KnownParameter, ...]:
     geometry, scales = model.geometry(), unit_sizes(model)
-    vertices = (geometry.vertices_normal.ravel(), geometry.vertices_tangent.ravel())
+    form = _form(model)
+    vertices = (getattr(geometry, block.name).ravel() for block in form.blocks if block.name.startswith("vertices"))
     values = scales * np.concatenate([*vertices, [1.0, 0.0, 0.0, geometry.height]])
-    names = parameter_form(geometry, Form.PHYSICAL).names()
+    names = form.names()
     units = [{"friction": "", "tilt": "deg"}.get(name.partition("[")[0], "mm") for name in names]
     columns = (values, *(scales * each for each in (cramer_rao, sandwich, naive)))
     return tuple(KnownParameter(*row) for row in zip(names, units, *(column.tolist() for column in columns), strict=True))

@@ -21,11 +21,14 @@ from rclpy.executors import ConditionReachedException, ShutdownException, Single
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from contact_curation.errors import ContactCurationError, UnknownNameError
+from contact_curation.errors import ContactCurationError
 from contact_curation.nodes.ros.given_parameters import check_files, check_names, take_former_names
 
-REFUSED = (ContactCurationError, ParameterException, RCLError)
+REFUSED = (ContactCurationError, OSError, ParameterException, RCLError)
 """Errors that a user can cause before a node is there."""
+
+FAILED = (ContactCurationError, OSError)
+"""Errors that can end a node that works: a disk that is full or breaks is no error of the program."""
 
 OF_RCL = re.compile(r",? at /\S+:\d+")
 """Place in rcl's sources that its messages end with; it is left out."""
@@ -119,10 +122,13 @@ def run(make: Callable[[], StageNode], name: str) -> int:
         try:
             check_names(node, name, sys.argv)
             _spin(node, ending)
-        except UnknownNameError as error:
+        except FAILED as error:
             node.failure = error
         finally:
-            node.close()
+            try:
+                node.close()
+            except FAILED as error:
+                node.failure = node.failure or error
             node.destroy_node()
             rclpy.try_shutdown()
             ending.closed()
@@ -131,9 +137,13 @@ def run(make: Callable[[], StageNode], name: str) -> int:
 
 def refuse(name: str, error: BaseException) -> int:
     """Says in one line why the node cannot go on; programming errors keep their traceback."""
-    if not isinstance(error, REFUSED):
+    if isinstance(error, OSError):
+        why = f"{error.filename or 'a file'}: found {error.strerror or error}, expected to read and write there"
+    elif isinstance(error, REFUSED):
+        why = OF_RCL.sub("", " ".join(str(error).split()))
+    else:
         raise error
-    sys.stderr.write(f"{name}: {OF_RCL.sub('', ' '.join(str(error).split()))}\n")
+    sys.stderr.write(f"{name}: {why}\n")
     return 1
 
 

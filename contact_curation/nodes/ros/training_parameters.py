@@ -28,7 +28,7 @@ ROUND_STEPS = 400
 PROTOCOLS = ("auto", "exact", "budgeted")
 PROTOCOLS_EXPLAINED = (
     "how a round trains; budgeted: takes the gradient steps of parameter steps; exact: goes to a polytope's optimum, without "
-    "steps, batch, polytope.*, network.* and influence.*; auto: exact for a polytope in the physical form, else budgeted"
+    "steps, batch, polytope.*, network.* and influence.*; auto: exact for a polytope in other forms than contactnets"
 )
 
 
@@ -43,7 +43,7 @@ def declared_protocol(node: Node, kind: str) -> TrainingConfig:
     form = Form(declare(node, "form", ours.form.value, "parameterisation of theta", choices=[form.value for form in Form]))
     has_optimum = model_class(kind).has_exact_fit(form)
     if protocol == "exact" and not has_optimum:
-        raise InvalidValueError("protocol", f"exact for {kind}, {form.value}", "budgeted, or a polytope, physical")
+        raise InvalidValueError("protocol", f"exact for {kind}, {form.value}", "budgeted, or a polytope, physical or rigid")
     if protocol != "budgeted" and has_optimum:
         ours = exact(ROUND_TRIMMED)
     trimmed = declare(

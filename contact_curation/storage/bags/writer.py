@@ -16,6 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from contact_curation.errors import InvalidValueError
+from contact_curation.files import writing
 from contact_curation.storage.bags.folder import METADATA_NAME, TopicMetadata, metadata_text
 from contact_curation.storage.bags.records import OfferedQos, profiles_text
 
@@ -121,7 +122,8 @@ class BagWriter:
         stream.count += 1
         self._first_ns, self._last_ns = min(self._first_ns, log_time_ns), max(self._last_ns, log_time_ns)
         published = log_time_ns if publish_time_ns is None else publish_time_ns
-        self._writer.add_message(stream.channel, log_time=log_time_ns, data=data, publish_time=published)
+        with writing(self.path):
+            self._writer.add_message(stream.channel, log_time=log_time_ns, data=data, publish_time=published)
 
     def note(self, name: str, values: Mapping[str, str]) -> None:
         """Adds a named note about the whole recording, as MCAP metadata; `BagReader.note` gives it back."""
@@ -129,7 +131,8 @@ class BagWriter:
 
     def flush(self) -> None:
         """Hands everything written so far to the system: from now on it outlives this process."""
-        self._writer.flush()  # type: ignore[no-untyped-call]
+        with writing(self.path):
+            self._writer.flush()  # type: ignore[no-untyped-call]
 
     def appear(self) -> None:
         """Gives the storage file its name before it is complete: it can be read, and stays if the program is killed.
@@ -141,32 +144,42 @@ class BagWriter:
             raise InvalidValueError("output", self.path, "a name ending in .mcap: a folder appears when it is complete")
         self.flush()
         self._check_target()
-        self._partial.replace(self.path)
+        with writing(self.path):
+            self._partial.replace(self.path)
         self._appeared = True
 
     def close(self) -> None:
-        """Completes the bag and gives it its name."""
-        self._writer.finish()  # type: ignore[no-untyped-call]
-        self._file.flush()
-        os.fsync(self._file.fileno())
-        if self._as_folder:
-            topics = [stream.described(key) for key, stream in self._streams.items()]
-            (self._partial / METADATA_NAME).write_text(metadata_text(self._file_name, topics, self._first_ns, self._last_ns))
-        if not self._appeared:
-            self._check_target()
-            self._partial.replace(self.path)
-        self._file.close()
+        """Completes the bag and gives it its name.
+
+        Raises:
+            InvalidValueError: it cannot be written there.
+        """
+        with writing(self.path):
+            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._file.flush()
+            os.fsync(self._file.fileno())
+            if self._as_folder:
+                topics = [stream.described(key) for key, stream in self._streams.items()]
+                text = metadata_text(self._file_name, topics, self._first_ns, self._last_ns)
+                (self._partial / METADATA_NAME).write_text(text)
+            if not self._appeared:
+                self._check_target()
+                self._partial.replace(self.path)
+            self._file.close()
 
     def discard(self) -> None:
         """Removes what was written so far, unless it has its name already."""
         with suppress(OSError):  # of a full disk, which could not take the rest
             self._file.close()
-        if self._appeared:
-            return
+        if not self._appeared:
+            self._remove()
+
+    def _remove(self) -> None:
         if self._as_folder:
             shutil.rmtree(self._partial, ignore_errors=True)
         else:
-            self._partial.unlink(missing_ok=True)
+            with suppress(OSError):
+                self._partial.unlink(missing_ok=True)
 
     def __enter__(self) -> Self:
         return self
@@ -192,20 +205,22 @@ class BagWriter:
                 _lock(file, self.path, "a file that nobody is reading")
 
     def _opened(self) -> BinaryIO:
-        try:
+        with writing(self.path):
             if self._as_folder:
                 self._partial.mkdir(exist_ok=True)
             name = self._partial / self._file_name if self._as_folder else self._partial
             file = name.open("ab")
-        except OSError as error:
-            raise InvalidValueError("output", self.path, f"a path that can be written ({error.strerror})") from error
-        try:
-            _lock(file, self.path, "a path that nobody else is writing")
-        except InvalidValueError:
-            file.close()
-            raise
-        file.truncate(0)
-        file.seek(0)
+            try:
+                _lock(file, self.path, "a path that nobody else is writing")
+                file.truncate(0)
+                file.seek(0)
+            except InvalidValueError:
+                file.close()
+                raise
+            except OSError:
+                self._remove()
+                file.close()
+                raise
         return file
 
     def _definition(self, type_name: str) -> tuple[str, str]:

@@ -2,7 +2,8 @@
 
     JSON      one object: the head, and a toss per line
     CSV       the table, a toss per line, an empty cell is no value; the head of m.csv is beside it in m.provenance.json
-              (format version 1 had it in comment lines `# name: JSON` before the table)
+              (format version 1 had it in comment lines `# name: JSON` before the table), with a digest of the table;
+              while both are replaced, also the head of the table before
     Parquet   a row per toss; the head as JSON in the schema's metadata
 
 The head is all that is not about one toss. The same manifest always gives the same bytes.
@@ -13,6 +14,7 @@ import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
+from hashlib import sha256
 from io import BytesIO, StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -133,16 +135,42 @@ def provenance_of(path: Path) -> Path:
     return path.with_suffix(PROVENANCE)
 
 
-def provenance_bytes(manifest: Manifest) -> bytes:
+TABLE, REPLACED = "table_sha256", "replaced"
+"""In the provenance of a table: its digest; and while both are replaced, the provenance of the table before."""
+
+
+def provenance_bytes(manifest: Manifest, table: bytes, replaced: Mapping[str, Any] | None = None) -> bytes:
     """What stands in that file, with the number of tosses, by which a table that was cut is known."""
-    head = {**head_of(manifest), ROWS: len(manifest.rows)}
+    head = {**head_of(manifest), ROWS: len(manifest.rows), TABLE: sha256(table).hexdigest()}
+    if replaced:
+        head[REPLACED] = dict(replaced)
     return (json.dumps(head, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
 def joined_csv(provenance: bytes, table: bytes) -> bytes:
     """A table behind comment lines with its head, as version 1 of the format had both in one file."""
-    lines = [f"{COMMENT}{name}: {json.dumps(value)}\n" for name, value in json.loads(provenance).items()]
+    lines = [f"{COMMENT}{name}: {json.dumps(value)}\n" for name, value in _head_of_table(provenance, table).items()]
     return "".join(lines).encode() + table
+
+
+def _head_of_table(provenance: bytes, table: bytes) -> dict[str, Any]:
+    """The newer head of a provenance file, unless a writer died before it replaced the table."""
+    head = dict(json.loads(provenance))
+    replaced = head.pop(REPLACED, None)
+    return head if replaced is None or head[TABLE] == sha256(table).hexdigest() else dict(replaced)
+
+
+def _write_csv(manifest: Manifest, path: Path, table: bytes) -> None:
+    """Two files cannot be replaced at once: while the table is, the provenance knows both."""
+    beside = provenance_of(path)
+    try:
+        before = _head_of_table(beside.read_bytes(), path.read_bytes())
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):  # there is no pair
+        before = None
+    write_atomically(beside, provenance_bytes(manifest, table, before))
+    write_atomically(path, table)
+    if before:
+        write_atomically(beside, provenance_bytes(manifest, table))
 
 
 def _whole(path: Path, data: bytes) -> bytes:
@@ -212,7 +240,7 @@ def to_parquet(manifest: Manifest) -> bytes:
     schema = pa.schema(columns, metadata={METADATA_KEY: head})
     arrays = [pa.array([getattr(row, column.name) for row in manifest.rows], column.type) for column in columns]
     out = BytesIO()
-    pq.write_table(pa.Table.from_arrays(arrays, schema=schema), out, compression="zstd")
+    pq.write_table(pa.Table.from_arrays(arrays, schema=schema), out, compression="zstd", write_page_checksum=True)
     return out.getvalue()
 
 
@@ -226,7 +254,7 @@ def from_parquet(data: bytes) -> Parsed:
     most = min(MOST_ROWS, 2 * len(data))  # each row has a name and times of its own, however well they are packed
     if rows > most:
         raise ValueError(f"found {rows} rows, expected at most {most} in {len(data)} bytes")
-    table = pq.read_table(BytesIO(data))
+    table = pq.read_table(BytesIO(data), page_checksum_verification=True)
     head = json.loads((table.schema.metadata or {})[METADATA_KEY])
     return head, (row_of(row) for row in table.to_pylist())
 
@@ -264,8 +292,9 @@ def write_manifest(manifest: Manifest, path: Path) -> None:
         near = error.object[max(0, error.start - AROUND) : error.end + AROUND]
         raise InvalidValueError("manifest", f"{near!r} in it", "names and paths that are Unicode") from error
     if path.suffix == CSV:
-        write_atomically(provenance_of(path), provenance_bytes(manifest))
-    write_atomically(path, data)
+        _write_csv(manifest, path, data)
+    else:
+        write_atomically(path, data)
 
 
 def read_manifest(path: Path) -> Manifest:

@@ -12,8 +12,8 @@ import numpy as np
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.storage.stores.record_table import Added, Row, SequencedTable, arrays_from_blob, arrays_to_blob
-from contact_curation.storage.stores.sqlite import Store, StoreSchema
-from contact_curation.storage.stores.state import STATES_TABLE, States, StateStore
+from contact_curation.storage.stores.sqlite import Store, StoreSchema, sealed_by
+from contact_curation.storage.stores.state import SEAL_STATES, STATES_TABLE, States, StateStore
 
 
 def _with_states(connection: sqlite3.Connection, path: Path) -> None:
@@ -25,16 +25,20 @@ def _with_states(connection: sqlite3.Connection, path: Path) -> None:
             connection.executemany("INSERT INTO states (key, value) VALUES (?, ?)", older.all())
 
 
+def _with_checksums(connection: sqlite3.Connection, _: Path) -> None:
+    sealed_by(connection, SequencedTable.sealing("information"), SEAL_STATES)
+
+
 SCHEMA = StoreSchema(
     what="an information store",
     application_id=0x696E666F,  # "info"
-    version=2,
+    version=3,
     statements=(
         SequencedTable.statement("information"),
         "CREATE INDEX by_version ON information (version, sequence)",
         STATES_TABLE,
     ),
-    upgrades={1: _with_states},
+    upgrades={1: _with_states, 2: _with_checksums},
 )
 METHOD = ("model", "estimator", "influence_bound", "blocks")
 """What must agree for two records at the same parameters to be comparable."""

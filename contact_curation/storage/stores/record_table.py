@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact_curation.errors import InvalidValueError
+from contact_curation.storage.stores.seal import seal, unsealed
 from contact_curation.storage.stores.sqlite import SqliteStore
 
 LENGTH = struct.Struct("<I")
@@ -113,6 +114,11 @@ class SequencedTable:
             " head TEXT NOT NULL, arrays BLOB NOT NULL, extra TEXT NOT NULL, UNIQUE (id, version))"
         )
 
+    @staticmethod
+    def sealing(name: str) -> str:
+        """Gives the rows of an older release their checksums."""
+        return f"UPDATE {name} SET arrays = seal(arrays, id, version, head, extra)"
+
     @property
     def last_sequence(self) -> int:
         """The newest sequence number; 0 while there is none."""
@@ -125,7 +131,7 @@ class SequencedTable:
     def insert(self, key: str, version: str, head: str, arrays: bytes, extra: str) -> int:
         """Adds a record whose key is not in the table; returns its sequence number."""
         statement = f"INSERT INTO {self._name} (id, version, head, arrays, extra) VALUES (?, ?, ?, ?, ?)"
-        return self._store.execute(statement, (key, version, head, arrays, extra))
+        return self._store.execute(statement, (key, version, head, seal(arrays, key, version, head, extra), extra))
 
     def get(self, keys: Sequence[str]) -> list[Row]:
         """The records of these ids that there are, in the order of their sequence."""
@@ -156,4 +162,8 @@ class SequencedTable:
         self._store.execute(f"DELETE FROM {self._name} WHERE version = ?", (version,))
 
     def _select(self, clause: str, values: Sequence[object]) -> list[Row]:
-        return [Row(*row) for row in self._store.rows(f"SELECT {COLUMNS} FROM {self._name} {clause}", values)]
+        return [self._row(*row) for row in self._store.rows(f"SELECT {COLUMNS} FROM {self._name} {clause}", values)]
+
+    def _row(self, sequence: int, key: str, version: str, head: str, arrays: bytes, extra: str) -> Row:
+        where = f"row {sequence} of {self._name}"
+        return Row(sequence, key, version, head, unsealed(self._store.path, where, arrays, key, version, head, extra), extra)

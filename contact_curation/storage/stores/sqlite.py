@@ -6,6 +6,7 @@ death of the machine can take the last commits, and it leaves the file consisten
 What cannot be made again is followed by `reach_disk`, and survives that, too.
 """
 
+import fcntl
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -13,10 +14,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, BinaryIO, Self
 
 from contact_curation.errors import UnreadableInputError
 from contact_curation.files import check_version
+from contact_curation.storage.stores.seal import seal
 
 WAIT_FOR_WRITERS = 30.0
 """[s] until another process's transaction is over."""
@@ -41,6 +43,13 @@ class StoreSchema:
     upgrades: Mapping[int, Callable[[sqlite3.Connection, Path], None]] = field(default_factory=dict)
 
 
+def sealed_by(connection: sqlite3.Connection, *statements: str) -> None:
+    """Runs statements of an upgrade that call `seal`."""
+    connection.create_function("seal", -1, seal, deterministic=True)
+    for statement in statements:
+        connection.execute(statement)
+
+
 class SqliteStore:
     """The file under a store; may be used from several threads, one at a time in a transaction.
 
@@ -57,6 +66,7 @@ class SqliteStore:
         self._lock = threading.RLock()
         self._depth = 0
         self._what = schema.what
+        self._claimed: BinaryIO | None = None
         with self._clear_errors():
             self._connection = sqlite3.connect(
                 self.path, timeout=WAIT_FOR_WRITERS, isolation_level=None, check_same_thread=False
@@ -115,8 +125,29 @@ class SqliteStore:
         rows = self.rows("SELECT seq FROM sqlite_sequence WHERE name = ?", (table,))
         return int(rows[0][0]) if rows else 0
 
+    def claim(self) -> None:
+        """Takes the file for this process alone, until `close`; others may read. Looks through all of it.
+
+        Raises:
+            UnreadableInputError: another process has taken it, or its structure is damaged.
+        """
+        self._claimed = self.path.open("rb")
+        try:
+            fcntl.flock(self._claimed, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            why = "is written by another process, expected one that nobody writes: give each node a store of its own"
+            raise UnreadableInputError(self.path, why) from error
+        except OSError:  # a file system without locks
+            pass
+        ((found,),) = self.rows("PRAGMA integrity_check(1)")
+        if found != "ok":
+            why = f"is damaged ({found}), expected a whole file: put back a copy, or move it away"
+            raise UnreadableInputError(self.path, why)
+
     def close(self) -> None:
         self._connection.close()
+        if self._claimed is not None:  # not before: closing a file frees the locks that SQLite has on it, too
+            self._claimed.close()
 
     def __enter__(self) -> Self:
         return self
@@ -178,6 +209,10 @@ class Store:
 
     def __init__(self, path: Path, schema: StoreSchema) -> None:
         self._store = SqliteStore(path, schema)
+
+    def claim(self) -> None:
+        """Takes the file for this process alone, as the node whose store it is; see `SqliteStore.claim`."""
+        self._store.claim()
 
     def close(self) -> None:
         self._store.close()

@@ -4,6 +4,7 @@ Beside them the poses since the last complete toss, so that a node that is kille
 """
 
 import json
+import sqlite3
 import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -15,16 +16,24 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.storage.provenance import TossProvenance
 from contact_curation.storage.stores.record_table import Added, Row, SequencedTable, arrays_from_blob, arrays_to_blob
-from contact_curation.storage.stores.sqlite import Store, StoreSchema
-from contact_curation.storage.stores.state import STATES_TABLE, States
+from contact_curation.storage.stores.seal import seal, unsealed
+from contact_curation.storage.stores.sqlite import Store, StoreSchema, sealed_by
+from contact_curation.storage.stores.state import SEAL_STATES, STATES_TABLE, States
 
 ARRAYS = ("stamps_ns", "positions", "orientations_wxyz", "linear_velocities", "angular_velocities")
 NUMBERS = struct.Struct("<7d")
 """Position and orientation of a pose."""
+
+
+def _with_checksums(connection: sqlite3.Connection, _: Path) -> None:
+    poses = "UPDATE poses SET numbers = seal(numbers, stamp_ns, parent, child, static)"
+    sealed_by(connection, *map(SequencedTable.sealing, ("tosses", "rejected")), SEAL_STATES, poses)
+
+
 SCHEMA = StoreSchema(
     what="a toss store",
     application_id=0x746F7373,  # "toss"
-    version=1,
+    version=2,
     statements=(
         SequencedTable.statement("tosses"),
         SequencedTable.statement("rejected"),
@@ -34,6 +43,7 @@ SCHEMA = StoreSchema(
             " child TEXT NOT NULL, static INTEGER NOT NULL, numbers BLOB NOT NULL)"
         ),
     ),
+    upgrades={1: _with_checksums},
 )
 
 
@@ -149,10 +159,7 @@ class TossStore(Store):
 
     def append_poses(self, poses: Sequence[JournalPose]) -> int:
         """Adds poses to the journal, every number bit for bit; returns the sequence number of the last pose ever added."""
-        rows = [
-            (pose.stamp_ns, pose.parent, pose.child, pose.static, NUMBERS.pack(*pose.position, *pose.orientation_wxyz))
-            for pose in poses
-        ]
+        rows = [_row(pose) for pose in poses]
         with self._store.transaction():
             statement = "INSERT INTO poses (stamp_ns, parent, child, static, numbers) VALUES (?, ?, ?, ?, ?)"
             self._store.execute_many(statement, rows)
@@ -162,13 +169,18 @@ class TossStore(Store):
         """Poses of the journal behind `sequence`, each with its own sequence number, in the order they were added."""
         query = "SELECT sequence, stamp_ns, parent, child, static, numbers FROM poses WHERE sequence > ? ORDER BY sequence"
         return [
-            (number, _pose(stamp_ns, parent, child, bool(static), numbers))
+            (number, self._pose(number, stamp_ns, parent, child, static, numbers))
             for number, stamp_ns, parent, child, static, numbers in self._store.rows(query, (sequence,))
         ]
 
     def trim_poses(self, sequence: int) -> None:
         """Forgets the poses of the journal up to and including `sequence`."""
         self._store.execute("DELETE FROM poses WHERE sequence <= ?", (sequence,))
+
+    def _pose(self, number: int, stamp_ns: int, parent: str, child: str, static: int, sealed: bytes) -> JournalPose:
+        numbers = unsealed(self._store.path, f"row {number} of poses", sealed, stamp_ns, parent, child, static)
+        x, y, z, qw, qx, qy, qz = NUMBERS.unpack(numbers)
+        return JournalPose(stamp_ns, parent, child, (x, y, z), (qw, qx, qy, qz), bool(static))
 
     def _add(self, table: SequencedTable, toss: Toss, more: dict[str, Any], provenance: TossProvenance) -> Added:
         """The first provenance stays: the same toss may be in several recordings."""
@@ -207,6 +219,6 @@ def _stored_rejected(row: Row) -> StoredRejected:
     return StoredRejected(row.sequence, rejected, TossProvenance(**json.loads(row.extra)))
 
 
-def _pose(stamp_ns: int, parent: str, child: str, static: bool, numbers: bytes) -> JournalPose:
-    x, y, z, qw, qx, qy, qz = NUMBERS.unpack(numbers)
-    return JournalPose(stamp_ns, parent, child, (x, y, z), (qw, qx, qy, qz), static)
+def _row(pose: JournalPose) -> tuple[int, str, str, int, bytes]:
+    plain = (pose.stamp_ns, pose.parent, pose.child, int(pose.static))
+    return (*plain, seal(NUMBERS.pack(*pose.position, *pose.orientation_wxyz), *plain))

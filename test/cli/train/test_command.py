@@ -57,7 +57,7 @@ def test_exactly_a_polytope_is_trained_at_once_and_a_network_is_refused(cli: Cli
     assert done.json["held_out_loss_after"] < 0.1 * done.json["held_out_loss_before"]
     refused = cli("train", folder, "--out", tmp_path / "b.safetensors", *how, "--model", "deep")
     assert refused.status == 1
-    assert "model to train exactly: found a deep, expected a polytope in the physical form" in refused.err
+    assert "model to train exactly: found a deep, expected a polytope in the physical or the rigid form" in refused.err
 
 
 def test_numbers_in_a_recording_count_what_was_rejected(cli: Cli, golden: Path, tmp_path: Path) -> None:

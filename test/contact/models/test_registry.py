@@ -27,6 +27,7 @@ CONFIG = LossConfig(threads=1)
     [
         ("polytope", Form.CONTACTNETS, 57),
         ("polytope", Form.PHYSICAL, 52),
+        ("polytope", Form.RIGID, 28),
         ("deep", Form.CONTACTNETS, 144_465),
         ("deepvertex", Form.PHYSICAL, 74_520),
         ("end_to_end", Form.PHYSICAL, 205_318),
@@ -101,7 +102,7 @@ def test_tensors_that_are_not_a_models_are_refused(name: str, value: Array | Non
 @pytest.mark.parametrize(
     ("kind", "settings", "says"),
     [
-        ("polytope", {}, "setting form: found None, expected one of contactnets, physical"),
+        ("polytope", {}, "setting form: found None, expected one of contactnets, physical, rigid"),
         ("deep", {"form": "round"}, "setting form: found round"),
         ("end_to_end", {"loss": "cubed"}, "setting loss: found cubed, expected one of norm, squared"),
     ],

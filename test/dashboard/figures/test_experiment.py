@@ -38,5 +38,5 @@ def test_nothing_and_no_place_are_refused(tmp_path: Path) -> None:
     for panels in ([], [Panel("error", ())]):
         with pytest.raises(InvalidValueError, match="panels of the figure"):
             save_experiment_figure(panels, "title", "places", tmp_path / "figure.png")
-    with pytest.raises(InvalidValueError, match="file of the figure"):
+    with pytest.raises(InvalidValueError, match="output"):
         save_experiment_figure([OVER_SIZES], "title", "places", tmp_path / "missing" / "figure.png")

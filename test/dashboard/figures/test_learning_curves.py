@@ -32,5 +32,5 @@ def test_a_figure_is_drawn_with_one_panel_an_error(tmp_path: Path) -> None:
 def test_no_curve_and_no_place_are_one_line(tmp_path: Path) -> None:
     with pytest.raises(InvalidValueError, match="learning curves: found none"):
         save_learning_curves({"log-det": []}, "title", tmp_path / "curves.png")
-    with pytest.raises(InvalidValueError, match=r"file of the figure: found .*nowhere"):
+    with pytest.raises(InvalidValueError, match=r"output: found .*nowhere"):
         save_learning_curves({"log-det": [curve(0.0, 0)]}, "title", tmp_path / "nowhere" / "curves.png")

@@ -5,6 +5,7 @@ import csv
 import json
 import math
 import os
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +19,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.files import write_atomically
+from contact_curation.storage.manifest import file
 from contact_curation.storage.manifest.file import (
     FORMATS,
     joined_csv,
@@ -113,7 +116,8 @@ def test_any_text_and_number_comes_back_from_every_format(
     )
     manifest = Manifest(replace(RUN, command=(topic, toss_id)), (row,), {"note": topic.replace("N", "n").replace("I", "i")})
     for ending, kind in FORMATS.items():
-        data = joined_csv(provenance_bytes(manifest), kind.write(manifest)) if ending == ".csv" else kind.write(manifest)
+        data = kind.write(manifest)
+        data = joined_csv(provenance_bytes(manifest, data), data) if ending == ".csv" else data
         assert_equal(manifest_of(*kind.read(data)), manifest)
 
 
@@ -132,6 +136,29 @@ def test_the_same_manifest_gives_the_same_bytes(tmp_path: Path, ending: str) -> 
     for path in paths:
         write_manifest(MANIFEST, path)
     assert paths[0].read_bytes() == paths[1].read_bytes()
+
+
+def test_a_writer_that_dies_between_a_table_and_its_provenance_leaves_one_manifest_or_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, newer = tmp_path / "m.csv", Manifest(replace(RUN, criterion="trace"), (BESIDES, RANKED), DIAGNOSTICS)
+    write_manifest(MANIFEST, path)
+    found = []
+    for writes in range(1, 4):
+        write_manifest(MANIFEST, path)
+        left = iter(range(writes))
+
+        def write(target: Path, data: bytes, left: Iterator[int] = left) -> None:
+            if next(left, None) is None:
+                raise KeyboardInterrupt
+            write_atomically(target, data)
+
+        with monkeypatch.context() as patch, suppress(KeyboardInterrupt):
+            patch.setattr(file, "write_atomically", write)
+            write_manifest(newer, path)
+        found.append(read_manifest(path))
+    for one, expected in zip(found, (MANIFEST, newer, newer), strict=True):
+        assert_equal(one, expected)
 
 
 def test_other_tools_read_the_three_formats(tmp_path: Path) -> None:

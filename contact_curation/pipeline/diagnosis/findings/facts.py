@@ -69,9 +69,8 @@ def board(evidence: Evidence) -> Finding | None:
     rig = evidence.rig
     if rig is None:
         return None
-    height = (
-        f"bodies at rest {1e3 * rig.height.value:+.1f} mm from it ({1e3 * rig.height.low:.1f} to {1e3 * rig.height.high:.1f})"
-    )
+    away, low, high = (1e3 * value for value in (rig.height.value, rig.height.low, rig.height.high))
+    height = f"bodies at rest {away:+z.1f} mm from it ({low:z.1f} to {high:z.1f})"
     return _fact(f"board: tilted by {rig.tilt_degrees:.2f} degrees, {height}; length scale {1.0 + rig.scale.value:.4f}")
 
 
