@@ -57,10 +57,10 @@ def _keep(target: str, path: Path) -> bool:
     """Moves a finding to where the tests read it; whether it is new."""
     data = path.read_bytes()
     path.unlink()
-    kept = HERE / "found" / target / hashlib.sha256(data).hexdigest()[:12]
-    new = not kept.exists()
-    kept.parent.mkdir(parents=True, exist_ok=True)
-    kept.write_bytes(data)
+    place = HERE / "found" / target / hashlib.sha256(data).hexdigest()[:12]
+    new = not place.exists()
+    place.parent.mkdir(parents=True, exist_ok=True)
+    place.write_bytes(data)
     return new
 
 
