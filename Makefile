@@ -4,7 +4,7 @@
 VENV := .venv
 PYTHON := $(VENV)/bin/python
 DONE := $(VENV)/done
-CHECKED := contact_curation test benchmarks bags conformance examples msg_defs setup.py .ci/lock
+CHECKED := contact_curation test benchmarks bags conformance examples msg_defs setup.py .ci/lock .ci/sbom
 TYPED := contact_curation test benchmarks bags conformance examples
 
 MESSAGE_SOURCES := $(shell find msg_defs -name build -prune -o -name '*.egg-info' -prune -o -name __pycache__ -prune -o -type f -print)
@@ -17,7 +17,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 # Without bytecode every process of the demo and the tests, and there are hundreds, compiles its modules anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow fuzz mutants check format site wheel bench figures setup lock clean distclean
+.PHONY: demo test test-slow fuzz mutants check format site wheel bench figures setup lock clean distclean sbom
 .DELETE_ON_ERROR:
 
 demo: setup
@@ -83,7 +83,7 @@ $(DONE)/environment: requirements.lock
 		rm -rf $(VENV); \
 	fi && \
 	if [ ! -e $(PYTHON) ]; then "$$python" -m venv $(VENV); fi
-	$(PYTHON) -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(PYTHON) -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
 	@mkdir -p $(DONE) && touch $@
 
 $(DONE)/messages: $(DONE)/environment $(MESSAGE_SOURCES)
@@ -96,6 +96,12 @@ $(DONE)/package: $(DONE)/messages setup.py setup.cfg package.xml $(KERNEL_SOURCE
 
 lock:
 	.ci/find-python >/dev/null && $$(.ci/find-python) .ci/lock
+
+# What is installed, as CycloneDX; no more than the lock file says.
+sbom:
+	@mkdir -p build
+	$$(.ci/find-python) .ci/sbom build/sbom.json
+	@echo build/sbom.json
 
 clean:
 	rm -rf build dist install log *.egg-info msg_defs/build msg_defs/*.egg-info msg_defs/vendored/*/build msg_defs/vendored/*/*.egg-info

@@ -148,7 +148,7 @@ if __name__ == "__main__":
             ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
             (f"share/{NAME}", ["package.xml"]),
             (f"share/{NAME}/launch", sorted(str(path.relative_to(HERE)) for path in HERE.glob(f"{NAME}/launch/*.py"))),
-            (f"share/{NAME}/config", sorted(str(path.relative_to(HERE)) for path in HERE.glob(f"{NAME}/config/*.yaml"))),
+            (f"share/{NAME}/config", sorted(str(path.relative_to(HERE)) for path in HERE.glob(f"{NAME}/config/*.*ml"))),
         ],
         install_requires=REQUIRES,
         extras_require=EXTRAS,

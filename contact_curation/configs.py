@@ -33,12 +33,14 @@ class ConfigField(NamedTuple):
         kind: its type.
         default: its value in the config at hand.
         description: what the class's docstring says of it; may be empty.
+        bounds: that the field itself says (`ranged`); None where it says none.
     """
 
     path: str
     kind: Any
     default: Any
     description: str
+    bounds: tuple[float, float] | None = None
 
 
 def fields_of(config: Any, prefix: str = "") -> Iterator[ConfigField]:
@@ -49,7 +51,8 @@ def fields_of(config: Any, prefix: str = "") -> Iterator[ConfigField]:
         if is_dataclass(value):
             yield from fields_of(value, f"{prefix}{field.name}.")
         else:
-            yield ConfigField(f"{prefix}{field.name}", kinds[field.name], value, described.get(field.name, ""))
+            said = described.get(field.name, "")
+            yield ConfigField(f"{prefix}{field.name}", kinds[field.name], value, said, field.metadata.get("range"))
 
 
 def field_of(config: Any, path: str) -> ConfigField:
@@ -92,11 +95,15 @@ LOWEST, HIGHEST = (-1e9, 0.0, 1.0), (1e9, 1e6, 180.0, 90.0, 1.0, 0.5)
 
 
 def accepted_range(config: Any, field: ConfigField) -> tuple[float, float] | None:
-    """Smallest and largest of some usual bounds within which a config's class accepts a number; the bounds may be excluded.
+    """The bounds that a field says, or the smallest and largest of some usual ones within which its class accepts a number.
+
+    The bounds themselves may be excluded.
 
     Returns:
         None where nothing can be said: the field holds no finite number, or every number is accepted.
     """
+    if field.bounds is not None:
+        return field.bounds
     if type(field.default) not in (int, float) or not isfinite(field.default):
         return None
 

@@ -164,16 +164,24 @@ def writing(path: Path) -> Iterator[None]:
         raise InvalidValueError("output", path, f"a path that can be written ({error.strerror or error})") from error
 
 
+def partial_name(path: Path) -> Path:
+    """A hidden name beside `path` for what is not complete yet; nobody can guess it, and put a link in its place before."""
+    return path.with_name(f"{_prefix(path)}{token_hex(4)}")
+
+
+def _prefix(path: Path) -> str:
+    return f".{path.name}.partial-"
+
+
 def _partial(path: Path, make: Callable[[Path], int]) -> tuple[int, Path]:
     """A hidden file or folder beside `path` that is locked while its descriptor is open, and removes those that nobody locks.
 
     They are what processes left that were killed. A name that nobody can foretell is no link to somewhere else.
     """
-    prefix = f".{path.name}.partial-"
-    for left in [one for one in path.parent.iterdir() if one.name.startswith(prefix)]:
+    for left in [one for one in path.parent.iterdir() if one.name.startswith(_prefix(path))]:
         _remove_unlocked(left)
     while True:
-        partial = path.with_name(prefix + token_hex(4))
+        partial = partial_name(path)
         descriptor = make(partial)
         with suppress(OSError):  # a file system without locks
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -13,7 +13,7 @@ import re
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -92,9 +92,9 @@ def simulated_session(seed: int = 7, tosses: int = SIMULATED) -> Session:
     return Session(made.stamps_ns, made.stamps_ns + 12_000_000, made.poses, board, tuple(places.tolist()))
 
 
-def real_session(folder: Path) -> Session:
+def real_session(folder: Path, numbers: Iterable[int] = REAL) -> Session:
     """Some of ContactNets' tosses one after the other, with the frames that `import` puts around them."""
-    files = [folder / f"{number}.pt" for number in REAL]
+    files = [folder / f"{number}.pt" for number in numbers]
     tosses = [one for one in open_inputs(files, CONTACTNETS_CUBE) if isinstance(one, Toss)]
     stamps: list[NDArray[np.int64]] = []
     poses: list[Array] = []

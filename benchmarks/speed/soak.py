@@ -4,7 +4,8 @@
 
 Every so many throws one of the eight nodes is killed with SIGKILL; the seed says in which order they come. At the end:
 
-- memory: resident size of each process that lives long enough, late against early (throw 50, or 20 throws after its start);
+- memory and descriptors of each process that lives long enough, late against early (throw 50, or 20 throws after its start);
+- disk: what each toss took in stores, recordings and logs;
 - nothing lost: every toss that pose_ingest stored is in the scorer's and the curator's store at the last theta, and was
   recorded; so was every pose that sim_camera published, once and in order; what the recorder itself says that it missed;
 - the buffer: that of fresh, undisturbed nodes fed with the recorded poses at the session's last theta, and that of `rank`.
@@ -55,12 +56,13 @@ DOMAIN = 91
 
 
 class Sample(NamedTuple):
-    """Resident memory of a process [bytes] after so many throws."""
+    """Resident memory [bytes] and open descriptors of a process after so many throws."""
 
     throws: int
     node: str
     pid: int
     resident: int
+    descriptors: int
 
 
 class Session:
@@ -106,7 +108,12 @@ def main() -> int:
     (arguments.folder / "memory.json").write_text(json.dumps(samples))
     told = json.loads((arguments.folder / "session.json").read_text())
     print(f"{session.throws} throws in {seconds:.0f} s; restarts: {told['summary']['restarts']}")
-    findings = [*memory(samples), *lost(arguments.folder, session, told), *buffers(arguments.folder, told)]
+    findings = [
+        *growth(samples),
+        *disk(arguments.folder, told["summary"]["tosses"]),
+        *lost(arguments.folder, session, told),
+        *buffers(arguments.folder, told),
+    ]
     for sound, line in findings:
         print(f"{'ok ' if sound else 'NOT'}  {line}")
     return 0 if all(sound for sound, _ in findings) else 1
@@ -128,7 +135,7 @@ def soak(folder: Path, throws: int, every: int, seed: int) -> tuple[Session, lis
             while online.poll() is None:
                 time.sleep(PERIOD)
                 session.look()
-                samples += [Sample(session.throws, node, pid, resident(pid)) for node, pid in session.pids.items()]
+                samples += [Sample(session.throws, node, pid, *held(pid)) for node, pid in session.pids.items()]
                 if due <= session.throws < throws:
                     due += every
                     deck = deck or [str(one) for one in random.permutation(EIGHT)]
@@ -144,28 +151,41 @@ def soak(folder: Path, throws: int, every: int, seed: int) -> tuple[Session, lis
     return session, [one for one in samples if one.resident], time.monotonic() - began
 
 
-def resident(pid: int) -> int:
-    """Resident memory of a process [bytes]; 0 once it is gone."""
+def held(pid: int) -> tuple[int, int]:
+    """Resident memory [bytes] and number of descriptors of a process; zeros once it is gone."""
+    process = Path(f"/proc/{pid}")
     try:
-        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+        pages = int((process / "statm").read_text().split()[1])
+        return pages * os.sysconf("SC_PAGE_SIZE"), len(list((process / "fd").iterdir()))
     except (FileNotFoundError, ProcessLookupError, IndexError):
-        return 0
+        return 0, 0
 
 
-def memory(samples: list[Sample]) -> Iterator[tuple[bool, str]]:
-    """Growth of each process that lived long enough."""
+def growth(samples: list[Sample]) -> Iterator[tuple[bool, str]]:
+    """Of each process that lived long enough."""
     lives: dict[tuple[str, int], list[Sample]] = {}
     for one in samples:
         lives.setdefault((one.node, one.pid), []).append(one)
     for (node, pid), life in lives.items():
         first = max(EARLY, life[0].throws + SETTLING)
-        early = [one.resident for one in life if first <= one.throws < first + SETTLING]
-        late = [one.resident for one in life if one.throws >= max(life[-1].throws - SETTLING // 2, first + SETTLING)]
+        early = [one for one in life if first <= one.throws < first + SETTLING]
+        late = [one for one in life if one.throws >= max(life[-1].throws - SETTLING // 2, first + SETTLING)]
         if early and late:
-            before, after = float(np.median(early)), float(np.median(late))
-            growth = after / before - 1.0
+            before, after = (float(np.median([one.resident for one in part])) for part in (early, late))
+            grown = after / before - 1.0
             sizes = f"{before / 1e6:.0f} to {after / 1e6:.0f} MB, throws {first} to {life[-1].throws}"
-            yield growth <= ALLOWED_GROWTH, f"memory of {node} ({pid}): {100.0 * growth:+.1f} % ({sizes})"
+            yield grown <= ALLOWED_GROWTH, f"memory of {node} ({pid}): {100.0 * grown:+.1f} % ({sizes})"
+            few, many = (float(np.median([one.descriptors for one in part])) for part in (early, late))
+            yield many <= few, f"descriptors of {node} ({pid}): {few:g} to {many:g}"
+
+
+def disk(folder: Path, tosses: int) -> Iterator[tuple[bool, str]]:
+    """What was written for a toss, by kind."""
+    kinds = {"stores": folder / "stores", "logs": folder / "logs"}
+    sizes = {name: sum(path.stat().st_size for path in inside.rglob("*") if path.is_file()) for name, inside in kinds.items()}
+    sizes["recordings"] = sum(path.stat().st_size for path in folder.glob("session.*") if path.suffix in (".mcap", ".rrd"))
+    parts = ", ".join(f"{name} {size / max(tosses, 1) / 1e3:.0f} kB" for name, size in sizes.items())
+    yield True, f"disk for each of {tosses} tosses: {parts}"
 
 
 def lost(folder: Path, session: Session, told: dict[str, Any]) -> Iterator[tuple[bool, str]]:

@@ -17,12 +17,12 @@ from tempfile import gettempdir
 
 import contact_curation.nodes  # noqa: F401 - as a node does
 from contact_curation.session.free_domain import free_domain
-from contact_curation.session.graph import graph_environment
+from contact_curation.session.graph import PROFILES, graph_environment
 
 SECONDS, TURNS = 5.0, 3
 RATES = {1_000: 148.0, 900_000: 30.0}
 """[Hz] by the size of a message in bytes."""
-KINDS = {"shared memory": {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}, "loopback.xml": {}}
+KINDS = {"shared memory": {PROFILES[1]: ""}, "loopback.xml": {}}  # with a profile of the user's, sessions use LOCALHOST
 
 
 def subscribe(size: int) -> None:

@@ -167,7 +167,7 @@ def verb_output(*words: str) -> str:
     Raises:
         ProgramFailedError: it fails; with its error.
     """
-    command = [sys.executable, "-m", "contact_curation.cli.main", *words]
+    command = [sys.executable, "-P", "-m", "contact_curation.cli.main", *words]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise ProgramFailedError(done.stderr.strip().rpartition("\n")[2].removeprefix(f"{NAME}: error: "))

@@ -16,6 +16,7 @@ from contact_curation.cli.options.reading import (
 )
 from contact_curation.cli.options.settings import add_settings
 from contact_curation.cli.options.types import PathEndingIn, natural_number, positive_integer
+from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.design.candidates import CandidateConfig
@@ -118,7 +119,9 @@ def run(arguments: argparse.Namespace) -> int:
     examples, warnings = _read(arguments.prior, reading)
     warnings = (*seen, *warnings)
     warn(warnings)
-    throws = design_throws(replace(task, known=known, examples=examples), arguments.throws)
+    task = replace(task, known=known, examples=examples)
+    with Progress("designing", "simulated throws", task.simulations(arguments.throws)) as progress:
+        throws = design_throws(task, arguments.throws, progress.advance)
     throws.save(arguments.out)
     if arguments.json:
         print_json({"out": str(arguments.out), **throws.document(), "warnings": warnings})

@@ -11,6 +11,7 @@ from typing import Any, Never
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.types import number_from_zero, positive_number
 from contact_curation.errors import InvalidValueError
+from contact_curation.session.graph import node_program, within_this_machine
 
 ROS_NAME = re.compile(r"~?/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 
@@ -18,7 +19,8 @@ ROS_NAME = re.compile(r"~?/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Publishes a bag's messages at the times they were recorded. The node's services pause, resume and seek."
+        "Publishes a bag's messages at the times they were recorded. The node's services pause, resume and seek. "
+        "Only this machine hears it, unless ROS_AUTOMATIC_DISCOVERY_RANGE (e.g. SUBNET) says how far it is heard."
     )
     parser.add_argument("bag", type=Path, metavar="BAG", help="an MCAP file, a rosbag2 folder or a ROS 1 bag")
     parser.add_argument(
@@ -53,7 +55,7 @@ def run(arguments: argparse.Namespace) -> Never:
     command = player_command(arguments)
     sys.stdout.flush()
     sys.stderr.flush()
-    os.execv(command[0], command)
+    os.execve(command[0], command, within_this_machine(os.environ))
 
 
 def player_command(arguments: argparse.Namespace) -> list[str]:
@@ -69,7 +71,7 @@ def player_command(arguments: argparse.Namespace) -> list[str]:
     }
     if arguments.topics:  # ROS cannot tell the type of an empty list
         parameters["topics"] = arguments.topics
-    command = [sys.executable, "-m", "contact_curation.nodes.player", "--ros-args"]
+    command = [*node_program("player"), "--ros-args"]
     for name, value in parameters.items():
         command += ["-p", f"{name}:={json.dumps(value)}"]  # JSON is YAML: words stay words
     for remapping in arguments.remap:

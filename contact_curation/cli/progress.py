@@ -53,7 +53,7 @@ class Progress:
         """How long the rest takes at the pace so far; empty where that is not known."""
         share = self._share or 0.0
         if self._total is not None and self._total > self._before:
-            share = (self._done - self._before) / (self._total - self._before)
+            share = min((self._done - self._before) / (self._total - self._before), 1.0)
         return f"{in_words((now - self._began) * (1.0 - share) / share)} left" if share else ""
 
     def __enter__(self) -> Self:

@@ -20,6 +20,7 @@ from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
+from contact_curation.pipeline.diagnosis.explained import explained
 from contact_curation.pipeline.reading import InputReader, ReadingConfig
 from contact_curation.pipeline.theta import polytope_of
 from contact_curation.pipeline.tosses import CHECK_SAYS, EachOnce
@@ -109,7 +110,8 @@ def run(arguments: argparse.Namespace) -> int:
             tally.add(len(batch), _score(batch, theta, stages["loss"], writer))
             progress.advance(len(batch), share=tally.inputs / len(arguments.inputs))
         if not tally.statuses:
-            raise nothing_found(arguments.inputs, tally.warnings, "no toss that could be scored", CHECK_SAYS)
+            nothing = nothing_found(arguments.inputs, tally.warnings, "no toss that could be scored", CHECK_SAYS)
+            raise explained(nothing, arguments.inputs, ReadingConfig(body, inputs_of(stages)))
     warn(tally.warnings)
     _report(arguments, stages["loss"].cone.value, tally)
     return 0

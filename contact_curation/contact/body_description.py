@@ -29,14 +29,15 @@ from contact_curation.contact.body_values import (
 )
 from contact_curation.contact.plausibility import BodyNumbers, derived_scale, implausible
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
-from contact_curation.files import read_yaml
+from contact_curation.files import read_bounded, read_yaml
 from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.solids.link import Link
 from contact_curation.geometry.solids.mass_properties import MassProperties, of_hull
-from contact_curation.geometry.solids.mesh_file import MESHES, read_mesh
+from contact_curation.geometry.solids.mesh_file import MESHES, read_mesh, refuse_foreign
 from contact_curation.geometry.solids.mjcf import read_mjcf
 from contact_curation.geometry.solids.simplification import Corners, hull_corners
 from contact_curation.geometry.solids.urdf import read_urdf
+from contact_curation.geometry.solids.xml_file import LARGEST_XML
 from contact_curation.solver.cone_problem import MAX_CONTACTS
 
 LARGEST_FILE = 2**17
@@ -144,6 +145,7 @@ def _found(path: Path, options: BodyOptions) -> BodyDescription:
     kind = path.suffix.lower()
     if kind in READERS:
         return _completed(path, READERS[kind](path, options), options)
+    refuse_foreign(path)
     content = read_yaml(path, LARGEST_FILE, "the description of a body: YAML, URDF, MJCF, STL, OBJ, PLY or OFF")
     if not isinstance(content, Mapping) or not all(isinstance(key, str) for key in content):
         found = type(content).__name__
@@ -172,8 +174,8 @@ def _mesh(path: Path, options: BodyOptions) -> Link:
 def _robot(path: Path, options: BodyOptions) -> Link:
     if options.scale is not None:
         raise InvalidValueError("scale", options.scale, "none for URDF and MJCF, whose meshes have a scale of their own")
-    kind = "mujoco" if b"<mujoco" in path.read_bytes()[: 1 << 16] else "robot" if path.is_file() else ""
-    return (read_mjcf if kind == "mujoco" else read_urdf)(path, options.link)
+    is_mjcf = b"<mujoco" in read_bounded(path, LARGEST_XML, "a robot description")[: 1 << 16]
+    return (read_mjcf if is_mjcf else read_urdf)(path, options.link)
 
 
 type Reader = Callable[[Path, BodyOptions], Link]
@@ -189,6 +191,7 @@ def _referred(path: Path, content: Mapping[str, Any], options: BodyOptions) -> B
     if len(named) > 1:
         raise InvalidValueError(named[1], f"a file beside that of {named[0]}", "one of both")
     file = path.parent / text(content, named[0])
+    refuse_foreign(file)
     if file.suffix.lower() not in READERS:
         raise InvalidValueError(named[0], content[named[0]], f"a file ending in {', '.join(READERS)}")
     scalars = ("mass", "density", "friction", "length_scale", "scale", "gravity")

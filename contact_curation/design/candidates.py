@@ -1,7 +1,7 @@
 """Candidate releases: their predicted information, and whether they are safe."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -101,14 +101,21 @@ class CandidateEvaluator:
         noise: of executions.
         config: how.
         feasible: what the thrower says; None where it can throw anything.
+        simulated: told how many throws were simulated, piece by piece.
 
     Raises:
         InvalidValueError: no theta, or thetas of different bodies or forms.
     """
 
     def __init__(
-        self, particles: Sequence[Particle], noise: ExecutionNoise, config: CandidateConfig, feasible: Feasible | None = None
+        self,
+        particles: Sequence[Particle],
+        noise: ExecutionNoise,
+        config: CandidateConfig,
+        feasible: Feasible | None = None,
+        simulated: Callable[[int], None] = lambda count: None,
     ) -> None:
+        self._simulated = simulated
         self.particles = tuple(_alike(particles))
         self.config = config
         self.noise = noise
@@ -117,7 +124,7 @@ class CandidateEvaluator:
 
     def with_noise(self, noise: ExecutionNoise) -> "CandidateEvaluator":
         """The same evaluator with another execution noise."""
-        return CandidateEvaluator(self.particles, noise, self.config, self.safety.feasible)
+        return CandidateEvaluator(self.particles, noise, self.config, self.safety.feasible, self._simulated)
 
     def draw_safe(self, prior: ReleasePrior, count: int, rng: np.random.Generator) -> Releases:
         """Draws releases until so many may be thrown, by what they show themselves.
@@ -183,6 +190,7 @@ class CandidateEvaluator:
         refusals: list[str | None] = [None] * len(states)
         for particle in self.particles:
             motions = predicted_motions(particle, executed, config)
+            self._simulated(len(executed))
             informations.append(expected_information(particle, motions, executions, config))
             found = self.safety.of_motions(particle, motions, executions, config)
             unknown = (None if known else "motion: cannot be predicted" for known in informations[-1].known)

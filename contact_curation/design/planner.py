@@ -7,7 +7,7 @@ trace of each alone.
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 
@@ -72,6 +72,13 @@ class DesignConfig:
         if not (np.isfinite(self.share) and self.share > 0.0):
             raise InvalidValueError("design.share", self.share, "a positive number")
 
+    def simulations(self, count: int) -> int:
+        """How many throws the design of so many simulates at each theta, if no search ends early and no batch is refused."""
+        each, search = self.candidates.forecast.executions, self.refinement
+        finalists = min(self.pool, max(self.finalists, FINALISTS_EACH * count))
+        moves = count * search.generations * search.population * search.executions
+        return (self.reference + finalists) * each + self.pool * self.sieve + moves
+
 
 @dataclass(frozen=True, eq=False)
 class Plan:
@@ -104,6 +111,7 @@ class Planner:
         noise: of executions.
         config: how.
         feasible: what the thrower says; None where it can throw anything.
+        simulated: told how many throws were simulated, piece by piece.
 
     Raises:
         InvalidValueError: thetas that do not go together, or no release may be thrown.
@@ -116,11 +124,12 @@ class Planner:
         noise: ExecutionNoise | None = None,
         config: DesignConfig | None = None,
         feasible: Feasible | None = None,
+        simulated: Callable[[int], None] = lambda count: None,
     ) -> None:
         self.config = config or DesignConfig()
         self.prior = prior
         how = self.config.candidates
-        self.evaluator = CandidateEvaluator(particles, noise or ExecutionNoise.expected(how.noise), how, feasible)
+        self.evaluator = CandidateEvaluator(particles, noise or ExecutionNoise.expected(how.noise), how, feasible, simulated)
         self._reference = self.evaluator.with_noise(ExecutionNoise.expected(how.noise)).evaluate(self._referred())
         self._coordinates = [prior_coordinates(fishers, self.config.share) for fishers in self._reference.fishers]
 

@@ -19,7 +19,7 @@ from contact_curation.nodes.messages.headers import stamped_of
 from contact_curation.nodes.messages.toss_information import information_of
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.catch_up import CatchUp, Source
-from contact_curation.nodes.ros.health import Health, HealthReport
+from contact_curation.nodes.ros.health import Health, HealthReport, awaited
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.qos import latched
@@ -29,8 +29,8 @@ from contact_curation.stages.buffer_manifest import manifest_of
 from contact_curation.stages.curation import Buffer, CurationConfig, CurationStage
 from contact_curation.stages.parameters import with_parameters
 from contact_curation.stages.records import Cursor
-from contact_curation.storage.manifest.file import write_manifest
-from contact_curation.storage.outputs import check_replaceable
+from contact_curation.storage.manifest.file import provenance_of, write_manifest
+from contact_curation.storage.outputs import check_replaceable, path_below
 from contact_curation.storage.stores.information import InformationStore
 
 INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
@@ -45,6 +45,9 @@ class Curator(StageNode):
         ranking = declare_config(self, RankingConfig(), fixed=False)
         config = declare_config(self, CurationConfig())
         store = Path(declare(self, "store", "buffer.sqlite", "file that stores the buffer and all information"))
+        folder = declare(self, "save_folder", "", "folder that save_buffer writes in; empty: the folder of the store")
+        self._save_folder = Path(folder) if folder else store.parent
+        self._overwrites = declare(self, "save_overwrites", False, "whether save_buffer replaces an earlier manifest")
         self._informations = InformationStore(store)
         self._informations.claim()
         self._stage = CurationStage(ranking, config, self._informations)
@@ -61,7 +64,7 @@ class Curator(StageNode):
         self.add_on_set_parameters_callback(self._parameters_set)
         self._information = CatchUp(self, self._worker, INFORMATION, self._stage.cursor, self._take)
         self._curating.want()
-        HealthReport(self, self._health)
+        HealthReport(self, "selection", self._health, self._body.name)
 
     def close(self) -> None:
         self._worker.stop()
@@ -115,22 +118,38 @@ class Curator(StageNode):
             response.message = "found no scored toss, expected at least one"
             return response
         try:
-            check_replaceable("path", Path(request.path), "a new name, or that of an earlier manifest")
-            write_manifest(manifest_of(buffer, self._stage.last_stamp_ns, self._body.to_mapping()), Path(request.path))
+            path = self._manifest_path(request.path)
+            write_manifest(manifest_of(buffer, self._stage.last_stamp_ns, self._body.to_mapping()), path)
         except ContactCurationError as error:
             response.message = str(error)
             return response
-        response.success, response.path = True, str(Path(request.path).absolute())
+        response.success, response.path = True, str(path)
         response.tosses = len(buffer.curation.ranking.selected_ids)
         response.message = f"{response.tosses} of {buffer.seen} tosses selected"
         return response
+
+    def _manifest_path(self, asked: str) -> Path:
+        """Where a caller may write.
+
+        Raises:
+            InvalidValueError: the path leads out of the folder, or there is a file that may not be replaced.
+        """
+        path = path_below("path", self._save_folder, asked)
+        if self._overwrites:
+            check_replaceable("path", path, "a new name, or that of an earlier manifest")
+            return path
+        for taken in (path, provenance_of(path)):
+            if taken.exists():
+                raise InvalidValueError("path", f"a file at {taken}", "a new name, or a curator with save_overwrites:=true")
+        return path
 
     def _health(self) -> Health:
         buffer = self._buffer
         selected_now = 0 if buffer is None else len(buffer.curation.ranking.selected_ids)
         seen = 0 if buffer is None else buffer.seen
         values = {"selected": selected_now, "seen": seen, "queue": self._worker.waiting, **self._warnings.counts}
-        return Health(f"{selected_now} of {seen} tosses selected", values)
+        missing = "" if self._information.cursor.sequence else awaited(self, "scored tosses", INFORMATION.topic)
+        return Health(f"{selected_now} of {seen} tosses selected", values, waiting_for=missing)
 
 
 def main() -> int:

@@ -23,7 +23,7 @@ from rclpy.clock import Clock, ClockType
 from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.dashboard.live.health_view import NodeHealth
 from contact_curation.dashboard.live.layout import live_layout
-from contact_curation.dashboard.live.serving import ServingConfig, close_screen, open_screen
+from contact_curation.dashboard.live.serving import HERE, ServingConfig, close_screen, open_screen
 from contact_curation.dashboard.live.session import LiveSession
 from contact_curation.errors import ContactCurationError
 from contact_curation.motion.toss import NANOSECONDS
@@ -34,7 +34,7 @@ from contact_curation.nodes.messages.toss_information import information_of
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.catch_up import PERIOD, Source
 from contact_curation.nodes.ros.follow import HELD, Follow
-from contact_curation.nodes.ros.health import Health, HealthReport
+from contact_curation.nodes.ros.health import Health, HealthReport, awaited
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.own_namespace import is_own
 from contact_curation.nodes.ros.parameters import declare, declare_config
@@ -91,7 +91,7 @@ class Dashboard(StageNode):
         lossy = profile(100, reliable=False, latched=False)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._health_came, lossy)
         self.create_timer(PERIOD, self._health_page.want, clock=self._steady)
-        HealthReport(self, self._health)
+        HealthReport(self, "dashboard", self._health, self._body.name)
         if serving.web_port:
             self.get_logger().info(f"dashboard at {serving.address}")
             if state:
@@ -194,7 +194,9 @@ class Dashboard(StageNode):
             **self._warnings.counts,
         }
         lost = sum(self._dropped.values())
-        return Health(f"{lost} messages not shown" if lost else "everything is shown", values, warning=bool(lost))
+        said = f"{lost} messages not shown" if lost else "everything is shown"
+        missing = "" if self._session.tosses else awaited(self, "tosses", TOSSES.topic)
+        return Health(said, values, warning=bool(lost), waiting_for=missing)
 
 
 def declared_serving(node: StageNode) -> ServingConfig:
@@ -209,7 +211,7 @@ def declared_serving(node: StageNode) -> ServingConfig:
     return ServingConfig(
         web_port=declare(node, "web_port", 9090, "port of the web page; 0: none is served"),
         grpc_port=declare(node, "grpc_port", 9876, "port of the data that the web page shows"),
-        bind=declare(node, "bind", "127.0.0.1", "address that the data are served at; 0.0.0.0: to other machines, too"),
+        bind=declare(node, "bind", HERE, "IPv4 address that page and data are served at; 0.0.0.0: to other machines, too"),
         recording=Path(recording) if recording else None,
     )
 

@@ -22,7 +22,7 @@ from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.toss_information import information_message
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.catch_up import CatchUp, Source
-from contact_curation.nodes.ros.health import Health, HealthReport
+from contact_curation.nodes.ros.health import Health, HealthReport, awaited
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
@@ -62,7 +62,7 @@ class FisherScorer(StageNode):
         self.create_service(GetInformation, "get_information", self._get_information)
         self.create_subscription(ModelParameters, "model_parameters", self._parameters_came, latched(1))
         self._tosses = CatchUp(self, self._worker, TOSSES, self._stage.cursor, self._score, self._caught_up)
-        HealthReport(self, self._health)
+        HealthReport(self, "scores", self._health, self._body.name)
 
     def close(self) -> None:
         self._worker.stop()
@@ -138,7 +138,9 @@ class FisherScorer(StageNode):
             "parameters_version": self._stage.version,
             **self._warnings.counts,
         }
-        return Health(f"{self._stage.last_sequence} records at theta {self._stage.version}", values)
+        missing = "" if self._tosses.cursor.sequence else awaited(self, "tosses", TOSSES.topic)
+        said = f"{self._stage.last_sequence} records at theta {self._stage.version}"
+        return Health(said, values, waiting_for=missing)
 
 
 def main() -> int:

@@ -20,7 +20,7 @@ from contact_curation.motion.ingest import IngestConfig, TossIngest
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.nodes.messages.toss import rejected_message, toss_message
 from contact_curation.nodes.ros.body_parameter import declared_body
-from contact_curation.nodes.ros.health import Health, HealthReport, Rate
+from contact_curation.nodes.ros.health import Health, HealthReport, Rate, awaited
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.pose_topics import READ_TYPES, PoseTopics, Received
@@ -75,7 +75,7 @@ class PoseIngest(StageNode):
         self.create_service(GetTosses, "get_tosses", self._get_tosses)
         self._topics = PoseTopics(self, self._body.name, self._poses, type_name, depth, self._found, self._arrived)
         self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        HealthReport(self, self._health)
+        HealthReport(self, "poses", self._health, self._body.name)
 
     def close(self) -> None:
         self._worker.stop()
@@ -157,8 +157,11 @@ class PoseIngest(StageNode):
             if rate and (text := self._ingest.noise_warning()):
                 return Health(text, values, warning=True)
         if self._topics.source is None:
-            return Health(f"waiting for poses: {self._topics.waiting_for or 'none yet'}", values, warning=True)
-        return Health(f"{rate:.0f} messages/s from {self._topics.source.body.name}", values, warning=rate == 0.0)
+            what = f"poses: {self._topics.waiting_for or 'none yet'}"
+            return Health(f"waiting for {what}", values, warning=True, waiting_for=what)
+        topic = self._topics.source.body.name
+        missing = "" if self._received.count and self._topics.has_publisher else awaited(self, "poses", topic)
+        return Health(f"{rate:.0f} messages/s from {topic}", values, warning=rate == 0.0, waiting_for=missing)
 
 
 def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> IngestConfig:

@@ -22,7 +22,7 @@ from contact_curation.nodes.ros.message_types import message_class
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.own_namespace import is_own
 from contact_curation.nodes.ros.parameters import declare
-from contact_curation.nodes.ros.qos import offered, profile
+from contact_curation.nodes.ros.qos import AS_OFFERED, offered, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Latest, Worker
 from contact_curation.storage.bags.records import OfferedQos, RawMessage
@@ -83,7 +83,7 @@ class SessionRecorder(StageNode):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(LOOK_PERIOD, self._follow, clock=steady)
         self.create_timer(period, self._flushing.want, clock=steady)
-        HealthReport(self, self._health)
+        HealthReport(self, "recording", self._health)
 
     def close(self) -> None:
         self._worker.do(self._write)
@@ -135,6 +135,7 @@ class SessionRecorder(StageNode):
             topic,
             on_message,
             profile(self._depth, reliable=heard.qos.reliable, latched=heard.qos.latched),
+            qos_overriding_options=AS_OFFERED,
             event_callbacks=SubscriptionEventCallbacks(message_lost=self._missed),
             raw=True,
         )
@@ -184,7 +185,9 @@ class SessionRecorder(StageNode):
             "rate_hz": f"{self._received.per_second():.0f}",
             **self._warnings.counts,
         }
-        return Health(f"{written} messages of {len(self._topics)} topics, {self._lost} lost", values, warning=self._lost > 0)
+        missing = "" if self._topics else "topics of the graph to record"
+        said = f"{written} messages of {len(self._topics)} topics, {self._lost} lost"
+        return Health(said, values, warning=self._lost > 0, waiting_for=missing)
 
 
 def main() -> int:

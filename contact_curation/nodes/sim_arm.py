@@ -25,7 +25,7 @@ from std_srvs.srv import Trigger
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.messages.arm_frame import joint_state_message, truth_message
 from contact_curation.nodes.messages.headers import Stamped, time_message
-from contact_curation.nodes.messages.throw import throw_message, throw_of
+from contact_curation.nodes.messages.throw import commanded_throw_of, throw_message, throw_of
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
@@ -58,6 +58,9 @@ BREATH, BREATH_FRAMES = 1e-3, 4
 IDLE = 0.05
 """Time between looks for a goal while simulated time stands still [s]."""
 
+OLDEST_GOAL = 60.0
+"""[s]: after so long throw_designer, too, takes a goal for lost."""
+
 COUNTED = 0.1
 """Largest time between two looks of the watchdog that counts [s]: a process that stood still moved nothing."""
 
@@ -79,6 +82,8 @@ class SimArm(StageNode):
         self._arms_itself = declare(self, "armed", False, about_armed)
         outside = declare(self, "external_heartbeat", False, "expect the heartbeat on topic ~/heartbeat (std_msgs/Empty)")
         self._beats_itself = not outside
+        about_oldest = "goals whose stamp lies further from now are refused as stale [s]; 0: none is"
+        self._oldest_goal = declare(self, "oldest_goal", OLDEST_GOAL, about_oldest, bounds=(0.0, 3600.0))
         seed = declare(self, "seed", 0, "random seed of the gripper's delays", bounds=(0, 2**31))
         arm, control = declare_config(self, ArmConfig(), "arm."), declare_config(self, ControlConfig(), "control.")
         limits = declare_config(self, GateConfig(keep_out_place=(arm.base[0], arm.base[1])), "gate.")
@@ -100,7 +105,7 @@ class SimArm(StageNode):
         self._worker = Worker(self.fail)
         self._worker.do(self._work)
         self.add_on_set_parameters_callback(self._parameters_set)
-        HealthReport(self, self._health)
+        HealthReport(self, "arm", self._health, self._body.name)
 
     def close(self) -> None:
         self._ended = True
@@ -122,11 +127,16 @@ class SimArm(StageNode):
         self.create_service(Trigger, "~/arm", self._arm)
         self._server = ThrowServer(
             self,
-            admits=lambda throw: self._stage.admits(throw, self._awake.now()),
+            admits=self._admits,
             taken=self._wake.set,
             released=self._stamped,
             warnings=self._warnings,
         )
+
+    def _admits(self, message: Any) -> str | None:
+        now_ns = self.get_clock().now().nanoseconds
+        throw = commanded_throw_of(message, self._board_frame, now_ns, self._oldest_goal)
+        return self._stage.admits(throw, self._awake.now())
 
     def _parameters_set(self, parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:

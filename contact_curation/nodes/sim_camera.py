@@ -23,7 +23,7 @@ from contact_curation.motion.pose_stream import BadPose
 from contact_curation.nodes.camera_modes import RenderedTags, Sight, TrackedPoses, TrueFrame
 from contact_curation.nodes.messages.headers import nanoseconds_of
 from contact_curation.nodes.ros.body_parameter import declared_body
-from contact_curation.nodes.ros.health import Health, HealthReport, Rate
+from contact_curation.nodes.ros.health import Health, HealthReport, Rate, awaited
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.qos import latched, profile
@@ -61,7 +61,7 @@ class SimCamera(StageNode):
         self.create_subscription(ThrowMessage, "throw_begun", self._throw_begun, latched(1))
         self.create_subscription(Odometry, "ground_truth", self._arrived, profile(TRUTH_DEPTH, reliable=True, latched=False))
         self.create_timer(SILENCE, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        HealthReport(self, self._health)
+        HealthReport(self, "camera", self._health, self._body.name)
 
     def close(self) -> None:
         self._worker.do(self._sight.close)
@@ -112,7 +112,8 @@ class SimCamera(StageNode):
     def _health(self) -> Health:
         rate = self._received.per_second()
         values = {"frames": self._received.count, "told": self._told, "queue": self._worker.waiting, **self._warnings.counts}
-        return Health(f"{rate:.0f} frames/s", values, warning=rate == 0.0)
+        missing = "" if self._received.count else awaited(self, "true poses", "ground_truth")
+        return Health(f"{rate:.0f} frames/s", values, warning=rate == 0.0, waiting_for=missing)
 
 
 def main() -> int:

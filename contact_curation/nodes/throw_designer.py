@@ -18,7 +18,7 @@ from contact_curation.design.throw import ThrowKind
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.messages.headers import Stamped, check_format, nanoseconds_of
-from contact_curation.nodes.messages.throw import throw_message, throw_of
+from contact_curation.nodes.messages.throw import executed_throw_of, throw_message
 from contact_curation.nodes.messages.toss_information import information_of
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.catch_up import CatchUp, Source
@@ -88,7 +88,7 @@ class ThrowDesigner(StageNode):
         self.create_subscription(Bool, "tracked", self._tracked_came, latched(1))
         self._information = CatchUp(self, self._worker, INFORMATION, Cursor(), self._take)
         self.create_timer(PERIOD, self._look, clock=self._steady)
-        HealthReport(self, self._health)
+        HealthReport(self, "throws", self._health, self._body.name)
 
     def close(self) -> None:
         self._worker.stop()
@@ -123,7 +123,8 @@ class ThrowDesigner(StageNode):
             self._warnings.note("no throw", str(error))
             return
         self._reports.tell([self._stage.begin(self._last)])
-        self._to_send = throw_message(self._last.throw, Stamped(0, self._board_frame))
+        now_ns = self.get_clock().now().nanoseconds
+        self._to_send = throw_message(self._last.throw, Stamped(now_ns, self._board_frame))
 
     def _told(self, outcome: Outcome) -> None:
         self._worker.do(partial(self._finish, outcome))
@@ -133,7 +134,7 @@ class ThrowDesigner(StageNode):
         try:
             if outcome.executed is None:
                 raise InvalidValueError("throw", outcome.message or "no reason", "one that was made")
-            reports = self._loop.finish(throw_of(outcome.executed), nanoseconds_of(outcome.executed.header.stamp))
+            reports = self._loop.finish(*executed_throw_of(outcome.executed, self._board_frame))
         except InvalidValueError as error:
             self._warnings.note("throw not made", str(error))
             reports = self._loop.abandon(outcome.message if outcome.executed is None else str(error))
@@ -250,7 +251,7 @@ class ThrowDesigner(StageNode):
             **self._warnings.counts,
         }
         if missing:
-            return Health(f"{len(made)} throws made, waiting for {missing}", values, warning=True)
+            return Health(f"{len(made)} throws made, waiting for {missing}", values, warning=True, waiting_for=missing)
         if last is None:
             return Health(f"{len(made)} throws made", values)
         how = (

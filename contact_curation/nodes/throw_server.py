@@ -10,10 +10,9 @@ from contact_curation_msgs.action import ExecuteThrow
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.node import Node
 
-from contact_curation.design.throw import Throw
 from contact_curation.errors import InvalidValueError
 from contact_curation.nodes.messages.headers import Stamped
-from contact_curation.nodes.messages.throw import throw_message, throw_of
+from contact_curation.nodes.messages.throw import throw_message
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.simulation.arm.frame import ArmFrame, Phase
 from contact_curation.stages.arm import Ending
@@ -37,7 +36,7 @@ class ThrowServer:
 
     Args:
         node: node that serves.
-        admits: takes a throw, or says in one line why not; called on the executor's thread.
+        admits: takes a goal's throw message, or says in one line why not; called on the executor's thread.
         taken: called on the executor's thread when a goal was taken.
         released: gives stamp and frame of a release, from the simulated time [s].
         warnings: warnings of throws that were not made.
@@ -50,7 +49,7 @@ class ThrowServer:
     def __init__(
         self,
         node: Node,
-        admits: Callable[[Throw], str | None],
+        admits: Callable[[Any], str | None],
         taken: Callable[[], None],
         released: Callable[[float], Stamped],
         warnings: ThrottledWarnings,
@@ -93,7 +92,7 @@ class ThrowServer:
     def _goal_came(self, handle: Any) -> None:
         """On the executor's thread: a goal is taken, or ends here."""
         try:
-            refusal = self._admits(throw_of(handle.request.throw_command))
+            refusal = self._admits(handle.request.throw_command)
         except InvalidValueError as error:
             refusal = str(error)
         if refusal is not None:

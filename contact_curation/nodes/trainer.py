@@ -18,7 +18,7 @@ from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.trained_model import model_message
 from contact_curation.nodes.messages.training_status import status_message, waiting_message
 from contact_curation.nodes.ros.body_parameter import declared_body
-from contact_curation.nodes.ros.health import Health, HealthReport
+from contact_curation.nodes.ros.health import Health, HealthReport, awaited
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.qos import latched
@@ -77,7 +77,7 @@ class Trainer(StageNode):
         self._fetch = TossFetch(self, self._worker, lambda: self._stage.missing, self._fetched)
         self.create_subscription(CuratedBuffer, "curated_buffer", self._buffer_came, latched(1))
         self._worker.do(self._announce_again)
-        HealthReport(self, self._health)
+        HealthReport(self, "training", self._health, self._body.name)
 
     def close(self) -> None:
         self._worker.stop()
@@ -156,7 +156,8 @@ class Trainer(StageNode):
     def _health(self) -> Health:
         progress, number = self._stage.progress, self._stage.round.number
         if progress is None:
-            return Health("waiting for selected tosses", self._warnings.counts)
+            missing = awaited(self, "selected tosses", "curated_buffer")
+            return Health("waiting for selected tosses", self._warnings.counts, waiting_for=missing)
         values = {
             "round": number,
             "gradient_steps": progress.gradient_steps,

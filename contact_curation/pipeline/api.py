@@ -95,7 +95,7 @@ def check(
 
     Args:
         inputs: as in `read`.
-        body: the tossed object; None assumes ContactNets' cube.
+        body: the tossed object; None assumes ContactNets' cube, which is a warning.
         config: topics, rules of segmenting, quality checks, calibration of the rig.
         most_messages: largest number of messages of pose topics that are read, the first ones of each recording.
         progress: is told how far the work is, as `contact_curation.pipeline.workers.Progress` describes; silent by default.
@@ -115,7 +115,8 @@ def check(
     paths = input_paths(inputs)
     with progress("checking", "recordings", len(paths)) as bar:
         reading = ReadingConfig(body or CONTACTNETS_CUBE, config or InputsConfig())
-        return diagnose(paths, reading, most_messages=most_messages, advance=bar.advance)
+        found = diagnose(paths, reading, most_messages=most_messages, advance=bar.advance)
+    return found if body else replace(found, warnings=(NO_BODY,))
 
 
 def score(
@@ -149,7 +150,7 @@ def score(
     found = _tosses(tosses, _body(body, model)).check_some("no toss to score")
     config = _pool_config(found.config, _theta(model, found.body), estimator)
     (scorer,) = config.scorers(config.fixed_bounds, jobs=1)
-    return toss_scores(scorer, found.accepted)
+    return replace(toss_scores(scorer, found.accepted), warnings=found.warnings)
 
 
 @says_what_to_install
@@ -278,7 +279,7 @@ def train(
         while running.running:
             bar.advance(1, running.advance())
     running.check()
-    return running.model()
+    return replace(running.model(), warnings=found.warnings)
 
 
 @says_what_to_install
@@ -369,7 +370,8 @@ def design(
     models = [] if model is None else list(model) if isinstance(model, Sequence) else [model]
     thetas = tuple(_polytope(one) for one in models) or (described_polytope(body or CONTACTNETS_CUBE),)
     by_id = sorted(known, key=lambda toss: toss.toss_id)
-    return design_throws(DesignTask(thetas, tuple(by_id), method=method, arm=arm, seed=seed, name=name), throws)
+    found = design_throws(DesignTask(thetas, tuple(by_id), method=method, arm=arm, seed=seed, name=name), throws)
+    return found if models or body else replace(found, warnings=(NO_BODY,))
 
 
 def _tosses(tosses: Tosses | Inputs, body: Body | None) -> Tosses:

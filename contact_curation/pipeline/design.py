@@ -1,6 +1,6 @@
 """Designs the throws with the largest predicted information, given theta and the known tosses."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -64,6 +64,10 @@ class DesignTask:
         if self.method not in METHODS:
             raise UnknownNameError("method", self.method, METHODS)
 
+    def simulations(self, count: int) -> int | None:
+        """About how many throws the design of so many simulates; None for baselines, which need few."""
+        return len(self.thetas) * self.config.simulations(count) if self.method == METHODS[0] else None
+
 
 @dataclass(frozen=True, eq=False)
 class DesignedThrows:
@@ -74,12 +78,14 @@ class DesignedThrows:
         known: how many tosses were known.
         seed: that they were designed with.
         body: that is thrown.
+        warnings: what was assumed, one line each.
     """
 
     plan: Plan
     known: int
     seed: int
     body: Body
+    warnings: tuple[str, ...] = ()
 
     def save(self, path: str | Path) -> None:
         """Writes the throws as JSON, for `simulate` or a robot.
@@ -132,12 +138,13 @@ class DesignedThrows:
         return f"<{self.summary()}>"
 
 
-def design_throws(task: DesignTask, count: int) -> DesignedThrows:
+def design_throws(task: DesignTask, count: int, simulated: Callable[[int], None] = lambda count: None) -> DesignedThrows:
     """Chooses throws together.
 
     Args:
         task: what is known, and how throws are chosen.
         count: how many.
+        simulated: told how many throws were simulated, now and then.
 
     Raises:
         InvalidValueError: thetas that do not go together, or nothing safe can be thrown.
@@ -145,7 +152,7 @@ def design_throws(task: DesignTask, count: int) -> DesignedThrows:
     particles = [Particle(theta.geometry, theta.body, task.loss) for theta in task.thetas]
     examples = np.array([_release(toss) for toss in task.examples]).reshape(-1, 13)
     feasible = _arm(particles[0].body) if task.arm else None
-    planner = Planner(particles, _prior(task, examples), config=task.config, feasible=feasible)
+    planner = Planner(particles, _prior(task, examples), config=task.config, feasible=feasible, simulated=simulated)
     known = planner.known([_scored(particle, task.known) for particle in particles])
     names = [f"{task.name}-{task.seed}-{number}" for number in range(count)]
     match task.method:

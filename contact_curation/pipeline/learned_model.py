@@ -31,6 +31,7 @@ class LearnedModel:
         rig: how these were calibrated, in words of `--set`; None where its file does not say.
         at_optimum: whether its training says that it ended at the optimum of its tosses.
         data: the checkpoint; empty for a model that comes from none.
+        warnings: what was left out of the recordings it learned from just now, and what was assumed, one line each.
     """
 
     model: Model
@@ -41,6 +42,7 @@ class LearnedModel:
     rig: str | None = None
     at_optimum: bool = False
     data: bytes = b""
+    warnings: tuple[str, ...] = ()
 
     @property
     def kind(self) -> str:

@@ -31,6 +31,7 @@ class TossScores:
         losses: K arrays (N,), the loss of each scored transition, in characteristic units.
         not_scored: by id, why a toss has no score.
         version: digest of theta.
+        warnings: what was left out of the recordings, and what was assumed, one line each.
     """
 
     toss_ids: tuple[str, ...]
@@ -41,6 +42,7 @@ class TossScores:
     losses: tuple[Array, ...]
     not_scored: Mapping[str, str]
     version: str
+    warnings: tuple[str, ...] = ()
 
     @property
     def traces(self) -> Array:

@@ -1,4 +1,8 @@
-"""The nodes of a session as processes that are kept running, on DDS, in a domain of their own on this machine."""
+"""The nodes of a session as processes that are kept running, on DDS, in a domain of their own on this machine.
+
+Unless the user's environment says how far ROS reaches, nothing outside this machine does. Discovery on LOCALHOST is not enough:
+Fast DDS is then still bound to all interfaces, and takes what comes to its ports. A profile binds it to the loopback interface.
+"""
 
 import os
 import sys
@@ -11,15 +15,19 @@ from contact_curation.session.node_parameters import DASHBOARD, RECORDER
 from contact_curation.session.parameter_files import Parameters
 from contact_curation.session.supervisor import Incident, Patience, Program, Supervisor
 
-OTHER_RANGES = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS")
+RANGE, PEERS, RMW = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "RMW_IMPLEMENTATION"
+OTHER_RANGES = ("ROS_LOCALHOST_ONLY", PEERS)
 """Variables that would reach beyond this machine, or confuse, when discovery is on it."""
 
-LOOPBACK = Path(__file__).parents[1] / "config" / "loopback.xml"
-"""Fast DDS's profile of participants that speak UDP on the loopback interface alone. On its own Fast DDS prefers shared memory,
-which a killed process leaves behind with what it had locked, so that others stand still (docs/reliability.md)."""
+FAST_DDS = ("rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
+"""The first is Jazzy's default."""
 
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-"""Variables that name such a file."""
+"""Variables that Fast DDS 2 and 3 take the name of a file with profiles from."""
+
+LOOPBACK = Path(__file__).resolve().parents[1] / "config" / "loopback.xml"
+"""Fast DDS's profile of participants that speak UDP on the loopback interface alone. On its own Fast DDS prefers shared memory,
+which a killed process leaves behind with what it had locked, so that others stand still (docs/reliability.md)."""
 
 LISTENERS = 1
 """Stage of the nodes that only listen: they are stopped last, so that they hear how the others end."""
@@ -50,7 +58,7 @@ def supervised(
 
 
 def graph_environment(own: Mapping[str, str], logs: Path, domain: int | str) -> dict[str, str]:
-    """Environment of the nodes: the user's range of discovery where it is set.
+    """Environment of the nodes.
 
     Args:
         own: of this process.
@@ -59,21 +67,22 @@ def graph_environment(own: Mapping[str, str], logs: Path, domain: int | str) -> 
     """
     environment = {**own, VARIABLE: str(domain)}
     environment.setdefault("ROS_LOG_DIR", str(logs.absolute() / "ros"))
-    if "ROS_AUTOMATIC_DISCOVERY_RANGE" not in own:
-        environment = {name: value for name, value in environment.items() if name not in OTHER_RANGES}
-        environment.update(_this_machine(own))
-    return {**SHARED, **environment}
+    return {**SHARED, **within_this_machine(environment)}
 
 
-def _this_machine(own: Mapping[str, str]) -> dict[str, str]:
-    """What keeps the middleware on this machine.
+def within_this_machine(own: Mapping[str, str]) -> dict[str, str]:
+    """An environment in which ROS is reached from this machine only, unless `own` asks for more, or has a Fast DDS profile.
 
-    With LOCALHOST rmw_fastrtps sets the transports itself, shared memory among them, whatever a profile says. So the profile
-    does it, where there is no other one and the middleware is the one that reads it.
+    Another middleware than Fast DDS is told LOCALHOST, and binds its sockets as it does then.
     """
-    if any(name in own for name in PROFILES) or "fastrtps" not in own.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp"):
-        return {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    return {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", PROFILES[0]: str(LOOPBACK)}
+    if RANGE in own and (own[RANGE] != "LOCALHOST" or PEERS in own):
+        return dict(own)
+    environment = {name: value for name, value in own.items() if name not in OTHER_RANGES}
+    middleware = own.get(RMW, FAST_DDS[0])
+    if middleware not in FAST_DDS or any(name in own for name in PROFILES):
+        return {**environment, RANGE: "LOCALHOST"}
+    # Where LOCALHOST is asked for, rmw_fastrtps adds a transport on all interfaces to those of the profile.
+    return {**environment, RMW: middleware, RANGE: "SYSTEM_DEFAULT", **dict.fromkeys(PROFILES, str(LOOPBACK))}
 
 
 def _program(name: str, parameters: Path) -> Program:
@@ -83,4 +92,9 @@ def _program(name: str, parameters: Path) -> Program:
 
 def node_command(name: str, parameters: Path) -> tuple[str, ...]:
     """The command line of a node whose parameters are in a file."""
-    return (sys.executable, "-m", f"contact_curation.nodes.{name}", "--ros-args", "--params-file", str(parameters.absolute()))
+    return (*node_program(name), "--ros-args", "--params-file", str(parameters.absolute()))
+
+
+def node_program(name: str) -> tuple[str, ...]:
+    """The program of a node. Nothing is imported from the current folder, which may hold somebody else's recordings."""
+    return (sys.executable, "-P", "-m", f"contact_curation.nodes.{name}")

@@ -1,4 +1,4 @@
-"""One rule for all outputs: a file is replaced only where it can be made again.
+"""Rules for all outputs: a file is replaced only where it can be made again, and a message writes in one folder only.
 
 That is so of what this program made of recordings: manifests, scores, figures, throws, metrics, dashboards. Each of them has
 a mark of its own in its bytes. A recording, a checkpoint, and any other file is refused; a command takes `--overwrite`.
@@ -45,3 +45,23 @@ def _is_made_again(path: Path) -> bool:
         file.seek(max(0, file.seek(0, os.SEEK_END) - EDGE))
         edges += file.read()
     return any(mark in edges for mark in MARKS.get(path.suffix, ()))
+
+
+def path_below(name: str, folder: Path, path: str) -> Path:
+    """A path that a message names, which must stay in a folder, symbolic links included.
+
+    Args:
+        name: of the field, for the message.
+        folder: that its owner allows; relative paths begin there.
+        path: as it came.
+
+    Raises:
+        InvalidValueError: it leads elsewhere, or is no path.
+    """
+    try:
+        allowed, target = folder.resolve(), (folder / path).resolve()
+    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a null character
+        raise InvalidValueError(name, repr(path), "a path") from error
+    if target == allowed or not target.is_relative_to(allowed):
+        raise InvalidValueError(name, repr(path), f"a file below {allowed}")
+    return target

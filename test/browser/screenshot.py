@@ -2,7 +2,8 @@
 
     python -m test.browser.screenshot docs/images/dashboard.png [--throws N] [--rate R]
 
-The session is `contact-curation online`; nobody learns from the tosses of bags/golden.mcap, which judge the model.
+The session is that of `make demo`, in which one throw is spoilt and rejected; nobody learns from the tosses of
+bags/golden.mcap, which judge the model.
 """
 
 import argparse
@@ -18,6 +19,7 @@ from tempfile import TemporaryDirectory
 
 from PIL import Image
 
+from contact_curation.cli.demo import BUDGETS
 from test.browser.viewer import opened, settled
 from test.conftest import GOLDEN
 
@@ -37,6 +39,7 @@ SERVED_STILL = re.compile(r"dashboard goes on.*?(http://[^\s,]+)")
 def session(throws: int, rate: float, folder: Path) -> Iterator[str]:
     """The dashboard's address, once all throws were made."""
     options = ["--throws", str(throws), "--rate", str(rate), "--top", "8", "--stay", "--record", str(folder / "session")]
+    options += ["--params-file", str(BUDGETS)]
     command = [sys.executable, "-m", "contact_curation.cli.main", "online", *options, "--held-out", str(GOLDEN)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
         assert process.stdout is not None

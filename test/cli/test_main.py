@@ -90,6 +90,8 @@ def test_an_option_that_no_verb_has_names_the_verb_and_the_option_that_was_meant
     [
         (("train", "a.mcap", "-o", "m.safetensors", "--canary"), "unknown option --canary: did you mean --rerank-when-stale?"),
         (("design", "a.mcap", "-o", "t.json", "--warm-up"), "unknown option --warm-up: did you mean --exploration-throws?"),
+        (("rank", "--hlep"), "unknown option --hlep: did you mean --help?"),  # and not that an input is missing
+        (("import", "contactnets", "--hlep"), "unknown option --hlep: did you mean --help?"),
         (("rnak", "a.mcap"), "VERB: unknown rnak: did you mean rank?"),
         (("rank", "a.mcap", "-c", "logdet"), "unknown logdet: did you mean log-det?"),
         (("rank", "a.mcap", "--model", "deep-vertex"), "unknown deep-vertex: did you mean deepvertex?"),

@@ -7,6 +7,7 @@ import pytest
 
 from contact_curation.cli.main import build_parser
 from contact_curation.cli.play import player_command
+from contact_curation.session.graph import within_this_machine
 from test.cli.commands import Cli
 
 
@@ -19,8 +20,8 @@ def test_options_become_parameters_of_the_same_names() -> None:
         "a bag.mcap", "--rate", "2", "--loop", "--start-offset", "1.5", "--clock", "50", "--topics", "/tf", "/odom",
         "--remap", "/odom:=/pose", "--start-paused", "--as-fast-as-possible",
     )  # fmt: skip
-    assert words[:4] == [sys.executable, "-m", "contact_curation.nodes.player", "--ros-args"]
-    given = {value for flag, value in zip(words[4::2], words[5::2]) if flag == "-p"}
+    assert words[:5] == [sys.executable, "-P", "-m", "contact_curation.nodes.player", "--ros-args"]
+    given = {value for flag, value in zip(words[5::2], words[6::2]) if flag == "-p"}
     assert given == {
         'bag:="a bag.mcap"',
         "rate:=2.0",
@@ -42,15 +43,18 @@ def test_without_options_the_player_plays_everything_as_it_was_recorded() -> Non
 
 
 def test_the_process_becomes_the_node(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
-    became: list[list[str]] = []
+    became: list[tuple[list[str], dict[str, str]]] = []
 
-    def execv(program: str, words: list[str]) -> None:
-        became.append([program, *words])
+    def execve(program: str, words: list[str], environment: dict[str, str]) -> None:
+        became.append(([program, *words], environment))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(os, "execv", execv)
+    monkeypatch.setattr(os, "execve", execve)
+    monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE", raising=False)
     cli("play", "a.mcap")
-    assert became[0][:4] == [sys.executable, sys.executable, "-m", "contact_curation.nodes.player"]
+    words, environment = became[0]
+    assert words[:5] == [sys.executable, sys.executable, "-P", "-m", "contact_curation.nodes.player"]
+    assert environment == within_this_machine(os.environ)
 
 
 @pytest.mark.parametrize("renamed", ["/a:=/x-y", "/a", "/a:=", "/a b:=/c", "/1:=/c"])

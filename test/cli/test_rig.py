@@ -1,11 +1,13 @@
 """`rig`: the lean of a board and the length of a metre, out of recordings."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
-from benchmarks.data.check_faults import raised, simulated_session, write
+from benchmarks.data.check_faults import marked, raised, simulated_session, write
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.geometry import quaternions
 from contact_curation.motion.calibration import RigCalibration, apply_calibration
@@ -111,6 +113,24 @@ def test_a_height_that_loses_every_toss_is_found_and_corrected(cli: Cli, tmp_pat
     assert told["settings"].startswith("--set rig.height=")
     ranked = cli("rank", bag, "--top", 2, "--json", *told["settings"].split())
     assert ranked.json["outcomes"]["selected"] + ranked.json["outcomes"]["not selected"] == 8
+
+
+@pytest.mark.parametrize("beside", [(0.0, 0.0, 0.0), (0.003, -0.004, 0.002)])
+def test_the_marker_s_offset_is_what_the_described_centre_of_mass_leaves(
+    cli: Cli, tmp_path: Path, beside: tuple[float, float, float]
+) -> None:
+    """The tracked frame sits in a corner of the body, which its file says, or says wrongly by some millimetres."""
+    described = np.array([0.008, 0.005, -0.006])
+    body = replace(CONTACTNETS_CUBE, center_of_mass=described)
+    (tmp_path / "cube.yaml").write_text(yaml.safe_dump(body.to_mapping()))
+    bag, true = tmp_path / "a.mcap", described + beside
+    write(bag, marked(offset=-true)(simulated_session(tosses=20), np.random.default_rng(0)))
+    told = cli("rig", bag, "--body", tmp_path / "cube.yaml", "--json").json
+    assert [one["value"] for one in told["marker"]["offset_mm"]] == pytest.approx([1e3 * one for one in beside], abs=0.3)
+    assert told["scale"]["low"] <= 1.0 <= told["scale"]["high"]
+    assert ("marker_offset" in told["settings"]) == any(beside)
+    mended = cli("rig", bag, "--body", tmp_path / "cube.yaml", *told["settings"].split(), "--json").json
+    assert mended["correction_needed"] is False
 
 
 def test_too_few_tosses_are_one_line(cli: Cli, folder: Path) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.data.check_faults import raised, simulated_session, write
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import LOSS_TERMS, Cone, SolveStatus, evaluate
 from contact_curation.contact.geometry_parameters import ContactGeometry
@@ -130,3 +131,13 @@ def test_real_tosses_have_the_loss_and_the_ids_of_the_public_data(
     assert (read["toss_id"] == "7").sum() == first.frames - 1
     means = [read["loss"][read["toss_id"] == name].mean() for name in dict.fromkeys(read["toss_id"].tolist())]
     assert np.mean(means) == pytest.approx(0.0191, abs=0.0003)  # method.md 1.13
+
+
+def test_where_nothing_can_be_scored_it_says_what_check_says(cli: Cli, true_parameters: Path, tmp_path: Path) -> None:
+    bag = tmp_path / "low.mcap"
+    write(bag, raised(-0.06)(simulated_session(tosses=9), np.random.default_rng(0)))
+    words = ("score", bag, "--params", true_parameters, "--out", tmp_path / "s.npz", "--json")
+    done = cli(*words)
+    assert (done.status, done.out) == (1, "")
+    assert cli("check", bag, "--json").json["verdict"] in done.err
+    assert not (tmp_path / "s.npz").exists()

@@ -256,6 +256,43 @@ def test_mjcf_is_understood_as_mujoco_understands_it(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.inertia, turn @ np.diag(model.body_inertia[1]) @ turn.T, atol=1e-9)
 
 
+PARTS = {
+    "main.xml": """<mujoco model="thing"><compiler meshdir="meshes" eulerseq="zyx"/><include file="parts/assets.xml"/>
+      <worldbody><frame pos="9 9 9"><body name="thing" childclass="heavy"><include file="parts/geoms.xml"/>
+        <replicate count="3" offset="0 0.05 0" euler="20 0 10">
+          <geom type="cylinder" size="0.01 0.02" pos="0.01 0 0"/>
+          <replicate count="2" sep="-" offset="0.03 0 0"><geom name="ball" size="0.012"/></replicate>
+        </replicate></body></frame></worldbody></mujoco>""",
+    "parts/assets.xml": """<mujocoinclude><default><default class="heavy"><geom density="2000"/></default>
+      <default class="light"><geom density="100"/></default></default>
+      <asset><mesh name="brick" file="brick.stl" scale="0.001 0.001 0.001"/></asset></mujocoinclude>""",
+    "parts/geoms.xml": """<mujocoinclude><geom type="mesh" mesh="brick" quat="1 2 3 4"/>
+      <frame pos="0 0 0.05" euler="0 30 0" childclass="light"><geom type="capsule" size="0.01 0.02"/>
+        <frame pos="0.01 0 0" axisangle="1 0 0 40"><geom type="box" size="0.01 0.02 0.03" friction="0.7"/></frame></frame>
+      </mujocoinclude>""",
+}
+
+
+def test_included_files_frames_and_replicas_are_understood_as_mujoco_understands_them(tmp_path: Path) -> None:
+    import mujoco
+
+    for folder in ("meshes", "parts"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "meshes" / "brick.stl").write_bytes(stl_bytes(corners_mm()))
+    for name, content in PARTS.items():
+        (tmp_path / name).write_text(content)
+    found = read_description(tmp_path / "main.xml")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "main.xml"))
+    assert model.ngeom == 3 + 3 * (1 + 2)
+    flat = np.zeros(9)
+    mujoco.mju_quat2Mat(flat, model.body_iquat[1])
+    turn = flat.reshape(3, 3)
+    assert found.mass == pytest.approx(model.body_mass[1], rel=1e-6)  # MuJoCo holds meshes in single precision
+    assert found.friction == 0.7
+    np.testing.assert_allclose(found.center_of_mass, model.body_ipos[1], atol=1e-8)
+    np.testing.assert_allclose(found.inertia, turn @ np.diag(model.body_inertia[1]) @ turn.T, atol=1e-9)
+
+
 BROKEN = {
     "cut.stl": (stl_bytes(corners_mm())[:-20], "found 664 bytes, expected 684 of an STL file: it was cut off"),
     "cut_text.stl": (stl_text(corners_mm())[:-40].encode(), "found no endsolid at its end"),
@@ -264,7 +301,9 @@ BROKEN = {
     "words.obj": (b"v 1 2 x\nf 1 1 1\n", "is no mesh|found no triangles"),
     "flat.obj": (obj_text(corners_mm() * [1, 1, 0]).encode(), "in one plane"),
     "huge.obj": (obj_text(corners_mm() * 1e9).encode(), "coordinates that are no lengths"),
-    "thing.dae": (b"<COLLADA/>", "found no YAML|found a str"),
+    "thing.dae": (b"<COLLADA/>", r"is COLLADA, expected one of \.stl, \.obj, \.ply, \.off: convert it to STL or OBJ"),
+    "of_dae.yaml": (b"{mesh: thing.dae, mass: 1.0}", "thing.dae.* is COLLADA, expected one of"),
+    "mesh_dae.urdf": (urdf_with('<mesh filename="thing.dae"/>'), "thing.dae: is COLLADA, expected one of"),
     "no_collision.urdf": (b'<robot name="a"><link name="b"><visual/></link></robot>', "found no link with a <collision>"),
     "two.urdf": (
         b'<robot name="a"><link name="b"><collision/></link><link name="c"><collision/></link></robot>',
@@ -297,7 +336,21 @@ BROKEN = {
     "other.urdf": (b"<sdf/>", "found a <sdf>, expected a <robot>"),
     "include.xml": (
         b"<mujoco><include file='/etc/passwd'/></mujoco>",
-        "found <include>, which is not understood: save the compiled",
+        "passwd: is no XML",
+    ),
+    "itself.xml": (b"<mujoco><include file='itself.xml'/></mujoco>", "<include>: found 'itself.xml' once more, expected each"),
+    "gone.xml": (b"<mujoco><include file='part.xml'/></mujoco>", "part.xml: cannot be read: No such file"),
+    "many.xml": (
+        b"<mujoco><worldbody><replicate count='99'><replicate count='999'><geom/></replicate></replicate></worldbody></mujoco>",
+        "count of <replicate>: found 99, expected a whole number from 1, and at most 20000 elements",
+    ),
+    "half.xml": (
+        b"<mujoco><worldbody><replicate count='1.5'><geom size='1'/></replicate></worldbody></mujoco>",
+        "count of <replicate>: found 1.5",
+    ),
+    "composite.xml": (
+        b"<mujoco><worldbody><composite/></worldbody></mujoco>",
+        "found <composite>, which is not understood: describe the body as one rigid <body> of geoms",
     ),
     "no_geom.xml": (b"<mujoco><worldbody><body/></worldbody></mujoco>", "found no body with a geom that collides"),
 }

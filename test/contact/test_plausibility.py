@@ -49,7 +49,10 @@ def test_a_sound_body_has_no_warnings(tmp_path: Path) -> None:
         ),
         ({"inertia": "[5.2e+5, 4.5e+5, 2.5e+5]"}, r"inertia: .*: is it in g mm\^2\?"),
         ({"inertia": "[5.2, 4.5, 2.5]"}, r"inertia: .*: is it in kg cm\^2\?"),
-        ({"inertia": "[5.2e-10, 4.5e-10, 2.5e-10]"}, r"inertia: .* spread evenly, has 0.00025 to 0.00052"),
+        (
+            {"inertia": "[5.2e-10, 4.5e-10, 2.5e-10]"},
+            r"inertia: .* spread evenly, has 0.00025 to 0.00052, .*: in which unit is it\?$",
+        ),
         ({"friction": "30"}, r"friction: found 30, .* is it in degrees \(tan 30 = 0.58\) or percent \(0.3\)\?"),
         ({"friction": "-0.1"}, "friction: found -0.1, expected a number of at least 0"),
         (
@@ -84,6 +87,13 @@ def test_a_value_in_another_unit_is_refused(tmp_path: Path, changes: dict[str, s
 )
 def test_what_is_odd_but_possible_is_said(tmp_path: Path, changes: dict[str, str], warning: str) -> None:
     assert read_description(written(tmp_path, **changes)).warnings == (warning,)
+
+
+def test_all_mass_at_the_farthest_corners_has_the_largest_moments_that_there_are(tmp_path: Path) -> None:
+    largest = 0.3 * (0.03**2 + 0.04**2 + 0.06**2)
+    assert read_description(written(tmp_path, inertia=f"[{largest!r}, {largest!r}, 1.0e-3]")).warnings == ()
+    with pytest.raises(UnreadableInputError, match="inertia: found moments"):
+        read_description(written(tmp_path, inertia=f"[{1.001 * largest!r}, {largest!r}, 1.0e-3]"))
 
 
 def test_a_mesh_in_millimetres_is_named_so(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from contact_curation_msgs.msg import CuratedBuffer, TossInformation, TossReject
 from nav_msgs.msg import Odometry
 
 from contact_curation.nodes.messages.headers import nanoseconds_of
+from contact_curation.nodes.ros.health import node_of
 from contact_curation.nodes.ros.qos import latched
 from test.dashboard.live.test_serving import free_port
 from test.dashboard.recorded import Recorded
@@ -37,7 +38,7 @@ def rejected(number: int) -> TossRejected:
 
 def said(heard: list[Any], node: str) -> dict[str, str]:
     """What a node reported last on /diagnostics."""
-    statuses = [status for array in heard for status in array.status if status.name == f"/{node}"]
+    statuses = [status for array in heard for status in array.status if node_of(status.name) == f"/{node}"]
     return {value.key: value.value for value in statuses[-1].values} if statuses else {}
 
 
@@ -101,7 +102,7 @@ def test_a_dashboard_that_starts_late_asks_again_for_what_it_had_to_drop_at_firs
     buffers, expected = curate(graph, golden_bag)
     graph.start("dashboard", recording=graph.folder / "narrow.rrd", web_port=0, queue=1)
     graph.until(lambda: shows(diagnostics, expected, buffers[-1].revision), LONG, "what was dropped to be asked for again")
-    assert int(said(diagnostics, "dashboard").get("dropped toss", 0)) > 0
+    assert int(said(diagnostics, "dashboard").get("dropped_toss", 0)) > 0
 
 
 @pytest.mark.slow
@@ -114,7 +115,7 @@ def test_a_flood_is_dropped_counted_and_shown_and_the_node_goes_on(graph: Graph)
         publisher.publish(rejected(number))
 
     def dropped() -> int:
-        return int(said(diagnostics, "dashboard").get("dropped toss_rejected", 0))
+        return int(said(diagnostics, "dashboard").get("dropped_toss_rejected", 0))
 
     graph.until(lambda: dropped() and said(diagnostics, "dashboard")["queue"] == "0", LONG, "drops to be counted")
     time.sleep(1.5)

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from contact_curation.nodes.ros.health import node_of
 from test.graph.parts.graph import Graph, until
 
 LONGEST = 30.0
@@ -48,7 +49,7 @@ def test_working_nodes_end_in_order_on_one_signal_and_on_several(
     nodes.append(graph.start("session_recorder", bag=graph.folder / "session.mcap"))
     nodes.append(graph.start("player", bag=golden_bag, rate=20.0, wait_for=10.0, loop=True))
     named = {f"/{name}" for name in (*RECORDING, "session_recorder")}
-    graph.until(lambda: named <= {one.status[0].name for one in diagnostics}, 90.0, "all nodes")
+    graph.until(lambda: named <= {node_of(one.status[0].name) for one in diagnostics}, 90.0, "all nodes")
     graph.until(lambda: len(information) >= 2, 90.0, "scored tosses")
     for node in nodes:
         ended(node.pid, how, pause)

@@ -123,4 +123,5 @@ def test_nodes_describe_their_parameters_and_end_quietly_when_asked_to(graph: Gr
         assert_described(graph, process.name)
     for process, how in zip(graph.processes, (signal.SIGINT, signal.SIGTERM, signal.SIGTERM)):
         assert process.stop(how) == 0
-        assert [line.partition("no body given")[1] for line in process.log().splitlines()] == ["no body given"]
+        said = [line for line in process.log().splitlines() if ": waiting for " not in line]  # on a busy machine they wait
+        assert [line.partition("no body given")[1] for line in said] == ["no body given"]

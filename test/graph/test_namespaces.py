@@ -8,6 +8,7 @@ import pytest
 from contact_curation_msgs.msg import CuratedBuffer
 from diagnostic_msgs.msg import DiagnosticArray
 
+from contact_curation.nodes.ros.health import node_of
 from test.graph.parts.graph import Graph
 from test.graph.parts.offline import tosses_of
 
@@ -58,7 +59,7 @@ def test_two_cells_on_one_domain_do_not_hear_each_other(graph: Graph, golden_bag
 
 def at_rest(diagnostics: list[DiagnosticArray], node: str) -> bool:
     """Whether a recorder has written the poses, and nothing more in its last three reports."""
-    reports = [status for array in diagnostics for status in array.status if status.name == node]
+    reports = [status for array in diagnostics for status in array.status if node_of(status.name) == node]
     written = [next(value.value for value in report.values if value.key == "written") for report in reports[-3:]]
     return len(written) == 3 and len(set(written)) == 1 and int(written[0]) > 1000
 

@@ -12,6 +12,7 @@ from nav_msgs.msg import Odometry
 from tf2_msgs.msg import TFMessage
 
 from contact_curation.motion.pose_stream import FramePose
+from contact_curation.nodes.ros.health import node_of
 from contact_curation.nodes.ros.qos import latched, profile
 from contact_curation.storage.stores.tosses import TossStore
 from test.conftest import GOLDEN
@@ -52,7 +53,7 @@ def ids(messages: list[Any]) -> list[str]:
 
 def values_of(diagnostics: list[Any], node: str) -> dict[str, str]:
     """The newest details that a node reported."""
-    reports = [status for array in diagnostics for status in array.status if status.name == node]
+    reports = [status for array in diagnostics for status in array.status if node_of(status.name) == node]
     return {value.key: value.value for value in reports[-1].values} if reports else {}
 
 
@@ -116,7 +117,7 @@ def test_bad_poses_are_counted_and_said_once_and_cost_no_toss(
     publish([publisher], broken)
     graph.until(lambda: len(tosses) >= 2, LONG, "the tosses")
     assert ids(tosses) == [toss.toss_id for toss in tosses_in((*rig, *poses), "/odometry")]
-    graph.until(lambda: values_of(diagnostics, "/pose_ingest").get("bad pose") == "18", LONG, "the count of bad poses")
+    graph.until(lambda: values_of(diagnostics, "/pose_ingest").get("bad_pose") == "18", LONG, "the count of bad poses")
     log = graph.processes[0].log()
     assert log.count("expected finite numbers") + log.count("quaternion norm") == 1
     assert "bad frame: body_cube" in log

@@ -43,8 +43,9 @@ def test_the_same_bag_gives_the_same_ranking_through_the_nodes_and_through_the_l
     assert len(rejected) == 3
     assert_same_buffer(buffers[-1], curated(golden_bag, TOP))
 
-    answer = graph.listener.call(SaveBuffer, "/save_buffer", SaveBuffer.Request(path=str(graph.folder / "kept.csv")))
+    answer = graph.listener.call(SaveBuffer, "/save_buffer", SaveBuffer.Request(path="kept.csv"))
     assert answer.success, answer.message
+    assert answer.path == str(graph.folder / "kept.csv")
     kept = read_manifest(graph.folder / "kept.csv").selected
     assert [row.toss_id for row in kept] == list(buffers[-1].toss_ids)
     first = {toss.toss_id: int(toss.stamps_ns[0]) for toss in expected}

@@ -99,6 +99,19 @@ def test_what_cannot_be_thrown_is_refused_with_the_limit_and_what_could_be(graph
 
 
 @pytest.mark.slow
+def test_a_stale_goal_and_one_for_another_board_are_refused_and_nothing_moves(graph: Graph, thrower: Thrower) -> None:
+    graph.start("sim_arm", rate=0.0)
+    thrower.trigger("arm")
+    stale, elsewhere = Stamped(10**12, "body_surface"), Stamped(0, "camera")
+    for header, line in ((stale, "stamp of the goal: found"), (elsewhere, "found camera, expected body_surface")):
+        goal = thrower.send(throw_message(PLAIN, header))
+        answer = thrower.ended(goal)
+        assert answer.status == GoalStatus.STATUS_ABORTED
+        assert line in answer.result.message
+        assert goal.phases == []
+
+
+@pytest.mark.slow
 def test_of_two_goals_at_once_the_second_is_refused_and_the_first_is_made(graph: Graph, thrower: Thrower) -> None:
     graph.start("sim_arm", rate=1.0, armed=True)
     thrower.until_healthy("resting")

@@ -56,7 +56,7 @@ def test_detections_that_are_published_and_those_in_a_bag_give_the_same_tosses(g
     assert [toss.toss_id for toss in tosses] == [toss.toss_id for toss in expected]
     assert [toss_of(toss).digest() for toss in tosses] == [toss.digest() for toss in expected]
     assert [one.toss_id for one in rejected] == gone
-    graph.until(lambda: "bad lost" in str(diagnostics), LONG, "the count of lost tags")
+    graph.until(lambda: "bad_lost" in str(diagnostics), LONG, "the count of lost tags")
 
 
 @pytest.mark.slow

@@ -18,6 +18,7 @@ from contact_curation.design.predicted_information import Particle
 from contact_curation.nodes import throw_goals
 from contact_curation.nodes.messages.headers import time_message
 from contact_curation.nodes.messages.throw import throw_of
+from contact_curation.nodes.ros.health import key_of
 from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
 from contact_curation.stages.records import ThrowLogRecord, ThrowRecord, load_record
 from contact_curation.storage.stores.state import StateStore
@@ -53,7 +54,7 @@ def made(folder: Path) -> tuple[ThrowRecord, ...]:
 
 def counted(heard: list[Any], kind: str) -> int:
     values = {pair.key: pair.value for array in list(heard) for status in array.status for pair in status.values}
-    return int(values.get(kind, 0))
+    return int(values.get(key_of(kind), 0))
 
 
 def reported(graph: Graph) -> list[Any]:

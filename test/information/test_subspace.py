@@ -81,7 +81,9 @@ def test_no_information_at_all_is_an_error() -> None:
 
 def test_a_prior_is_the_identity_in_its_coordinates() -> None:
     root = np.random.default_rng(8).standard_normal((5, 5))
-    prior = prior_of_matrix(root @ root.T, np.zeros(3))
+    pivot = np.array([1.0, 2.0, 3.0])
+    prior = prior_of_matrix(root @ root.T, pivot)
+    np.testing.assert_array_equal(prior.pivot, pivot)
     np.testing.assert_allclose(prior.coordinates.T @ (root @ root.T) @ prior.coordinates, np.eye(5), atol=1e-9)
     with pytest.raises(InvalidValueError, match="positive definite"):
         prior_of_matrix(np.diag([1.0, 0.0]), np.zeros(3))

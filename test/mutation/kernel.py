@@ -81,6 +81,8 @@ def main() -> int:
     mutants = [one for source in sorted({*setup.kernel_sources(), *_headers()}) for one in mutants_of(source)]
     order = np.random.default_rng(arguments.seed).permutation(len(mutants))
     print(f"{len(mutants)} mutants; a sample of {arguments.count} by seed {arguments.seed}", flush=True)
+    if outcome_of(None, arguments.tests) != "survived":
+        raise SystemExit("the kernel as it is does not give the bytes in the repository")
     known = _known(arguments.out)
     outcomes: Counter[str] = Counter()
     for place in order:
@@ -110,18 +112,15 @@ def mutants_of(source: str) -> Iterator[Mutant]:
             yield Mutant(source, number, found.start(), old, SWAPS.get(old) or _other_number(old))
 
 
-def outcome_of(mutant: Mutant, tests: list[str]) -> str:
-    """What became of it."""
+def outcome_of(mutant: Mutant | None, tests: list[str]) -> str:
+    """What became of it; None for the kernel as it is."""
     setup = setup_module()
     level, flags = next(iter(setup.kernel_levels(platform.machine()).items()))
     with TemporaryDirectory(prefix="contact-curation-mutant-") as folder:
         for kernel in setup.KERNEL_FOLDERS:
             copytree(REPOSITORY / kernel, Path(folder, kernel))
-        changed = Path(folder, mutant.path)
-        lines = changed.read_text().splitlines(keepends=True)
-        line = lines[mutant.line - 1]
-        lines[mutant.line - 1] = line[: mutant.start] + mutant.new + line[mutant.start + len(mutant.old) :]
-        changed.write_text("".join(lines))
+        if mutant:
+            change(Path(folder, mutant.path), mutant)
         library = Path(folder, f"{level}.so")
         command = setup.kernel_command([os.environ.get("CXX", "c++")], [*flags, FASTER], setup.kernel_sources(), library)
         command = [
@@ -130,6 +129,14 @@ def outcome_of(mutant: Mutant, tests: list[str]) -> str:
         if subprocess.run(command, cwd=folder, capture_output=True, check=False).returncode:
             return "not compiled"
         return _judged(library, [[sys.executable, "-c", GOLDEN], *([_pytest(tests)] if tests else [])])
+
+
+def change(source: Path, mutant: Mutant) -> None:
+    """Makes a copy of a source the mutant."""
+    lines = source.read_text().splitlines(keepends=True)
+    line = lines[mutant.line - 1]
+    lines[mutant.line - 1] = line[: mutant.start] + mutant.new + line[mutant.start + len(mutant.old) :]
+    source.write_text("".join(lines))
 
 
 def _judged(library: Path, judges: list[list[str]]) -> str:

@@ -10,6 +10,7 @@ from the seed; what is known of an earlier run stays. The exit status is 1 where
 
 import argparse
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -31,8 +32,12 @@ PARTS = {
 """What is changed, and the tests that have to notice."""
 OUTCOMES = {0: "survived", 33: "no test reaches it", 34: "skipped", 36: "does not end", None: "not tried"}
 """By mutmut's exit codes; all others are deaths."""
+ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+"""In which the copy's modules come first."""
 DEATHS = ("died", "does not end")
 COPIED = ("bags", "benchmarks", "examples", "msg_defs", "setup.py", "package.xml")
+SCRATCH = "*test_own_*"
+"""Tests that work in a copy of their own, which holds no mutant."""
 NOTHING = "contact_curation.of_no_name"
 
 
@@ -61,7 +66,7 @@ def main() -> int:
     print(f"{len(names)} mutants; a sample of {len(sample)} by seed {arguments.seed}", flush=True)
     untried = [name for name in sample if known(arguments.folder)[name] is None]
     if untried:
-        subprocess.run([*command, *untried], cwd=arguments.folder, stdout=subprocess.DEVNULL, check=False)
+        subprocess.run([*command, *untried], cwd=arguments.folder, stdout=subprocess.DEVNULL, env=ENVIRONMENT, check=False)
     return report(sample, known(arguments.folder))
 
 
@@ -79,7 +84,7 @@ def copy_tree(folder: Path, parts: list[str]) -> None:
         "source_paths": ["contact_curation"],
         "only_mutate": parts,
         "also_copy": list(COPIED),
-        "pytest_add_cli_args": ["-p", "no:cacheprovider"],
+        "pytest_add_cli_args": ["-p", "no:cacheprovider", f"--ignore-glob={SCRATCH}"],
         "pytest_add_cli_args_test_selection": sorted({test for part in parts for test in PARTS[part]}),
     }
     with (folder / "pyproject.toml").open("a") as file:

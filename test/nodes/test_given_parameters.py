@@ -11,13 +11,18 @@ from unittest import mock
 import pytest
 import rclpy
 from rclpy.exceptions import ParameterException
+from rclpy.qos import ReliabilityPolicy
+from std_msgs.msg import Empty
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError, UnknownNameError
+from contact_curation.motion.gate_config import GateConfig
+from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.nodes.ros.given_parameters import check_files, check_names
 from contact_curation.nodes.ros.node_main import StageNode
-from contact_curation.nodes.ros.parameters import declare
+from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.pose_topics import PoseTopics
+from contact_curation.nodes.ros.qos import latched
 from contact_curation.session.free_domain import free_domain
 
 
@@ -132,3 +137,54 @@ def test_what_launch_cannot_leave_empty_has_a_word() -> None:
     with small("-p", "topic:=auto", "-p", "thrower:=none") as node:
         assert declared_poses(node).topic == ""
         assert declared_thrower(node, CONTACTNETS_CUBE) is None
+
+
+class Talker(Small):
+    """Publishes and listens."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.said = self.create_publisher(Empty, "said", latched(4))
+        self.heard = self.create_subscription(Empty, "heard", lambda _: None, latched(4))
+
+
+@contextmanager
+def talker(*overrides: str) -> Iterator[Talker]:
+    words = [word for one in overrides for word in ("-p", f"qos_overrides.{one}")]
+    with free_domain() as domain:
+        rclpy.init(args=["--ros-args", *words], domain_id=domain)
+        try:
+            node = Talker()
+            check_names(node, "curator", words)
+            yield node
+            node.destroy_node()
+        finally:
+            rclpy.try_shutdown()
+
+
+def test_the_quality_of_service_of_a_topic_can_be_overridden_by_ros_s_own_parameters() -> None:
+    with talker("/said.publisher.depth:=9", "/heard.subscription.reliability:=best_effort") as node:
+        assert node.said.qos_profile.depth == 9
+        assert node.said.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+        assert node.heard.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+        assert node.heard.qos_profile.depth == 4
+
+
+@pytest.mark.parametrize("override", ["/said.publisher.reliability:=sometimes", "/said.publisher.depth:=-3"])
+def test_a_quality_of_service_that_there_is_not_is_one_line(override: str) -> None:
+    with pytest.raises(InvalidValueError, match=r"qos_overrides: found .*, expected history keep_last"), talker(override):
+        pass
+
+
+@pytest.mark.parametrize("given", ["segmenter.shortest:=-1.0", "gates.depth:=11.0", "gates.largest_gap:=0.5"])
+def test_bounds_of_segmenter_and_gates_have_ranges(given: str) -> None:
+    with free_domain() as domain:
+        rclpy.init(args=["--ros-args", "-p", given], domain_id=domain)
+        try:
+            node = StageNode("pose_ingest")
+            with pytest.raises(ParameterException, match=given.partition(":")[0]):
+                for config, prefix in ((SegmenterConfig(), "segmenter."), (GateConfig(), "gates.")):
+                    declare_config(node, config, prefix)
+            node.destroy_node()
+        finally:
+            rclpy.try_shutdown()

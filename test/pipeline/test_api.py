@@ -120,6 +120,22 @@ def test_without_a_body_a_warning_says_that_the_cube_is_assumed(bench: Path) -> 
     assert cc.read(bench / "session.mcap").warnings[0] == "no body given: assuming ContactNets' cube (0.37 kg, 105 mm)"
 
 
+NO_BODY = "no body given: assuming ContactNets' cube (0.37 kg, 105 mm)"
+
+
+def test_every_function_that_assumes_the_cube_says_so(bench: Path, body: cc.Body) -> None:
+    session = bench / "session.mcap"
+    assert cc.check(session).warnings == (NO_BODY,)
+    assert cc.check(session, body).warnings == ()
+    assert "warnings" not in cc.check(session).document()
+    assert cc.score(session).warnings[0] == NO_BODY
+    assert NO_BODY not in cc.score(session, body=body).warnings
+    assert cc.train(session, steps=1).warnings[0] == NO_BODY
+    assert NO_BODY not in cc.train(session, body=body, steps=1).warnings
+    assert cc.design(throws=1, method="prior").warnings == (NO_BODY,)
+    assert cc.design(throws=1, method="prior", body=body).warnings == ()
+
+
 def test_a_pattern_a_path_and_several_are_recordings(bench: Path, tosses: cc.Tosses) -> None:
     several: list[str | Path] = ["session.mcap", bench / "test.mcap"]
     for inputs in ("*.mcap", bench / "session.mcap", several):

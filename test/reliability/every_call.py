@@ -1,6 +1,7 @@
 """Every call that changes a file fails once: what a program leaves behind then, and that it goes on afterwards.
 
-    python -m test.reliability.every_call score export-mcap toss-store    a row of docs/reliability.md for each, or for all
+    python -m test.reliability.every_call score export-mcap    a row of docs/reliability.md for each, or for all
+    python -m test.reliability.every_call --every 5 toss-store    the same of each fifth call
 
 A first run counts the calls on paths below one folder. Then each of them fails in its turn, in a process of its own that
 starts with the same files: the disk is full from there on, the call fails once (EIO), or the process is killed. Processes are
@@ -41,9 +42,9 @@ Content = Mapping[str, object]
 """What files hold by their path in a folder, as it is compared."""
 
 
-def identity(name: str, data: bytes) -> object:
+def bytes_of(path: Path) -> object:
     """A file's content as it is compared: its bytes."""
-    return data
+    return path.read_bytes()
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class Program:
         run: does it in a folder `out`, given a folder of inputs; gives its exit status.
         inputs: makes what it reads, once.
         before: makes what is in `out` before it.
-        plain: what of a file must be the same in every run, given its name and bytes.
+        plain: what of a file must be the same in every run; None of a file that is a part of another one.
         wholes: folders in `out` that appear as a whole.
         grows: where files are added to or belong together: gives what is wrong after a failure, or nothing, from `out` and that
             of an undisturbed run.
@@ -63,7 +64,7 @@ class Program:
     run: Callable[[Path, Path], int]
     inputs: Callable[[Path], None] = lambda _: None
     before: Callable[[Path, Path], None] = lambda _, __: None
-    plain: Callable[[str, bytes], object] = identity
+    plain: Callable[[Path], object] = bytes_of
     wholes: tuple[str, ...] = ()
     grows: Callable[[Path, Path], str] | None = None
 
@@ -210,7 +211,9 @@ class Trial:
         return {str(path.relative_to(self._root)): path.read_bytes() for path in paths}
 
     def _content(self) -> Content:
-        return {name: self._program.plain(name, data) for name, data in self._bytes().items()}
+        paths = {str(path.relative_to(self._root)): path for path in self._root.rglob("*") if path.is_file()}
+        plain = {name: self._program.plain(path) for name, path in paths.items()}
+        return {name: found for name, found in plain.items() if found is not None}
 
     def _ended(self, call: int, action: Action) -> Ended:
         trace = self._aside / "calls"
@@ -320,8 +323,9 @@ def main(words: Sequence[str]) -> None:
             shutil.rmtree(folder)
         print(json.dumps(tallies))  # noqa: T201
         return
-    for name in words or PROGRAMS:  # each in a process that ends
-        tally = under_shim([name])[name]
+    every, names = (int(words[1]), words[2:]) if words[:1] == ["--every"] else (1, words)
+    for name in names or PROGRAMS:  # each in a process that ends
+        tally = under_shim([name], every)[name]
         print(row(name, tally), flush=True)  # noqa: T201
         for line in tally.defects:
             print(f"    {line}", file=sys.stderr, flush=True)  # noqa: T201

@@ -17,7 +17,7 @@ from typing import Any
 
 import contact_curation.nodes  # noqa: F401 - as a node does
 from contact_curation.session.free_domain import free_domain
-from contact_curation.session.graph import graph_environment
+from contact_curation.session.graph import PROFILES, graph_environment
 
 RATE = 500.0
 """[Hz]"""
@@ -84,7 +84,8 @@ def main(kills: int, discovery: str = "") -> None:
     from std_msgs.msg import ByteMultiArray  # noqa: F401
 
     with free_domain() as domain:
-        own = {**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": discovery} if discovery else os.environ
+        # A profile of the user's, though it is none, keeps the one for the loopback interface away.
+        own = {**os.environ, PROFILES[1]: "", "ROS_AUTOMATIC_DISCOVERY_RANGE": discovery} if discovery else os.environ
         os.environ.update(graph_environment(own, Path(gettempdir()), domain))
         publisher, pulse = started(publish)
         while not beats(pulse):

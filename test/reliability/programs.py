@@ -9,6 +9,7 @@ from dataclasses import replace
 from io import BytesIO
 from itertools import batched
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -112,9 +113,16 @@ def ingested(out: Path, inputs: Path) -> int:
         arrivals = [Arrival("/odom", 1000 + k, one) for k, one in enumerate(measured)]
         for batch in batched([one for one in arrivals if one.published_ns > journal.newest.get("/odom", 0)], 100):
             journal.take(batch)
-            stored, rejected = journal.unannounced()
-            journal.announced(*(one[-1].sequence if one else 0 for one in (stored, rejected)))
+            announce(journal)
+        announce(journal)
     return 0
+
+
+def announce(journal: IngestJournal) -> None:
+    """What the node does after each batch, and when it starts."""
+    stored, rejected = journal.unannounced()
+    if stored or rejected:
+        journal.announced(*(one[-1].sequence if one else 0 for one in (stored, rejected)))
 
 
 POSES = slice(1200, 1700)
@@ -202,24 +210,33 @@ def recorded(out: Path, _: Path) -> int:
     return 0
 
 
-def rows_of(name: str, data: bytes) -> object:
-    """All rows of a SQLite file; what belongs to a file that is open is no file of its own."""
-    if name.endswith(("-wal", "-shm", "-journal")):
-        return "beside a database"
-    if not name.endswith(".sqlite"):
-        return data
-    memory = sqlite3.connect(":memory:")
-    memory.deserialize(data[:18] + b"\x01\x01" + data[20:])  # a database in memory has no write-ahead log
-    try:
-        names = [name for (name,) in memory.execute("SELECT name FROM sqlite_master WHERE type = 'table' ORDER BY name")]
-    except sqlite3.DatabaseError:  # what is in it is in the write-ahead log beside it
-        return data
-    return {name: memory.execute(f"SELECT * FROM {name}").fetchall() for name in names}
+def rows_of(path: Path) -> object:
+    """All rows of a SQLite file and of the write-ahead log beside it."""
+    if path.name.endswith(("-wal", "-shm", "-journal")):
+        return None
+    if path.suffix != ".sqlite":
+        return path.read_bytes()
+    with TemporaryDirectory() as folder:  # whoever opens a store may change it
+        copy = Path(shutil.copy(path, folder))
+        log = path.with_name(f"{path.name}-wal")
+        if log.exists():
+            shutil.copy(log, folder)
+        connection = sqlite3.connect(copy)
+        try:
+            names = [
+                name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table' ORDER BY name")
+            ]
+            return {name: connection.execute(f"SELECT * FROM {name}").fetchall() for name in names}
+        except sqlite3.DatabaseError:
+            return path.read_bytes()
+        finally:
+            connection.close()
 
 
-def messages_of(name: str, data: bytes) -> object:
+def messages_of(path: Path) -> object:
     """The messages of a bag: in which chunks they stand depends on when it was flushed."""
-    if not name.endswith(".mcap"):
+    data = path.read_bytes()
+    if path.suffix != ".mcap":
         return data
     try:
         return [message for _, _, message in make_reader(BytesIO(data)).iter_messages()]

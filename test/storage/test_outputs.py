@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from contact_curation.design.throw import Throw
 from contact_curation.errors import InvalidValueError
-from contact_curation.storage.outputs import check_replaceable
+from contact_curation.storage.outputs import check_replaceable, path_below
 from contact_curation.storage.throws_file import write_throws
 
 REMEDY = "a new name, or --overwrite to replace it"
@@ -35,3 +35,20 @@ def test_an_earlier_figure_and_earlier_throws_are_replaced(tmp_path: Path) -> No
     write_throws(tmp_path / "a.json", [throw])
     for name in ("a.png", "a.json"):
         check_replaceable("--out", tmp_path / name, REMEDY)
+
+
+@pytest.mark.parametrize(
+    "path", ["../a.csv", "/etc/a.csv", "sub/../../a.csv", "", ".", "out/a.csv", "loop", "a\0b", "~/../../a"]
+)
+def test_a_path_of_a_message_stays_in_its_folder(tmp_path: Path, path: str) -> None:
+    folder = tmp_path / "allowed"
+    folder.mkdir()
+    (folder / "out").symlink_to(tmp_path)
+    (folder / "loop").symlink_to(folder / "loop")
+    with pytest.raises(InvalidValueError, match=r"^path: found .*, expected a "):
+        path_below("path", folder, path)
+
+
+def test_a_path_in_the_folder_is_taken_by_either_name(tmp_path: Path) -> None:
+    assert path_below("path", tmp_path, "sub/a.csv") == tmp_path.resolve() / "sub" / "a.csv"
+    assert path_below("path", tmp_path, str(tmp_path / "a.csv")) == tmp_path.resolve() / "a.csv"

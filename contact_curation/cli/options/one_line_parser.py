@@ -1,8 +1,10 @@
 """The parser of all verbs: bad usage is one line with the name that was perhaps meant, and the help ends with examples."""
 
 import argparse
+import sys
 from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
+from itertools import takewhile
 from typing import Any, Never
 
 from contact_curation.errors import did_you_mean
@@ -53,7 +55,14 @@ class OneLineParser(argparse.ArgumentParser):
         self.exit(BAD_USAGE, f"{self.prog}: error: {line} (usage: {self.prog} --help)\n")
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
-        """Parses as argparse does; each verb's own parser names an unknown option, with the one that was perhaps meant."""
+        """Parses as argparse does; each verb's own parser names an unknown option, with the one that was perhaps meant.
+
+        An unknown option is named before anything else: with `--hlep` nobody wants to hear that an input is missing.
+        """
+        words = list(takewhile(lambda word: word != "--", sys.argv[1:] if args is None else args))
+        slips = [word for word in words if word.startswith("--") and word.partition("=")[0] not in self._option_string_actions]
+        if slips and self._subparsers is None and not {"-h", "--help"} & set(words):
+            self.error(self._unknown(slips))
         known, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self.error(self._unknown(unknown))

@@ -4,7 +4,6 @@ rerun takes most of a second to import: the library's part is imported when one 
 """
 
 import argparse
-import os
 import sys
 import time
 from collections.abc import Sequence
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from contact_curation.cli.options.types import PathEndingIn
 from contact_curation.cli.stop_signals import StopSignals
+from contact_curation.files import partial_name
 from contact_curation.information.curation import Curation
 from contact_curation.information.pool import pool_of
 from contact_curation.pipeline.pool import TossPool
@@ -43,6 +43,12 @@ def add_dashboard_options(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--web-port", type=int, default=9090, metavar="PORT", help="port of the page (default 9090)")
     group.add_argument("--grpc-port", type=int, default=9876, metavar="PORT", help="port of the page's data (default 9876)")
+    group.add_argument(
+        "--bind",
+        default="127.0.0.1",
+        metavar="ADDRESS",
+        help="IPv4 address of this machine for page and data; 0.0.0.0 serves other machines, too (default 127.0.0.1)",
+    )
 
 
 class RankDashboard:
@@ -64,8 +70,10 @@ class RankDashboard:
         self._inputs: Sequence[Path] = arguments.inputs
         port = arguments.web_port if arguments.dashboard else 0
         self._recording: Path | None = arguments.rrd
-        self._partial = self._recording and self._recording.with_name(f".{os.getpid()}-{self._recording.name}")
-        self._serving: ServingConfig = ServingConfig(port, arguments.grpc_port, recording=self._partial, index=True)
+        self._partial = self._recording and partial_name(self._recording).with_suffix(self._recording.suffix)
+        self._serving: ServingConfig = ServingConfig(
+            port, arguments.grpc_port, arguments.bind, recording=self._partial, index=True
+        )
         self._screen: Screen = open_screen(self._serving, ranking_layout(config.pool.reading.body))
 
     def show(self, pool: TossPool, curation: Curation) -> None:

@@ -29,7 +29,7 @@ UP = (0.0, 0.0, 1.0)
 def live_layout(body: Body) -> rrb.Blueprint:
     """Layout of a session: all views."""
     seen = rrb.Vertical(_motion(), _body(body), row_shares=[1.1, 1.0])
-    chosen = rrb.Vertical(_summary(), _ranking(), _throws(), _rejected(), row_shares=[0.56, 1.5, 0.75, 0.5])
+    chosen = rrb.Vertical(_summary(), _ranking(), _throws(), _rejected(), row_shares=[0.6, 1.3, 0.9, 0.5])
     more = rrb.Tabs(_health(), _spectrum(), _epsilon(), _losses())
     learned = rrb.Vertical(_friction(), _known(), _errors(), _gains(), more, row_shares=[1.0, 1.0, 1.0, 1.0, 1.5])
     return _blueprint(rrb.Horizontal(seen, chosen, learned, column_shares=[0.85, 1.15, 1.0]))
@@ -113,7 +113,8 @@ def _gains() -> rrb.TimeSeriesView:
 
 
 def _losses() -> rrb.TimeSeriesView:
-    return _curves(learning_view.LOSSES, "log10 of losses: training green, held-out pink")
+    legend = rrb.PlotLegend(visible=True)  # the tab is too narrow for a title that names the colours
+    return rrb.TimeSeriesView(origin=learning_view.LOSSES, name="Losses", plot_legend=legend)
 
 
 def _epsilon() -> rrb.TimeSeriesView:

@@ -14,6 +14,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from contact_curation.dashboard.live.web_viewer import WebViewer
 from contact_curation.dashboard.style import Colour
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.toss import NANOSECONDS
@@ -62,10 +63,12 @@ class Screen:
 
     Args:
         stream: stream of Rerun.
+        viewer: page that shows it; None where none is served.
     """
 
-    def __init__(self, stream: rr.RecordingStream) -> None:
+    def __init__(self, stream: rr.RecordingStream, viewer: WebViewer | None = None) -> None:
         self.stream = stream
+        self.viewer = viewer
         self._dates: bool | None = None
 
     def at(self, moment: Moment) -> None:

@@ -1,24 +1,25 @@
 """Opening a dashboard: a server for browsers, a file, or both, behind one recording.
 
-The data are served by gRPC at `bind`; the viewer, which is a page and a program that run in the browser, over HTTP. Rerun 0.41
-serves the viewer, files that everybody may see, on all of the machine's addresses; what is shown in it only at `bind`.
+The data are served by gRPC, the viewer, which is a page and a program that run in the browser, over HTTP, both at `bind`.
 """
 
 import socket
 from dataclasses import dataclass
+from ipaddress import AddressValueError, IPv4Address
 from pathlib import Path
 
 import rerun as rr
 import rerun.blueprint as rrb
 
 from contact_curation.dashboard.live.screen import Screen
+from contact_curation.dashboard.live.web_viewer import WebViewer
 from contact_curation.errors import InvalidValueError
 
 APPLICATION = "contact_curation"
 BLUEPRINT = ".rbl"
 """Ending of the layout's file beside a recording, for `rerun OTHER.rrd SESSION.rbl`."""
 
-ANYWHERE = "0.0.0.0"
+HERE, ANYWHERE = "127.0.0.1", "0.0.0.0"
 FLUSH_PERIOD = 0.5
 """[s] Rows wait so long for others of their entity: a viewer takes few long chunks faster than many short ones."""
 
@@ -30,7 +31,7 @@ class ServingConfig:
     Attributes:
         web_port: port of the web viewer; 0 serves nothing.
         grpc_port: port of the data that the viewer shows.
-        bind: address that the data are served at.
+        bind: IPv4 address of this machine that page and data are served at; 0.0.0.0 for all of them.
         recording: .rrd file, overwritten; None for none.
         index: whether the recording ends with an index, which until then is held in memory and grows with the session.
         memory: memory limit of the server's history for browsers that connect later; the oldest data are dropped first.
@@ -38,7 +39,7 @@ class ServingConfig:
 
     web_port: int = 9090
     grpc_port: int = 9876
-    bind: str = "127.0.0.1"
+    bind: str = HERE
     recording: Path | None = None
     index: bool = False
     memory: str = "512MiB"
@@ -51,42 +52,60 @@ class ServingConfig:
                 raise InvalidValueError(name, getattr(self, name), f"a port, {least} to 65535")
         if self.web_port and self.web_port == self.grpc_port:
             raise InvalidValueError("grpc_port", self.grpc_port, "another port than web_port")
+        try:
+            IPv4Address(self.bind)
+        except AddressValueError as error:
+            expected = f"an IPv4 address of this machine, such as {HERE}, or {ANYWHERE} for all of them"
+            raise InvalidValueError("bind", repr(self.bind), expected) from error
+
+    @property
+    def host(self) -> str:
+        """An address that a browser on this machine reaches."""
+        return HERE if self.bind == ANYWHERE else self.bind
+
+    @property
+    def data(self) -> str:
+        """Where the data are served."""
+        return f"rerun+http://{self.host}:{self.grpc_port}/proxy"
 
     @property
     def address(self) -> str:
         """What to open in a browser on this machine, or another where `bind` is an address of that network."""
-        host = "127.0.0.1" if self.bind == ANYWHERE else self.bind
-        return f"http://{host}:{self.web_port}/?url=rerun%2Bhttp://{host}:{self.grpc_port}/proxy"
+        return f"http://{self.host}:{self.web_port}/?url={self.data.replace('+', '%2B')}&hide_welcome_screen"
 
 
 def open_screen(config: ServingConfig, layout: rrb.Blueprint) -> Screen:
     """Opens the server, the file, or both; close them with `close_screen`.
 
     Raises:
-        InvalidValueError: a port is in use, or the file cannot be written.
+        InvalidValueError: a port is in use, the address is none of this machine, or the file cannot be written.
+        ContactCurationError: the page cannot be served.
     """
     stream = rr.RecordingStream(APPLICATION, batcher_config=rr.ChunkBatcherConfig(flush_tick=FLUSH_PERIOD))
     sinks: list[rr.GrpcServerSink | rr.FileSink] = []
+    viewer: WebViewer | None = None
     if config.recording is not None:
         sinks.append(_file_sink(config.recording, config.index))
     if config.web_port:
-        _check_port("web_port", ANYWHERE, config.web_port)
-        _check_port("grpc_port", config.bind, config.grpc_port)
+        for name, port in (("web_port", config.web_port), ("grpc_port", config.grpc_port)):
+            _check_port(name, config.bind, port)
         page = f"http://{'*' if config.bind == ANYWHERE else config.bind}:{config.web_port}"
         sinks.append(
             rr.GrpcServerSink(config.bind, config.grpc_port, server_memory_limit=config.memory, cors_allow_origin=[page])
         )
-        rr.serve_web_viewer(web_port=config.web_port, open_browser=False)
+        viewer = WebViewer(config.bind, config.web_port, config.data)
     stream.set_sinks(*sinks, default_blueprint=layout)
     if config.recording is not None:
         layout.save(APPLICATION, config.recording.with_suffix(BLUEPRINT))
-    return Screen(stream)
+    return Screen(stream, viewer)
 
 
 def close_screen(screen: Screen) -> None:
-    """Writes what is still on its way and lets go of the file and the server."""
+    """Writes what is still on its way and lets go of the file and the servers."""
     screen.stream.flush()
     screen.stream.disconnect()
+    if screen.viewer is not None:
+        screen.viewer.close()
 
 
 def _file_sink(path: Path, index: bool) -> rr.FileSink:

@@ -63,7 +63,8 @@ class LiveSession:
         self._gates = GateView(screen)
         self._healths = HealthView(screen)
         self._summary = SummaryView(screen)
-        self._overview = SessionOverview(planned=throws)
+        self._overview = SessionOverview(planned=throws, trained=False)
+        self._overview_changed()
 
     @property
     def tosses(self) -> int:
@@ -122,6 +123,7 @@ class LiveSession:
         self._passed(stamp_ns)
         self._now()
         self._learning.show(moment)
+        self._overview_changed(trained=True, position_error=moment.position_error, rotation_error=moment.rotation_error)
 
     def add_throw(self, throw: ThrowMade) -> None:
         """Adds a throw, or news of one."""

@@ -23,6 +23,9 @@ class SessionOverview:
         friction: what is known of it, in words; empty where that is nothing.
         drawn: the toss in the view of a toss, in words; empty before the first.
         error: mean distance of its predicted from its measured centre [m]; NaN where the prediction is not finite.
+        trained: whether a training has been reported; None where nobody trains.
+        position_error: of held-out tosses [% of the width]; NaN where there are none.
+        rotation_error: of them [deg].
     """
 
     throws: int = 0
@@ -34,6 +37,9 @@ class SessionOverview:
     friction: str = ""
     drawn: str = ""
     error: float = float("nan")
+    trained: bool | None = None
+    position_error: float = float("nan")
+    rotation_error: float = float("nan")
 
 
 class SummaryView:
@@ -63,7 +69,22 @@ def summary_page(overview: SessionOverview) -> str:
     state = "is under way" if overview.under_way else "is done"
     throws = f"**Throw {overview.throws}{of}** {state}. " if overview.throws else ""
     known = f" Friction {overview.friction}." if overview.friction else ""
+    learned = () if overview.trained is None else (_learned(overview),)
+    return "\n\n".join((f"{throws}{counts}.{known}", *learned, _drawn(overview)))
+
+
+def _learned(overview: SessionOverview) -> str:
+    """What the views of held-out errors and losses show, or why they are empty."""
+    if not overview.trained:
+        return "Held-out errors: none before the first training."
+    if not isfinite(overview.position_error):
+        return "Held-out errors: none, because the trainer has no recordings to evaluate on (`evaluate_on`)."
+    rotation = f", {overview.rotation_error:.1f} degrees" if isfinite(overview.rotation_error) else ""
+    return f"Held-out errors: **{overview.position_error:.1f} % of the width**{rotation}."
+
+
+def _drawn(overview: SessionOverview) -> str:
     if not overview.drawn:
-        return f"{throws}{counts}.{known}\n\nNo toss is drawn yet."
+        return "No toss is drawn yet."
     off = f"{MILLIMETRES * overview.error:.0f} mm off on average" if isfinite(overview.error) else "without a finite motion"
-    return f"{throws}{counts}.{known}\n\nDrawn: **{overview.drawn}**, predicted {off}."
+    return f"Drawn: **{overview.drawn}**, predicted {off}."

@@ -75,7 +75,10 @@ def _in_words(throw: ThrowMade) -> str:
 
 def _cells(place: int, throw: ThrowMade) -> tuple[str, ...]:
     planned = number(throw.planned) if throw.planned > 0.0 else "-"
-    return (str(place), throw.kind, throw.state, planned, number(throw.realised), throw.detail)
+    note = (
+        throw.detail.partition(": found")[0] if throw.detail.startswith("rejected") else throw.detail
+    )  # whole in its own view
+    return (str(place), throw.kind, throw.state, planned, number(throw.realised), note)
 
 
 def _speed(throw: Throw) -> str:

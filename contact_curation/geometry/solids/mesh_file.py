@@ -19,6 +19,17 @@ from contact_curation.geometry.solids.shapes import Solid
 MESHES = (".stl", ".obj", ".ply", ".off")
 """Endings of the files that are read."""
 
+CONVERT = "convert it to STL or OBJ, for example with MeshLab or Blender"
+FOREIGN = {
+    ".dae": "COLLADA",
+    **dict.fromkeys((".gltf", ".glb"), "glTF"),
+    **dict.fromkeys((".step", ".stp"), "STEP"),
+    ".3mf": "3MF",
+    ".fbx": "FBX",
+    ".blend": "a Blender file",
+}
+"""Formats of shapes that are not read, by their endings."""
+
 LARGEST_MESH = 1 << 26
 """Bytes of a mesh."""
 
@@ -57,6 +68,7 @@ def read_mesh(path: Path, scale: Array) -> Mesh:
     Raises:
         UnreadableInputError: there is no such file, it is no mesh, or it encloses nothing.
     """
+    refuse_foreign(path)
     data = read_bounded(path, LARGEST_MESH, "a mesh")
     loaded = _loaded(path, data)
     points = np.asarray(loaded.vertices, dtype=float).reshape(-1, 3) * scale
@@ -71,6 +83,17 @@ def read_mesh(path: Path, scale: Array) -> Mesh:
     if scale.prod() < 0.0:
         loaded.invert()
     return _enclosed(path, loaded)
+
+
+def refuse_foreign(path: Path) -> None:
+    """Says what to do with a shape in a format that is not read.
+
+    Raises:
+        UnreadableInputError: its ending says that it is one.
+    """
+    form = FOREIGN.get(path.suffix.lower())
+    if form is not None:
+        raise UnreadableInputError(path, f"is {form}, expected one of {', '.join(MESHES)}: {CONVERT}")
 
 
 def _enclosed(path: Path, mesh: Any) -> Mesh:

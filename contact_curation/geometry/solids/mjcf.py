@@ -1,7 +1,7 @@
 """MJCF: the colliding geoms and the mass properties of one body, in the body's frame (MuJoCo's XML reference).
 
-Understood are classes of defaults, mesh assets and all ways to give an orientation. What would change the outcome and is not
-understood is refused: then save the compiled model (`mj_saveLastXML`) and give that file.
+Understood are classes of defaults, mesh assets, included files, frames, replicas, and all ways to give an orientation. What
+would change the outcome and is not understood is refused.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,6 +18,7 @@ from contact_curation.geometry.solids import shapes
 from contact_curation.geometry.solids.link import Link, chosen_name
 from contact_curation.geometry.solids.mass_properties import MassProperties, combined
 from contact_curation.geometry.solids.mesh_file import Mesh, read_mesh
+from contact_curation.geometry.solids.mjcf_tree import Pose, placed, with_included, with_replicas
 from contact_curation.geometry.solids.shapes import Solid, union
 from contact_curation.geometry.solids.urdf import turn_about
 from contact_curation.geometry.solids.xml_file import number, numbers, positive, read_xml, referenced
@@ -26,8 +27,8 @@ DENSITY = 1000.0
 """[kg/m^3] of a geom without mass and density, by MuJoCo's defaults."""
 
 MAIN = "main"
-REMEDY = "save the compiled model with mj_saveLastXML, and give that file"
-REFUSED = {"include": "<include>", "replicate": "<replicate>", "composite": "<composite>", "flexcomp": "<flexcomp>"}
+REMEDY = "describe the body as one rigid <body> of geoms"
+REFUSED = ("composite", "flexcomp", "attach")
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +44,15 @@ class _Model:
 
     def __init__(self, path: Path, root: Element) -> None:
         self.path = path
+        with_included(path, root)
         self.options: dict[str, str] = {}
         for compiler in root.findall("compiler"):
             self.options.update(compiler.attrib)
-        for tag, shown in REFUSED.items():
+        for tag in REFUSED:
             if root.find(f".//{tag}") is not None:
-                raise UnreadableInputError(path, f"found {shown}, which is not understood: {REMEDY}")
+                raise UnreadableInputError(path, f"found <{tag}>, which is not understood: {REMEDY}")
+        for world in root.findall("worldbody"):
+            with_replicas(path, world, self._rotation)
         if float(self.options.get("settotalmass", "-1")) > 0.0:
             raise UnreadableInputError(path, f"found settotalmass, which is not understood: {REMEDY}")
         self.defaults: dict[str, dict[str, dict[str, str]]] = {MAIN: {}}
@@ -143,26 +147,27 @@ def read_mjcf(path: Path, body: str | None = None) -> Link:
         model = _Model(path, root)
         found = {}
         for world in root.findall("worldbody"):
-            found.update({element.get("name", f"body{k}"): (element, cls) for k, (element, cls) in enumerate(_bodies(world))})
-        colliding = [name for name, (element, cls) in found.items() if any(map(_collides, _told(model, element, cls)))]
+            bodies = enumerate(_bodies(model, world))
+            found.update({element.get("name", f"body{k}"): (element, cls) for k, (element, cls) in bodies})
+        told = {name: _told(model, element, cls) for name, (element, cls) in found.items()}
+        colliding = [name for name, geoms in told.items() if any(_collides(geom) for geom, _ in geoms)]
         name = chosen_name(path, colliding, body, "body with a geom that collides")
         return _link(model, root, name, *found[name])
     except (ValueError, RecursionError) as error:  # an euler sequence of other letters, numbers in attributes of our own
         raise UnreadableInputError(path, f"holds a value that is not understood ({error}): {REMEDY}") from error
 
 
-def _bodies(above: Element, childclass: str = MAIN) -> Iterator[tuple[Element, str]]:
-    for body in above.findall("body"):
-        own = body.get("childclass", childclass)
+def _bodies(model: _Model, above: Element, childclass: str = MAIN) -> Iterator[tuple[Element, str]]:
+    for body, inherited, _ in placed(above, "body", childclass, model.pose):
+        own = body.get("childclass", inherited)
         yield body, own
-        yield from _bodies(body, own)
+        yield from _bodies(model, body, own)
 
 
-def _told(model: _Model, body: Element, childclass: str) -> list[Element]:
-    """The geoms of a body with their defaults."""
-    if body.find("frame") is not None:
-        raise UnreadableInputError(model.path, f"found <frame>, which is not understood: {REMEDY}")
-    return [model.with_defaults(geom, childclass) for geom in body.findall("geom")]
+def _told(model: _Model, body: Element, childclass: str) -> list[tuple[Element, Pose]]:
+    """The geoms of a body with their defaults, and the poses of the frames around them."""
+    found = placed(body, "geom", childclass, model.pose)
+    return [(model.with_defaults(geom, inherited), pose) for geom, inherited, pose in found]
 
 
 def _collides(geom: Element) -> bool:
@@ -170,7 +175,7 @@ def _collides(geom: Element) -> bool:
 
 
 def _link(model: _Model, root: Element, name: str, body: Element, childclass: str) -> Link:
-    geoms = [_geom(model, geom) for geom in _told(model, body, childclass)]
+    geoms = [_geom(model, geom, frames) for geom, frames in _told(model, body, childclass)]
     colliding = [geom for geom in geoms if geom.collides]
     said = [geom.friction for geom in colliding if geom.friction is not None]
     inertial = body.find("inertial")
@@ -190,7 +195,7 @@ def path_name(path: Path) -> str:
     return path.name.split(".")[0]
 
 
-def _geom(model: _Model, geom: Element) -> _Geom:
+def _geom(model: _Model, geom: Element, frames: Pose) -> _Geom:
     kind = geom.get("type", "mesh" if "mesh" in geom.attrib else "sphere")
     if kind not in SHAPES or ("mesh" in geom.attrib and kind != "mesh"):
         raise UnreadableInputError(model.path, f"type of <geom>: found {kind}, expected one of {', '.join(SHAPES)}")
@@ -200,7 +205,7 @@ def _geom(model: _Model, geom: Element) -> _Geom:
         pose = _turn_of_z(ends[0] - ends[1]), ends.mean(axis=0)
     else:
         pose = model.pose(geom)
-    solid = mesh.solid.moved(*pose)
+    solid = mesh.solid.moved(*pose).moved(*frames)
     volume = solid.uniform.mass
     density = number(model.path, geom, "density", DENSITY)
     mass = number(model.path, geom, "mass", density * volume)

@@ -18,17 +18,17 @@ PACKAGE = re.compile(r"(?:package|model)://([^/]+)/(.+)")
 XACRO = "http://www.ros.org/wiki/xacro"
 
 
-def read_xml(path: Path, root: str) -> Element:
+def read_xml(path: Path, root: str = "") -> Element:
     """The root element of an XML file.
 
     Args:
         path: path of the file.
-        root: the name that it must have.
+        root: the name that it must have; empty for any.
 
     Raises:
         UnreadableInputError: there is no such file, it is no XML, a xacro, or another kind of document.
     """
-    data = read_bounded(path, LARGEST_XML, f"a <{root}>")
+    data = read_bounded(path, LARGEST_XML, f"a <{root or 'part of a description'}>")
     if path.suffix == ".xacro" or XACRO.encode() in data:
         raise UnreadableInputError(path, f"is a xacro: expand it first with `xacro {path} > {path.name.split('.')[0]}.urdf`")
     try:
@@ -37,7 +37,7 @@ def read_xml(path: Path, root: str) -> Element:
         raise UnreadableInputError(path, "found a document type, expected XML without one") from error
     except (ElementTree.ParseError, ValueError, LookupError, RecursionError) as error:
         raise UnreadableInputError(path, f"is no XML ({error})") from error
-    if element.tag != root:
+    if root and element.tag != root:
         raise UnreadableInputError(path, f"found a <{element.tag[:40]}>, expected a <{root}>")
     return element
 

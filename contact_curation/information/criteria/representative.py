@@ -174,9 +174,9 @@ def _explain(pool: Pool, selected: Mapping[str, float], config: RankingConfig) -
     costs = swap_costs([pool], [coordinates], pool.indices_of(selected).tolist(), config.prior)
     before = costs.error or 1.0  # 0 of a pool whose information is zero, with or without a toss
     joined = dict(zip(pool.ids, costs.joined.tolist(), strict=True))
-    reasons = {one: f"not selected: expected error × {error / before:.3g} with it" for one, error in joined.items()}
+    reasons = {one: f"not selected: expected error × {_factor(error / before)} with it" for one, error in joined.items()}
     for one, error in zip(selected, costs.without.tolist(), strict=True):
-        reasons[one] = f"selected: expected error × {error / before:.3g} without it"
+        reasons[one] = f"selected: expected error × {_factor(error / before)} without it"
     return Explanation({one: costs.error - error for one, error in joined.items()}, reasons)
 
 
@@ -190,3 +190,8 @@ REPRESENTATIVE = register(
         explain=_explain,
     )
 )
+
+
+def _factor(value: float) -> str:
+    """Three digits, or all of a larger number."""
+    return f"{value:.3g}" if value < 999.5 else f"{value:.0f}"

@@ -45,6 +45,9 @@ STILL = 0.003
 STILL_WINDOWS = 4
 """In a row, for a rest."""
 
+FEWEST_FLIGHTS = 4
+"""For the noise."""
+
 REST_FRAMES = 30
 """At most, over which a pose at rest is averaged."""
 
@@ -140,7 +143,18 @@ def survey(series: Sequence[PoseSeries]) -> Survey:
     weights = np.array([throw.frames**5.0 for throw in throws])
     accelerations = np.array([throw.acceleration for throw in throws])
     mean = _trimmed_mean(accelerations, weights) if len(throws) else shared
-    return Survey(series, noise, mean, throws, max(speeds, default=0.0))
+    return Survey(series, min(noise, _noise_in_the_air(series, throws) or noise), mean, throws, max(speeds, default=0.0))
+
+
+def _noise_in_the_air(series: Sequence[PoseSeries], throws: Sequence[Throw]) -> float:
+    """As `noise_of`, over flights alone, where no hand moves the body; 0 where they are too few."""
+    noises = [noise for throw in throws if (noise := noise_of(_part(series[throw.span.series], throw.span)))]
+    return float(np.median(noises)) if len(noises) >= FEWEST_FLIGHTS else 0.0
+
+
+def _part(series: PoseSeries, span: Flight) -> PoseSeries:
+    frames = slice(span.first, span.stop)
+    return PoseSeries(series.stamps_ns[frames], series.positions[frames], series.orientations_wxyz[frames])
 
 
 def _fitting(fit: LocalFits, noise: float) -> NDArray[np.bool_]:
@@ -151,8 +165,16 @@ def _fitting(fit: LocalFits, noise: float) -> NDArray[np.bool_]:
 
 def _shared_acceleration(fits: Sequence[LocalFits], noise: float) -> Array | None:
     """(3,) the acceleration with most others near it; None where hardly two are alike."""
-    rows = [fit.accelerations[_fitting(fit, noise) & _before_impact(fit)] for fit in fits]
-    found = np.concatenate(rows) if rows else np.zeros((0, 3))
+    for before in (_before_impact, _before_the_end):
+        rows = [fit.accelerations[_fitting(fit, noise) & before(fit)] for fit in fits]
+        found = np.concatenate(rows) if rows else np.zeros((0, 3))
+        if (shared := _most_alike(found)) is not None:
+            return shared
+    return None
+
+
+def _most_alike(found: Array) -> Array | None:
+    """(3,) of accelerations (N, 3) the one with most others near it; None where hardly two are alike."""
     if len(found) < 3:
         return None
     found = found[np.linspace(0, len(found) - 1, min(len(found), MOST_COMPARED)).astype(int)]
@@ -173,6 +195,13 @@ def _before_impact(fit: LocalFits) -> NDArray[np.bool_]:
     padded = np.concatenate([fit.residuals, np.zeros(ahead)])
     worst = np.lib.stride_tricks.sliding_window_view(padded, ahead + 1).max(axis=1)
     return np.asarray(worst > IMPACT * BENT * np.linalg.norm(fit.accelerations, axis=1) * SPAN**2 / 8.0)
+
+
+def _before_the_end(fit: LocalFits) -> NDArray[np.bool_]:
+    """(W,) windows that poses end behind, within twice their length: a recording may be cut in the air."""
+    last = np.append(np.diff(fit.first) > 1, True)[: len(fit.first)]  # of a run
+    ends = np.minimum.accumulate(np.where(last, fit.first, np.iinfo(np.int64).max)[::-1])[::-1]
+    return np.asarray(ends - fit.first <= 2 * fit.frames)
 
 
 def _flights(place: int, fit: LocalFits, shared: Array, noise: float) -> list[Flight]:

@@ -46,6 +46,9 @@ BOARD, TURN, PLACE = slice(0, 3), slice(3, 6), slice(6, 9)
 FINEST_SCALES = np.array([2e-4, 2e-4, 1e-4])
 """Of what is left over of the two parts of a normal and of a height: no body is flatter [rad, m]."""
 
+KEPT = 75
+"""Percentile of the rests."""
+
 STEPS = 4
 """Of Gauss and Newton."""
 
@@ -87,7 +90,7 @@ class RestEstimate:
         free: degrees of freedom of what is left over.
         tilt_or_turn: whether what looks like a tilted board may as well be a turned marker.
         height_or_place: whether what looks like a height of the board may as well be the marker's place.
-        left_over: median residual of the heights [m].
+        left_over: residual of the heights that three rests in four keep to [m].
     """
 
     values: Array
@@ -164,7 +167,7 @@ def _estimate(rests: Rests, scale: float, centre: Array, basis: Array, shared: t
     used = np.abs(basis).max(axis=1) > 0.0
     errors = np.where(used, np.hypot(np.sqrt(np.maximum(np.diagonal(covariance), 0.0)), FLOORS), 0.0)
     free = max(int(found.near.sum()) - basis.shape[1], 1)
-    return RestEstimate(found.values, errors, free, *shared, float(np.median(np.abs(found.heights))))
+    return RestEstimate(found.values, errors, free, *shared, float(np.percentile(np.abs(found.heights), KEPT)))
 
 
 def _fit(rests: Rests, scale: float, centre: Array, basis: Array) -> _Fit:

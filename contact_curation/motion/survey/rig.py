@@ -68,7 +68,7 @@ class RigEstimate:
         tilt_or_turn: whether a tilted board cannot be told from a turned marker.
         height_or_place: whether the board's height cannot be told from the marker's place.
         rest_depths: (K,) of the described origin over the faces that they lie on [m].
-        left_over: median residual of the heights after it [m].
+        left_over: residual of the heights after it that three rests in four keep to [m].
     """
 
     throws: int

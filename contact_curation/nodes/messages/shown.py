@@ -18,6 +18,7 @@ from contact_curation.learning.checkpoints.theta_bytes import geometry_of_bytes
 from contact_curation.nodes.messages.bounds import MOST_IDS, check_size
 from contact_curation.nodes.messages.headers import check_format
 from contact_curation.nodes.messages.throw import throw_of
+from contact_curation.nodes.ros.health import PACKAGE, node_of
 from contact_curation.stages.scored_theta import read_scored_theta
 
 
@@ -114,11 +115,12 @@ def healths_of(message: Any, now: float) -> list[NodeHealth]:
     """The state of each node in a DiagnosticArray that was received at `now` [s]."""
     return [
         NodeHealth(
-            name=status.name,
+            name=node_of(status.name),
             warning=status.level != DiagnosticStatus.OK,
             message=status.message,
-            values={value.key: value.value for value in status.values},
+            values={value.key: value.value for value in status.values if value != PACKAGE},
             heard=now,
         )
         for status in message.status
+        if PACKAGE in status.values
     ]

@@ -1,4 +1,4 @@
-"""Throw, record and message."""
+"""Throw, record and message; what the contract of ExecuteThrow (docs/ros/nodes.md) says of the headers of both ends."""
 
 from typing import Any
 
@@ -7,7 +7,9 @@ from contact_curation_msgs.msg import Throw as ThrowMessage
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 
 from contact_curation.design.throw import Throw
-from contact_curation.nodes.messages.headers import Stamped, check_format, header_message
+from contact_curation.errors import InvalidValueError
+from contact_curation.motion.toss import NANOSECONDS
+from contact_curation.nodes.messages.headers import Stamped, check_format, header_message, nanoseconds_of
 
 
 def throw_message(throw: Throw, stamped: Stamped) -> ThrowMessage:
@@ -54,3 +56,45 @@ def throw_of(message: Any) -> Throw:
         expected_information=float(message.expected_information),
         parameters_version=message.parameters_version,
     )
+
+
+def commanded_throw_of(message: Any, board_frame: str, now_ns: int, oldest: float) -> Throw:
+    """The throw of a goal, if it was meant for now and for this board.
+
+    Args:
+        message: as it came; a stamp of 0 says nothing, nor does an empty frame.
+        board_frame: of the thrower.
+        now_ns: by the thrower's ROS clock.
+        oldest: so much may lie between the stamp and now, either way [s]; 0 for any.
+
+    Raises:
+        InvalidValueError: it is stale, or given in another frame; and as of `throw_of`.
+    """
+    _check_frame(message, board_frame)
+    stamp_ns = nanoseconds_of(message.header.stamp)
+    age = (now_ns - stamp_ns) / NANOSECONDS
+    if stamp_ns and oldest and abs(age) > oldest:
+        found = f"{abs(age):.1f} s {'ago' if age > 0.0 else 'ahead'}"
+        raise InvalidValueError(
+            "stamp of the goal", found, f"at most {oldest:g} s from now, or 0: a stale goal, or another clock"
+        )
+    return throw_of(message)
+
+
+def executed_throw_of(message: Any, board_frame: str) -> tuple[Throw, int]:
+    """The throw of a result, and when the body was released [ns].
+
+    Raises:
+        InvalidValueError: nobody says when, so that its toss cannot be told from others; another frame; and as of `throw_of`.
+    """
+    _check_frame(message, board_frame)
+    stamp_ns = nanoseconds_of(message.header.stamp)
+    if stamp_ns == 0:
+        raise InvalidValueError("stamp of the executed throw", 0, "the time of the release, by the clock of the tracker")
+    return throw_of(message), stamp_ns
+
+
+def _check_frame(message: Any, board_frame: str) -> None:
+    frame = message.header.frame_id
+    if frame not in ("", board_frame):
+        raise InvalidValueError(f"frame of throw {message.throw_id[:80]}", frame[:80], f"{board_frame}, or an empty one")

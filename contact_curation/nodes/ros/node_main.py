@@ -11,8 +11,10 @@ import signal
 import socket
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError
@@ -23,6 +25,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from contact_curation.errors import ContactCurationError
 from contact_curation.nodes.ros.given_parameters import check_files, check_names, take_former_names
+from contact_curation.nodes.ros.qos import overridable, overrides_checked
+from contact_curation.nodes.ros.security import check_keystore, explained
 
 REFUSED = (ContactCurationError, OSError, ParameterException, RCLError)
 """Errors that a user can cause before a node is there."""
@@ -41,6 +45,7 @@ class StageNode(Node):
     """A node that can stop itself with a reason, and tidies up when it ends."""
 
     failure: BaseException | None = None
+    _made = False
     longest_closing = LONGEST_CLOSING
     """[s]; a node that has more to write at its end may take longer."""
     _end_spinning: Callable[[], None] | None = None
@@ -48,6 +53,21 @@ class StageNode(Node):
     def __init__(self, name: str) -> None:
         super().__init__(name)
         take_former_names(self, name)
+        self._made = True
+
+    def create_publisher(self, *what: Any, **how: Any) -> Any:
+        """As rclpy does; parameters `qos_overrides.TOPIC.publisher.*` hold, of history, depth and reliability."""
+        with overrides_checked():
+            return super().create_publisher(*what, **self._overridable(how))
+
+    def create_subscription(self, *what: Any, **how: Any) -> Any:
+        """As rclpy does; parameters `qos_overrides.TOPIC.subscription.*` hold, of history, depth and reliability."""
+        with overrides_checked():
+            return super().create_subscription(*what, **self._overridable(how))
+
+    def _overridable(self, how: dict[str, Any]) -> dict[str, Any]:
+        """Adds the parameters, but to what rclpy makes for a node that is not there yet."""
+        return {"qos_overriding_options": overridable(), **how} if self._made else how
 
     def fail(self, error: BaseException) -> None:
         """Ends the process with status 1; may be called from any thread."""
@@ -113,10 +133,13 @@ def run(make: Callable[[], StageNode], name: str) -> int:
     with _signals(ending.begin):
         try:
             check_files(sys.argv)
-            rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-            node = make()
+            check_keystore(os.environ)
+            with warnings.catch_warnings():
+                warnings.filterwarnings("ignore", "Failed to fini", RuntimeWarning)  # rclpy, of a node that there cannot be
+                rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+                node = make()
         except REFUSED as error:
-            return refuse(name, error)
+            return refuse(name, explained(error))
         ending.node = node
         node.when_failed(ending.begin)
         try:

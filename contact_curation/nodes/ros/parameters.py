@@ -49,7 +49,7 @@ def declare(
         descriptor.additional_constraints = f"one of {', '.join(choices)}"
     if bounds is not None and isinstance(default, int):
         descriptor.integer_range = [IntegerRange(from_value=int(bounds[0]), to_value=int(bounds[1]))]
-    elif bounds is not None:
+    elif bounds is not None and isinstance(default, float):
         descriptor.floating_point_range = [FloatingPointRange(from_value=bounds[0], to_value=bounds[1])]
     value = node.declare_parameter(name, default, descriptor).value
     if choices and value not in choices:

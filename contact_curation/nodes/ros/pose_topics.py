@@ -17,7 +17,7 @@ from rclpy.subscription import Subscription
 from contact_curation.errors import InvalidValueError, MissingTopicError
 from contact_curation.nodes.ros.message_types import message_class
 from contact_curation.nodes.ros.own_namespace import is_own
-from contact_curation.nodes.ros.qos import offered, profile
+from contact_curation.nodes.ros.qos import AS_OFFERED, offered, profile
 from contact_curation.stages.ingest import published_before
 from contact_curation.storage.bags.records import OfferedQos
 from contact_curation.storage.inputs.pose_messages import POSE_MESSAGES, TF, Measured
@@ -215,7 +215,9 @@ class PoseTopics:
         if topic in self._subscriptions:
             self._node.destroy_subscription(self._subscriptions[topic][1])
         qos = profile(self._depth, reliable=offer.qos.reliable, latched=offer.qos.latched)
-        subscription = self._node.create_subscription(message_class(offer.type), topic, on_message, qos)
+        subscription = self._node.create_subscription(
+            message_class(offer.type), topic, on_message, qos, qos_overriding_options=AS_OFFERED
+        )
         self._subscriptions[topic] = offer, subscription
 
 

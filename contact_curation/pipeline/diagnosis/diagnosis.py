@@ -34,6 +34,7 @@ class Diagnosis:
         reasons: all that was found, one line each, faults first.
         settings: `--set` options that mend what settings can mend; empty where there are none.
         next: the command to type next.
+        warnings: what was assumed, one line each; no part of the document.
     """
 
     verdict: str
@@ -41,10 +42,13 @@ class Diagnosis:
     reasons: tuple[str, ...]
     settings: str
     next: str
+    warnings: tuple[str, ...] = ()
 
     def document(self) -> dict[str, Any]:
         """For programs."""
-        return {**asdict(self), "reasons": list(self.reasons)}
+        found = {**asdict(self), "reasons": list(self.reasons)}
+        del found["warnings"]
+        return found
 
     def __str__(self) -> str:
         mends = [f"settings: {self.settings}"] if self.settings else []

@@ -1,5 +1,6 @@
 """Bags out: MCAP as rosbag2 writes it (ros2 profile, CDR, schemas, offered QoS), with checksums and whole or not at all."""
 
+import errno
 import fcntl
 import os
 import shutil
@@ -44,7 +45,8 @@ class BagWriter:
     """Writes one bag; use it as a context manager.
 
     Messages go to a hidden file beside the target, which takes the target's name when the `with` block ends well and is
-    removed when it ends with an error. A process that is killed leaves the hidden file, which `BagReader` can read.
+    removed when it ends with an error. A process that is killed leaves the hidden file, which `BagReader` can read. Its name
+    follows from the target's, so that it is found again; a link of that name is refused.
 
     Args:
         path: `*.mcap` for a storage file; any other name for a rosbag2 folder (storage file and metadata.yaml).
@@ -207,9 +209,9 @@ class BagWriter:
     def _opened(self) -> BinaryIO:
         with writing(self.path):
             if self._as_folder:
-                self._partial.mkdir(exist_ok=True)
+                _make_folder(self._partial)
             name = self._partial / self._file_name if self._as_folder else self._partial
-            file = name.open("ab")
+            file = os.fdopen(os.open(name, os.O_CREAT | os.O_APPEND | os.O_WRONLY | os.O_NOFOLLOW, 0o666), "ab")
             try:
                 _lock(file, self.path, "a path that nobody else is writing")
                 file.truncate(0)
@@ -237,6 +239,12 @@ class BagWriter:
         channel = self._writer.register_channel(key.topic, MessageEncoding.CDR, self._schemas[schema_key], metadata)
         self._streams[key] = _Stream(channel, type_hash)
         return self._streams[key]
+
+
+def _make_folder(path: Path) -> None:
+    path.mkdir(exist_ok=True)
+    if path.is_symlink():
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path))
 
 
 def _lock(file: BinaryIO, path: Path, expected: str, kind: int = fcntl.LOCK_EX) -> None:

@@ -1,11 +1,13 @@
 """`design`: throws on disk, the same for the same seed, and what is expected of them."""
 
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from contact_curation.cli import progress
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.polytope import PolytopeModel
@@ -37,6 +39,22 @@ def test_throws_are_written_and_a_table_says_what_is_expected_of_them(cli: Cli, 
     assert "2 throws" in lines[-1]
     assert throws[0].expected_information > throws[1].expected_information > 0.0
     assert throws[0].parameters_version == parameters_version(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE)
+
+
+def test_progress_counts_the_simulated_throws_of_all_that_there_will_be(
+    cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.0)
+    lines = [line for line in design(cli, tmp_path / "throws.json").err_lines if line.startswith("designing: ")]
+    counts = [
+        re.fullmatch(r"designing: (\d+) of (\d+) simulated throws, .* simulated throws/s, .* left", line) for line in lines
+    ]
+    assert all(counts)
+    done = [int(one[1]) for one in counts if one]
+    total = (8 + 16) * 2 + 16 * 2 + 2 * 1 * 12 * 4  # reference and finalists, sieve, search
+    assert {int(one[2]) for one in counts if one} == {total}
+    assert done == sorted(done)
+    assert 0.5 * total <= done[-1] <= 1.1 * total  # of the releases that are refused early nothing more is simulated
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_other_throws(cli: Cli, tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """`evaluate`: the floor on real tosses, which tosses judge, what is known, two models, and one line for what is wrong."""
 
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,9 @@ from contact_curation.contact.models.model import Rows
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
+from contact_curation.learning.checkpoints.stored_model import model_bytes, notes_of_bytes
 from contact_curation.motion.transitions import transitions_of
+from contact_curation.pipeline.learned_model import load_model
 from contact_curation.storage.checkpoint_file import read_model, save_model
 from test.cli.commands import Cli, write_parameters
 from test.simulated import simulated_tosses
@@ -128,6 +131,27 @@ def test_the_report_for_people_has_tables_of_errors_and_of_what_is_known(cli: Cl
     assert len(known) == 28
     assert "what is known from the 5 others" in "\n".join(lines)
     assert "fewer tosses than parameters" in lines[-1]
+
+
+def test_a_model_no_better_than_none_is_said_to_be_and_its_deviations_are_marked(
+    cli: Cli, folder: Path, checkpoint: Path, tmp_path: Path
+) -> None:
+    """With hardly any friction the cube slides away."""
+    report = cli("evaluate", checkpoint, folder, *QUICK, "--json").json
+    plain = report["without_a_model"]
+    assert set(plain) == {"stays where it was released", "lies from the start where it ends"}
+    assert all(errors["position"] > 0.0 and errors["rotation"] > 0.0 for errors in plain.values())
+    model = load_model(checkpoint).model
+    assert isinstance(model, PolytopeModel)
+    wrong = replace(model.geometry(), tangents=1e-4 * model.geometry().tangents)
+    slippery = tmp_path / "slippery.safetensors"
+    notes = notes_of_bytes(checkpoint.read_bytes(), checkpoint)
+    slippery.write_bytes(model_bytes(PolytopeModel(wrong, model.body, model.form), notes))
+    lines = cli("evaluate", slippery, folder, *QUICK).out.splitlines()
+    assert any(line.startswith("without a model") for line in lines)
+    doubts = [line for line in lines if "the model does not describe these motions: position is off by" in line]
+    assert len(doubts) == 1
+    assert any(line.startswith("careful: these are deviations of a model that does not describe") for line in lines)
 
 
 def test_two_models_are_compared_toss_by_toss(cli: Cli, folder: Path, tmp_path: Path) -> None:

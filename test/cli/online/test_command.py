@@ -172,8 +172,8 @@ def test_a_folder_with_a_session_is_not_used_again(tmp_path: Path, name: str) ->
 def test_the_domain_is_the_users_or_one_of_its_own_on_this_machine(tmp_path: Path) -> None:
     with graph_domain({}) as domain:
         own = graph_environment({"ROS_STATIC_PEERS": "far", "A": "1"}, tmp_path, domain)
+    assert own["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SYSTEM_DEFAULT"
     assert "127.0.0.1" in Path(own["FASTRTPS_DEFAULT_PROFILES_FILE"]).read_text()
-    assert own["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SUBNET"  # of the one interface of the profile
     for others in ({"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}, {"FASTRTPS_DEFAULT_PROFILES_FILE": "own.xml"}):
         assert graph_environment(others, tmp_path, 7)["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
     assert 1 <= int(own["ROS_DOMAIN_ID"]) <= 101

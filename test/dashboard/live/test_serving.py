@@ -1,6 +1,11 @@
 """A dashboard is served at one address, or written to a file, or both; what cannot be is one line."""
 
+import os
+import signal
 import socket
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.request import urlopen
@@ -13,6 +18,10 @@ from contact_curation.dashboard.live.screen import Moment
 from contact_curation.dashboard.live.serving import ServingConfig, close_screen, open_screen
 from contact_curation.errors import InvalidValueError
 from test.dashboard.recorded import Recorded
+from test.listeners import beyond_loopback, family, listeners_of
+
+OTHER = "127.0.0.2"
+"""Of this machine, and no address that anything is served at unasked."""
 
 
 def free_port() -> int:
@@ -37,15 +46,76 @@ def test_the_page_is_served_while_the_file_is_written(tmp_path: Path) -> None:
     page, _, query = config.address.partition("?")
     with urlopen(page, timeout=10.0) as answer:
         assert b"Rerun" in answer.read()
-    assert query == f"url=rerun%2Bhttp://127.0.0.1:{config.grpc_port}/proxy"
+    assert query == f"url=rerun%2Bhttp://127.0.0.1:{config.grpc_port}/proxy&hide_welcome_screen"
     with socket.create_connection(("127.0.0.1", config.grpc_port), timeout=10.0):
         pass
+    found = {one for one in listeners_of([os.getpid()]) if one.port in (config.web_port, config.grpc_port)}
+    assert {one.port for one in found} == {config.web_port, config.grpc_port}
+    assert not beyond_loopback(found)
     screen.at(Moment(1, 5))
     screen.text("page", "hello")
     close_screen(screen)
     written = Recorded(path)
     assert written.texts("/page") == ["hello"]
     assert written.blueprints == 1
+    assert not [one for one in listeners_of([os.getpid()]) if one.port in (config.web_port, config.grpc_port)]
+
+
+def test_page_and_data_are_served_at_the_address_that_is_asked_for() -> None:
+    config = ServingConfig(free_port(), free_port(), bind=OTHER)
+    screen = open_screen(config, live_layout(CONTACTNETS_CUBE))
+    with urlopen(config.address.partition("?")[0], timeout=10.0) as answer:
+        assert answer.status == 200
+    found = {one for one in listeners_of([os.getpid()]) if one.port in (config.web_port, config.grpc_port)}
+    assert {str(one.address) for one in found} == {OTHER}
+    close_screen(screen)
+
+
+HOLDER = """
+import sys, time
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.dashboard.live.layout import live_layout
+from contact_curation.dashboard.live.serving import ServingConfig, open_screen
+screen = open_screen(ServingConfig(int(sys.argv[1]), int(sys.argv[2])), live_layout(CONTACTNETS_CUBE))
+print("served", flush=True)
+time.sleep(60.0)
+"""
+
+
+def running(process: int) -> bool:
+    """Whether a process does anything still; what ended may wait for whoever adopted it."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_the_page_ends_with_a_process_that_is_killed() -> None:
+    ports = [str(free_port()), str(free_port())]
+    with subprocess.Popen([sys.executable, "-c", HOLDER, *ports], stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == "served\n"
+        (page,) = set(family(holder.pid)) - {holder.pid}
+        holder.send_signal(signal.SIGKILL)
+        holder.wait()
+    end = time.monotonic() + 20.0
+    while running(page):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", int(ports[0])))
+
+
+@pytest.mark.parametrize("bind", ["localhost", "", "::1", "0"])
+def test_an_address_that_is_none_is_refused(bind: str) -> None:
+    with pytest.raises(InvalidValueError, match=rf"bind: found '{bind}', expected an IPv4 address of this machine"):
+        ServingConfig(bind=bind)
+
+
+def test_an_address_of_another_machine_is_one_line() -> None:
+    config = ServingConfig(free_port(), free_port(), bind="203.0.113.1")
+    with pytest.raises(InvalidValueError, match=r"web_port: found 203\.0\.113\.1:\d+ \(Cannot assign requested address\)"):
+        open_screen(config, ranking_layout(CONTACTNETS_CUBE))
 
 
 @pytest.mark.parametrize("name", ["web_port", "grpc_port"])

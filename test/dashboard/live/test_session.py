@@ -10,7 +10,8 @@ import rerun as rr
 from contact_curation.dashboard.live.health_view import NodeHealth
 from contact_curation.dashboard.live.learning_view import TrainingMoment
 from contact_curation.dashboard.live.session import LiveSession
-from contact_curation.dashboard.live.throw_view import ThrowMade
+from contact_curation.dashboard.live.summary_view import SessionOverview, summary_page
+from contact_curation.dashboard.live.throw_view import ThrowMade, throws_page
 from contact_curation.dashboard.toss_motion import ShownTheta
 from test.dashboard.recorded import Recorded, finite, recorded, recording_screen
 from test.dashboard.sessions import BODY, CONFIG, Scored, fed, scored, selected_set, throw_of
@@ -104,6 +105,24 @@ def test_a_few_lines_say_where_the_session_stands(session: Recorded) -> None:
     )
     assert "Friction 0.180 (1 sigma: 0.1" in page
     assert f"Drawn: **toss {COUNT} of 12:27:30 UTC**, predicted " in page
+
+
+def test_the_page_says_why_the_held_out_errors_are_empty_and_what_they_are_once_there_are_some(
+    session: Recorded, made: Scored, tmp_path: Path
+) -> None:
+    assert "Held-out errors: none before the first training." in session.texts("/session")[0]
+    assert "Held-out errors: **30.0 % of the width**, 40.0 degrees." in session.texts("/session")[-1]
+    screen = recording_screen(tmp_path / "none.rrd")
+    live = LiveSession(screen, BODY, made.theta, CONFIG.loss)
+    live.add_training(TrainingMoment("training", 1, 0.1, float("nan"), float("nan"), float("nan")), 1)
+    assert "the trainer has no recordings to evaluate on" in recorded(screen, tmp_path / "none.rrd").texts("/session")[-1]
+    assert "Held-out" not in summary_page(SessionOverview(tosses=3))  # of a ranking, where nobody trains
+
+
+def test_a_rejected_throw_has_its_reason_in_short_and_its_own_view_has_it_whole(made: Scored) -> None:
+    detail = "rejected: displacement beside the velocity: found 0.7 m/s at frame 56, expected at most 0.4 m/s"
+    throw = ThrowMade("designed", "executed", throw_of(made.tosses[0], "t"), 1.0, float("nan"), detail)
+    assert "| rejected: displacement beside the velocity |" in throws_page([throw])
 
 
 def test_the_spectrum_is_relative_to_all_tosses(session: Recorded, made: Scored) -> None:

@@ -39,7 +39,7 @@ CLASSES = {
 SET = {"throw_designer": ["thrower:=arm"], "dashboard": ["web_port:=0", "grpc_port:=0"]}
 """So that everything is declared, and nothing served."""
 
-OF_RCLPY = ("use_sim_time", "start_type_description_service")
+OF_RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 WIDTH = 128
 HEAD = """\
 # Every parameter of every node, with its default; `ros2 param describe` says more of types and bounds.
@@ -99,7 +99,7 @@ def _noted(found: list[Declared]) -> Iterator[None]:
 
     def declare(self: Node, name: str, value: Any = None, descriptor: Any = None, *more: Any, **others: Any) -> Any:
         described = descriptor or ParameterDescriptor()
-        if name not in OF_RCLPY:
+        if not name.startswith(OF_RCLPY):
             found.append(Declared(name, value, described.description, _constraint(described), described.read_only))
         return original(self, name, value, *([descriptor] if descriptor else []), *more, **others)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from contact_curation.errors import InvalidValueError, NotScoredError
-from contact_curation.information.criteria.trace import toss_trace
+from contact_curation.information.criteria.trace import TraceHeap, toss_trace
 from contact_curation.information.ranker import RankingConfig, rank
 from test.information.pools import toss, tosses
 
@@ -32,10 +32,19 @@ def test_the_trace_counts_what_truncation_cut_off() -> None:
 
 def test_a_mean_over_no_scored_transition_is_an_error_and_not_zero() -> None:
     unscored = toss("a", np.zeros((0, 2)), transitions=4, not_scored=4)
-    with pytest.raises(NotScoredError, match="none of its 4 transitions"):
+    with pytest.raises(NotScoredError, match="toss a was not scored: none of its 4 transitions"):
         toss_trace(unscored, "mean")
     with pytest.raises(InvalidValueError, match="unknown normalisation median: did you mean mean"):
         toss_trace(unscored, "median")
+    with pytest.raises(InvalidValueError, match="unknown normalisation median: did you mean mean"):
+        TraceHeap(3, "median")
+
+
+def test_tosses_of_nearly_the_same_length_are_in_the_order_of_their_lengths() -> None:
+    """They do not depend on how tosses are batched, so that nothing but equality is a tie."""
+    infos = [toss(name, np.ones((1, 2)), duration=1.0 + k * 1e-15) for k, name in enumerate("abc")]
+    assert len({info.duration for info in infos}) == 3
+    assert rank(infos, RankingConfig("longest", top=2)).ids == ("c", "b", "a")
 
 
 @pytest.mark.parametrize("normalisation", ["sum", "mean", "coherent"])

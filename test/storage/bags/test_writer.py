@@ -191,3 +191,16 @@ def test_what_a_killed_writer_wrote_can_be_read(tmp_path: Path) -> None:
     assert len(found) > 3000
     assert_same(found, recording(6000)[: len(found)])
     assert "cut short" in losses[0]
+
+
+@pytest.mark.parametrize("name", ["out.mcap", "out"])
+def test_a_link_in_place_of_the_hidden_file_is_refused_and_its_target_stays(tmp_path: Path, name: str) -> None:
+    other = tmp_path / "other"
+    if name == "out":
+        other.mkdir()
+    else:
+        other.write_bytes(b"years of work")
+    (tmp_path / f".{name}.partial").symlink_to(other)
+    with pytest.raises(InvalidValueError, match=r"expected a path that can be written \("):
+        BagWriter(tmp_path / name)
+    assert list(other.iterdir()) == [] if other.is_dir() else other.read_bytes() == b"years of work"

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from contact_curation.motion.survey.rests import rests_of
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
 from contact_curation.pipeline.diagnosis.findings.orientations import ASKEW, off_flat
@@ -21,17 +22,18 @@ BETTER = 0.01
 UNEVEN = 0.0025
 """[m] Heights at rest that differ by more in the median are not those of the described faces."""
 
-SMALLEST = 0.0035
-"""[m] Of a body that is higher over the board than described."""
+SMALLEST = 0.067
+"""Of its depth at rest: what a body of another size is higher or lower, at least."""
 
 
 def other_unit(evidence: Evidence) -> Finding | None:
     """A body that is described in millimetres."""
-    rig = evidence.rig
-    if rig is None:
+    if evidence.fall is None or not evidence.fall.sound:
         return None
-    half, width = float(np.median(rig.rest_depths)), float(np.ptp(evidence.body.vertices, axis=0).max())
-    lies = half + rig.height.value
+    rests, width = rests_of(evidence.survey.throws, evidence.body.polytope), float(np.ptp(evidence.body.vertices, axis=0).max())
+    if not len(rests):
+        return None
+    half, lies = float(np.median(rests.depths)), float(np.median(rests.places[:, 2]))
     if LARGEST * abs(lies) > half or width < WIDE:
         return None
     what = f"{evidence.body.name} is {width:.3g} m wide as described, and lies {lies:.2g} m high"
@@ -61,7 +63,7 @@ def other_size(evidence: Evidence) -> Finding | None:
     half = float(np.median(rig.rest_depths))
     by_rest = 1.0 + rig.height.value / half
     size = evidence.size
-    if size is None or abs(rig.height.value) < SMALLEST:
+    if size is None or abs(rig.height.value) < SMALLEST * half:
         return None
     if abs(size.value - by_rest) + BETTER > abs(size.value - USUAL):
         return None

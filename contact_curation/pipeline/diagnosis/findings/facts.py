@@ -8,6 +8,7 @@ from contact_curation.pipeline.diagnosis.evidence import SYMBOLS, Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
 from contact_curation.pipeline.theta import described_polytope, form_of
 from contact_curation.pipeline.wording import counted, counted_tosses
+from contact_curation.solver.cone_problem import MAX_CONTACTS
 
 MOST_SCORED = 24
 """Tosses that are scored to say what they identify."""
@@ -90,7 +91,7 @@ def motions(evidence: Evidence) -> Finding | None:
 
 def identifiable(evidence: Evidence) -> Finding | None:
     """What the tosses can tell of theta, by the Fisher information about each vertex, and about friction."""
-    if len(evidence.tosses) < 2:
+    if len(evidence.tosses) < 2 or len(evidence.body.vertices) > MAX_CONTACTS:
         return None
     theta = described_polytope(evidence.body)
     scorer = Scorer(theta.geometry, theta.body, ScoringConfig(form=form_of(None, (theta,))))

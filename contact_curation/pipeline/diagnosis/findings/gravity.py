@@ -9,8 +9,8 @@ from contact_curation.pipeline.diagnosis.finding import Finding, Severity
 SLOWEST_THROW = 0.3
 """[m/s] What moves no faster was not thrown."""
 
-STANDING = 0.02
-"""[m/s] What moves no faster did not move."""
+STANDING, FARTHEST = 0.02, 0.02
+"""[m/s, m] What moves no faster, and comes no further, did not move."""
 
 PUSHED, STRUCK = 1.2, 12.0
 """Times gravity: hands and arms stay below the first, impacts of poses that are not smoothed lie above the second."""
@@ -18,7 +18,7 @@ PUSHED, STRUCK = 1.2, 12.0
 
 def nothing_moves(evidence: Evidence) -> Finding | None:
     """An object that lies there."""
-    if not evidence.poses or evidence.survey.largest_speed > STANDING:
+    if not evidence.poses or evidence.survey.largest_speed > STANDING or _farthest(evidence) > FARTHEST:
         return None
     speed = evidence.survey.largest_speed
     remedy = "record while it is thrown, and check that --topic is the object's"
@@ -52,7 +52,7 @@ def other_axis(evidence: Evidence) -> Finding | None:
 
 def no_fall(evidence: Evidence) -> Finding | None:
     """Bodies that move, and never fall freely."""
-    if not evidence.poses or evidence.fall is not None or evidence.survey.largest_speed <= STANDING:
+    if not evidence.poses or evidence.fall is not None or nothing_moves(evidence) is not None:
         return None
     gravity = evidence.body.gravity
     hardest = max((_hardest(one) for one in evidence.survey.series), default=0.0)
@@ -62,6 +62,12 @@ def no_fall(evidence: Evidence) -> Finding | None:
         return Finding(Severity.FAULT, what, "record raw poses, without a filter, and give header.stamp the time of exposure")
     what = f"no free fall in {evidence.poses} poses ({speed}): the body was carried and never let go"
     return Finding(Severity.FAULT, what, "throw or drop it from 5 cm or higher, in sight of the tracker until it rests")
+
+
+def _farthest(evidence: Evidence) -> float:
+    """How far most poses of a series are apart, at most, in the unit that they came in."""
+    spans = [np.ptp(np.percentile(one.positions, [2, 98], axis=0), axis=0).max() for one in evidence.survey.series if len(one)]
+    return float(max(spans, default=0.0))
 
 
 def _hardest(series: PoseSeries) -> float:

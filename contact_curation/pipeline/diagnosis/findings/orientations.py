@@ -46,17 +46,23 @@ def order(evidence: Evidence) -> Finding | None:
 
 def inverted(evidence: Evidence) -> Finding | None:
     """Poses of the tracker or the board in the body's frame."""
-    if evidence.fall is not None and evidence.fall.axis:
+    if evidence.fall is not None and evidence.fall.axis and not _hardly_falls(evidence):
         return None
     turned = [_inverse(one) for recording in evidence.recordings for one in _raw(recording)]
     if not turned:
         return None
     found = survey(turned)
     size = 0.0 if found.gravity is None else float(np.linalg.norm(found.gravity))
-    if len(found.throws) < FEWEST_RESTS or not 0.8 < size / evidence.body.gravity < 1.25:
+    if len(found.throws) < max(FEWEST_RESTS, 2 * len(evidence.survey.throws)) or not 0.8 < size / evidence.body.gravity < 1.25:
         return None
     what = f"poses look inverted: turned round, bodies fall freely at {size:.2f} m/s^2 in {len(found.throws)} throws"
     return Finding(Severity.FAULT, what, "publish the body in the parent's frame, not the parent in the body's")
+
+
+def _hardly_falls(evidence: Evidence) -> bool:
+    """Whether what seems to fall is not accepted, and does not come to rest flat."""
+    found = off_flat(evidence)
+    return evidence.mostly_rejected and (found is None or found["as read"] > ASKEW)
 
 
 def off_flat(evidence: Evidence) -> dict[str, float] | None:

@@ -13,6 +13,9 @@ MANY = 0.02
 BESIDE, QUIET, FAR, OFTEN = 4, 0.002, 0.001, 0.005
 """Outliers: so many poses on either side that span at most so much [m], further away than that [m], in a share of them."""
 
+SHORT = 0.75
+"""Median steps: a tracker that loses frames has hardly any that are shorter."""
+
 LONGEST = 0.2
 """A longer time without poses is a pause [s]."""
 
@@ -44,6 +47,8 @@ def frames_are_lost(evidence: Evidence) -> Finding | None:
     for recording in evidence.recordings:
         for series in recording.series:
             steps = series.steps[series.steps < LONGEST]
+            if len(steps) and np.mean(steps < SHORT * series.period) > MANY:
+                continue  # stamps that jitter look like missing frames
             there += len(series)
             lost += int(np.maximum(np.rint(steps / series.period) - 1.0, 0.0).sum()) if len(steps) else 0
     share = lost / max(lost + there, 1)

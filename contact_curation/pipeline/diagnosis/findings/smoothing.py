@@ -27,6 +27,9 @@ WHITEST = -0.4
 COARSEST = 2e-4
 """[m] Rounding that moves velocities by more than tracking noise does."""
 
+KINK = 6.0
+"""Times the median of a flight: larger third differences are no noise."""
+
 FEWEST_FALLS = 3
 LONGEST_RUN = 9
 GAP = 3.5
@@ -137,6 +140,7 @@ def _colour(found: Survey) -> float | None:
         flight = max(throw.flights, key=lambda one: one.stop - one.first)
         series = found.series[flight.series]
         bent = np.diff(series.positions[flight.first + 2 : flight.stop - 2], n=3, axis=0)
+        bent = bent[_like_the_others(bent)]  # the release, or a touch, may be among its first and last frames
         if len(bent) < 3 or series.steps[flight.first : flight.stop - 1].max() > 1.5 * series.period:
             continue
         products += float((bent[:-1] * bent[1:]).sum())
@@ -146,6 +150,12 @@ def _colour(found: Survey) -> float | None:
     if count < 40 or squares / count < (1e-7 * size) ** 2:
         return None
     return products / squares
+
+
+def _like_the_others(bent: Array) -> NDArray[np.bool_]:
+    """Rows (n,) of differences (n, 3) that are no larger than noise makes them; simulated poses have none."""
+    sizes = np.linalg.norm(bent, axis=1)
+    return np.asarray(sizes <= KINK * np.median(sizes)) if len(sizes) else np.zeros(0, dtype=bool)
 
 
 def _grid(positions: Array) -> float:

@@ -1,0 +1,46 @@
+"""What is said of a toss that was selected, or was not, holds for it."""
+
+from collections.abc import Mapping
+
+import pytest
+
+from contact_curation.information.criteria.criterion import Explanation
+from contact_curation.information.criteria.explanation import explanation
+from contact_curation.information.pool import pool_of
+from contact_curation.information.ranker import RankingConfig, rank
+from test.information.pools import tosses
+
+POOL = pool_of(tosses(9, 4, 3, seed=5))
+
+
+def explained(criterion: str, top: int) -> tuple[Explanation, Mapping[str, float]]:
+    config = RankingConfig(criterion, top=top)
+    entries = rank(POOL.infos, config).entries
+    selected = {entry.toss_id: entry.marginal_gain for entry in entries if entry.selected}
+    return explanation(criterion, POOL, selected, config), selected
+
+
+def test_log_det_says_beside_how_many_a_toss_is_new() -> None:
+    found, selected = explained("log-det", 3)
+    assert [found.reasons[one] for one in selected] == [
+        "selected: most new by itself",
+        "selected: most new beside the 1 above",
+        "selected: most new beside the 2 above",
+    ]
+
+
+def test_log_det_says_whether_a_toss_was_less_new_than_the_last_or_came_after() -> None:
+    found, selected = explained("log-det", 3)
+    last = list(selected.values())[-1]
+    for one in set(POOL.ids) - set(selected):
+        less = found.gains[one] < last
+        assert found.reasons[one] == (
+            f"not selected: less new than the last, {last:.3g}" if less else "not selected: came after"
+        )
+
+
+@pytest.mark.parametrize("criterion", ["longest", "random"])
+def test_a_criterion_without_reasons_of_its_own_names_the_place(criterion: str) -> None:
+    found, selected = explained(criterion, 2)
+    assert [found.reasons[one] for one in selected] == [f"selected: place {place} by {criterion}" for place in (1, 2)]
+    assert {found.reasons[one] for one in set(POOL.ids) - set(selected)} == {f"not selected: {criterion} has 2 better"}

@@ -1,0 +1,96 @@
+"""What a node says of itself suits diagnostic_aggregator, and while it waits its log says for what, soon and then seldom."""
+
+from typing import Any
+
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from contact_curation.nodes.messages.shown import healths_of
+from contact_curation.nodes.ros.health import (
+    FIRST_WORD,
+    LONGEST_PAUSE,
+    Health,
+    HealthReport,
+    Waiting,
+    awaited,
+    key_of,
+    node_of,
+)
+from contact_curation.nodes.ros.qos import profile
+from contact_curation.session.free_domain import free_domain
+
+
+class Log:
+    """A log with a clock that is set by hand."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.seconds = 0.0
+        self.waiting = Waiting(self.lines.append, lambda: self.seconds)
+
+    def after(self, seconds: float, what: str) -> int:
+        """Looks once a second meanwhile; how many lines there are then."""
+        for _ in range(round(seconds)):
+            self.seconds += 1.0
+            self.waiting.look(what)
+        return len(self.lines)
+
+
+def test_a_short_wait_says_nothing_and_a_long_one_speaks_ever_more_seldom() -> None:
+    log = Log()
+    log.waiting.look("poses")
+    assert log.after(FIRST_WORD - 1.0, "poses") == 0
+    assert log.after(1.0, "poses") == 1
+    assert log.lines == ["waiting for poses"]
+    assert log.after(3600.0, "poses") == 1 + 6 + 4  # after 10, 20, ..., 320 s and then every ten minutes
+    before = len(log.lines)
+    assert log.after(LONGEST_PAUSE, "poses") - before == 1
+
+
+def test_what_came_is_no_longer_waited_for_and_another_thing_is_said_anew() -> None:
+    log = Log()
+    log.after(7.0, "poses")
+    assert log.after(100.0, "") == 1
+    assert log.after(FIRST_WORD, "a tracker") == 1
+    log.after(2.0, "a tracker")
+    assert log.lines == ["waiting for poses", "waiting for a tracker"]
+
+
+@pytest.mark.parametrize(
+    ("name", "key"), [("bad pose", "bad_pose"), ("/tagslam/odom/body_cube", "tagslam_odom_body_cube"), ("rate_hz", "rate_hz")]
+)
+def test_keys_are_words(name: str, key: str) -> None:
+    assert key_of(name) == key
+
+
+def test_a_status_has_a_node_and_what_it_is_about_and_is_told_from_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    heard: list[Any] = []
+    with free_domain() as domain:
+        rclpy.init(domain_id=domain)
+        try:
+            node = Node("curator", namespace="cell_1")
+            report = HealthReport(node, "selection", lambda: Health("fine", {"bad toss": 2}), "cube")
+            node.create_subscription(DiagnosticArray, "/diagnostics", heard.append, profile(10, reliable=True, latched=False))
+            executor = SingleThreadedExecutor()
+            executor.add_node(node)
+            for _ in range(600):
+                executor.spin_once(timeout_sec=0.1)
+                if heard:
+                    break
+            assert awaited(node, "tosses", "toss") == "tosses on /cell_1/toss, which nobody publishes"
+            assert awaited(node, "health", "/diagnostics") == "health on /diagnostics"
+            del report
+            executor.shutdown()
+            node.destroy_node()
+        finally:
+            rclpy.try_shutdown()
+    status = heard[0].status[0]
+    assert (status.name, status.hardware_id, status.message) == ("cell_1/curator: selection", "cube", "fine")
+    assert node_of(status.name) == "/cell_1/curator"
+    foreign = DiagnosticStatus(name="camera_driver: frame rate", message="fine")
+    (shown,) = healths_of(DiagnosticArray(status=[status, foreign]), 1.0)
+    assert (shown.name, dict(shown.values)) == ("/cell_1/curator", {"bad_toss": "2"})

@@ -1,0 +1,91 @@
+"""Kinds of faults that recordings drawn by chance had, and `check` took for others."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.data import check_faults as fixed
+from benchmarks.data.check_faults import Fault, Session, diagnosed, simulated_session, spoilt_bag
+from benchmarks.data.check_faults_drawn import KINDS, Drawing
+from benchmarks.data.thrown_bodies import bodies
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.motion.survey.falls import survey
+from contact_curation.pipeline.diagnosis.findings.smoothing import _colour
+from test.motion.survey.rigs import Rig, Throws, recorded
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return simulated_session(tosses=6)
+
+
+def test_lost_frames_are_named_before_the_falls_that_they_hide(session: Session, tmp_path: Path) -> None:
+    fault = Fault("22 % dropped", fixed.dropped(0.22), "")
+    found = diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, session), fault)
+    assert not found.ok
+    assert "frames are missing between others" in found.verdict
+
+
+def test_outliers_are_named_before_the_impacts_that_they_spread(session: Session, tmp_path: Path) -> None:
+    def change(made: Session, rng: np.random.Generator) -> Session:
+        hit = rng.random(len(made.poses)) < 0.06
+        return made.moved(lambda p: p + np.where(hit[:, np.newaxis], 0.02 * rng.standard_normal((len(p), 3)), 0.0))
+
+    fault = Fault("outliers", change, "")
+    assert "outliers" in diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, session), fault).verdict
+
+
+def test_a_wedge_described_in_millimetres_is_named_as_that(tmp_path: Path) -> None:
+    """Its faces are at several distances, so that no height of the board puts it right."""
+    uneven = np.diag([1.0, 0.8, 0.6])
+    made = simulated_session(tosses=8)
+    body = replace(CONTACTNETS_CUBE, vertices=1000.0 * CONTACTNETS_CUBE.vertices @ uneven)
+    fault = Fault("in mm", fixed.same, "", body=body)
+    assert "vertices in mm" in diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, made), fault).verdict
+
+
+def test_a_body_of_more_corners_than_the_solver_takes_is_diagnosed_all_the_same(session: Session, tmp_path: Path) -> None:
+    many = next(one.body for one in bodies() if len(one.body.vertices) > 32)
+    fault = Fault("of 40 corners", fixed.same, "", body=replace(many, name="cube"))
+    assert diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, session), fault).verdict
+
+
+def test_poses_without_noise_are_simulated_not_smoothed() -> None:
+    """Perfect parabolas between a hand and a touch: a kink at an end is no noise, and what has no noise has no colour."""
+    series = recorded(CONTACTNETS_CUBE.polytope, Rig(noise=0.0), Throws(8))
+    for one in series:
+        one.positions[:4, 0] += 1e-4 * np.array([4.0, 2.0, 1.0, 0.5])
+    assert _colour(survey(series)) is None
+    noisy = recorded(CONTACTNETS_CUBE.polytope, Rig(noise=2e-5), Throws(8))
+    assert _colour(survey(noisy)) == pytest.approx(-0.75, abs=0.1)
+
+
+def test_noise_is_that_of_flights_where_a_hand_moves_the_body() -> None:
+    series = recorded(CONTACTNETS_CUBE.polytope, Rig(noise=2e-5), Throws(8))
+    for one in series:
+        at = np.arange(len(one))
+        swung = np.where(at > 45, 2e-3 * np.sin(0.9 * at), 0.0)
+        one.positions[:, 1] += swung
+    assert survey(series).noise == pytest.approx(2e-5, rel=0.3)
+
+
+def test_a_recording_that_ends_in_the_air_falls_all_the_same() -> None:
+    series = recorded(CONTACTNETS_CUBE.polytope, Rig(), Throws(8))
+    cut = [
+        replace(one, stamps_ns=one.stamps_ns[:36], positions=one.positions[:36], orientations_wxyz=one.orientations_wxyz[:36])
+        for one in series
+    ]
+    found = survey(cut)
+    assert found.gravity is not None
+    assert found.gravity[2] == pytest.approx(-9.81, rel=0.01)
+
+
+def test_every_kind_of_fault_can_be_drawn() -> None:
+    def drawn(seed: int) -> list[str]:
+        rng = np.random.default_rng(seed)
+        return [kind(Drawing(rng, CONTACTNETS_CUBE, (bodies()[3].body,), 120)).name for kind in KINDS]
+
+    assert drawn(0) == drawn(0) != drawn(1)
+    assert len(KINDS) >= 35

@@ -1,0 +1,49 @@
+"""Files are written with the rights that the user's umask gives, under names that nobody can prepare."""
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from contact_curation import files
+from contact_curation.files import partial_name, staged_folder, write_atomically
+
+
+@pytest.fixture(params=[0o077, 0o027, 0o022], ids=oct)
+def umask(request: pytest.FixtureRequest) -> Iterator[int]:
+    before = os.umask(request.param)
+    yield int(request.param)
+    os.umask(before)
+
+
+def test_files_and_folders_have_the_rights_that_the_umask_gives(tmp_path: Path, umask: int) -> None:
+    write_atomically(tmp_path / "a.json", b"{}")
+    with staged_folder(tmp_path / "folder") as folder:
+        (folder / "b").touch()
+    assert (tmp_path / "a.json").stat().st_mode & 0o777 == 0o666 & ~umask
+    assert (tmp_path / "folder").stat().st_mode & 0o777 == 0o777 & ~umask
+
+
+def test_the_name_of_what_is_not_complete_is_another_one_each_time(tmp_path: Path) -> None:
+    names = {partial_name(tmp_path / "a.json") for _ in range(100)}
+    assert len(names) == 100
+    assert {name.parent for name in names} == {tmp_path}
+
+
+def in_a_folder(path: Path) -> None:
+    with staged_folder(path):
+        pass
+
+
+@pytest.mark.parametrize("write", [lambda path: write_atomically(path, b"new"), in_a_folder], ids=["file", "folder"])
+def test_what_is_there_under_the_hidden_name_is_never_followed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: Callable[[Path], None]
+) -> None:
+    monkeypatch.setattr(files, "token_hex", lambda count: "guessed")
+    victim = tmp_path / "victim"
+    victim.write_bytes(b"years of work")
+    (tmp_path / ".a.partial-guessed").symlink_to(victim)
+    with pytest.raises(Exception, match="File exists"):
+        write(tmp_path / "a")
+    assert victim.read_bytes() == b"years of work"
