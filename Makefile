@@ -9,7 +9,7 @@ TYPED := contact_curation test benchmarks bags conformance examples
 
 MESSAGE_SOURCES := $(shell find msg_defs -name build -prune -o -name '*.egg-info' -prune -o -name __pycache__ -prune -o -type f -print)
 KERNEL_SOURCES := $(wildcard contact_curation/*/kernel/*)
-FORMATTED := $(KERNEL_SOURCES) $(wildcard test/kernel/*.cpp)
+FORMATTED := $(KERNEL_SOURCES) $(wildcard test/kernel/*.cpp test/fuzz/*.cpp)
 
 # A sourced ROS would put its own packages before those of the virtual environment.
 unexport PYTHONPATH PYTHONHOME AMENT_PREFIX_PATH COLCON_PREFIX_PATH CMAKE_PREFIX_PATH LD_LIBRARY_PATH
@@ -17,7 +17,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 # Without bytecode every process of the demo and the tests, and there are hundreds, compiles its modules anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow mutants check format site wheel bench figures setup lock sbom clean distclean
+.PHONY: demo test test-slow fuzz mutants check format site wheel bench figures setup lock clean distclean sbom
 .DELETE_ON_ERROR:
 
 demo: setup
@@ -29,6 +29,13 @@ test: setup
 
 test-slow: setup
 	$(PYTHON) -m pytest -m slow
+
+# Every reader for so many seconds: make fuzz SECONDS=60 [TARGETS="mcap theta"]. What is found goes into test/fuzz/found.
+fuzz: setup build/fuzz/site
+	PYTHONPATH=build/fuzz/site nice -n 19 $(PYTHON) -m test.fuzz.run --seconds $(or $(SECONDS),60) $(TARGETS)
+
+build/fuzz/site:
+	$(PYTHON) -m pip install --quiet --disable-pip-version-check --target $@ atheris==3.1.0
 
 # Do the tests notice what is changed? Takes hours; the library's half needs mutmut in the environment.
 mutants: setup

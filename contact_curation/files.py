@@ -2,6 +2,7 @@
 
 import fcntl
 import json
+import math
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -13,6 +14,9 @@ from typing import Any, BinaryIO
 import yaml
 
 from contact_curation.errors import InvalidValueError, NewerVersionError, UnreadableInputError, why_unreadable
+
+MOST_VALUES = 1_000_000
+"""In a YAML file, whose few aliases can stand for any number."""
 
 
 def read_bounded(path: Path, largest: int, expected: str) -> bytes:
@@ -41,9 +45,24 @@ def read_bounded(path: Path, largest: int, expected: str) -> bytes:
 def read_yaml(path: Path, largest: int, expected: str) -> Any:
     """What a YAML file holds; arguments and errors as `read_bounded`, and UnreadableInputError for what is no YAML."""
     try:
-        return yaml.safe_load(read_bounded(path, largest, expected).decode("utf-8"))
+        content = yaml.safe_load(read_bounded(path, largest, expected).decode("utf-8"))
+        values = _expanded(content, {})
     except (yaml.YAMLError, ValueError, RecursionError) as error:  # a date that there is not is a ValueError
         raise UnreadableInputError(path, f"found no YAML ({_why(error)}), expected {expected}") from error
+    if values > MOST_VALUES:
+        raise UnreadableInputError(path, f"its aliases stand for over {MOST_VALUES} values, expected {expected}")
+    return content
+
+
+def _expanded(value: Any, known: dict[int, float]) -> float:
+    """How many values nested ones hold, each alias counted as often as it stands there; inf for one that holds itself."""
+    if not isinstance(value, list | dict | tuple | set):
+        return 1
+    if id(value) not in known:
+        known[id(value)] = math.inf
+        parts = [*value, *(value.values() if isinstance(value, dict) else ())]
+        known[id(value)] = 1 + sum(_expanded(part, known) for part in parts)
+    return known[id(value)]
 
 
 def read_json(path: Path, largest: int, expected: str) -> Any:

@@ -40,8 +40,8 @@ from contact_curation.geometry.solids.urdf import read_urdf
 from contact_curation.geometry.solids.xml_file import LARGEST_XML
 from contact_curation.solver.cone_problem import MAX_CONTACTS
 
-LARGEST_FILE = 2**22
-"""Bytes of a description in YAML."""
+LARGEST_FILE = 2**17
+"""Bytes of a description in YAML, which takes some 20 microseconds each."""
 
 ASSUMED_FRICTION = 0.5
 """Of a body whose file names none; it is learned from tosses."""

@@ -9,7 +9,8 @@ import yaml
 from contact_curation.errors import UnreadableInputError
 from contact_curation.files import read_yaml, write_atomically
 
-LARGEST_BYTES = 1 << 20
+LARGEST_BYTES = 1 << 17
+"""YAML takes some 20 microseconds each."""
 EVERY_NODE = "/**"
 KEY = "ros__parameters"
 

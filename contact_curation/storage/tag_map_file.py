@@ -27,8 +27,11 @@ from contact_curation.geometry.quaternions import IDENTITY, Array
 from contact_curation.geometry.tag_rig import TagRig
 from contact_curation.geometry.tags import FAMILY, Tag, TagAxes, TagMap, in_our_axes
 
-LARGEST_FILE = 2**22
-"""Bytes."""
+LARGEST_FILE = 2**17
+"""Bytes: YAML takes some 20 microseconds each, and a whole family of tags some 60 kB."""
+
+MOST_TAGS = 587
+"""In the family."""
 
 BITS_OF_FAMILY = 6
 """TagSLAM names families by the bits along an edge."""
@@ -123,13 +126,16 @@ def _board_tags(board: Mapping[str, Any]) -> list[Tag]:
     edge, columns = float(board["tag_size"]), int(board["tag_columns"])
     back = _tagslam_pose(board["pose"]).inverse() if "pose" in board else Pose.identity()
     step = edge * (1.0 + float(board["tag_spacing"]))
+    rows = int(board["tag_rows"])
+    if not (0 < rows <= MOST_TAGS and 0 < columns <= MOST_TAGS and rows * columns <= MOST_TAGS):
+        raise InvalidValueError("tags of a board", f"{rows} rows of {columns}", f"at most {MOST_TAGS} tags, as {FAMILY} has")
     return [
         Tag(
             int(board["tag_start_id"]) + number,
             back.compose(Pose(np.array([step * (number % columns), step * (number // columns), 0.0]), IDENTITY)),
             edge,
         )
-        for number in range(int(board["tag_rows"]) * columns)
+        for number in range(rows * columns)
     ]
 
 

@@ -19,7 +19,7 @@ from contact_curation.errors import ContactCurationError, InvalidValueError, Unr
 from contact_curation.files import check_version, read_json, write_atomically
 
 VERSION = 1
-LARGEST_BYTES = 64 << 20
+LARGEST_BYTES = 16 << 20
 MOST_THROWS = 100_000
 
 

@@ -194,6 +194,9 @@ class StillNode(StageNode):
     def add_on_set_parameters_callback(self, callback: Any) -> None:
         self._process.set_parameters = callback
 
+    def get_clock(self) -> Any:
+        return Watch(process=self._process)
+
     def get_logger(self) -> Any:
         return SimpleNamespace(info=_unheard, warning=_unheard)
 
@@ -254,8 +257,8 @@ class _Answer:
 class Watch:
     """A steady clock that shows the seconds that its process was given."""
 
-    def __init__(self, **_: Any) -> None:
-        self._process = Process.starting
+    def __init__(self, process: Process | None = None, **_: Any) -> None:
+        self._process = process or Process.starting
 
     def now(self) -> Any:
         return SimpleNamespace(nanoseconds=1_000_000_000 * self._process.seconds)

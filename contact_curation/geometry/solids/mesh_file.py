@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial import QhullError
 
 from contact_curation.errors import UnreadableInputError
 from contact_curation.files import read_bounded
@@ -98,7 +99,11 @@ def refuse_foreign(path: Path) -> None:
 
 def _enclosed(path: Path, mesh: Any) -> Mesh:
     """The mass properties of the mesh, or of its hull where it is open."""
-    hull, notes = mesh.convex_hull, []
+    try:
+        hull = mesh.convex_hull
+    except QhullError as error:  # thinner than its rounding allows
+        raise UnreadableInputError(path, "found almost all points in one plane, expected a mesh with volume") from error
+    notes: list[str] = []
     corners = np.asarray(hull.vertices, dtype=float)
     closed = bool(mesh.is_watertight and mesh.is_winding_consistent)
     if closed and mesh.volume < 0.0:

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, XMLParser
 
 import numpy as np
 
@@ -31,15 +31,27 @@ def read_xml(path: Path, root: str = "") -> Element:
     data = read_bounded(path, LARGEST_XML, f"a <{root or 'part of a description'}>")
     if path.suffix == ".xacro" or XACRO.encode() in data:
         raise UnreadableInputError(path, f"is a xacro: expand it first with `xacro {path} > {path.name.split('.')[0]}.urdf`")
-    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
-        raise UnreadableInputError(path, "found a document type, expected XML without one")
     try:
-        element = ElementTree.fromstring(data)
+        element = ElementTree.fromstring(data, XMLParser(target=_Builder()))
+    except _DoctypeError as error:
+        raise UnreadableInputError(path, "found a document type, expected XML without one") from error
     except (ElementTree.ParseError, ValueError, LookupError, RecursionError) as error:
         raise UnreadableInputError(path, f"is no XML ({error})") from error
     if root and element.tag != root:
         raise UnreadableInputError(path, f"found a <{element.tag[:40]}>, expected a <{root}>")
     return element
+
+
+class _DoctypeError(Exception):
+    """A document has a type, whose entities can stand for any amount of text."""
+
+
+class _Builder(ElementTree.TreeBuilder):
+    """Refuses document types in whatever encoding."""
+
+    def doctype(self, name: str, public: str | None, system: str | None) -> None:
+        """Called by the parser."""
+        raise _DoctypeError
 
 
 def numbers(path: Path, element: Element, name: str, count: int, default: tuple[float, ...] | None = None) -> Array:

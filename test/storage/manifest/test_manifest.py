@@ -307,7 +307,7 @@ def test_a_table_that_claims_a_billion_rows_is_refused_before_it_is_read(tmp_pat
     rows = pa.table({"toss_id": pa.array(np.zeros(10_000_001, dtype=np.int8))})
     pq.write_table(rows, path, compression="zstd")
     assert path.stat().st_size < 100_000
-    with pytest.raises(UnreadableInputError, match="found 10000001 rows, expected at most 10000000"):
+    with pytest.raises(UnreadableInputError, match="found 10000001 rows, expected at most"):
         read_manifest(path)
 
 
