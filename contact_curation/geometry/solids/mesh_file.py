@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial import QhullError
 
 from contact_curation.errors import UnreadableInputError
 from contact_curation.files import read_bounded
@@ -99,6 +98,8 @@ def refuse_foreign(path: Path) -> None:
 
 def _enclosed(path: Path, mesh: Any) -> Mesh:
     """The mass properties of the mesh, or of its hull where it is open."""
+    from scipy.spatial import QhullError  # takes a quarter of a second to import
+
     try:
         hull = mesh.convex_hull
     except QhullError as error:  # thinner than its rounding allows
