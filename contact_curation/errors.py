@@ -27,6 +27,14 @@ class InvalidValueError(ContactCurationError):
         self.name = name
 
 
+class UnwritableOutputError(InvalidValueError):
+    """An output cannot be written: its disk is full or broken, or its folder is not there."""
+
+    def __init__(self, path: object, reason: str) -> None:
+        super().__init__("output", path, f"a path that can be written ({reason})")
+        self.reason = reason
+
+
 MOST_ENTRIES = 1000
 """Entries of a folder that a misspelt file name is compared with."""
 

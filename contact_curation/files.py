@@ -13,7 +13,13 @@ from typing import Any, BinaryIO
 
 import yaml
 
-from contact_curation.errors import InvalidValueError, NewerVersionError, UnreadableInputError, why_unreadable
+from contact_curation.errors import (
+    InvalidValueError,
+    NewerVersionError,
+    UnreadableInputError,
+    UnwritableOutputError,
+    why_unreadable,
+)
 
 MOST_VALUES = 1_000_000
 """In a YAML file, whose few aliases can stand for any number."""
@@ -156,12 +162,14 @@ def writing(path: Path) -> Iterator[None]:
     """Says what the system refuses (a disk that is full or breaks, a folder that is not there) as an error of this output.
 
     Raises:
-        InvalidValueError: the block raised an OSError.
+        UnwritableOutputError: the block raised an OSError, or could not write a part of this output.
     """
     try:
         yield
+    except UnwritableOutputError as error:
+        raise UnwritableOutputError(path, error.reason) from error
     except OSError as error:
-        raise InvalidValueError("output", path, f"a path that can be written ({error.strerror or error})") from error
+        raise UnwritableOutputError(path, str(error.strerror or error)) from error
 
 
 def partial_name(path: Path) -> Path:

@@ -1,4 +1,4 @@
-"""Does `check` name what is wrong with recordings that it was never tuned on? One fault each, drawn anew by a seed.
+"""Does `check` name what is wrong with recordings that it was never tuned on? One fault each, drawn by a seed.
 
 `check_faults` has fixed cases, by which `check` was made. Here the body, the throws, the rate, the noise, and the kind and size
 of the fault are drawn: some bodies of `thrown_bodies` in MuJoCo at 75 to 250 Hz with 1 to 1.5 times the rig's noise (more is a

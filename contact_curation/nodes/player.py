@@ -130,7 +130,7 @@ class Player(StageNode):
         for publisher in self._outlets.values():
             self._acknowledged(publisher)
         if not self._stay:
-            self.context.try_shutdown()
+            self.end()
 
     def _acknowledged(self, publisher: Publisher) -> None:
         """Waits until all subscribers have got everything; not for ever, because one may have died, nor once it is to stop."""

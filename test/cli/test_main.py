@@ -1,6 +1,7 @@
 """The door: exit statuses, one line per error, and a start that does not wait for libraries nobody needs yet."""
 
 import argparse
+import contextlib
 import errno
 import json
 import os
@@ -264,6 +265,15 @@ def test_a_name_that_no_terminal_can_show_is_shown_in_escapes(encoding: str, gol
     assert len(manifest.stderr) < 1000
 
 
+def open_files(process: int) -> list[str]:
+    """What a process has open, by path."""
+    found = []
+    for link in Path(f"/proc/{process}/fd").iterdir():
+        with contextlib.suppress(OSError):
+            found.append(str(link.readlink()))
+    return found
+
+
 @pytest.mark.usefixtures("nothing_ignored")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_it_with_status_130_and_leaves_nothing_half_written(
@@ -274,7 +284,7 @@ def test_a_signal_ends_it_with_status_130_and_leaves_nothing_half_written(
     command = [sys.executable, "-m", "contact_curation.cli.main", "score", *[str(golden)] * 40]
     words = ["--params", str(true_parameters), "--out", str(folder / "scores.npz")]
     running = subprocess.Popen([*command, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    while not any(folder.iterdir()):  # its hidden folder, which only work under way has
+    while not any(str(folder) in name for name in open_files(running.pid)):  # nameless ones, which only work under way has
         assert running.poll() is None
         time.sleep(0.01)
     running.send_signal(number)

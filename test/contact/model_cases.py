@@ -17,7 +17,6 @@ VARIANTS = [
     ("polytope", Form.RIGID),
     ("deep", Form.CONTACTNETS),
     ("deep", Form.PHYSICAL),
-    ("deep", Form.RIGID),
     ("deepvertex", Form.PHYSICAL),
     ("end_to_end", Form.PHYSICAL),
 ]

@@ -194,7 +194,10 @@ def _watch(event: str, arguments: tuple[Any, ...]) -> None:
     if event == "open":
         path, _, flags = arguments
         writes = isinstance(flags, int) and flags & WRITING
-        if writes and not isinstance(path, int) and not str(os.fsdecode(path)).startswith((str(_folder), "/dev/null")):
+        if not writes or isinstance(path, int):
+            return
+        name = os.fsdecode(path)
+        if not name.startswith((str(_folder), "/dev/null")) and "/__pycache__/" not in name:  # Python's own of what it imports
             raise TouchedError(f"{path} was opened for writing")
     elif event in REFUSED and not (arguments and str(arguments[0]).startswith(str(_folder))):
         raise TouchedError(f"{event} {arguments[:2]}")

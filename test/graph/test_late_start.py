@@ -80,7 +80,7 @@ WRONG: dict[str, tuple[str, dict[str, Any], str]] = {
     "no body": ("pose_ingest", {"body": "/nowhere/body.yaml"}, "/nowhere/body.yaml"),
     "a word for a number": ("pose_ingest", {"gates.depth": "deep"}, "gates.depth"),
     "out of bounds": ("pose_ingest", {"queue_depth": 5}, "queue_depth"),
-    "not positive": ("pose_ingest", {"segmenter.shortest": -1.0}, "shortest: found -1.0, expected a positive number"),
+    "not positive": ("pose_ingest", {"segmenter.shortest": -1.0}, "segmenter.shortest out of range Min: 0.0"),
     "no such word": (
         "fisher_scorer",
         {"estimator": "guess"},

@@ -43,7 +43,7 @@ class GraphOf:
     def resolve_topic_name(self, topic: str) -> str:
         return topic if topic.startswith("/") else f"/{topic}"
 
-    def create_subscription(self, kind: type, topic: str, callback: Any, qos: QoSProfile) -> str:
+    def create_subscription(self, kind: type, topic: str, callback: Any, qos: QoSProfile, **_: Any) -> str:
         assert kind is {POSES: PoseStamped, RIG: TFMessage}[topic]
         self.callbacks[topic] = callback
         return topic

@@ -30,6 +30,7 @@ from contact_curation.contact.models.stream_network import LayerTrace, StreamNet
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.torch_contacts import Contacts, Frames
 from contact_curation.contact.torch_loss import scale_regularizer
+from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 
 NETWORK_SHARE = 0.05
@@ -47,7 +48,7 @@ class DeepModel(ContactModel):
         form: which numbers of the polytope are trained.
 
     Raises:
-        InvalidValueError: as `PolytopeModel`.
+        InvalidValueError: as `PolytopeModel`, or the form is rigid: residuals of a network are of one variance.
     """
 
     kind = "deep"
@@ -55,6 +56,8 @@ class DeepModel(ContactModel):
 
     def __init__(self, geometry: ContactGeometry, body: Body, form: Form) -> None:
         super().__init__(body)
+        if form is Form.RIGID:
+            raise InvalidValueError("form of the polytope in a deep model", form.value, "physical or contactnets")
         self.polytope = PolytopeModel(geometry, body, form)
         self.normal_network = StreamNetwork((12, *HIDDEN, geometry.vertex_count))
         self.tangent_network = StreamNetwork((12, *HIDDEN, 2 * geometry.vertex_count))

@@ -48,6 +48,7 @@ class StageNode(Node):
     _made = False
     longest_closing = LONGEST_CLOSING
     """[s]; a node that has more to write at its end may take longer."""
+    _at_end = False
     _end_spinning: Callable[[], None] | None = None
 
     def __init__(self, name: str) -> None:
@@ -72,13 +73,18 @@ class StageNode(Node):
     def fail(self, error: BaseException) -> None:
         """Ends the process with status 1; may be called from any thread."""
         self.failure = error
+        self.end()
+
+    def end(self) -> None:
+        """Ends the process, with status 0 unless the node has failed; may be called from any thread."""
+        self._at_end = True
         if self._end_spinning is not None:
             self._end_spinning()
 
-    def when_failed(self, end: Callable[[], None]) -> None:
-        """Sets what ends the spinning, and calls it if the node has failed already."""
+    def when_ended(self, end: Callable[[], None]) -> None:
+        """Sets what ends the spinning, and calls it if the node is at its end already."""
         self._end_spinning = end
-        if self.failure is not None:
+        if self._at_end:
             end()
 
     def close(self) -> None:
@@ -141,7 +147,7 @@ def run(make: Callable[[], StageNode], name: str) -> int:
         except REFUSED as error:
             return refuse(name, explained(error))
         ending.node = node
-        node.when_failed(ending.begin)
+        node.when_ended(ending.begin)
         try:
             check_names(node, name, sys.argv)
             _spin(node, ending)

@@ -81,7 +81,7 @@ def test_long_tables_say_what_they_leave_out() -> None:
 
 
 def test_a_place_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(InvalidValueError, match="expected a place"):
+    with pytest.raises(InvalidValueError, match="expected a path that can be written"):
         save_report(STORY, {}, tmp_path / "none" / "report.html")
-    with pytest.raises(InvalidValueError, match="expected a place"):
+    with pytest.raises(InvalidValueError, match="expected a path that can be written"):
         save_figures(STORY, tmp_path / "none")

@@ -54,7 +54,7 @@ def test_each_networks_trace_is_that_of_all_its_weights(kind: str) -> None:
 
 
 @pytest.mark.parametrize("estimator", list(Estimator))
-@pytest.mark.parametrize("form", list(Form))
+@pytest.mark.parametrize("form", [Form.PHYSICAL, Form.CONTACTNETS])
 def test_with_silent_networks_the_physical_block_is_the_polytopes_information(form: Form, estimator: Estimator) -> None:
     geometry = initial_geometry(CUBE, form, np.array([0.5, -0.3, 0.0]), np.random.default_rng(3))
     config = ScoringConfig(estimator=estimator, form=form, influence_bound=0.3)
@@ -67,6 +67,12 @@ def test_with_silent_networks_the_physical_block_is_the_polytopes_information(fo
         np.testing.assert_allclose(one.score_sum, other.score_sum, atol=1e-6 * np.abs(other.score_sum).max())
         np.testing.assert_allclose(one.fisher(), other.fisher(), atol=1e-5 * other.trace)
         np.testing.assert_array_equal(one.tilt_axes, other.tilt_axes)
+
+
+def test_a_deep_model_has_no_rigid_form() -> None:
+    geometry = initial_geometry(CUBE, Form.RIGID, np.zeros(3), np.random.default_rng(3))
+    with pytest.raises(InvalidValueError, match="form of the polytope in a deep model: found rigid"):
+        DeepModel(geometry, CUBE, Form.RIGID)
 
 
 @pytest.mark.parametrize("kind", ["deepvertex", "end_to_end"])

@@ -38,7 +38,7 @@ def test_outliers_are_named_before_the_impacts_that_they_spread(session: Session
 
 
 def test_a_wedge_described_in_millimetres_is_named_as_that(tmp_path: Path) -> None:
-    """Its faces are at several distances, so that no height of the board puts it right."""
+    """Its faces are at several distances, so that no height of the board corrects it."""
     uneven = np.diag([1.0, 0.8, 0.6])
     made = simulated_session(tosses=8)
     body = replace(CONTACTNETS_CUBE, vertices=1000.0 * CONTACTNETS_CUBE.vertices @ uneven)
