@@ -71,7 +71,7 @@ def test_a_dashboard_that_starts_late_fills_every_view(graph: Graph, golden_bag:
     path, ports = graph.folder / "late.rrd", (free_port(), free_port())
     node = graph.start("dashboard", recording=path, web_port=ports[0], grpc_port=ports[1])
     graph.until(lambda: shows(diagnostics, expected, buffers[-1].revision), LONG, "the dashboard to show all tosses")
-    address = f"http://127.0.0.1:{ports[0]}/?url=rerun%2Bhttp://127.0.0.1:{ports[1]}/proxy"
+    address = f"http://127.0.0.1:{ports[0]}/?url=rerun%2Bhttp://127.0.0.1:{ports[1]}/proxy&hide_welcome_screen"
     (line,) = (line for line in node.log().splitlines() if "http://" in line)
     assert line.endswith(f"dashboard at {address}")
     with urlopen(f"http://127.0.0.1:{ports[0]}/", timeout=10.0) as page:

@@ -21,7 +21,7 @@ from test.histories.nodes import in_one_process
 
 ASKED = os.environ.get("HISTORIES")
 SETTINGS = settings(
-    max_examples=int(ASKED or 80),
+    max_examples=int(ASKED or 30),
     stateful_step_count=40,
     derandomize=not ASKED,
     database=None,
