@@ -21,7 +21,7 @@ from contact_curation.cli.progress import Progress
 from contact_curation.cli.rank.dashboard import add_dashboard_options, dashboard_of
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.contact.loss_config import DEFAULT_LOSS
-from contact_curation.contact.models.registry import DEFAULT_MODEL, MODELS
+from contact_curation.contact.models.registry import DEFAULT_MODEL, IN_FORM, MODELS, model_and_form
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.criteria.orthogonal import VARIANTS
@@ -66,7 +66,12 @@ def add_options(parser: OneLineParser) -> None:
 
 def _add_model_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("parameters theta that the information is about")
-    group.add_argument("--model", choices=list(MODELS), default=DEFAULT_MODEL, help="the model (default polytope)")
+    group.add_argument(
+        "--model",
+        choices=[*MODELS, *IN_FORM],
+        default=DEFAULT_MODEL,
+        help="the model (default polytope); contactnets: a polytope in the published 57 numbers, as with --form contactnets",
+    )
     add_params_option(group)
     group.add_argument(
         "--block",
@@ -152,15 +157,16 @@ def rank_config(arguments: argparse.Namespace) -> RankConfig:
     Raises:
         ContactCurationError: a file that an option names cannot be used, or a setting is not accepted.
     """
+    model, form = model_and_form(arguments.model, arguments.form)
     body = chosen_body(arguments, models=arguments.params)
     held_out = HeldOutRule() if arguments.held_out is None else held_out_rule(arguments.held_out)
     ranking = with_options(RankingConfig(), arguments, *RANKING)
-    network = network_config_for(arguments.model)
+    network = network_config_for(model)
     stages = stages_of(arguments, {"loss": DEFAULT_LOSS, "network": network, "ranking": ranking})
-    thetas = thetas_of(arguments.model, arguments.params, body)
-    if arguments.form is not None and not MODELS[arguments.model].is_geometry:
-        raise InvalidValueError("--form", arguments.form, f"none with model {arguments.model}: its checkpoint says which")
-    scoring = ScoringConfig(form=form_of(arguments.form, thetas), loss=stages["loss"])
+    thetas = thetas_of(model, arguments.params, body)
+    if form is not None and not MODELS[model].is_geometry:
+        raise InvalidValueError("--form", form, f"none with model {model}: its checkpoint says which")
+    scoring = ScoringConfig(form=form_of(form, thetas), loss=stages["loss"])
     pool = PoolConfig(
         reading=ReadingConfig(body, inputs_of(stages, gated=not arguments.no_gate)),
         thetas=thetas,
@@ -170,7 +176,7 @@ def rank_config(arguments: argparse.Namespace) -> RankConfig:
     )
     pool.scorers(pool.fixed_bounds, jobs=1)  # so that a theta that does not fit its form is refused before anything is read
     parameters = ", ".join(map(str, arguments.params)) or f"body {body.name}"
-    return RankConfig(pool, stages["ranking"], arguments.model, parameters, held_out, arguments.jobs, arguments.command)
+    return RankConfig(pool, stages["ranking"], model, parameters, held_out, arguments.jobs, arguments.command)
 
 
 def _figure(arguments: argparse.Namespace) -> Path | None:

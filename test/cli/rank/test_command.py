@@ -284,3 +284,13 @@ def test_real_tosses_all_pass_the_gates(cli: Cli, contactnets_folder: Path) -> N
     assert report["outcomes"] == {"selected": 32, "not selected": 538}
     assert sum(row["transitions"] for row in report["tosses"]) == 59_383
     assert sum(row["not_scored"] for row in report["tosses"]) == 0
+
+
+def test_contactnets_is_the_polytope_in_its_published_form(cli: Cli, golden: Path, tmp_path: Path) -> None:
+    by_name, by_form = tmp_path / "name.json", tmp_path / "form.json"
+    assert cli("rank", golden, "--model", "contactnets", "--top", "4", "--out", by_name, "--no-figure").status == 0
+    assert cli("rank", golden, "--form", "contactnets", "--top", "4", "--out", by_form, "--no-figure").status == 0
+    one, other = (json.loads(path.read_text()) for path in (by_name, by_form))
+    assert one["tosses"] == other["tosses"]
+    wrong = cli("rank", golden, "--model", "contactnets", "--form", "physical")
+    assert (wrong.status, "--form: found physical, expected contactnets or none" in wrong.err) == (1, True)
