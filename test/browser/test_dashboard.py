@@ -10,7 +10,7 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.dashboard.live.layout import live_layout
 from contact_curation.session.free_domain import free_domain
-from test.browser.viewer import CHROMIUM, Page, opened, regions, settled, share_changed
+from test.browser.viewer import CHROMIUM, Page, Picture, opened, regions, settled, share_changed
 from test.conftest import GOLDEN
 from test.dashboard.live.test_serving import free_port
 from test.dashboard.recorded import Recorded
@@ -39,6 +39,13 @@ def drawn(page: Page) -> bool:
     return len(np.unique(region.of(page.picture()).reshape(-1, 3), axis=0)) > 2
 
 
+def changes(before: Picture, after: Page | Picture) -> dict[str, float]:
+    """The share of each view's dots that are not as they were."""
+    picture = after.picture() if isinstance(after, Page) else after
+    layout = regions(live_layout(CONTACTNETS_CUBE))
+    return {name: share_changed(region.of(before), region.of(picture)) for name, region in layout.items()}
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium: sudo apt install chromium")
 def test_every_view_of_a_running_session_is_filled(graph: Graph, tmp_path: Path) -> None:
@@ -61,14 +68,10 @@ def test_every_view_of_a_running_session_is_filled(graph: Graph, tmp_path: Path)
         story = Storyteller(graph, GOLDEN)
         for number in range(1, ROUNDS + 1):
             story.tell(number)
-        page.wait(5.0)
-        filled = settled(page, most=10)
+        graph.until(lambda: min(changes(empty, page).values()) > LEAST_CHANGE, LONG, "every view to show something")
         (tmp_path / "filled.png").write_bytes(page.png())
+        changed = changes(empty, settled(page, most=10))
 
-    changed = {
-        name: share_changed(region.of(empty), region.of(filled))
-        for name, region in regions(live_layout(CONTACTNETS_CUBE)).items()
-    }
     assert len(changed) == 11
     assert min(changed.values()) > LEAST_CHANGE, changed
 

@@ -24,7 +24,7 @@ def started(graph: Graph, bag: Path, **changed: Any) -> None:
     for stage in ("pose_ingest", "fisher_scorer"):
         graph.start(stage)
     graph.start("curator", top=TOP)
-    graph.start("trainer", held_out=[bag], **{**TRAINER, **changed})
+    graph.start("trainer", evaluate_on=[bag], **{**TRAINER, **changed})
     graph.start("player", bag=bag, rate=20.0, wait_for=10.0, stay=True)
 
 
@@ -86,7 +86,7 @@ def test_a_trainer_that_is_killed_in_mid_stream_goes_on_from_its_checkpoint(
     graph.until(lambda: statuses and statuses[-1].gradient_steps > 0, LONG, "a first round")
     next(process for process in graph.processes if process.name == "trainer").kill()
     steps, told = statuses[-1].gradient_steps, len(statuses)
-    graph.start("trainer", held_out=[golden_bag], **TRAINER, **protocol)
+    graph.start("trainer", evaluate_on=[golden_bag], **TRAINER, **protocol)
     # On a busy machine all tosses may have been trained on before the kill: then it tells of its last round again, and rests.
     graph.until(lambda: len(statuses) > told and at_rest(graph, seen), LONG, "the loop to come to rest")
     assert statuses[-1].gradient_steps >= steps
@@ -98,9 +98,9 @@ def test_a_trainer_that_is_killed_in_mid_stream_goes_on_from_its_checkpoint(
 
 @pytest.mark.slow
 def test_held_out_recordings_that_are_not_there_are_one_line(graph: Graph) -> None:
-    trainer = graph.start("trainer", held_out=[graph.folder / "nothing.mcap"])
+    trainer = graph.start("trainer", evaluate_on=[graph.folder / "nothing.mcap"])
     assert trainer.wait(30.0) == 1
-    assert "trainer: parameter held_out: found " in trainer.log()
+    assert "trainer: parameter evaluate_on: found " in trainer.log()
     assert "Traceback" not in trainer.log()
 
 
@@ -118,7 +118,7 @@ def test_a_trainer_that_is_asked_to_end_while_it_trains_ends_with_status_0_and_a
     statuses = graph.statuses()
     for stage in ("pose_ingest", "fisher_scorer", "curator"):
         graph.start(stage)
-    trainer = graph.start("trainer", held_out=[golden_bag], protocol="budgeted", steps=1_000_000)
+    trainer = graph.start("trainer", evaluate_on=[golden_bag], protocol="budgeted", steps=1_000_000)
     graph.start("player", bag=golden_bag, rate=20.0, wait_for=10.0, stay=True)
     graph.until(lambda: any(one.state == "training" for one in statuses), LONG, "the first round to begin")
     assert trainer.stop() == 0, trainer.log()
