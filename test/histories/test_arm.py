@@ -4,13 +4,11 @@ Every sample counts: those that are published once per frame, and the controller
 says how many histories; a frame takes about a millisecond, and a history has hundreds.
 """
 
-import os
 from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule, run_state_machine_as_test
 
@@ -22,17 +20,10 @@ from contact_curation.simulation.arm.safety import GateConfig, SafetyGate
 from contact_curation.simulation.arm.simulation import ArmSimulation, ControlConfig
 from contact_curation.simulation.arm.throw_motion import FRAME_PERIOD, STEP, ThrowPlanner
 from contact_curation.stages.arm import ArmStage, Ending
+from test.histories.asked import histories
 from test.simulation.throws import PLAIN, random_throws
 
-ASKED = os.environ.get("ARM_HISTORIES")
-SETTINGS = settings(
-    max_examples=int(ASKED or 8),
-    stateful_step_count=14,
-    derandomize=not ASKED,
-    database=None,
-    deadline=None,
-    suppress_health_check=list(HealthCheck),
-)
+SETTINGS = histories("ARM_HISTORIES", 8, 14)
 THROWS = [PLAIN, *random_throws(4, seed=3), replace(PLAIN, linear_velocity=np.array([30.0, 0.0, 0.0]))]
 CORRECTED = 1.05
 """The controller may correct what the reference does by this share of a limit, as a published sample shows it."""

@@ -4,30 +4,21 @@ Hypothesis makes up the histories and shortens those that fail. HISTORIES=100000
 before; the default are a few, always the same.
 """
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
 from test.histories import numbers
+from test.histories.asked import histories
 from test.histories.cell import CRITERIA, NAMES, NUMBERED, SHIFTS_NS, Cell
 from test.histories.nodes import in_one_process
 
-ASKED = os.environ.get("HISTORIES")
-SETTINGS = settings(
-    max_examples=int(ASKED or 30),
-    stateful_step_count=40,
-    derandomize=not ASKED,
-    database=None,
-    deadline=None,
-    suppress_health_check=list(HealthCheck),
-)
+SETTINGS = histories("HISTORIES", 30, 40)
 IN_MEMORY = Path("/dev/shm")
 """Where stores are written, if there is such a folder: a history commits hundreds of times."""
 

@@ -3,7 +3,6 @@
 INGEST_HISTORIES says how many histories; the default are a few, always the same.
 """
 
-import os
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache
@@ -11,7 +10,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
-from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
@@ -20,17 +18,10 @@ from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.stages.ingest import Arrival, IngestJournal
 from contact_curation.storage.stores.tosses import TossStore
 from test.graph.parts.measured import fresh_ingest, tosses_in
+from test.histories.asked import histories
 from test.motion.streams import Throw, board_in_map, in_map, stream
 
-ASKED = os.environ.get("INGEST_HISTORIES")
-SETTINGS = settings(
-    max_examples=int(ASKED or 20),
-    stateful_step_count=25,
-    derandomize=not ASKED,
-    database=None,
-    deadline=None,
-    suppress_health_check=list(HealthCheck),
-)
+SETTINGS = histories("INGEST_HISTORIES", 20, 25)
 IN_MEMORY = Path("/dev/shm")
 TOPIC = "/odom"
 PAUSE_NS = 5 * NANOSECONDS

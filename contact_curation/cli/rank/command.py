@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from contact_curation.cli.options.body import chosen_body
+from contact_curation.cli.options.model import add_model_option, model_and_form
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
 from contact_curation.cli.options.reading import (
@@ -21,7 +22,7 @@ from contact_curation.cli.progress import Progress
 from contact_curation.cli.rank.dashboard import add_dashboard_options, dashboard_of
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.contact.loss_config import DEFAULT_LOSS
-from contact_curation.contact.models.registry import DEFAULT_MODEL, IN_FORM, MODELS, model_and_form
+from contact_curation.contact.models.registry import MODELS
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.criteria.orthogonal import VARIANTS
@@ -66,12 +67,7 @@ def add_options(parser: OneLineParser) -> None:
 
 def _add_model_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("parameters theta that the information is about")
-    group.add_argument(
-        "--model",
-        choices=[*MODELS, *IN_FORM],
-        default=DEFAULT_MODEL,
-        help="the model (default polytope); contactnets: a polytope in the published 57 numbers, as with --form contactnets",
-    )
+    add_model_option(group)
     add_params_option(group)
     group.add_argument(
         "--block",
@@ -157,7 +153,7 @@ def rank_config(arguments: argparse.Namespace) -> RankConfig:
     Raises:
         ContactCurationError: a file that an option names cannot be used, or a setting is not accepted.
     """
-    model, form = model_and_form(arguments.model, arguments.form)
+    model, form = model_and_form(arguments.model, None if arguments.form is None else Form(arguments.form))
     body = chosen_body(arguments, models=arguments.params)
     held_out = HeldOutRule() if arguments.held_out is None else held_out_rule(arguments.held_out)
     ranking = with_options(RankingConfig(), arguments, *RANKING)

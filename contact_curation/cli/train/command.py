@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from contact_curation.cli.options.body import chosen_body
+from contact_curation.cli.options.model import add_model_option, model_and_form
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import check_outputs
 from contact_curation.cli.options.reading import (
@@ -24,8 +25,6 @@ from contact_curation.cli.options.types import PathEndingIn, natural_number, num
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.cli.stop_signals import StopSignals
-from contact_curation.contact.models.registry import DEFAULT_MODEL, IN_FORM, MODELS, model_and_form
-from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError, UnreadableInputError, why_unreadable
 from contact_curation.files import write_atomically
 from contact_curation.information.criteria.orthogonal import VARIANTS
@@ -76,12 +75,7 @@ def add_options(parser: OneLineParser) -> None:
 
 def _add_model_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("what is trained, and how")
-    group.add_argument(
-        "--model",
-        choices=[*MODELS, *IN_FORM],
-        default=DEFAULT_MODEL,
-        help="the model (default polytope); contactnets: a polytope in the published 57 numbers, by gradient steps",
-    )
+    add_model_option(group)
     group.add_argument(
         "--params",
         "--checkpoint",
@@ -214,14 +208,14 @@ def _configs(arguments: argparse.Namespace) -> "tuple[TrainConfig, ReadingConfig
     from contact_curation.pipeline.training import PROTOCOLS as PROTOCOL_OF
     from contact_curation.pipeline.training import TrainConfig, start_of
 
-    kind, form = model_and_form(arguments.model, None)
+    kind, form = model_and_form(arguments.model)
     resumed = arguments.out if arguments.resume and arguments.out.exists() else None
     body = chosen_body(arguments, models=[arguments.params, resumed], manifest=arguments.manifest)
     _check_exact(arguments)
     ranking = RankingConfig(top=arguments.top or 1, seed=arguments.seed, certificate_steps=0)
     ranking = with_options(ranking, arguments, *CHOICES)
     training = PROTOCOL_OF[arguments.protocol](kind)
-    training = training if form is None else replace(training, form=Form(form))
+    training = training if form is None else replace(training, form=form)
     defaults = {"training": training, "ranking": ranking, "staleness": StalenessConfig()}
     stages = stages_of(arguments, defaults)
     protocol: TrainingConfig = stages["training"]

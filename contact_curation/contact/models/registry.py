@@ -3,7 +3,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
-from contact_curation.errors import InvalidValueError, UnknownNameError
+from contact_curation.errors import UnknownNameError
 
 if TYPE_CHECKING:
     from contact_curation.contact.models.model import Model
@@ -33,25 +33,6 @@ MODELS = {
     "end_to_end": ModelEntry("end_to_end", "EndToEndModel"),
 }
 """By the names on the command line, in messages and in files."""
-
-IN_FORM = {"contactnets": ("polytope", "contactnets")}
-"""Further names on the command line: a model and the form of its theta; ContactNets' polytope is theirs in 57 numbers."""
-
-
-def model_and_form(name: str, form: str | None) -> tuple[str, str | None]:
-    """The model and the form that a name on the command line stands for.
-
-    Args:
-        name: of `MODELS` or `IN_FORM`.
-        form: that was asked for beside it.
-
-    Raises:
-        InvalidValueError: the name has a form, and another one was asked for.
-    """
-    model, own = IN_FORM.get(name, (name, form))
-    if form not in (None, own):
-        raise InvalidValueError("--form", form, f"{own} or none with --model {name}")
-    return model, own
 
 
 def model_entry(name: str) -> ModelEntry:

@@ -32,6 +32,13 @@ def test_a_bag_is_trained_on_and_its_held_out_loss_falls(cli: Cli, golden: Path,
     assert done.err_lines == [ASSUMES_THE_CUBE]
 
 
+def test_contactnets_is_the_polytope_in_its_published_form(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "theirs.safetensors"
+    assert cli("train", folder, "--model", "contactnets", "--out", out, *SHORT).status == 0
+    model = read_model(out, CONTACTNETS_CUBE)
+    assert (model.kind, sum(value.numel() for value in model.parameters())) == ("polytope", 57)
+
+
 def test_json_is_one_object_and_says_all(cli: Cli, folder: Path, tmp_path: Path) -> None:
     done = cli("train", folder, "--out", tmp_path / "a.safetensors", *SHORT, "--json")
     assert done.out.count("\n") == 1
