@@ -97,7 +97,10 @@ def test_an_option_that_no_verb_has_names_the_verb_and_the_option_that_was_meant
         (("rank", "a.mcap", "-c", "logdet"), "unknown logdet: did you mean log-det?"),
         (("rank", "a.mcap", "--model", "deep-vertex"), "unknown deep-vertex: did you mean deepvertex?"),
         (("rank", "a.mcap", "--estimator", "gaussnewton"), "unknown gaussnewton: did you mean gauss-newton?"),
-        (("rank", "a.mcap", "--model", "sphere"), "unknown sphere: expected one of deep, deepvertex, end_to_end, polytope"),
+        (
+            ("rank", "a.mcap", "--model", "sphere"),
+            "unknown sphere: expected one of contactnets, deep, deepvertex, end_to_end, polytope",
+        ),
         (("reproduce", "robustnes", "--out", "a"), "unknown robustnes: did you mean robustness?"),
     ],
 )

@@ -197,7 +197,7 @@ def _watch(event: str, arguments: tuple[Any, ...]) -> None:
         if not writes or isinstance(path, int):
             return
         name = os.fsdecode(path)
-        if not name.startswith((str(_folder), "/dev/null")) and "/__pycache__/" not in name:  # Python's own of what it imports
+        if not name.startswith((str(_folder), "/dev/null")):
             raise TouchedError(f"{path} was opened for writing")
     elif event in REFUSED and not (arguments and str(arguments[0]).startswith(str(_folder))):
         raise TouchedError(f"{event} {arguments[:2]}")
@@ -216,9 +216,10 @@ def read(name: str, data: bytes) -> ContactCurationError | None:
         if not data:
             return None
         ending, data = target.endings[data[0] % len(target.endings)], data[1:]
-    path, before = folder() / f"input{ending}", tempfile.tempdir
+    path, before = folder() / f"input{ending}", (tempfile.tempdir, sys.dont_write_bytecode)
     path.write_bytes(data)
-    _watching, tempfile.tempdir = True, str(folder())
+    # A reader may import a module for the first time: Python would write its bytecode.
+    _watching, tempfile.tempdir, sys.dont_write_bytecode = True, str(folder()), True
     try:
         target.read(path)
     except ContactCurationError as error:
@@ -226,5 +227,5 @@ def read(name: str, data: bytes) -> ContactCurationError | None:
             raise ValueError(f"an error of several lines: {error}") from error
         return error
     finally:
-        _watching, tempfile.tempdir = False, before
+        _watching, (tempfile.tempdir, sys.dont_write_bytecode) = False, before
     return None

@@ -16,7 +16,7 @@ def add_model_option(group: argparse._ActionsContainer) -> None:
         "--model",
         choices=[*MODELS, *IN_FORM],
         default=DEFAULT_MODEL,
-        help="the model (default polytope); contactnets: a polytope in the published 57 numbers",
+        help="the model; contactnets: a polytope in the published 57 numbers (default polytope)",
     )
 
 
