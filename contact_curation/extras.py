@@ -12,6 +12,8 @@ from contact_curation.errors import MissingDependencyError
 
 EXTRA_OF = {
     "torch": "train",
+    "fsspec": "cloud",
+    "ray": "ray",
     **dict.fromkeys(("cv2", "daqp", "mink", "mujoco", "pupil_apriltags"), "sim"),
     "rerun": "dashboard",
     **dict.fromkeys(("rclpy", "contact_curation_msgs", "apriltag_msgs", "tf2_msgs", "nav_msgs", "sensor_msgs"), "ros"),

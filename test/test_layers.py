@@ -46,6 +46,8 @@ HOME = {
     "mujoco": "simulation",
     "rosbags": "storage",
     "mcap": "storage",
+    "fsspec": "storage",
+    "ray": "pipeline",
     "rerun": "dashboard",
     "trimesh": "geometry",
     "argparse": "cli",

@@ -8,24 +8,24 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from glob import glob, has_magic
 from os import PathLike, fspath
 from pathlib import Path
 from typing import NamedTuple
 
 from contact_curation.contact.body import Body
-from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.errors import InvalidValueError
 from contact_curation.learning.evaluation.held_out import NumberedToss, toss_number
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.pipeline.diagnosis.explained import explained
 from contact_curation.pipeline.reading import InputReader, Reading, ReadingConfig
 from contact_curation.pipeline.wording import counted_tosses, in_brackets, listed, nothing_found
 from contact_curation.pipeline.workers import Advance, each, unheard
+from contact_curation.storage.addresses import Address, matching
 from contact_curation.storage.inputs.known_tosses import KnownTosses
 from contact_curation.storage.provenance import SeenToss, seen_toss
 
 type Inputs = str | PathLike[str] | Sequence[str | PathLike[str]]
-"""A recording, several, or a pattern such as ``"bags/*.mcap"``."""
+"""A recording, several, or a pattern such as ``"bags/*.mcap"``; each a path or an address such as ``"s3://lab/*.mcap"``."""
 
 
 CHECK_SAYS = "at least one; `contact-curation check` says what to do"
@@ -272,22 +272,13 @@ def evaluation_tosses(name: str, paths: Sequence[Path], config: ReadingConfig) -
 
 
 def input_paths(inputs: Inputs) -> tuple[Path, ...]:
-    """The recordings that are meant; a pattern stands for what matches it, by name.
+    """The recordings that are meant; a pattern stands for what matches it, by name. Errors as of `storage.addresses.matching`.
 
     Raises:
         UnreadableInputError: nothing matches a pattern.
     """
     several = [inputs] if isinstance(inputs, str | PathLike) else list(inputs)
-    return tuple(path for one in several for path in _matching(fspath(one)))
-
-
-def _matching(name: str) -> list[Path]:
-    if Path(name).exists() or not has_magic(name):
-        return [Path(name)]
-    found = sorted(glob(name, recursive=True))  # noqa: PTH207 - of absolute patterns, too
-    if not found:
-        raise UnreadableInputError(name, "nothing matches this pattern, expected recordings")
-    return [Path(each) for each in found]
+    return tuple(path for one in several for path in ([one] if isinstance(one, Address) else matching(fspath(one))))
 
 
 def _read(

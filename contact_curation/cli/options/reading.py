@@ -51,8 +51,8 @@ def add_reading_options(parser: argparse.ArgumentParser, stages: tuple[str, ...]
         nargs="+" if needed else "*",
         action=_Inputs,
         metavar="INPUT",
-        help="MCAP file, rosbag2 folder or its storage file, ROS 1 bag, folder of ContactNets .pt files or one of them; or a "
-        "pattern such as 'bags/*.mcap'",
+        help="MCAP file, rosbag2 folder or its storage file, ROS 1 bag, folder of ContactNets .pt files or one of them; its "
+        "address (s3://, gs://, https://); or a pattern such as 'bags/*.mcap' or 's3://lab/*.mcap'",
     )
     add_body_option(parser)
     add_pose_options(parser)

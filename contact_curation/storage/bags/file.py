@@ -18,6 +18,7 @@ import lz4.frame  # type: ignore[import-untyped]
 import zstandard
 
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError, why_unreadable
+from contact_curation.storage.addresses import Address
 
 MEBIBYTE = 1 << 20
 
@@ -118,7 +119,9 @@ class BagFile:
 
 
 def file_sha256(path: Path) -> str:
-    """SHA-256 of a file's bytes, in hexadecimal."""
+    """SHA-256 of a file's bytes, in hexadecimal; of one on a server, of what the server says of them."""
+    if isinstance(path, Address):
+        return path.fingerprint()
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

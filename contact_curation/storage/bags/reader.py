@@ -19,10 +19,12 @@ from mcap.exceptions import McapError
 from mcap.reader import SeekingReader
 
 from contact_curation.errors import MissingTopicError, UnreadableInputError
+from contact_curation.storage.addresses import Address
 from contact_curation.storage.bags.decoding import MessageConverter
 from contact_curation.storage.bags.file import ZSTD_MAGIC, BagFile, BagLimits, DamagedBagError, Losses, file_sha256, unpack_file
 from contact_curation.storage.bags.folder import compare, storage_files
 from contact_curation.storage.bags.formats.mcap import open_mcap
+from contact_curation.storage.bags.formats.mcap_at_address import notes_at_address, open_mcap_at_address
 from contact_curation.storage.bags.formats.mcap_records import MCAP_MAGIC
 from contact_curation.storage.bags.formats.ros1 import ROS1_MAGIC, open_ros1
 from contact_curation.storage.bags.formats.sqlite import SQLITE_MAGIC, SqliteStorage
@@ -60,11 +62,16 @@ class BagStorage(Protocol):
 def open_storage(path: Path, limits: BagLimits, losses: Losses, stack: ExitStack) -> BagStorage:
     """Opens a storage file; `stack` closes it.
 
+    Of a file on a server that is no MCAP file with an index, a temporary copy is read.
+
     Raises:
         UnreadableInputError: it cannot be opened, or it is none of the kinds that are understood.
     """
     file = BagFile(path)
     stack.callback(file.close)
+    if isinstance(path, Address):
+        indexed = open_mcap_at_address(file, limits, losses)
+        return indexed or open_storage(_copied(path, limits, stack), limits, losses, stack)
     head = file.read(0, min(LONGEST_MAGIC, file.size))
     if head.startswith(ZSTD_MAGIC):
         return open_storage(_unpacked(path, limits, losses, stack), limits, losses, stack)
@@ -118,12 +125,22 @@ def _unpacked(path: Path, limits: BagLimits, losses: Losses, stack: ExitStack) -
     return target
 
 
+def _copied(address: Address, limits: BagLimits, stack: ExitStack) -> Path:
+    if address.stat().st_size > limits.unpacked_file_bytes:
+        raise UnreadableInputError(address, f"holds more than {limits.unpacked_file_bytes} bytes, expected at most that")
+    target = Path(stack.enter_context(tempfile.TemporaryDirectory())) / address.name
+    address.download(target)
+    return target
+
+
 DAMAGED = (McapError, StructError, OSError, EOFError, KeyError, ValueError)
 """Errors that the readers raise on files that were cut off or changed."""
 
 
 def recorded_notes(path: Path) -> dict[str, dict[str, str]]:
     """The notes of an MCAP file by their names; none for other files, or where the file's index is damaged."""
+    if isinstance(path, Address):
+        return notes_at_address(path)
     if path.suffix != ".mcap":
         return {}
     with path.open("rb") as file:
@@ -148,7 +165,7 @@ class BagReader:
     """
 
     def __init__(self, path: Path, limits: BagLimits | None = None) -> None:
-        self.path = Path(path)
+        self.path = path
         limits = limits or BagLimits()
         self._losses = Losses()
         self._converter = MessageConverter(limits, self._losses)

@@ -10,6 +10,7 @@ import zipfile
 from collections import Counter
 from collections.abc import Iterator
 from hashlib import sha256
+from io import BytesIO
 from pathlib import Path
 from pickle import UnpicklingError
 from struct import error as StructError
@@ -23,6 +24,7 @@ from contact_curation.motion.calibration import apply_calibration
 from contact_curation.motion.gates import inspect
 from contact_curation.motion.restored_toss import restored
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
+from contact_curation.storage.addresses import Address
 from contact_curation.storage.bags.file import file_sha256
 from contact_curation.storage.inputs.records import Found, InputReading, InputsConfig, InputSummary, Problem
 from contact_curation.storage.provenance import TossProvenance
@@ -128,7 +130,7 @@ def _rows(file: Path) -> Array:
     try:
         _check_size(file)
         with warnings.catch_warnings(action="error"):  # a pickle of a version that torch does not know
-            content = torch.load(file, map_location="cpu", weights_only=True)
+            content = torch.load(_opened(file), map_location="cpu", weights_only=True)
     except NO_TENSOR as error:
         raise UnreadableInputError(file, f"found no plain tensor ({_first_sentence(error)}), expected {_EXPECTED}") from error
     if not isinstance(content, torch.Tensor):
@@ -148,11 +150,16 @@ def _rows(file: Path) -> Array:
 _EXPECTED = f"one float64 tensor of shape (1, T, {COLUMNS}) with T >= 2"
 
 
+def _opened(file: Path) -> Path | BytesIO:
+    """What torch and zipfile can open: a path of this machine, or the bytes of a file on a server."""
+    return BytesIO(file.read_bytes()) if isinstance(file, Address) else file
+
+
 def _check_size(file: Path) -> None:
     """Refuses what would unpack to more than any toss."""
     size = file.stat().st_size
-    if zipfile.is_zipfile(file):
-        with zipfile.ZipFile(file) as archive:
+    if zipfile.is_zipfile(_opened(file)):
+        with zipfile.ZipFile(_opened(file)) as archive:
             size = max(size, sum(entry.file_size for entry in archive.infolist()))
     if size > LARGEST_FILE:
         raise UnreadableInputError(file, f"found {size} bytes unpacked, expected at most {LARGEST_FILE}")

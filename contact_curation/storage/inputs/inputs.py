@@ -45,7 +45,7 @@ class Inputs:
     def __init__(self, paths: Sequence[Path], body: Body, config: InputsConfig) -> None:
         self.summaries: list[InputSummary] = []
         self.origin = TossProvenance()
-        self._paths = tuple(Path(path) for path in paths)
+        self._paths = tuple(paths)
         self._body = body
         self._config = config
         self._known = KnownTosses()

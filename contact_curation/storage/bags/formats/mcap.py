@@ -45,6 +45,24 @@ class Stop(NamedTuple):
     why: str
 
 
+def chunk_at(file: BagFile, offset: int) -> Chunk:
+    """The chunk whose record begins at `offset`, or what the file holds of it.
+
+    Raises:
+        DamagedBagError: its head is damaged or cut off.
+    """
+    start = offset + RECORD_HEAD.size
+    first, last, unpacked, crc, name_length = CHUNK_HEAD.unpack(file.read(start, CHUNK_HEAD.size))
+    if name_length > LONGEST_COMPRESSION_NAME:
+        raise DamagedBagError(f"a chunk whose compression has a name of {name_length} bytes")
+    name_at = start + CHUNK_HEAD.size
+    compression = file.read(name_at, name_length).decode(errors="replace")
+    (stored,) = SIZE.unpack(file.read(name_at + name_length, SIZE.size))
+    data_at = name_at + name_length + SIZE.size
+    held = min(stored, file.size - data_at)
+    return Chunk(data_at, held, compression, unpacked, crc, first, last, None, whole=held == stored)
+
+
 class McapWalk:
     """Collects the chunks of a file, and the messages outside of chunks as chunks of their own.
 
@@ -96,19 +114,10 @@ class McapWalk:
             self._declarations.declare(opcode, self._file.read(start, length))
 
     def _take_chunk(self, offset: int) -> None:
-        """A chunk, or what the file holds of it."""
         self._end_loose_run()
-        start = offset + RECORD_HEAD.size
-        first, last, unpacked, crc, name_length = CHUNK_HEAD.unpack(self._file.read(start, CHUNK_HEAD.size))
-        if name_length > LONGEST_COMPRESSION_NAME:
-            raise DamagedBagError(f"a chunk whose compression has a name of {name_length} bytes")
-        name_at = start + CHUNK_HEAD.size
-        compression = self._file.read(name_at, name_length).decode(errors="replace")
-        (stored,) = SIZE.unpack(self._file.read(name_at + name_length, SIZE.size))
-        data_at = name_at + name_length + SIZE.size
-        held = min(stored, self._file.size - data_at)
+        chunk = chunk_at(self._file, offset)
         self.heads.add(offset)
-        self.chunks.append(Chunk(data_at, held, compression, unpacked, crc, first, last, None, whole=held == stored))
+        self.chunks.append(chunk)
 
     def _take_index(self, start: int) -> None:
         """Messages per channel of the chunk before it."""

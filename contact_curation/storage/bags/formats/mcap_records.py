@@ -11,7 +11,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel as ChannelRecord
-from mcap.records import ChunkIndex, McapRecord, Schema, Statistics
+from mcap.records import ChunkIndex, McapRecord, MetadataIndex, Schema, Statistics
 from mcap.stream_reader import StreamReader
 from mcap.well_known import SchemaEncoding
 from rosbags.typesys.msg import normalize_msgtype
@@ -136,11 +136,17 @@ class McapSummary:
         chunk_offsets: offsets of the chunk records.
         counts: messages per channel id; None when it does not say.
         total: messages in the file; None when it does not say.
+        chunks: where each chunk is, and its channels, as the index says.
+        notes: where each metadata record is, by its name.
+        counted: numbers of channels and chunks that the statistics say; None without them.
     """
 
     chunk_offsets: tuple[int, ...]
     counts: Mapping[int, int] | None
     total: int | None
+    chunks: tuple[ChunkIndex, ...] = ()
+    notes: tuple[MetadataIndex, ...] = ()
+    counted: tuple[int, int] | None = None
 
 
 def read_summary(file: BagFile, declarations: McapDeclarations, limits: BagLimits) -> McapSummary | None:
@@ -182,14 +188,16 @@ def _records(data: bytes) -> Iterator[McapRecord]:
 
 
 def _summary(records: list[McapRecord], declarations: McapDeclarations) -> McapSummary:
-    offsets, counts, total = [], None, None
+    counts, total, counted = None, None, None
+    chunks = tuple(record for record in records if isinstance(record, ChunkIndex))
+    notes = tuple(record for record in records if isinstance(record, MetadataIndex))
     for record in records:
         if isinstance(record, Schema):
             declarations.declare_schema(record)
         elif isinstance(record, ChannelRecord) and declarations.knows_schema(record):
             declarations.declare_channel(record)
-        elif isinstance(record, ChunkIndex):
-            offsets.append(record.chunk_start_offset)
         elif isinstance(record, Statistics):
             counts, total = record.channel_message_counts, record.message_count
-    return McapSummary(tuple(sorted(offsets)), counts or None, total)
+            counted = record.channel_count, record.chunk_count
+    offsets = tuple(sorted(chunk.chunk_start_offset for chunk in chunks))
+    return McapSummary(offsets, counts or None, total, chunks, notes, counted)

@@ -1,0 +1,95 @@
+"""MCAP on a server: the index at its end, then only the chunks that hold wanted topics.
+
+On a disk the records are followed from the front, whatever the index says (`formats.mcap`); over a network that would be the
+whole file. Here the index is believed where it is complete: then a chunk that is not as it says is lost like a damaged one. A
+file without a complete index is refused, and read as a whole elsewhere.
+"""
+
+from collections.abc import Collection, Iterator
+
+from mcap.records import ChunkIndex, Metadata
+
+from contact_curation.storage.addresses import Address
+from contact_curation.storage.bags.file import BagFile, BagLimits, DamagedBagError, Losses
+from contact_curation.storage.bags.formats.chunks import Chunk, ChunkedStorage, ParsedChunk
+from contact_curation.storage.bags.formats.mcap import chunk_at
+from contact_curation.storage.bags.formats.mcap_records import (
+    RECORD_HEAD,
+    McapDeclarations,
+    McapSummary,
+    parse_chunk,
+    parsed,
+    read_summary,
+)
+from contact_curation.storage.bags.records import StoredMessage
+
+
+def open_mcap_at_address(file: BagFile, limits: BagLimits, losses: Losses) -> ChunkedStorage | None:
+    """Opens an MCAP file on a server; None where it is none, or its index is not complete."""
+    declarations = McapDeclarations()
+    try:
+        summary = read_summary(file, declarations, limits)
+    except DamagedBagError:
+        return None
+    if summary is None or summary.counted != (len(declarations.channels), len(summary.chunks)):
+        return None
+    named = {channel for index in summary.chunks for channel in index.message_index_offsets}
+    if not summary.chunks or not named <= set(declarations.channels):
+        return None
+    return _IndexedMcap(file, summary, declarations, limits, losses)
+
+
+def notes_at_address(path: Address) -> dict[str, dict[str, str]]:
+    """The notes of an MCAP file on a server by their names; none where it has no sound index."""
+    file, limits = BagFile(path), BagLimits()
+    try:
+        summary = read_summary(file, McapDeclarations(), limits)
+        places = [] if summary is None else [(one.offset, min(one.length, limits.message_bytes)) for one in summary.notes]
+        records = [parsed(Metadata, file.read(offset, length)[RECORD_HEAD.size :]) for offset, length in places]
+        return {record.name: record.metadata for record in records}
+    except DamagedBagError:
+        return {}
+    finally:
+        file.close()
+
+
+class _IndexedMcap(ChunkedStorage):
+    """Messages of a file, of which no chunk without wanted channels is read. Its chunks are their records, heads included."""
+
+    def __init__(
+        self, file: BagFile, summary: McapSummary, declarations: McapDeclarations, limits: BagLimits, losses: Losses
+    ) -> None:
+        def parse(data: bytes, topics: Collection[str] | None) -> ParsedChunk:
+            return parse_chunk(data, topics, declarations)
+
+        chunks = [_record_of(index) for index in summary.chunks]
+        super().__init__(file, chunks, declarations, parse, summary.counts, limits, losses)
+        self._channels = {index.chunk_start_offset: frozenset(index.message_index_offsets) for index in summary.chunks}
+
+    def messages(self, topics: Collection[str] | None) -> Iterator[StoredMessage]:
+        """Messages of `topics` (None: all) in order of log time; their chunks are asked for in few requests."""
+        held = [chunk for chunk in self._chunks if self._holds(chunk, topics)]
+        if isinstance(self._file.path, Address):
+            self._file.path.plan((chunk.offset, chunk.offset + chunk.stored) for chunk in held)
+        return super().messages(topics)
+
+    def _load(self, chunk: Chunk, topics: Collection[str] | None) -> list[StoredMessage]:
+        if not self._holds(chunk, topics):
+            return []
+        try:
+            return super()._load(chunk_at(self._file, chunk.offset), topics)
+        except DamagedBagError as error:
+            self._say_damaged(chunk, str(error), "its messages are lost")
+            return []
+
+    def _holds(self, chunk: Chunk, topics: Collection[str] | None) -> bool:
+        """Whether a chunk may hold wanted messages; one whose channels the index does not say may."""
+        channels, wanted = self._channels[chunk.offset], self._declarations.wanted(topics)
+        return not channels or any(wanted.get(number) for number in channels)
+
+
+def _record_of(index: ChunkIndex) -> Chunk:
+    """A chunk's record, as the index says."""
+    offset, stored = index.chunk_start_offset, index.chunk_length
+    unpacked, first, last = index.uncompressed_size, index.message_start_time, index.message_end_time
+    return Chunk(offset, stored, index.compression, unpacked, 0, first, last, None)
