@@ -40,6 +40,9 @@ TEXTS = ("toss", "file", "why")
 
 NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 
+HALF = 0.5
+"""Share of rejected tosses from which on a recording is named."""
+
 EARLIEST = 1e8
 """[s] Clocks that count from the start of a machine are below, those that count from 1970 above."""
 
@@ -101,6 +104,15 @@ class RankedTosses:
         others = sorted((name for name in counts if name not in first), key=lambda name: (-counts[name], name))
         return {name: counts[name] for name in (*first, *others)}
 
+    @cached_property
+    def rejected_by_input(self) -> dict[str, dict[str, int]]:
+        """Counts of rejected tosses by recording and first reason; a bad day of a rig is seen in it."""
+        counts: dict[str, Counter[str]] = {one.path: Counter() for one in self.manifest.run.inputs}
+        for row in self.manifest.rows:
+            if row.rank is None:
+                counts.setdefault(row.input, Counter())[_outcome(row)] += 1
+        return {path: dict(sorted(found.items(), key=lambda one: (-one[1], one[0]))) for path, found in counts.items()}
+
     def evidence(self) -> Curation:
         """The curation.
 
@@ -154,6 +166,7 @@ class RankedTosses:
         return {
             **{name: value for name, value in asdict(self.manifest.run).items() if name != "command"},
             "outcomes": self.outcomes,
+            "rejected": [{"input": path, "reasons": reasons} for path, reasons in self.rejected_by_input.items()],
             "diagnostics": dict(self.manifest.diagnostics),
             "warnings": self.warnings,
             "tosses": [asdict(row) for row in self.manifest.rows],
@@ -271,8 +284,21 @@ def _totals(ranked: RankedTosses) -> Iterator[str]:
     if run.influence_bound != np.inf:
         yield f"losses above {run.influence_bound:.4g} count as that much"
     yield from (f"rejected: {count} ({name})" for name, count in list(ranked.outcomes.items())[2:])
+    yield from _worst_inputs(ranked)
     if ranked.warnings:
         yield f"warnings: {len(ranked.warnings)}"
+
+
+def _worst_inputs(ranked: RankedTosses) -> Iterator[str]:
+    """The recordings with the largest shares of rejected tosses, where there are several and some lost half of theirs."""
+    tosses = Counter(row.input for row in ranked.manifest.rows)
+    rejected = {path: reasons for path, reasons in ranked.rejected_by_input.items() if reasons and len(tosses) > 1}
+    shares = {path: sum(reasons.values()) / tosses[path] for path, reasons in rejected.items()}
+    worst = sorted((path for path, share in shares.items() if share >= HALF), key=lambda path: -shares[path])
+    for path in worst[:LISTED]:
+        yield f"rejected of {path}: {sum(rejected[path].values())} of {tosses[path]}{in_brackets(rejected[path])}"
+    if len(worst) > LISTED:
+        yield f"and {len(worst) - LISTED} more recordings lost half of their tosses: --json counts all"
 
 
 def _evidence(ranked: RankedTosses) -> Iterator[str]:

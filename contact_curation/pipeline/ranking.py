@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from contact_curation.errors import InvalidValueError
 from contact_curation.information.curation import Curation
 from contact_curation.information.network.score_folder import ScoreFolder
 from contact_curation.information.ranker import RankingConfig, criterion_named
@@ -13,9 +14,10 @@ from contact_curation.learning.evaluation.held_out import HeldOutRule
 from contact_curation.pipeline.division import held_out_tosses
 from contact_curation.pipeline.pool import TossPool, pool_of_inputs
 from contact_curation.pipeline.ranked import RankedTosses
+from contact_curation.pipeline.recordings.index import RecordingIndex
 from contact_curation.pipeline.scoring import PoolConfig, ScoredPool, Source, score_pool
 from contact_curation.pipeline.tosses import Tosses, read_tosses
-from contact_curation.pipeline.workers import Progress, silent
+from contact_curation.pipeline.workers import Engine, LocalEngine, Progress, silent
 from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.manifest.manifest import Diagnostic, Manifest
 from contact_curation.storage.manifest.ranked import ranked_manifest
@@ -35,6 +37,8 @@ class RankConfig:
         parameters: where theta comes from, for the manifest.
         held_out: what is neither scored nor ranked.
         jobs: how many processes at most; None for one per processor.
+        engine: schedules the recordings; None for processes of this machine.
+        index: what was read and scored before.
         command: the command line; empty when the library is called.
     """
 
@@ -45,6 +49,8 @@ class RankConfig:
     held_out: HeldOutRule = field(default_factory=HeldOutRule)
     jobs: int | None = None
     command: tuple[str, ...] = ()
+    engine: Engine | None = None
+    index: RecordingIndex | None = None
 
     def with_exact_scores_in(self, folder: Path) -> "RankConfig":
         """The same configuration with a folder for exact network scores, where the criterion needs them."""
@@ -70,15 +76,21 @@ def rank_tosses(
         watcher: sees the ranking, where there is one.
 
     Raises:
-        InvalidValueError: the rule holds out none of the tosses.
+        InvalidValueError: the rule holds out none of the tosses, or what is asked for does not go together.
         MissingDependencyError: the kernel was not built.
     """
     load_kernel()  # better said before tosses are read
+    if config.engine and config.with_exact_scores_in(Path()).pool.score_folder:
+        expected = (
+            "one that needs no exact scores of a network's weights with --engine ray, which lie in a folder of one machine"
+        )
+        raise InvalidValueError("criterion", config.ranking.criterion, expected)
     sources, missing, jobs = _sources(source, config, progress)
     with FactorSpool() as spool, TemporaryDirectory(prefix="contact-curation-") as folder:
         pool_config = config.with_exact_scores_in(Path(folder)).pool
         with progress("scoring", "tosses") as bar:
-            scored = score_pool(sources, pool_config, jobs, bar.advance, spool)
+            engine, index = config.engine or LocalEngine(jobs), config.index and config.index.made()
+            scored = score_pool(sources, pool_config, engine, bar.advance, spool, index)
         pool = pool_of_inputs(scored.inputs)
         curation = pool.curated(config.ranking, pool_config.score_folder) if pool.rankable else None
         reasons = pool.reasons(curation, config.ranking) if curation else {}
@@ -101,6 +113,9 @@ def _sources(
     jobs = max(1, min(config.jobs or os.cpu_count() or 1, len(source)))
     if config.held_out == HeldOutRule():
         return source, (), jobs
+    if config.engine or config.index:
+        expected = "none with an index or --engine ray: all tosses would be read into this process's memory"
+        raise InvalidValueError("--held-out", "one", expected)
     # A training toss can be the duplicate of a held-out one that comes later: all are read before the first is scored.
     with progress("reading", "tosses") as bar:
         read = read_tosses(source, config.pool.reading, jobs, bar.advance)

@@ -2,7 +2,8 @@
 
 Recordings are worked on one after the other or, several of them, in processes. A recording is scored in batches of its own, so
 that the result is the same for any number of processes, and its factors go to disk when it is done. A bound on the influence of
-single transitions is a quantile over the whole pool: then the tosses wait in temporary stores until all losses are known.
+single transitions is a quantile over the whole pool: then the tosses wait in an index, perhaps a temporary one, until all
+losses are known.
 """
 
 import os
@@ -20,25 +21,21 @@ from contact_curation.information.network.config import NetworkConfig
 from contact_curation.information.network.model_scorer import TossScorer, scorer_of_model
 from contact_curation.information.network.score_folder import ScoreFolder
 from contact_curation.information.record import TossInformation
-from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig
+from contact_curation.information.scoring import Scorer, ScoringConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.reading import InputReader, Reading, ReadingConfig
+from contact_curation.pipeline.recordings.index import IndexedTosses, RecordingIndex, RecordingReader, Scores, digest_of_scores
 from contact_curation.pipeline.theta import NetworkTheta, Theta
 from contact_curation.pipeline.tosses import EachOnce, Recording
-from contact_curation.pipeline.workers import Advance, each
+from contact_curation.pipeline.workers import Advance, Broken, Engine
 from contact_curation.storage.parameters_file import Parameters
 from contact_curation.storage.stores.factor_spool import FactorSpool
-from contact_curation.storage.stores.tosses import TossStore
 
 BATCH = 64
 """Tosses scored in one call: enough to keep every thread busy, 1 MB of states."""
 
 BOUND_QUANTILE = 0.985
 """Losses above this quantile of the pool's count as this much (method.md 2.1: 98 to 99 %)."""
-
-Scores = tuple[TossInformation | NotScored, ...]
-"""The information of one toss, once per theta."""
-
 
 type Source = Path | Recording
 """A recording, to be read or already read."""
@@ -108,6 +105,19 @@ class ScoredInput:
 
 
 @dataclass(frozen=True, eq=False)
+class _Losses:
+    """One recording, read and not scored yet.
+
+    Attributes:
+        reading: what was found in it.
+        losses: of the transitions, by toss one array per theta.
+    """
+
+    reading: Reading
+    losses: dict[str, tuple[Array, ...]]
+
+
+@dataclass(frozen=True, eq=False)
 class ScoredPool:
     """All recordings in the order they were given.
 
@@ -120,25 +130,81 @@ class ScoredPool:
     bounds: tuple[float, ...]
 
 
-def score_pool(sources: Sequence[Source], config: PoolConfig, jobs: int, advance: Advance, spool: FactorSpool) -> ScoredPool:
+def score_pool(
+    sources: Sequence[Source],
+    config: PoolConfig,
+    engine: Engine,
+    advance: Advance,
+    spool: FactorSpool,
+    index: RecordingIndex | None = None,
+) -> ScoredPool:
     """Reads and scores recordings.
 
     Args:
         sources: at least one.
         config: how.
-        jobs: how many processes; with one, everything happens in this one.
+        engine: schedules the recordings.
         advance: told how many tosses more are done.
         spool: takes the factors; they can be read until it is closed.
+        index: what was read and scored before; takes what is read and scored now, recording by recording.
     """
     if not config.bound_influence:
-        scored = each(partial(_score_input, config, jobs), sources, jobs, advance)
-        return ScoredPool(tuple(_spooled(one, spool) for one in scored), config.fixed_bounds)
+        scored = _scored_by(engine, sources, config, config.fixed_bounds, advance, spool, index)
+        return ScoredPool(scored, config.fixed_bounds)
     with TemporaryDirectory(prefix="contact-curation-") as folder:
-        places = [(source, Path(folder) / f"{place}.sqlite") for place, source in enumerate(sources)]
-        waiting = tuple(each(partial(_store_input, config, jobs), places, jobs, advance))
-        bounds = _bounds(waiting, len(config.thetas))
-        scored = each(partial(_score_waiting, config, jobs, bounds), waiting, jobs, advance)
-        return ScoredPool(tuple(_spooled(one, spool) for one in scored), bounds)
+        index = index or RecordingIndex(Path(folder)).made()  # so that nothing is read twice
+        work = partial(_losses_of, config, engine.jobs, index)
+        read = dict(engine.as_done(work, sources, advance))
+        bounds = _bounds([_whole(read[place], source, _Losses) for place, source in enumerate(sources)], len(config.thetas))
+        return ScoredPool(_scored_by(engine, sources, config, bounds, advance, spool, index), bounds)
+
+
+def _scored_by(
+    engine: Engine,
+    sources: Sequence[Source],
+    config: PoolConfig,
+    bounds: tuple[float, ...],
+    advance: Advance,
+    spool: FactorSpool,
+    index: RecordingIndex | None,
+) -> tuple[ScoredInput, ...]:
+    """The recordings in their order: those scored before as the index has them, the others as the engine does them."""
+    digests = _digests(sources, config, bounds) if index else [""] * len(sources)
+    found: dict[int, ScoredInput] = {}
+    for place, digest in enumerate(digests):
+        if index and digest and (known := index.scores(digest)):
+            found[place] = _spooled(ScoredInput(*known), spool)
+            advance(len(known[1]))
+    left = [place for place in range(len(sources)) if place not in found]
+    work = partial(_score_input, config, engine.jobs, bounds, index)
+    for number, result in engine.as_done(work, [sources[place] for place in left], advance):
+        place = left[number]
+        scored = _whole(result, sources[place], ScoredInput)
+        if index and digests[place] and scored.reading.complete:
+            index.keep_scores(digests[place], scored.reading, scored.scores)
+        found[place] = _spooled(scored, spool)
+    return tuple(found[place] for place in range(len(sources)))
+
+
+def _digests(sources: Sequence[Source], config: PoolConfig, bounds: Sequence[float]) -> list[str]:
+    """Of the scores of each recording in an index; empty where they are not to be kept there.
+
+    Exact scores of networks lie in a folder of their own, which a toss that is not scored again would be missing in.
+    """
+    if config.score_folder is not None:
+        return [""] * len(sources)
+    versions = [scorer.version for scorer in config.scorers(bounds, jobs=1)]
+    scoring = replace(config.scoring, loss=replace(config.scoring.loss, threads=1))
+    rules = (versions, config.form, scoring, config.network, list(bounds))
+    return ["" if isinstance(source, Recording) else digest_of_scores(source, config.reading, rules) for source in sources]
+
+
+def _whole[Result: (ScoredInput, _Losses)](result: Result | Broken, source: Source, kind: type[Result]) -> Result:
+    """A result; one without tosses for a recording that broke its worker."""
+    if not isinstance(result, Broken):
+        return result
+    path = source.reading().path if isinstance(source, Recording) else str(source)
+    return kind(Reading(path, "", (), (f"{path}: {result.why}",), complete=False), {})
 
 
 def _spooled(scored: ScoredInput, spool: FactorSpool) -> ScoredInput:
@@ -149,28 +215,19 @@ def _spooled(scored: ScoredInput, spool: FactorSpool) -> ScoredInput:
     return replace(scored, scores=scores)
 
 
-@dataclass(frozen=True, eq=False)
-class _Waiting:
-    """A recording whose tosses are stored until the bounds are known.
-
-    Attributes:
-        reading: what was found in it.
-        store: where its tosses are.
-        losses: of their transitions, by toss one array per theta.
-    """
-
-    reading: Reading
-    store: Path
-    losses: dict[str, tuple[Array, ...]]
+def _opened(
+    source: Source, config: ReadingConfig, index: RecordingIndex | None
+) -> InputReader | RecordingReader | IndexedTosses | Recording:
+    if isinstance(source, Recording):
+        return source
+    return index.reader(source, config) if index else InputReader(source, config)
 
 
-def _opened(source: Source, config: ReadingConfig) -> InputReader | Recording:
-    return source if isinstance(source, Recording) else InputReader(source, config)
-
-
-def _score_input(config: PoolConfig, jobs: int, source: Source, advance: Advance) -> ScoredInput:
-    scorers = config.scorers(config.fixed_bounds, jobs)
-    reader = _opened(source, config.reading)
+def _score_input(
+    config: PoolConfig, jobs: int, bounds: Sequence[float], index: RecordingIndex | None, source: Source, advance: Advance
+) -> ScoredInput:
+    scorers = config.scorers(bounds, jobs)
+    reader = _opened(source, config.reading, index)
     scores: dict[str, Scores] = {}
     for tosses in batched(reader.tosses(), BATCH):
         scores.update(_scored(scorers, tosses))
@@ -178,34 +235,15 @@ def _score_input(config: PoolConfig, jobs: int, source: Source, advance: Advance
     return ScoredInput(reader.reading(), scores)
 
 
-def _store_input(config: PoolConfig, jobs: int, place: tuple[Source, Path], advance: Advance) -> _Waiting:
-    source, store_path = place
+def _losses_of(config: PoolConfig, jobs: int, index: RecordingIndex | None, source: Source, advance: Advance) -> _Losses:
     scorers = config.scorers(config.fixed_bounds, jobs)
-    reader = _opened(source, config.reading)
+    reader = _opened(source, config.reading, index)
     losses: dict[str, tuple[Array, ...]] = {}
-    with TossStore(store_path) as store:
-        for tosses in batched(reader.tosses(), BATCH):
-            with store.transaction():
-                for toss in tosses:
-                    store.add(toss)
-            by_toss = zip(*(scorer.losses(tosses) for scorer in scorers), strict=True)
-            losses |= dict(zip((toss.toss_id for toss in tosses), by_toss, strict=True))
-            advance(len(tosses))
-    return _Waiting(reader.reading(), store_path, losses)
-
-
-def _score_waiting(
-    config: PoolConfig, jobs: int, bounds: tuple[float, ...], waiting: _Waiting, advance: Advance
-) -> ScoredInput:
-    scorers = config.scorers(bounds, jobs)
-    scores: dict[str, Scores] = {}
-    with TossStore(waiting.store) as store:
-        sequence = 0
-        while stored := store.after(sequence, BATCH):
-            scores.update(_scored(scorers, [one.toss for one in stored]))
-            sequence = stored[-1].sequence
-            advance(len(stored))
-    return ScoredInput(waiting.reading, scores)
+    for tosses in batched(reader.tosses(), BATCH):
+        by_toss = zip(*(scorer.losses(tosses) for scorer in scorers), strict=True)
+        losses |= dict(zip((toss.toss_id for toss in tosses), by_toss, strict=True))
+        advance(len(tosses))
+    return _Losses(reader.reading(), losses)
 
 
 def _scored(scorers: Sequence[TossScorer], tosses: Sequence[Toss]) -> dict[str, Scores]:
@@ -213,7 +251,7 @@ def _scored(scorers: Sequence[TossScorer], tosses: Sequence[Toss]) -> dict[str, 
     return {toss.toss_id: scores for toss, scores in zip(tosses, zip(*by_theta, strict=True), strict=True)}
 
 
-def _bounds(waiting: Sequence[_Waiting], thetas: int) -> tuple[float, ...]:
+def _bounds(waiting: Sequence[_Losses], thetas: int) -> tuple[float, ...]:
     """The bounds on losses, one per theta, that a pool's own losses suggest; inf where there are none."""
     once = EachOnce()
     for one in waiting:

@@ -63,7 +63,7 @@ def with_camera(bag: Path, target: Path, chunk: int = 1 << 16) -> int:
             if number % 1000 == 999:
                 for _ in range(80):
                     writer.add_message(camera, sent.log_time_ns, noise, sent.log_time_ns)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
     with target.open("rb") as file:
         from mcap.reader import make_reader
 

@@ -33,8 +33,10 @@ from contact_curation.learning.evaluation.held_out import HeldOutRule
 from contact_curation.pipeline.division import held_out_rule
 from contact_curation.pipeline.ranking import RankConfig, rank_tosses
 from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.recordings.index import RecordingIndex
 from contact_curation.pipeline.scoring import PoolConfig
 from contact_curation.pipeline.theta import form_of, thetas_of
+from contact_curation.pipeline.workers import Engine
 from contact_curation.storage.manifest.file import CSV, FORMATS, provenance_of
 
 STAGES = (*SHARED_STAGES, "loss", "network", "ranking")
@@ -43,6 +45,7 @@ CHOICES = {"criterion": criterion_names(), "variant": VARIANTS}
 TOLD = {"criterion": "by what the best tosses are selected"}
 RANKING = ("criterion", "variant", "top", "seed")
 SCORING = ("estimator", "influence_bound")
+ENGINES = ("local", "ray")
 
 
 def add_options(parser: OneLineParser) -> None:
@@ -56,11 +59,13 @@ def add_options(parser: OneLineParser) -> None:
     add_held_out_option(parser.add_argument_group("what is neither scored nor ranked"), "default none")
     _add_model_options(parser)
     add_fields(parser.add_argument_group("how they are ranked"), RankingConfig(), *RANKING, choices=CHOICES, told=TOLD)
+    _add_engine_options(parser)
     _add_output_options(parser)
     add_dashboard_options(parser)
     parser.set_examples(
         "contact-curation rank session.mcap --top 8 --out manifest.parquet",
         "contact-curation rank bags/*.mcap --body brick.yaml --criterion log-det --held-out 0.2 --out manifest.csv",
+        "contact-curation rank 's3://lab/2026/*.mcap' --index ranked/index --engine ray --out ranked/manifest.parquet",
     )
     parser.set_defaults(run=run)
 
@@ -102,13 +107,33 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
     )
     figures.add_argument("--no-figure", action="store_true", help="draw no figure")
     add_overwrite_option(group)
+    add_json_option(parser)
+
+
+def _add_engine_options(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("where many recordings are read and scored")
     group.add_argument(
         "--jobs",
         type=positive_integer,
         metavar="N",
         help="number of inputs that are read at the same time (default: one per processor)",
     )
-    add_json_option(parser)
+    group.add_argument(
+        "--engine",
+        choices=ENGINES,
+        default="local",
+        help="processes of this machine, or workers of a Ray cluster (default local)",
+    )
+    group.add_argument(
+        "--address", default="", metavar="ADDRESS", help="of the Ray cluster (default: RAY_ADDRESS, else one on this machine)"
+    )
+    group.add_argument(
+        "--index",
+        type=Path,
+        metavar="DIR",
+        help="folder that keeps what was read and scored, made when it is missing: a second ranking reads and scores only what "
+        "changed, and one that was interrupted goes on",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -172,7 +197,23 @@ def rank_config(arguments: argparse.Namespace) -> RankConfig:
     )
     pool.scorers(pool.fixed_bounds, jobs=1)  # so that a theta that does not fit its form is refused before anything is read
     parameters = ", ".join(map(str, arguments.params)) or f"body {body.name}"
-    return RankConfig(pool, stages["ranking"], model, parameters, held_out, arguments.jobs, arguments.command)
+    config = RankConfig(pool, stages["ranking"], model, parameters, held_out, arguments.jobs, arguments.command)
+    return replace(
+        config, engine=_engine(arguments), index=None if arguments.index is None else RecordingIndex(arguments.index)
+    )
+
+
+def _engine(arguments: argparse.Namespace) -> Engine | None:
+    """What schedules the recordings; None for processes of this machine."""
+    if arguments.engine == "local":
+        if arguments.address:
+            raise InvalidValueError("--address", arguments.address, "none without --engine ray")
+        return None
+    if arguments.jobs is not None:
+        raise InvalidValueError("--jobs", arguments.jobs, "none with --engine ray, which knows its cluster's processors")
+    from contact_curation.pipeline.recordings.ray_engine import RayEngine
+
+    return RayEngine(arguments.address)
 
 
 def _figure(arguments: argparse.Namespace) -> Path | None:

@@ -80,15 +80,14 @@ class InformationStore(Store):
             InvalidValueError: what is stored was scored at these parameters in another way (model, estimator, bound, blocks).
         """
         toss_id, version = information.toss_id, information.parameters_version
-        head, arrays = _split(information)
-        text = json.dumps(head, default=_number)
+        text, arrays = packed_information(information)
         with self._store.transaction():
             known = self._table.find(toss_id, version)
             for like in [known] if known else self._table.after(0, 1, version):
                 self._check_method(toss_id, json.loads(text), json.loads(like.head))
             if known:
                 return Added(known.sequence, False)
-            return Added(self._table.insert(toss_id, version, text, arrays_to_blob(arrays), ""), True)
+            return Added(self._table.insert(toss_id, version, text, arrays, ""), True)
 
     def get(self, toss_id: str, parameters_version: str) -> StoredInformation | None:
         row = self._table.find(toss_id, parameters_version)
@@ -148,12 +147,20 @@ class InformationStore(Store):
                 raise InvalidValueError(f"{name} of toss {toss_id}", new[name], expected)
 
 
-def _split(information: TossInformation) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Plain fields, and arrays; the key is stored on its own."""
+def packed_information(information: TossInformation) -> tuple[str, bytes]:
+    """A record without its key, the toss and the version: its plain fields as JSON, its arrays as a blob."""
     values = {field.name: getattr(information, field.name) for field in fields(information)}
     arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
     head = {name: value for name, value in values.items() if name not in (*arrays, "toss_id", "parameters_version")}
-    return {**head, "blocks": [asdict(block) for block in information.blocks]}, arrays
+    blocks = [asdict(block) for block in information.blocks]
+    return json.dumps({**head, "blocks": blocks}, default=_number), arrays_to_blob(arrays)
+
+
+def unpacked_information(toss_id: str, version: str, head: str, arrays: bytes) -> TossInformation:
+    """The record that `packed_information` packed."""
+    known = json.loads(head)
+    known["blocks"] = tuple(ParameterBlock(**block) for block in known["blocks"])
+    return TossInformation(toss_id=toss_id, parameters_version=version, **known, **arrays_from_blob(arrays))
 
 
 def _number(value: object) -> object:
@@ -164,9 +171,4 @@ def _number(value: object) -> object:
 
 
 def _stored(row: Row) -> StoredInformation:
-    head = json.loads(row.head)
-    head["blocks"] = tuple(ParameterBlock(**block) for block in head["blocks"])
-    return StoredInformation(
-        row.sequence,
-        TossInformation(toss_id=row.id, parameters_version=row.version, **head, **arrays_from_blob(row.arrays)),
-    )
+    return StoredInformation(row.sequence, unpacked_information(row.id, row.version, row.head, row.arrays))

@@ -6,7 +6,7 @@ Beside them the poses since the last complete toss, so that a node that is kille
 import json
 import sqlite3
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -184,7 +184,7 @@ class TossStore(Store):
 
     def _add(self, table: SequencedTable, toss: Toss, more: dict[str, Any], provenance: TossProvenance) -> Added:
         """The first provenance stays: the same toss may be in several recordings."""
-        head, arrays = json.dumps({**_plain(toss), **more}), arrays_to_blob(_arrays(toss))
+        head, arrays = packed_toss(toss, more)
         with self._store.transaction():
             known = table.find(toss.toss_id)
             if known is None:
@@ -196,18 +196,23 @@ class TossStore(Store):
         return Added(known.sequence, False)
 
 
-def _plain(toss: Toss) -> dict[str, Any]:
-    return {"body": toss.body, "source": toss.source, "frame_period": toss.frame_period}
+PLAIN = ("body", "source", "frame_period")
 
 
-def _arrays(toss: Toss) -> dict[str, Any]:
-    return {name: getattr(toss, name) for name in ARRAYS}
+def packed_toss(toss: Toss, more: Mapping[str, Any]) -> tuple[str, bytes]:
+    """A toss without its id: its plain fields, and `more`, as JSON; its arrays as a blob."""
+    plain = {name: getattr(toss, name) for name in PLAIN}
+    return json.dumps({**plain, **more}), arrays_to_blob({name: getattr(toss, name) for name in ARRAYS})
+
+
+def unpacked_toss(toss_id: str, head: str, arrays: bytes) -> Toss:
+    """The toss that `packed_toss` packed."""
+    known = json.loads(head)
+    return Toss(toss_id=toss_id, **{name: known[name] for name in PLAIN}, **arrays_from_blob(arrays))
 
 
 def _toss(row: Row) -> Toss:
-    head = json.loads(row.head)
-    plain = {name: head[name] for name in ("body", "source", "frame_period")}
-    return Toss(toss_id=row.id, **plain, **arrays_from_blob(row.arrays))
+    return unpacked_toss(row.id, row.head, row.arrays)
 
 
 def _stored(row: Row) -> StoredToss:

@@ -1,0 +1,129 @@
+"""`contact-curation rank` over many bags: processes of this machine, Ray, and an index, compared in one run.
+
+    python -m benchmarks.speed.many_bags [--bags N] [--engines local ray] [--json]
+
+Each bag holds the tosses of the repository's golden bag with later stamps, so that every toss has an id of its own. Manifests
+are compared: all must be the same but for the command. What is worth something are the ratios within the run.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from contact_curation.storage.bags.reader import BagReader
+from contact_curation.storage.bags.writer import BagWriter
+
+GOLDEN = Path(__file__).resolve().parents[2] / "bags" / "golden.mcap"
+SHIFT_NS = 1_000_000_000_000
+"""From bag to bag."""
+
+STAMP_AT = {"nav_msgs/msg/Odometry": 4, "tf2_msgs/msg/TFMessage": 8}
+"""Bytes of CDR before the first stamp, by type; seconds and nanoseconds."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One command.
+
+    Attributes:
+        what: engine and index.
+        bags: how many inputs.
+        tosses: in them.
+        seconds: from process start to manifest.
+        ratio: to the local engine without an index.
+        megabytes: most memory of a process that the command itself started; Ray's workers are not among them.
+    """
+
+    what: str
+    bags: int
+    tosses: int
+    seconds: float
+    ratio: float
+    megabytes: float
+
+
+def main() -> int:
+    """Prints a table, or JSON."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--bags", type=int, default=20, help="how many (default 20)")
+    parser.add_argument("--engines", nargs="+", default=["local", "ray"], help="which (default: local ray)")
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    arguments = parser.parse_args()
+    with TemporaryDirectory(prefix="contact-curation-bench-") as folder:
+        bags = [later(GOLDEN, Path(folder) / f"{number:04d}.mcap", number * SHIFT_NS) for number in range(arguments.bags)]
+        rows = measured(bags, arguments.engines)
+    if arguments.json:
+        print(json.dumps({"measurements": [asdict(row) for row in rows]}, indent=2))
+    else:
+        print(f"{os.cpu_count()} processors\n\nbags  tosses  seconds  ratio  MB   what")
+        for row in rows:
+            print(f"{row.bags:4d}  {row.tosses:6d}  {row.seconds:7.1f}  {row.ratio:5.2f}  {row.megabytes:3.0f}  {row.what}")
+    return 0
+
+
+def later(source: Path, bag: Path, shift_ns: int) -> Path:
+    """The same bag with later stamps."""
+    with BagReader(source) as reader, BagWriter(bag) as writer:
+        for name, values in reader.notes.items():
+            if not name.endswith("numbers"):  # those are of the stamps as they were
+                writer.note(name, values)
+        for one in reader.raw_messages():
+            at = STAMP_AT[one.type]
+            seconds, nanoseconds = (int.from_bytes(one.data[place : place + 4], "little") for place in (at, at + 4))
+            stamp = seconds * 1_000_000_000 + nanoseconds + shift_ns
+            words = b"".join(part.to_bytes(4, "little") for part in divmod(stamp, 1_000_000_000))
+            data = one.data[:at] + words + one.data[at + 8 :]
+            writer.write_raw(one.topic, one.type, one.schema, data, one.log_time_ns + shift_ns, type_hash=one.type_hash)
+    return bag
+
+
+def measured(bags: Sequence[Path], engines: Sequence[str]) -> list[Measurement]:
+    """Each engine without and with an index, then with all of the index there, and with all but a tenth of the bags."""
+    index = bags[0].with_name("index")
+    fewer = bags[: len(bags) - max(1, len(bags) // 10)]
+    local = ["--engine", "local"]
+    cases = [(f"{engine}, no index", bags, ["--engine", engine]) for engine in engines]
+    cases += [
+        (f"local, new index, {len(fewer)} bags", fewer, [*local, "--index", str(index)]),
+        ("local, the same index, all bags", bags, [*local, "--index", str(index)]),
+        ("local, full index", bags, [*local, "--index", str(index)]),
+        ("local, full index, other parameters", bags, [*local, "--index", str(index), "--estimator", "empirical"]),
+    ]
+    rows: list[Measurement] = []
+    whole: Any = None
+    for what, inputs, options in cases:
+        seconds, megabytes, manifest = ranked(inputs, options)
+        base = rows[0].seconds if rows else seconds
+        rows.append(Measurement(what, len(inputs), len(manifest["tosses"]), seconds, seconds / base, megabytes))
+        if len(inputs) == len(bags) and "empirical" not in options:
+            whole = whole or manifest
+            if manifest != whole:
+                raise SystemExit(f"{what}: another manifest than that of {cases[0][0]}")
+    return rows
+
+
+def ranked(bags: Sequence[Path], options: Sequence[str]) -> tuple[float, float, Any]:
+    """Runs `rank`; seconds, memory, and the manifest but for its command."""
+    out = bags[0].with_name("manifest.json")
+    command = [sys.executable, "-m", "contact_curation.cli.main", "rank", *map(str, bags), "--no-figure", "--out", str(out)]
+    begin = time.perf_counter()
+    process = subprocess.Popen([*command, *options], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    _, status, usage = os.wait4(process.pid, 0)
+    seconds = time.perf_counter() - begin
+    if status != 0:
+        raise SystemExit(f"{' '.join([*command, *options])} ended with status {os.waitstatus_to_exitcode(status)}")
+    manifest = json.loads(out.read_text())
+    manifest.pop("command")
+    return seconds, usage.ru_maxrss / 1024.0, manifest
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Many recordings: what was read and scored before, and a cluster that reads and scores."""

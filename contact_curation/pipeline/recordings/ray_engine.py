@@ -1,0 +1,117 @@
+"""Recordings scheduled by Ray, on one machine or a cluster: the same work as in processes of this machine.
+
+Every recording is a task on one processor, which reads, checks and scores it; the driver takes what is done as it comes. As
+many tasks wait as are under way, so that no worker is idle and the driver's memory stays flat. Ray itself repeats nothing: a
+task whose worker dies, or is killed for want of memory, is begun once more here, then given up.
+"""
+
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from contact_curation.errors import ContactCurationError, InvalidValueError
+from contact_curation.pipeline.workers import Advance, Broken, counted_work
+from contact_curation.version import __version__
+
+ONE_PROCESSOR_EACH = 1 << 16
+"""Jobs that share a machine: Ray decides how many there are, so each computes with one thread."""
+
+TRIES = 2
+
+
+class OtherReleaseError(ContactCurationError):
+    """A worker has another release of this package, whose digits may differ."""
+
+    def __init__(self, found: str, expected: str) -> None:
+        super().__init__(f"a worker of the cluster has contact_curation {found}, expected {expected} as on the driver")
+
+
+@dataclass(frozen=True)
+class RayEngine:
+    """Workers of a Ray cluster.
+
+    Attributes:
+        address: of the cluster, as `ray.init` takes it; empty for the one that RAY_ADDRESS names, else one of this machine.
+    """
+
+    address: str = ""
+
+    def __post_init__(self) -> None:
+        import_module("ray")  # where it is missing, that is said before anything is read
+
+    @property
+    def jobs(self) -> int:
+        """The same as in `Engine`."""
+        return ONE_PROCESSOR_EACH
+
+    def as_done[Input, Result](
+        self, work: Callable[[Input, Advance], Result], inputs: Sequence[Input], advance: Advance
+    ) -> Iterator[tuple[int, Result | Broken]]:
+        """The same as in `Engine`.
+
+        Raises:
+            InvalidValueError: there is no cluster at the address.
+            OtherReleaseError: its workers have another release.
+        """
+        import ray
+
+        if not inputs:
+            return
+        self._connect(ray)
+        task = ray.remote(max_retries=0, num_cpus=1)(_checked)
+        shared = ray.put(work)
+        most = 2 * max(1, int(ray.cluster_resources().get("CPU", 1)))
+        coming, under_way = deque(range(len(inputs))), dict[Any, int]()
+        tries, done = Counter[int](), 0
+        try:
+            while coming or under_way:
+                while coming and len(under_way) < most:
+                    place = coming.popleft()
+                    tries[place] += 1
+                    under_way[task.remote(__version__, shared, inputs[place])] = place
+                (reference,), _ = ray.wait(list(under_way), num_returns=1)
+                place = under_way.pop(reference)
+                result, count = self._result(ray, reference)
+                if isinstance(result, Broken) and tries[place] < TRIES:
+                    coming.append(place)
+                    continue
+                done += 1
+                advance(count, share=done / len(inputs))
+                yield place, result
+        finally:
+            for reference in under_way:
+                ray.cancel(reference, force=True)
+
+    def _connect(self, ray: Any) -> None:
+        if ray.is_initialized():
+            return
+        try:
+            # A metrics agent and a dashboard would be started on this machine, and print.
+            ray.init(address=self.address or None, include_dashboard=None if self.address else False, log_to_driver=False)
+        except (ConnectionError, ValueError, RuntimeError) as error:
+            raise InvalidValueError(
+                "--address", f"{self.address} ({error})", "the address of a Ray cluster that runs"
+            ) from error
+
+    @staticmethod
+    def _result(ray: Any, reference: Any) -> tuple[Any, int]:
+        """What a task gave, and how many tosses it counted."""
+        try:
+            result: tuple[Any, int] = ray.get(reference)
+        except ray.exceptions.RayTaskError as error:  # the work's own error
+            if isinstance(error.cause, MemoryError):
+                return Broken("asked for more memory than its worker has, twice: left out"), 0
+            raise error.cause from error
+        except ray.exceptions.RayError as error:
+            return Broken(f"broke its worker twice ({type(error).__name__}): left out"), 0
+        return result
+
+
+def _checked[Input, Result](release: str, work: Callable[[Input, Advance], Result], one: Input) -> tuple[Result, int]:
+    """In a worker: the work, by the release that the driver has. Ray sends this function with the driver's globals."""
+    installed = import_module("contact_curation.version").__version__
+    if release != installed:
+        raise OtherReleaseError(installed, release)
+    return counted_work(work, one)

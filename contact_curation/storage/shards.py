@@ -1,0 +1,105 @@
+"""A shard: a Parquet file of records of one recording, written once and whole.
+
+A row is a record: its id, its plain fields as JSON, its arrays as a blob (`stores.record_table`). What is known of all of them
+stands in the file's metadata. Pages have checksums; a shard that is damaged counts as one that is not there.
+"""
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from itertools import batched
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from contact_curation.files import replacing
+
+NOTE = b"contact_curation.note"
+ROWS = 64
+"""Of a row group: what is in memory at a time."""
+
+
+class ShardRow(NamedTuple):
+    """A record: its id, its plain fields as JSON, its arrays as a blob."""
+
+    id: str
+    head: str
+    arrays: bytes
+
+
+@contextmanager
+def writing_shard(path: Path) -> Iterator["ShardWriter"]:
+    """A shard that takes its name, whole, when the block ends well.
+
+    Raises:
+        UnwritableOutputError: it cannot be written there.
+    """
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    schema = pa.schema([("id", pa.string()), ("head", pa.string()), ("arrays", pa.binary())])
+    with (
+        replacing(path) as file,
+        parquet.ParquetWriter(file, schema, compression="zstd", use_dictionary=False, write_page_checksum=True) as writer,
+    ):
+        shard = ShardWriter(writer, schema)
+        yield shard
+        shard.flush()
+        writer.add_key_value_metadata({NOTE: json.dumps(shard.note).encode()})
+
+
+class ShardWriter:
+    """Takes the rows of a shard.
+
+    Attributes:
+        note: what is known of all of them, to be set before the end.
+    """
+
+    def __init__(self, writer: Any, schema: Any) -> None:
+        self.note: Mapping[str, Any] = {}
+        self._writer, self._schema = writer, schema
+        self._rows: list[ShardRow] = []
+
+    def add(self, row: ShardRow) -> None:
+        self._rows.append(row)
+        if len(self._rows) == ROWS:
+            self.flush()
+
+    def flush(self) -> None:
+        """Writes what was added."""
+        import pyarrow as pa
+
+        if self._rows:
+            columns = [list(column) for column in zip(*self._rows, strict=True)]
+            self._writer.write_table(pa.table(dict(zip(self._schema.names, columns, strict=True)), self._schema))
+            self._rows.clear()
+
+
+class Shard:
+    """A shard that is there.
+
+    Attributes:
+        note: what is known of all of its rows.
+    """
+
+    def __init__(self, path: Path) -> None:
+        from pyarrow import parquet
+
+        self._file = parquet.ParquetFile(path, page_checksum_verification=True)
+        self.note: dict[str, Any] = json.loads(self._file.metadata.metadata[NOTE])
+
+    def rows(self) -> Iterator[ShardRow]:
+        """The rows in their order, some in memory at a time."""
+        for group in range(self._file.num_row_groups):
+            table = self._file.read_row_group(group)
+            yield from (ShardRow(*row) for row in zip(*(column.to_pylist() for column in table.columns), strict=True))
+
+
+def shard_at(path: Path) -> Shard | None:
+    """The shard of a name; None where there is none, or a damaged one."""
+    try:
+        shard = Shard(path)
+        for _ in batched(shard.rows(), ROWS):  # all pages, with their checksums, before anyone relies on them
+            pass
+    except (OSError, KeyError, ValueError):  # pyarrow's errors are of these kinds
+        return None
+    return shard

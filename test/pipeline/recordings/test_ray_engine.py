@@ -1,0 +1,85 @@
+"""Ray schedules recordings: the same manifest as one process, and a recording that breaks its worker is a line."""
+
+import json
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from contact_curation.errors import ContactCurationError
+from contact_curation.pipeline.workers import Advance, Broken, unheard
+from test.cli.commands import Cli
+from test.storage.inputs.test_inputs import mcap_file
+
+pytest.importorskip("ray")
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[str]:
+    """The address of a cluster on this machine, with two workers."""
+    os.environ.setdefault("RAY_raylet_start_wait_time_s", "300")  # read when Ray is imported; cores may be busy
+    import ray
+    from ray.cluster_utils import Cluster
+
+    running = Cluster(initialize_head=True, head_node_args={"num_cpus": 2, "include_dashboard": False})
+    yield str(running.address)
+    ray.shutdown()
+    running.shutdown()
+
+
+def work(name: str, advance: Advance) -> str:
+    """What its name says: ends its worker always or once, asks for memory, or is done."""
+    kind, _, place = name.partition(" ")
+    if kind == "ends" or (kind == "ends-once" and not Path(place).exists()):
+        Path(place).write_text("tried") if place else None
+        os.kill(os.getpid(), signal.SIGKILL)
+    if kind == "large":
+        raise MemoryError
+    advance(2)
+    return name.upper()
+
+
+def test_what_breaks_its_worker_twice_is_a_line_and_the_others_are_done(cluster: str, tmp_path: Path) -> None:
+    from contact_curation.pipeline.recordings.ray_engine import RayEngine
+
+    counts: list[int] = []
+
+    def advance(count: int, /, *, share: float | None = None) -> None:
+        counts.append(count)
+
+    names = ["a", "ends", f"ends-once {tmp_path / 'tried'}", "large", "b"]
+    found: dict[int, Any] = dict(RayEngine(cluster).as_done(work, names, advance))
+    assert sorted(found) == [0, 1, 2, 3, 4]
+    assert [found[place] for place in (0, 2, 4)] == [names[place].upper() for place in (0, 2, 4)]
+    assert [isinstance(found[place], Broken) for place in (1, 3)] == [True, True]
+    assert sum(counts) == 6
+
+
+def test_the_manifest_is_that_of_one_process(cluster: str, cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bag = mcap_file(tmp_path)
+    bags = [bag, *(bag.with_name(f"{name}.mcap") for name in "bc")]
+    for other in bags[1:]:
+        other.write_bytes(bag.read_bytes())
+    (tmp_path / "broken.mcap").write_bytes(b"nothing")
+    manifests = []
+    for name, options in {"ray": ("--engine", "ray", "--address", cluster, "--index", tmp_path / "i"), "local": ()}.items():
+        out = tmp_path / f"{name}.json"
+        words = ("--criterion", "log-det", "--body-frame", "", "--no-figure", "--out", out)
+        outcome = cli("rank", *bags, tmp_path / "broken.mcap", *words, *options)
+        assert outcome.status == 0, outcome.err
+        manifests.append(json.loads(out.read_text()))
+        manifests[-1].pop("command")
+    assert manifests[0] == manifests[1]
+    assert len(list((tmp_path / "i" / "scores").iterdir())) == 3
+
+
+def test_another_release_on_a_worker_is_an_error(cluster: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    from contact_curation.pipeline.recordings import ray_engine
+
+    monkeypatch.setattr(ray_engine, "__version__", "0.0.1")
+    with pytest.raises(ContactCurationError, match=r"expected 0\.0\.1 as on the driver"):
+        list(ray_engine.RayEngine(cluster).as_done(work, ["a"], unheard))
