@@ -21,13 +21,6 @@ ONE_PROCESSOR_EACH = 1 << 16
 TRIES = 2
 
 
-class OtherReleaseError(ContactCurationError):
-    """A worker has another release of this package, whose digits may differ."""
-
-    def __init__(self, found: str, expected: str) -> None:
-        super().__init__(f"a worker of the cluster has contact_curation {found}, expected {expected} as on the driver")
-
-
 @dataclass(frozen=True)
 class RayEngine:
     """Workers of a Ray cluster.
@@ -53,7 +46,7 @@ class RayEngine:
 
         Raises:
             InvalidValueError: there is no cluster at the address.
-            OtherReleaseError: its workers have another release.
+            ContactCurationError: its workers have another release.
         """
         import ray
 
@@ -90,7 +83,7 @@ class RayEngine:
         try:
             # A metrics agent and a dashboard would be started on this machine, and print.
             ray.init(address=self.address or None, include_dashboard=None if self.address else False, log_to_driver=False)
-        except (ConnectionError, ValueError, RuntimeError) as error:
+        except Exception as error:  # Ray's own are of many kinds, some of none
             raise InvalidValueError(
                 "--address", f"{self.address} ({error})", "the address of a Ray cluster that runs"
             ) from error
@@ -110,8 +103,17 @@ class RayEngine:
 
 
 def _checked[Input, Result](release: str, work: Callable[[Input, Advance], Result], one: Input) -> tuple[Result, int]:
-    """In a worker: the work, by the release that the driver has. Ray sends this function with the driver's globals."""
+    """In a worker: the work, by the release that the driver has. Ray sends this function with the driver's globals.
+
+    Raises:
+        ContactCurationError: another release is installed; or what the work raised, as one that can be pickled.
+    """
     installed = import_module("contact_curation.version").__version__
     if release != installed:
-        raise OtherReleaseError(installed, release)
-    return counted_work(work, one)
+        raise ContactCurationError(
+            f"a worker of the cluster has contact_curation {installed}, expected {release} as on the driver"
+        )
+    try:
+        return counted_work(work, one)
+    except ContactCurationError as error:
+        raise ContactCurationError(str(error)) from None

@@ -21,7 +21,6 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[str]:
     """The address of a cluster on this machine, with two workers."""
-    os.environ.setdefault("RAY_raylet_start_wait_time_s", "300")  # read when Ray is imported; cores may be busy
     import ray
     from ray.cluster_utils import Cluster
 
