@@ -63,11 +63,11 @@ def found_in_the_cube(tosses: Sequence[Toss]) -> str:
     reach, gravity, rng = scale_of(CONTACTNETS_CUBE).reach, CONTACTNETS_CUBE.gravity, np.random.default_rng(0)
     whole, right, wrong = 0, 0, 0
     for toss in tosses:
-        poses = toss.positions, toss.orientations_wxyz
-        whole += int(np.count_nonzero(lost_frames(*poses, toss.frame_period, reach, gravity)))
+        positions, orientations = toss.positions, toss.orientations_wxyz
+        whole += int(np.count_nonzero(lost_frames(positions, orientations, toss.frame_period, reach, gravity)))
         count, first = int(rng.integers(1, 4)), int(rng.integers(5, max(6, toss.frames // 2)))
         left = np.delete(np.arange(toss.frames), slice(first, first + count))
-        lost = lost_frames(*(each[left] for each in poses), toss.frame_period, reach, gravity)
+        lost = lost_frames(positions[left], orientations[left], toss.frame_period, reach, gravity)
         found = {int(step): int(lost[step]) for step in np.flatnonzero(lost)}
         right += found == {first - 1: count}
         wrong += bool(found) and found != {first - 1: count}

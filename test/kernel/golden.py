@@ -430,12 +430,12 @@ def _bounces() -> Iterator[Call]:
             yield _evaluation(circular, estimator, contacts, restitution=restitution)
     states, world, arrays = _states("bounces", count), *_world(contacts)
     outputs: tuple[AnyArray, ...] = (np.zeros((count, contacts, 3)), np.zeros(count, np.int32), np.zeros(count))
-    arguments = world, restitution, count, np.full(count, PERIOD), states, *outputs
+    arguments: tuple[Argument, ...] = world, restitution, count, np.full(count, PERIOD), states, *outputs
     yield Call("bouncing step", "contact_time_step_bouncing", VOID, arguments, arrays)
     world, arrays = _world(contacts)
     outputs = (np.zeros((120, 13)), np.zeros((120, contacts, 3)), np.zeros(120, np.int32), np.zeros(120))
     given = _states("bouncing rollouts", 2, height=2.0), np.array([0, 70, 120]), np.full(2, PERIOD)
-    whole = (world, restitution, 2, *given, 2, *outputs)
+    whole: tuple[Argument, ...] = (world, restitution, 2, *given, 2, *outputs)
     yield Call("bouncing rollout", "contact_rollout_bouncing", VOID, whole, arrays)
 
 
