@@ -73,11 +73,11 @@ def run_session(
     """
     body = config.body()
     parameters = session_parameters(config, body, folder)
-    folder.make()
+    folder.make(resume=config.resume)
     write_node_parameters(folder.parameters, parameters)
     write_tag_map(config, body, folder, parameters)
     with ExitStack() as running:
-        events = running.enter_context(EventLog(folder.events))
+        events = running.enter_context(EventLog(folder.events, resume=config.resume))
 
         def tell(incident: Incident) -> None:
             events.incident(incident)
@@ -91,7 +91,7 @@ def run_session(
         session.follow(supervisor, stopped)
         staying = config.stay and bool(session.state.dashboard) and not stopped()
         supervisor.stop([name for name in parameters if not (staying and name == DASHBOARD)])
-        summary = summary_of(config, session.state, folder, supervisor.restarts, events.seconds, settled=session.settled)
+        summary = summary_of(config, session.state, folder, events.restarts, events.seconds, settled=session.settled)
         if config.record:
             reporter.say("all nodes have ended; replaying the recorded session, and writing its report")
             summary = finish_record(config, folder, parameters, command, summary, events)
@@ -154,7 +154,7 @@ class Session:
         self._stores = SessionStores(folder)
         self._events = events
         self._say = say
-        self._told = 0
+        self._told = events.count("throw")
         self._changed = time.monotonic()
         self.state = SessionState()
         self.settled = False
