@@ -20,11 +20,16 @@ from contact_curation.session.report import finish_record
 from contact_curation.session.state import SessionState, SessionStores
 from contact_curation.session.summary import SessionSummary, gains, outcome_of, summary_of
 from contact_curation.session.supervisor import Incident, ProgramFailedError, Supervisor
+from contact_curation.stages.simulated_time import AwakeClock
 
 ARM = "sim_arm"
 
 POLL = 0.25
 """[s] between looks."""
+
+LONGEST_LOOK = 0.5
+"""[s] that count of the time between two looks while throws are awaited: a machine that gives this process no time gives the
+nodes none either, and to start one of them again would only cost more of it."""
 
 AT_REST = 1.0
 """[s] that nothing must have changed for."""
@@ -165,13 +170,14 @@ class Session:
         Raises:
             ProgramFailedError: a node cannot be kept running, or no throws come.
         """
-        standstill = Standstill(time.monotonic(), self._toss_timeout)
+        awake = AwakeClock(time.monotonic, LONGEST_LOOK)
+        standstill = Standstill(awake.now(), self._toss_timeout)
         while not (stopped() or self._is_over()):
             time.sleep(POLL)
             supervisor.look()
             self._look()
             throws = len(self.state.throws)
-            if throws < self._wanted and standstill.found(throws, time.monotonic(), self.state.no_throw):
+            if throws < self._wanted and standstill.found(throws, awake.tick(), self.state.no_throw):
                 self._say("no throw for long: the arm, which may have stopped itself, is started again")
                 supervisor.kill(ARM)
         self._tell_of_throws(everything=True)

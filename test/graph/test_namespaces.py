@@ -22,7 +22,7 @@ STAGES = ("pose_ingest", "fisher_scorer", "curator", "session_recorder")
 SEEDS = {"/cell_1": 1, "/cell_2": 2}
 """Of the cells with an arm, by namespace."""
 
-LONGEST_RUN = 420.0
+LONGEST_RUN = 1500.0
 """[s] for all throws of two cells on a busy machine."""
 
 OFFSET = 20.0
