@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from contact_curation.nodes.ros.health import node_of
 from contact_curation.stages.records import BufferRecord, load_record
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.stores.information import InformationStore
@@ -316,7 +317,13 @@ def _poses_of_lives(sent_ns: list[int], session: Session, health: list[Any]) -> 
 
 
 def _values(message: Any, node: str, key: str) -> list[str]:
-    return [pair.value for status in message.message.status if status.name == node for pair in status.values if pair.key == key]
+    return [
+        pair.value
+        for status in message.message.status
+        if node_of(status.name) == node
+        for pair in status.values
+        if pair.key == key
+    ]
 
 
 def buffers(folder: Path, told: dict[str, Any]) -> Iterator[tuple[bool, str]]:
