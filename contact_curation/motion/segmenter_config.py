@@ -5,7 +5,7 @@ from math import inf, isfinite
 
 from contact_curation.configs import ranged
 from contact_curation.errors import InvalidValueError
-from contact_curation.motion.gate_config import LENGTH_NOISE
+from contact_curation.motion.gate_config import LENGTH_NOISE, airborne_noise
 from contact_curation.motion.pose_noise import RIG_NOISE
 from contact_curation.motion.scales import BodyScale, TrackerScale
 from contact_curation.motion.smoothing import noise_growth
@@ -50,7 +50,8 @@ class SegmenterConfig:
             [0.007].
         airborne_clearance: height over which all vertices of a body in the air are, in all frames that an acceleration comes
             from [m]; by default 0.191 size [0.010].
-        airborne_acceleration: largest difference of the acceleration in the air from gravity [m/s^2]; by default 0.5 g [4.905].
+        airborne_acceleration: largest difference of the acceleration in the air from gravity [m/s^2]; by default 0.5 g, or
+            what the tracker's noise can make at its rate, if that is more [4.905; 8.5 at 148 frames a second].
         frame_period: nominal time between frames [s]; by default the median of the stamp differences.
         largest_gap: longest time between frames, in frame periods.
         most_frames: a motion with more frames than this is dropped.
@@ -125,6 +126,7 @@ class SegmenterConfig:
             lowest_corner=self.lowest_corner or max(0.007 / 0.0524 * body.size, vertex),
             airborne_clearance=self.airborne_clearance or max(0.010 / 0.0524 * body.size, vertex),
             airborne_acceleration=self.airborne_acceleration or 0.5 * gravity,
+            airborne_noise=0.0 if self.airborne_acceleration else airborne_noise(tracker),
             noise=tracker.position,
             reach=body.reach,
         )
@@ -136,6 +138,8 @@ class SegmenterBounds:
 
     Attributes:
         rest_travel: how far a body at rest may come within `rest_frames` [m].
+        airborne_noise: noise may change a displacement in the air by so much from frame to frame [m]; zero where the user has
+            set `airborne_acceleration`.
         noise: of positions, in multiples of the real rig's.
         reach: of the body [m].
     """
@@ -152,12 +156,18 @@ class SegmenterBounds:
     lowest_corner: float
     airborne_clearance: float
     airborne_acceleration: float
+    airborne_noise: float
     noise: float
     reach: float
 
     def acceleration_noise(self, frame_period: float) -> float:
         """How much noisier accelerations are than the real rig's, at least 1."""
         return noise_growth(frame_period, self.noise, 2)
+
+    def airborne_bound(self, frame_period: float) -> float:
+        """`airborne_acceleration` as noise wants it [m/s^2]."""
+        least = self.airborne_noise / frame_period**2
+        return max(self.airborne_acceleration * (1.0 if least else self.acceleration_noise(frame_period)), least)
 
     def fall_tolerances(self, frame_period: float) -> tuple[float, float]:
         """`fall_tolerance` and `fall_mean_tolerance` as noise wants them, within `WIDEST_FALL`, [m/s^2]."""

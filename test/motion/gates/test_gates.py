@@ -102,7 +102,7 @@ def test_a_reason_says_what_was_found_where_and_what_was_expected() -> None:
             falling(positions=np.array([0.0, 0.0, 0.0524 - 0.0079]) + np.zeros((4, 3))),
             "depth in the board: found 0.0079 m at frame 0",
         ),
-        (pulled([0.0, 0.05, 0.0]), "acceleration in the air beyond gravity: found 7.4 m/s^2 at frame 2"),
+        (pulled([0.0, 0.06, 0.0]), "acceleration in the air beyond gravity: found 8.88 m/s^2 at frame 2"),
         (changed(falling(), "angular_velocities", 2, [2.1, 0.0, 0.0]), "change of spin in the air: found 2.1 rad/s at frame 2"),
         (pulled([0.0, 0.0, 0.15]), "energy gained in the air: found 0."),
         (changed(falling(), "positions", 2, [0.003, 0.0, 0.0]), "displacement beside the velocity: found 0.444 m/s"),
@@ -121,7 +121,7 @@ def test_each_kind_of_fault_has_its_own_reason(toss: Toss, reason: str) -> None:
     [
         falling(stamps_ns=PERIOD_NS * np.array([0, 10, 24, 34]) // 10),
         falling(orientations_wxyz=1.00009 * np.tile(quaternions.IDENTITY, (4, 1))),
-        pulled([0.0, 0.03, 0.0]),
+        pulled([0.0, 0.057, 0.0]),
         changed(falling(), "angular_velocities", 2, [1.9, 0.0, 0.0]),
         changed(falling(), "positions", 2, [0.0025, 0.0, 0.0]),
     ],
