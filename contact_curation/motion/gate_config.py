@@ -13,8 +13,8 @@ import numpy as np
 from contact_curation.configs import ranged
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.pose_noise import LOUD, RIG_NOISE, RIG_TURN
-from contact_curation.motion.scales import BodyScale, TrackerScale
+from contact_curation.motion.pose_noise import LOUD, RIG_NOISE, RIG_TURN, TrackerScale
+from contact_curation.motion.scales import BodyScale
 from contact_curation.motion.smoothing import QUIET_PERIOD
 
 LENGTH_NOISE, VELOCITY_NOISE, TURN_NOISE = 10.0, 8.0, 8.0

@@ -33,8 +33,8 @@ from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.gate_config import TURN_NOISE, GateBounds, GateConfig
-from contact_curation.motion.pose_noise import RIG_TURN
-from contact_curation.motion.scales import RIG, TossedBody, TrackerScale, scale_of
+from contact_curation.motion.pose_noise import RIG, RIG_TURN, TrackerScale
+from contact_curation.motion.scales import TossedBody, scale_of
 from contact_curation.motion.smoothing import all_around, clear_steps, noise_growth, vertex_travels
 from contact_curation.motion.toss import NANOSECONDS, Toss
 

@@ -6,8 +6,8 @@ from math import inf, isfinite
 from contact_curation.configs import ranged
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.gate_config import LENGTH_NOISE, airborne_noise
-from contact_curation.motion.pose_noise import RIG_NOISE
-from contact_curation.motion.scales import BodyScale, TrackerScale
+from contact_curation.motion.pose_noise import RIG, RIG_NOISE, TrackerScale
+from contact_curation.motion.scales import BodyScale
 from contact_curation.motion.smoothing import noise_growth
 
 RIG_GRAVITY = 9.81
@@ -56,7 +56,7 @@ class SegmenterConfig:
         largest_gap: longest time between frames, in frame periods.
         most_frames: a motion with more frames than this is dropped.
         tracker_noise: noise of the poses between frames as a multiple of the real rig's, 0.022 mm and 0.024 degrees per axis;
-            the bounds of segmenter and gates that noise reaches grow with it.
+            the bounds of segmenter and gates that noise reaches grow with it; by default it is measured (`pose_noise`).
         filter_orientations: whether a median of three is applied to orientations first, for raw trackers; ContactNets' files
             are filtered already.
     """
@@ -79,7 +79,7 @@ class SegmenterConfig:
     frame_period: float | None = ranged(None, 0.0, 1.0)
     largest_gap: float = ranged(1.5, 1.0, 1e3)
     most_frames: int = ranged(4096, 2, 1_000_000)
-    tracker_noise: float = ranged(1.0, 1.0, 1e3)
+    tracker_noise: float | None = ranged(None, 0.0, 1e3)
     filter_orientations: bool = False
 
     def __post_init__(self) -> None:
@@ -90,7 +90,7 @@ class SegmenterConfig:
                     raise InvalidValueError(each.name, value, "two numbers, the lower first [m]")
             elif each.name != "filter_orientations" and value is not None and not value > 0.0:
                 raise InvalidValueError(each.name, value, "a positive number")
-        if not 1.0 <= self.tracker_noise < inf:
+        if self.tracker_noise is not None and not 1.0 <= self.tracker_noise < inf:
             raise InvalidValueError("tracker_noise", self.tracker_noise, "1 or more, in multiples of the real rig's")
 
     @property
@@ -104,8 +104,8 @@ class SegmenterConfig:
 
     @property
     def tracker(self) -> TrackerScale:
-        """How noisy the tracker is, as its user says."""
-        return TrackerScale(self.tracker_noise, self.tracker_noise)
+        """How noisy the tracker is, as its user says; where he says nothing, as the real rig until it is measured."""
+        return RIG if self.tracker_noise is None else TrackerScale(self.tracker_noise, self.tracker_noise)
 
     def bounds(self, body: BodyScale, tracker: TrackerScale) -> "SegmenterBounds":
         """The bounds for a body and its tracker."""

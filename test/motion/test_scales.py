@@ -14,8 +14,8 @@ from contact_curation.geometry.polytopes import box
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.gates import inspect
-from contact_curation.motion.pose_noise import LOUD, RIG_NOISE
-from contact_curation.motion.scales import RIG, TrackerScale, scale_of, size_of
+from contact_curation.motion.pose_noise import LOUD, RIG, RIG_NOISE, TrackerScale
+from contact_curation.motion.scales import scale_of, size_of
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import Toss

@@ -13,7 +13,8 @@ from contact_curation.geometry.polytopes import box
 from contact_curation.motion import gates
 from contact_curation.motion.gate_config import GateBounds, GateConfig
 from contact_curation.motion.gates import Steps, cone_gate, impulse_gate, inspect, steps_of, twist_gate
-from contact_curation.motion.scales import RIG, scale_of
+from contact_curation.motion.pose_noise import RIG
+from contact_curation.motion.scales import scale_of
 from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import Toss
 from test.motion.faults import contaminated, with_outliers
