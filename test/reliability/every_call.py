@@ -57,6 +57,7 @@ class Program:
         before: makes what is in `out` before it.
         plain: what of a file must be the same in every run; None of a file that is a part of another one.
         wholes: folders in `out` that appear as a whole.
+        once: refuses to be started again where its result is.
         grows: where files are added to or belong together: gives what is wrong after a failure, or nothing, from `out` and that
             of an undisturbed run.
     """
@@ -66,6 +67,7 @@ class Program:
     before: Callable[[Path, Path], None] = lambda _, __: None
     plain: Callable[[Path], object] = bytes_of
     wholes: tuple[str, ...] = ()
+    once: bool = False
     grows: Callable[[Path, Path], str] | None = None
 
 
@@ -176,6 +178,8 @@ class Trial:
 
     def _after_restart(self, killed: bool) -> tuple[str, ...]:
         """What is wrong after the same program was started again; from equal files once."""
+        if self._program.once and _visible(self._content()) == _visible(self._new):
+            return ()
         found = tuple(sorted(self._bytes().items()))
         if found not in self._restarted:
             self._restarted[found] = tuple(self._restart(killed))

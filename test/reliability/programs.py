@@ -348,7 +348,7 @@ PROGRAMS: dict[str, Program] = {
     "train": Program(
         verb(
             *("train", "IN/tosses", "--out", "OUT/model.safetensors", "--steps", "4", "--set", "training.evaluation_steps=2"),
-            *("--resume", "--checkpoint-every", "0", "--held-out", "3"),
+            *("--resume", "--checkpoint-every", "0", "--held-out", "1"),
         ),
         tosses,
         grows=opens(part_of_checkpoint),
@@ -363,7 +363,9 @@ PROGRAMS: dict[str, Program] = {
         tosses,
         earlier("import", "contactnets", "IN/tosses/0.pt", "--out", "OUT/bag.mcap"),
     ),
-    "import-folder": Program(verb("import", "contactnets", "IN/tosses", "--out", "OUT/bag"), tosses, wholes=("bag",)),
+    "import-folder": Program(
+        verb("import", "contactnets", "IN/tosses", "--out", "OUT/bag"), tosses, wholes=("bag",), once=True
+    ),
     "design": Program(
         verb("design", "--throws", "2", "--out", "OUT/t.json", *(w for one in SMALL_DESIGN for w in ("--set", one))),
         before=earlier("design", "--throws", "1", "--out", "OUT/t.json", *(w for one in SMALL_DESIGN for w in ("--set", one))),
@@ -377,6 +379,7 @@ PROGRAMS: dict[str, Program] = {
             verb("export", "IN/bag.mcap", "--manifest", "IN/manifest.json", "--format", form, "--out", f"OUT/{form}"),
             bag,
             wholes=(form,),
+            once=True,
         )
         for form in EXPORTS
     },
