@@ -102,11 +102,11 @@ def rows_of_rate(rate: int, count: int, seed: int) -> Iterator[Row]:
             [outcome(poses, true, rate, said) for poses, true in zip(streams, motions, strict=True)]
             for said in (1.0, None, multiple)
         )
-        shares = (float(np.mean([not one.against for one in each])) for each in (plain, measured, told))
+        as_rig, by_default, when_told = (float(np.mean([not one.against for one in each])) for each in (plain, measured, told))
         in_hand = float(np.mean([one.against == IN_HAND for one in measured]))
         left = [1e3 * one.to_slide for one in measured if not one.against]
         to_slide = float(np.median(left)) if left else np.nan
-        yield Row(rate, multiple, *shares, in_hand, to_slide, (most(plain), most(measured), most(told)))
+        yield Row(rate, multiple, as_rig, by_default, when_told, in_hand, to_slide, (most(plain), most(measured), most(told)))
 
 
 def motion(release: Array, period: float) -> Array:

@@ -189,8 +189,10 @@ class TossIngest:
     def _judged(self, motions: Iterable[Toss | Rejected]) -> Iterator[Toss | Rejected]:
         """Motions, counted and calibrated, tosses after the gates."""
         for motion in motions:
-            toss = apply_calibration(motion.toss if isinstance(motion, Rejected) else motion, self.config.rig)
-            judged = isinstance(motion, Rejected)
-            reasons = motion.reasons if judged else inspect(toss, self._body, self.config.gates, self.tracker)
+            if isinstance(motion, Rejected):
+                toss, reasons = apply_calibration(motion.toss, self.config.rig), motion.reasons
+            else:
+                toss = apply_calibration(motion, self.config.rig)
+                reasons = inspect(toss, self._body, self.config.gates, self.tracker)
             self._outcomes["rejected" if reasons else "tosses"] += 1
             yield Rejected(toss, reasons) if reasons else toss

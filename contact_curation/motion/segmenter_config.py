@@ -56,7 +56,7 @@ class SegmenterConfig:
         largest_gap: longest time between frames, in frame periods.
         most_frames: a motion with more frames than this is dropped.
         tracker_noise: noise of the poses between frames as a multiple of the real rig's, 0.022 mm and 0.024 degrees per axis;
-            the bounds of segmenter and gates that noise reaches grow with it; by default it is measured (`pose_noise`).
+            the bounds of segmenter and gates that noise reaches grow with it; by default it is measured.
         filter_orientations: whether a median of three is applied to orientations first, for raw trackers; ContactNets' files
             are filtered already.
     """
