@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from contact_curation.errors import InvalidValueError
@@ -16,6 +16,7 @@ from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.scales import TossedBody
 from contact_curation.motion.segmenter import TossSegmenter
 from contact_curation.motion.segmenter_config import SegmenterConfig
+from contact_curation.motion.survey.lost_frames import MOST
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
 
 IngestEvent = Toss | Rejected | BadPose
@@ -65,6 +66,9 @@ class TossIngest:
         self.noise = PoseNoise()
         self._first_ns: int | None = None
         self._noisy_ns: int | None = None
+        self._gates = config.gates
+        if config.segmenter.closed_up:  # gaps of the stream itself are the segmenter's, which knows none of these
+            self._gates = replace(config.gates, largest_gap=max(config.gates.largest_gap, MOST + 1.5))
 
     @property
     def counts(self) -> Counter[str]:
@@ -193,6 +197,6 @@ class TossIngest:
                 toss, reasons = apply_calibration(motion.toss, self.config.rig), motion.reasons
             else:
                 toss = apply_calibration(motion, self.config.rig)
-                reasons = inspect(toss, self._body, self.config.gates, self.tracker)
+                reasons = inspect(toss, self._body, self._gates, self.tracker)
             self._outcomes["rejected" if reasons else "tosses"] += 1
             yield Rejected(toss, reasons) if reasons else toss
