@@ -1,8 +1,9 @@
 """The whole loop for long, faster than real time, with nodes killed on the way: what grows, what gets lost, what comes out.
 
-    python -m benchmarks.speed.soak --throws 200 --folder soak
+    python -m benchmarks.speed.soak --throws 1000 --folder soak [--minutes M]
 
-Every so many throws one of the eight nodes is killed with SIGKILL; the seed says in which order they come. At the end:
+Every ten throws one of the nine nodes is killed with SIGKILL; the seed says in which order they come. A run that is stopped
+(Ctrl-C, SIGTERM, or after M minutes) is gone on with by the same command; fewer throws than were made end it there. At the end:
 
 - memory and descriptors of each process that lives long enough, late against early (throw 50, or 20 throws after its start);
 - disk: what each toss took in stores, recordings and logs;
@@ -10,7 +11,7 @@ Every so many throws one of the eight nodes is killed with SIGKILL; the seed say
   recorded; so was every pose that sim_camera published, once and in order; what the recorder itself says that it missed;
 - the buffer: that of fresh, undisturbed nodes fed with the recorded poses at the session's last theta, and that of `rank`.
 
-The exit status is 1 where one of these does not hold.
+The exit status is 1 where one of these does not hold, and 3 where throws are left to be made.
 """
 
 import argparse
@@ -26,13 +27,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from contact_curation.nodes.ros.health import node_of
 from contact_curation.stages.records import BufferRecord, load_record
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.stores.information import InformationStore
 from contact_curation.storage.stores.tosses import TossStore
 from test.graph.parts.processes import spawn_node
 
-EIGHT = ("pose_ingest", "fisher_scorer", "curator", "trainer", "throw_designer", "sim_arm", "sim_camera", "dashboard")
+NODES = (
+    "pose_ingest", "fisher_scorer", "curator", "trainer", "throw_designer", "sim_arm", "sim_camera", "dashboard",
+    "session_recorder",
+)  # fmt: skip
+EVERY = 10
+"""Throws between two kills."""
 POSES, STATIC = "/tagslam/odom/body_cube", "/tf_static"
 BUDGETS = """
 /**/trainer:
@@ -41,18 +48,21 @@ BUDGETS = """
   ros__parameters:
     design: {pool: 48, reference: 32}
     refinement: {generations: 4}
-    readiness: {least_agreement: -1.0}
+    readiness: {least_agreement: 0.0}
     toss_timeout: 3.0
     retry_period: 0.5
 """
 EARLY, SETTLING = 50, 20
 """Throws of the session, and of a process, after which its memory is taken for the first time."""
-ALLOWED_GROWTH = 0.05
+ALLOWED_GROWTH = 0.01
+"""Of a process's memory in a hundred throws."""
 PERIOD = 1.0
 """[s] between samples."""
 PATIENCE = 300.0
 """[s] that the undisturbed nodes get."""
 DOMAIN = 91
+UNFINISHED = 3
+"""Exit status where throws are left."""
 
 
 class Sample(NamedTuple):
@@ -74,10 +84,17 @@ class Session:
         self.throws = 0
         self.pids: dict[str, int] = {}
         self.events: list[dict[str, Any]] = []
+        self.look()
+        self.pids.clear()  # of an earlier run
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is one already."""
+        return self._path.exists()
 
     def look(self) -> None:
         """Reads what was added to the events."""
-        if not self._path.exists():
+        if not self.exists:
             return
         with self._path.open() as file:
             file.seek(self._read)
@@ -96,59 +113,98 @@ class Session:
         self.throws += event["event"] == "throw"
 
 
+class Kills:
+    """Kills on the way, each node once in nine of them, in an order that the seed and its number give.
+
+    Args:
+        path: file that has a line for each; gone on with.
+        seed: of the order.
+    """
+
+    def __init__(self, path: Path, seed: int) -> None:
+        self._path, self._seed = path, seed
+        self.made = len(path.read_text().splitlines()) if path.exists() else 0
+
+    def due(self, throws: int) -> bool:
+        """Whether the next one is."""
+        return throws >= EVERY * (self.made + 1)
+
+    def kill(self, session: Session) -> None:
+        """The next node, once it runs."""
+        order = np.random.default_rng((self._seed, self.made // len(NODES))).permutation(NODES)
+        victim = str(order[self.made % len(NODES)])
+        if victim in session.pids:
+            os.kill(session.pids[victim], signal.SIGKILL)
+            self.made += 1
+            with self._path.open("a") as file:
+                file.write(f"throw {session.throws}: {victim}\n")
+
+
 def main() -> int:
-    """Runs the soak; returns the exit status."""
+    """Runs the soak, or goes on with it; returns the exit status."""
     parser = argparse.ArgumentParser(description="a long session whose nodes are killed now and then")
     parser.add_argument("--throws", type=int, default=200)
-    parser.add_argument("--every", type=int, default=10, help="throws between two kills")
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="stop after so long; the same command goes on")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--folder", type=Path, default=Path("soak"))
     arguments = parser.parse_args()
-    session, samples, seconds = soak(arguments.folder, arguments.throws, arguments.every, arguments.seed)
-    (arguments.folder / "memory.json").write_text(json.dumps(samples))
-    told = json.loads((arguments.folder / "session.json").read_text())
-    print(f"{session.throws} throws in {seconds:.0f} s; restarts: {told['summary']['restarts']}")
+    folder = arguments.folder
+    session = soak(folder, arguments.throws, arguments.seed, 60.0 * arguments.minutes)
+    kills = Kills(folder / "kills.txt", arguments.seed).made
+    print(f"{session.throws} throws, {kills} kills")
+    if session.throws < arguments.throws:
+        print("not finished: the same command goes on; --throws with fewer than were made ends it")
+        return UNFINISHED
+    told = json.loads((folder / "session.json").read_text())
+    print(f"{told['summary']['seconds']:.0f} s; restarts: {told['summary']['restarts']}")
+    samples = [Sample(*json.loads(line)) for line in (folder / "samples.jsonl").read_text().splitlines()]
     findings = [
         *growth(samples),
-        *disk(arguments.folder, told["summary"]["tosses"]),
-        *lost(arguments.folder, session, told),
-        *buffers(arguments.folder, told),
+        *disk(folder, told["summary"]["tosses"]),
+        *lost(folder, session, told),
+        *buffers(folder, told),
     ]
     for sound, line in findings:
         print(f"{'ok ' if sound else 'NOT'}  {line}")
     return 0 if all(sound for sound, _ in findings) else 1
 
 
-def soak(folder: Path, throws: int, every: int, seed: int) -> tuple[Session, list[Sample], float]:
-    """Runs the session, and kills."""
-    folder.mkdir(parents=True)
+def soak(folder: Path, throws: int, seed: int, seconds: float) -> Session:
+    """Runs the session, or goes on with it, and kills."""
+    folder.mkdir(parents=True, exist_ok=True)
     budgets = folder / "budgets.yaml"
     budgets.write_text(BUDGETS)
-    record = folder
+    session, kills = Session(folder), Kills(folder / "kills.txt", seed)
     command = [sys.executable, "-m", "contact_curation.cli.main", "online", "--throws", str(throws), "--rate", "0"]
-    command += ["--top", "16", "--seed", str(seed), "--params-file", str(budgets), "--record", str(record)]
-    random = np.random.default_rng(seed)
-    session, samples, due, deck = Session(folder), [], every, list[str]()
-    began = time.monotonic()
-    with (folder / "online.log").open("wb") as log, subprocess.Popen(command, stdout=log, stderr=log) as online:
+    command += ["--top", "16", "--seed", str(seed), "--params-file", str(budgets), "--record", str(folder)]
+    command += ["--resume"] if session.exists else []
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    end = time.monotonic() + seconds
+    with (
+        (folder / "online.log").open("ab") as log,
+        (folder / "samples.jsonl").open("a") as samples,
+        subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True) as online,
+    ):
         try:
-            while online.poll() is None:
+            while online.poll() is None and time.monotonic() < end:
                 time.sleep(PERIOD)
                 session.look()
-                samples += [Sample(session.throws, node, pid, *held(pid)) for node, pid in session.pids.items()]
-                if due <= session.throws < throws:
-                    due += every
-                    deck = deck or [str(one) for one in random.permutation(EIGHT)]
-                    victim = deck.pop()
-                    if victim in session.pids:
-                        print(f"throw {session.throws}: {victim} is killed", flush=True)
-                        os.kill(session.pids[victim], signal.SIGKILL)
+                for node, pid in session.pids.items():
+                    resident, descriptors = held(pid)
+                    if resident:
+                        samples.write(json.dumps(Sample(session.throws, node, pid, resident, descriptors)) + "\n")
+                if kills.due(session.throws) and session.throws < throws:
+                    kills.kill(session)
+        except KeyboardInterrupt:
+            print("stopping the session")
         finally:
-            online.terminate()
+            if online.poll() is None:
+                online.terminate()
+            status = online.wait()
     session.look()
-    if online.returncode != 0:
+    if status not in (0, 128 + signal.SIGINT):
         raise SystemExit(f"the session failed: {(folder / 'online.log').read_text().strip().rpartition(chr(10))[2]}")
-    return session, [one for one in samples if one.resident], time.monotonic() - began
+    return session
 
 
 def held(pid: int) -> tuple[int, int]:
@@ -162,21 +218,46 @@ def held(pid: int) -> tuple[int, int]:
 
 
 def growth(samples: list[Sample]) -> Iterator[tuple[bool, str]]:
-    """Of each process that lived long enough."""
-    lives: dict[tuple[str, int], list[Sample]] = {}
-    for one in samples:
-        lives.setdefault((one.node, one.pid), []).append(one)
-    for (node, pid), life in lives.items():
-        first = max(EARLY, life[0].throws + SETTLING)
-        early = [one for one in life if first <= one.throws < first + SETTLING]
-        late = [one for one in life if one.throws >= max(life[-1].throws - SETTLING // 2, first + SETTLING)]
-        if early and late:
-            before, after = (float(np.median([one.resident for one in part])) for part in (early, late))
-            grown = after / before - 1.0
-            sizes = f"{before / 1e6:.0f} to {after / 1e6:.0f} MB, throws {first} to {life[-1].throws}"
-            yield grown <= ALLOWED_GROWTH, f"memory of {node} ({pid}): {100.0 * grown:+.1f} % ({sizes})"
-            few, many = (float(np.median([one.descriptors for one in part])) for part in (early, late))
-            yield many <= few, f"descriptors of {node} ({pid}): {few:g} to {many:g}"
+    """Of each node: its memory at the beginning and the end of the session, and the growth of its processes."""
+    for node in NODES:
+        lives: dict[int, list[Sample]] = {}
+        for one in samples:
+            if one.node == node:
+                lives.setdefault(one.pid, []).append(one)
+        grown = [found for found in map(_grown, lives.values()) if found]
+        if not grown:
+            continue
+        first, last, percent = grown[0], grown[-1], float(np.median([one.percent for one in grown]))
+        sizes = f"{first.before / 1e6:.0f} MB after {first.throws} throws, {last.after / 1e6:.0f} MB at the end"
+        yield (
+            percent <= 100.0 * ALLOWED_GROWTH,
+            f"memory of {node}: {percent:+.1f} % in 100 throws (median of {len(grown)} lives), {sizes}",
+        )
+        more = max(one.descriptors for one in grown)
+        yield more <= 0, f"descriptors of {node}: {more:+g} in a life at most"
+
+
+class Growth(NamedTuple):
+    """Of a process: throws at the beginning, memory then and at its end [bytes], share in 100 throws, more descriptors."""
+
+    throws: int
+    before: float
+    after: float
+    percent: float
+    descriptors: float
+
+
+def _grown(life: list[Sample]) -> Growth | None:
+    """None for a process that did not live long enough."""
+    first = max(EARLY, life[0].throws + SETTLING)
+    early = [one for one in life if first <= one.throws < first + SETTLING // 2]
+    late = [one for one in life if one.throws >= max(life[-1].throws - SETTLING // 2, first + SETTLING)]
+    if not (early and late):
+        return None
+    before, after = (float(np.median([one.resident for one in part])) for part in (early, late))
+    throws = float(np.median([one.throws for one in late])) - float(np.median([one.throws for one in early]))
+    few, many = (float(np.median([one.descriptors for one in part])) for part in (early, late))
+    return Growth(first, before, after, (after / before - 1.0) * 100.0 / throws, many - few)
 
 
 def disk(folder: Path, tosses: int) -> Iterator[tuple[bool, str]]:
@@ -236,7 +317,13 @@ def _poses_of_lives(sent_ns: list[int], session: Session, health: list[Any]) -> 
 
 
 def _values(message: Any, node: str, key: str) -> list[str]:
-    return [pair.value for status in message.message.status if status.name == node for pair in status.values if pair.key == key]
+    return [
+        pair.value
+        for status in message.message.status
+        if node_of(status.name) == node
+        for pair in status.values
+        if pair.key == key
+    ]
 
 
 def buffers(folder: Path, told: dict[str, Any]) -> Iterator[tuple[bool, str]]:

@@ -28,6 +28,7 @@ from contact_curation.design.safety import Feasible
 from contact_curation.design.throw import Throw
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
+from contact_curation.motion.smoothing import QUIET_PERIOD
 
 
 @dataclass(frozen=True)
@@ -172,14 +173,18 @@ class Designer:
         """Of throws at a theta; errors as there."""
         return Planner([particle], self.prior, config=self.config.planner, feasible=self.feasible)
 
-    def unready_reason(self, losses: Sequence[float], scores: Callable[[], Sequence[Array]]) -> str | None:
+    def unready_reason(
+        self, losses: Sequence[float], known: Sequence[TossInformation], scores: Callable[[], Sequence[Array]]
+    ) -> str | None:
         """Why a theta does not pass the readiness check, in one line; None when it does.
 
         Args:
             losses: mean loss of each toss that is known at it, when it was first scored, oldest first.
+            known: the same tosses; their frame period is the tracker's.
             scores: gives the reference throws' scores at it and at the theta before; costly, and asked for last.
         """
-        check = self.config.readiness.of_body(self.body)
+        periods = [one.duration / one.transitions for one in known if one.transitions]
+        check = self.config.readiness.of_body(self.body, float(np.median(periods)) if periods else QUIET_PERIOD)
         if not check.enabled:
             return None
         without_scores = unready_reason(replace(check, least_agreement=-1.0), losses, [np.arange(2.0)] * 2)

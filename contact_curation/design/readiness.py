@@ -13,12 +13,17 @@ from itertools import pairwise
 
 import numpy as np
 
+from contact_curation.configs import ranged
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.smoothing import QUIET_PERIOD, noise_growth
 
 CUBE_LOSS = 0.15
 """Largest loss of ContactNets' cube, characteristic units."""
+
+NOISE_LOSS = 0.007
+"""The part of it that the noise of its rig may have at 150 frames a second: four times what it has in simulated tosses."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +36,9 @@ class ReadinessConfig:
         recent: number of newest tosses whose losses are checked.
         largest_loss: largest median loss of the newest tosses, each when it was first scored, in characteristic units
             (method.md 1.2); by default m (v / length scale)^2 with v = 33 mm/s, a velocity that no impulse explains: 0.15 for
-            ContactNets' cube, whose real tosses have 0.02 at the true parameters.
+            ContactNets' cube, whose real tosses have 0.02 at the true parameters. Noise adds what it makes of velocities over
+            150 frames a second, or with a noisier tracker than the real rig.
+        tracker_noise: noise of the poses as a multiple of the real rig's, as in pose_ingest's segmenter.tracker_noise.
         least_agreement: smallest Spearman correlation of the reference throws' information between two thetas.
         most_tosses: from this many scored tosses on agreement is no longer required, only the loss; 0 requires it always.
     """
@@ -40,6 +47,7 @@ class ReadinessConfig:
     least_tosses: int = 4
     recent: int = 3
     largest_loss: float | None = None
+    tracker_noise: float = ranged(1.0, 1.0, 1e3)
     least_agreement: float = 0.5
     most_tosses: int = 6
 
@@ -49,13 +57,16 @@ class ReadinessConfig:
                 raise InvalidValueError(f"readiness.{name}", getattr(self, name), f"at least {least}")
         if self.largest_loss is not None and not self.largest_loss > 0.0:
             raise InvalidValueError("readiness.largest_loss", self.largest_loss, "a positive number")
+        if not 1.0 <= self.tracker_noise < np.inf:
+            raise InvalidValueError("readiness.tracker_noise", self.tracker_noise, "1 or more, in multiples of the real rig's")
         if not -1.0 <= self.least_agreement <= 1.0:
             raise InvalidValueError("readiness.least_agreement", self.least_agreement, "a correlation")
 
-    def of_body(self, body: Body) -> "ReadinessConfig":
-        """The same with a loss for the body, where its user has set none."""
+    def of_body(self, body: Body, frame_period: float = QUIET_PERIOD) -> "ReadinessConfig":
+        """The same with a loss for the body and its tracker's frame period [s], where its user has set none."""
         cube = CONTACTNETS_CUBE
-        loss = CUBE_LOSS * body.mass / cube.mass * (cube.length_scale / body.length_scale) ** 2
+        of_cube = CUBE_LOSS + NOISE_LOSS * (noise_growth(frame_period, self.tracker_noise) ** 2 - 1.0)
+        loss = of_cube * body.mass / cube.mass * (cube.length_scale / body.length_scale) ** 2
         return replace(self, largest_loss=self.largest_loss or loss)
 
 

@@ -163,7 +163,7 @@ class DesignedThrows:
         if not self._begun:
             return "parameters: found none, expected some"
         losses = [self._losses[info.toss_id] for info in self._infos if info.toss_id in self._losses]
-        return self._designer.unready_reason(losses, self._reference_scores)
+        return self._designer.unready_reason(losses, self._infos, self._reference_scores)
 
     def _reference_scores(self) -> Sequence[Array]:
         """At this theta and at the last other one that was asked about."""

@@ -13,15 +13,27 @@ import numpy as np
 from contact_curation.configs import ranged
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.pose_noise import RIG_NOISE, RIG_TURN
-from contact_curation.motion.scales import BodyScale, TrackerScale
+from contact_curation.motion.pose_noise import LOUD, RIG_NOISE, RIG_TURN, TrackerScale
+from contact_curation.motion.scales import BodyScale
 from contact_curation.motion.smoothing import QUIET_PERIOD
 
 LENGTH_NOISE, VELOCITY_NOISE, TURN_NOISE = 10.0, 8.0, 8.0
 """So many standard deviations of poses no bound may be under: of lengths, of velocities (over a frame period), of turns."""
 
+AIRBORNE_NOISE = 11.0
+"""Standard deviations of a position: noise changes a displacement in the air by more from frame to frame in 1 of 100,000.
+
+The velocity that gravity changes leaves the median of three nothing to do, so the vertical one is a second difference (a
+standard deviation of sqrt(6)); in the horizontal ones the median leaves 1.07. The acceleration is this over the squared period.
+"""
+
 FRICTION_MARGIN = 1.5
 """A body's friction is what somebody took it for."""
+
+
+def airborne_noise(tracker: TrackerScale) -> float:
+    """How much noise, up to `LOUD` times what is told, may change a displacement in the air from frame to frame [m]."""
+    return AIRBORNE_NOISE * LOUD * RIG_NOISE * tracker.position
 
 
 @dataclass(frozen=True)
@@ -40,7 +52,8 @@ class GateConfig:
         largest_friction: friction coefficient of the cone; by default 1.5 times the body's, at least 0.5 [0.5].
         impulse_tolerance: tolerance of impulses outside the friction cone [m/s]; by default 0.219 sqrt(size g) [0.157].
         airborne_clearance: height over which all vertices of a body in the air are [m]; by default 0.191 size [0.010].
-        airborne_acceleration: largest acceleration in the air beside gravity [m/s^2]; by default 0.6 g [5.89].
+        airborne_acceleration: largest acceleration in the air beside gravity [m/s^2]; by default 0.6 g, or what the tracker's
+            noise can make at its rate, if that is more [5.89; 8.5 at 148 frames a second].
         airborne_spin_change: largest change of angular velocity between frames in the air, beside free rotation [rad/s]; by
             default 2.
         twist_leverage: factor on the levers of the body, larger than 1 where its inertia is not well known.
@@ -100,6 +113,7 @@ class GateConfig:
             impulse_tolerance=self.impulse_tolerance or 0.21925646 * sqrt(gravity * body.size),
             airborne_clearance=self.airborne_clearance or max(0.010 / 0.0524 * body.size, vertex),
             airborne_acceleration=self.airborne_acceleration or 0.6 * gravity,
+            airborne_noise=0.0 if self.airborne_acceleration else airborne_noise(tracker),
             airborne_spin_change=self.airborne_spin_change or 2.0,
             levers=self.twist_leverage * body.levers,
             twist_tolerance=self.twist_tolerance or max(2.0, pushed * float(body.levers.max())),
@@ -125,6 +139,8 @@ class GateBounds:
 
     Attributes:
         levers: (3,) about the principal axes of inertia, those of `scales` times `twist_leverage` [rad/m].
+        airborne_noise: noise may change a displacement in the air by so much from frame to frame [m]; zero where the user has
+            set the bound.
         energy_speed: energy that a speed of 1 m/s may gain in the air, per mass [m/s]; zero where the user has set the bound.
         least_impulse: from frame to frame noise may be taken for an impulse that is so long [m]; likewise.
         least_jump: likewise for a jump [m].
@@ -136,6 +152,7 @@ class GateBounds:
     impulse_tolerance: float
     airborne_clearance: float
     airborne_acceleration: float
+    airborne_noise: float
     airborne_spin_change: float
     levers: Array
     twist_tolerance: float

@@ -33,8 +33,8 @@ from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.gate_config import TURN_NOISE, GateBounds, GateConfig
-from contact_curation.motion.pose_noise import RIG_TURN
-from contact_curation.motion.scales import RIG, TossedBody, TrackerScale, scale_of
+from contact_curation.motion.pose_noise import RIG, RIG_TURN, TrackerScale
+from contact_curation.motion.scales import TossedBody, scale_of
 from contact_curation.motion.smoothing import all_around, clear_steps, noise_growth, vertex_travels
 from contact_curation.motion.toss import NANOSECONDS, Toss
 
@@ -198,7 +198,8 @@ def impulse_bound(steps: Steps, bounds: GateBounds) -> float:
 def airborne_gate(steps: Steps, bounds: GateBounds) -> str:
     """Checks that only gravity accelerates a body in the air."""
     pushed = np.where(steps.airborne, np.linalg.norm(steps.contact_velocities, axis=1) / steps.dt, 0.0)
-    bound = bounds.airborne_acceleration * steps.growth(steps.tracker.position, 2)
+    least = bounds.airborne_noise / steps.toss.frame_period**2
+    bound = max(bounds.airborne_acceleration * (1.0 if least else steps.growth(steps.tracker.position, 2)), least)
     return _worst("acceleration in the air beyond gravity", pushed, bound, "m/s^2")
 
 

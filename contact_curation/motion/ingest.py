@@ -1,7 +1,7 @@
 """Turns measured poses into tosses that may be scored: track, even stamps, segment, calibrate, check."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -11,13 +11,13 @@ from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration, a
 from contact_curation.motion.even_stamps import StampEvener
 from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.gates import inspect
-from contact_curation.motion.pose_noise import PoseNoise
+from contact_curation.motion.pose_noise import RIG, PoseNoise, TrackerScale, scattering
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.scales import TossedBody
 from contact_curation.motion.segmenter import TossSegmenter
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.survey.lost_frames import MOST
-from contact_curation.motion.toss import Rejected, Toss
+from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
 
 IngestEvent = Toss | Rejected | BadPose
 
@@ -50,7 +50,7 @@ class TossIngest:
 
     Attributes:
         counts: how often what happened: "poses", "tosses", "rejected", stamps that were "evened", and kinds of bad poses.
-        noise: how much the poses scatter; no part of the state.
+        noise: how much the poses scatter.
     """
 
     def __init__(
@@ -64,6 +64,8 @@ class TossIngest:
         self._segmenter = TossSegmenter(config.segmenter, body, source=source, rig=config.rig)
         self._outcomes: Counter[str] = Counter()
         self.noise = PoseNoise()
+        self._first_ns: int | None = None
+        self._noisy_ns: int | None = None
         self._gates = config.gates
         if config.segmenter.closed_up:  # gaps of the stream itself are the segmenter's, which knows none of these
             self._gates = replace(config.gates, largest_gap=max(config.gates.largest_gap, MOST + 1.5))
@@ -76,7 +78,22 @@ class TossIngest:
 
     def noise_warning(self) -> str:
         """One line where the poses are much noisier than the segmenter expects; else nothing."""
-        return self.noise.warning(self.config.segmenter.tracker_noise)
+        return self.noise.warning(self.tracker.position)
+
+    @property
+    def tracker(self) -> TrackerScale:
+        """How noisy a tracker the bounds are for."""
+        return self._segmenter.tracker
+
+    @property
+    def noise_done(self) -> str:
+        """What bounds are taken because of the noise that was measured, one line; nothing where they are the real rig's."""
+        tracker = self.tracker
+        if self.config.segmenter.tracker_noise is not None or tracker == RIG:
+            return ""
+        bounds = f"bounds for {tracker.position:.2g} times the real rig's noise, {tracker.turn:.2g} times of orientations"
+        since = f"from {(self._noisy_ns or 0) / NANOSECONDS:.1f} s after the first pose on"
+        return f"{scattering(self.noise.multiple)}: {since} there are {bounds}; segmenter.tracker_noise sets them for all poses"
 
     @property
     def stamps_done(self) -> str:
@@ -95,12 +112,12 @@ class TossIngest:
 
     def push(self, measured: FramePose | BadPose) -> tuple[IngestEvent, ...]:
         """Takes in a measurement of the body or the rig; gives what became complete, in order."""
-        return tuple(self._outcome(event) for event in self._followed(self._tracker.push(measured)))
+        return tuple(self._followed(self._tracker.push(measured)))
 
     def flush(self) -> tuple[IngestEvent, ...]:
         """Ends the stream; a toss that is not at rest is rejected."""
-        ended = [*self._followed(self._tracker.flush()), *self._segmented(self._stamps.flush()), *self._segmenter.flush()]
-        return tuple(self._outcome(event) for event in ended)
+        ended = [*self._followed(self._tracker.flush()), *self._segmented(self._stamps.flush())]
+        return (*ended, *self._judged(self._segmenter.flush()))
 
     def snapshot(self) -> dict[str, Any]:
         """The state as plain numbers, lists and names: JSON keeps it exactly."""
@@ -109,6 +126,7 @@ class TossIngest:
             "stamps": self._stamps.snapshot(),
             "segmenter": self._segmenter.snapshot(),
             "outcomes": dict(self._outcomes),
+            "noise": self.noise.snapshot() | {"first_ns": self._first_ns, "noisy_ns": self._noisy_ns},
         }
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
@@ -119,12 +137,15 @@ class TossIngest:
         """
         try:
             tracker, segmenter, outcomes = snapshot["tracker"], snapshot["segmenter"], Counter(snapshot["outcomes"])
-            stamps = snapshot.get("stamps")  # states of before there was one go on without
+            stamps, noise = snapshot.get("stamps"), snapshot.get("noise")  # states of before there was one go on without
         except (KeyError, TypeError) as error:
             raise InvalidValueError("ingest state", repr(snapshot)[:80], "what TossIngest.snapshot gave") from error
         self._tracker.restore(tracker)
         if stamps is not None:
             self._stamps.restore(stamps)
+        if noise is not None:
+            self.noise.restore(noise)
+            self._first_ns, self._noisy_ns = noise["first_ns"], noise["noisy_ns"]
         self._segmenter.restore(segmenter)
         self._outcomes = outcomes
 
@@ -137,7 +158,8 @@ class TossIngest:
             elif isinstance(event, ClockJump):
                 followed += self._segmented(self._stamps.flush())
                 self.noise.reset()
-                followed += self._segmenter.reset(f"clock: found a jump back by {event.back:.3f} s, expected stamps that go on")
+                why = f"clock: found a jump back by {event.back:.3f} s, expected stamps that go on"
+                followed += self._judged(self._segmenter.reset(why))
             else:
                 followed.append(event)
         return followed
@@ -151,18 +173,30 @@ class TossIngest:
                 continue
             if self._placed is not None:
                 self._placed(pose)
-            self.noise.push(pose.stamp_ns, pose.pose.position)
-            ended += self._segmenter.push(pose.stamp_ns, pose.pose.position, pose.pose.orientation_wxyz)
+            self.noise.push(pose.stamp_ns, pose.pose.position, pose.pose.orientation_wxyz)
+            ended += self._judged(self._noise_followed(pose.stamp_ns))
+            ended += self._judged(self._segmenter.push(pose.stamp_ns, pose.pose.position, pose.pose.orientation_wxyz))
         return ended
 
-    def _outcome(self, event: IngestEvent) -> IngestEvent:
-        """The event, counted: a motion calibrated, a toss after the gates."""
-        if isinstance(event, Rejected):
-            event = Rejected(apply_calibration(event.toss, self.config.rig), event.reasons)
-        elif isinstance(event, Toss):
-            event = apply_calibration(event, self.config.rig)
-            reasons = inspect(event, self._body, self._gates, self.config.segmenter.tracker)
-            event = Rejected(event, reasons) if reasons else event
-        if not isinstance(event, BadPose):
-            self._outcomes["rejected" if isinstance(event, Rejected) else "tosses"] += 1
-        return event
+    def _noise_followed(self, stamp_ns: int) -> tuple[Toss | Rejected, ...]:
+        """Takes the bounds for the measured noise, where the user has said nothing; within a motion only wider ones."""
+        self._first_ns = stamp_ns if self._first_ns is None else self._first_ns
+        measured, taken = self.noise.scale, self._segmenter.tracker
+        if self.config.segmenter.tracker_noise is not None or measured == taken:
+            return ()
+        if self._segmenter.tossing and measured.position <= taken.position and measured.turn <= taken.turn:
+            return ()
+        if self._noisy_ns is None:
+            self._noisy_ns = stamp_ns - self._first_ns
+        return self._segmenter.use(measured)
+
+    def _judged(self, motions: Iterable[Toss | Rejected]) -> Iterator[Toss | Rejected]:
+        """Motions, counted and calibrated, tosses after the gates."""
+        for motion in motions:
+            if isinstance(motion, Rejected):
+                toss, reasons = apply_calibration(motion.toss, self.config.rig), motion.reasons
+            else:
+                toss = apply_calibration(motion, self.config.rig)
+                reasons = inspect(toss, self._body, self._gates, self.tracker)
+            self._outcomes["rejected" if reasons else "tosses"] += 1
+            yield Rejected(toss, reasons) if reasons else toss

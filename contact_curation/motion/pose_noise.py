@@ -1,15 +1,26 @@
-"""How much poses scatter from frame to frame, by their third differences: who carries a body changes slowly how he pushes it.
+"""How much poses scatter from frame to frame, told by themselves: by the sixth differences of each half a second.
 
-    sigma = median |p_k - 3 p_k-1 + 3 p_k-2 - p_k-3| / (0.6745 sqrt(20))        over x and y on the board
+    sigma = median |6! dt^6 p[t_k-6, ..., t_k]| / (1.538 sqrt(924))     of positions; of orientations twice that of quaternions
 
-Differences of exactly nothing are left out: they are poses that were sent twice, or rounded.
+p[...] is the divided difference of seven successive poses. White noise makes it sqrt(924) times as large as itself, and whoever
+carries a body, a fall, and a turn leave next to nothing of it; 1.538 is the median length of three standard normal numbers.
+Impacts and outliers are in few windows. Of the last spans a quarter may scatter less, so that what goes wrong for some seconds
+is no noise of the tracker. Differences of exactly nothing are left out: they are poses that were sent twice, or rounded.
+
+Spans are those of the stamps, and what lies before them is forgotten soon: live and in a recording the same poses give the same
+noise, although one may have begun a little earlier.
 """
 
 from collections import deque
-from math import radians, sqrt
-from statistics import median
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import ceil, comb, factorial, log2, radians, sqrt
+from typing import Any
 
-from contact_curation.geometry.scalars import Vector
+import numpy as np
+
+from contact_curation.geometry.quaternions import Array
+from contact_curation.geometry.scalars import Quaternion, Vector
 
 RIG_NOISE = 2.2e-5
 """Of the real rig's positions, standard deviation per axis [m] (method.md 3); segmenter and gates have their bounds for it."""
@@ -17,14 +28,20 @@ RIG_NOISE = 2.2e-5
 RIG_TURN = radians(0.024)
 """Of its orientations, likewise [rad]."""
 
-KEPT = 16384
-"""So many last differences count."""
+SPAN_NS = 500_000_000
+"""Length of a span of stamps [ns]."""
 
-FEWEST = 100
-"""Fewer say nothing."""
+KEPT = 32
+"""So many last spans count."""
+
+FEWEST = 15
+"""Windows of a span; fewer say nothing."""
+
+ORDER, MEDIAN_LENGTH = 6, 1.538172
+"""Of differences; the median length of three standard normal numbers."""
 
 EVEN = 1.2
-"""Successive steps of time that differ by a larger factor are left out."""
+"""Windows whose steps of time differ by a larger factor are left out."""
 
 LOUD = 1.6
 """Times what was expected; from there on tosses are lost (benchmarks/data/tracker_noise.py)."""
@@ -33,44 +50,130 @@ MOST = 8.0
 """With more, tosses are lost whatever is expected."""
 
 SLOWEST = 0.02
-"""A longer median step says nothing, since the body's own motion is all that is seen [s]."""
+"""Windows with a longer step say nothing, since the body's own motion is all that is seen [s]."""
+
+Row = tuple[int, float, float, float, float, float, float, float]
+
+
+@dataclass(frozen=True)
+class TrackerScale:
+    """How noisy a tracker's poses are from frame to frame.
+
+    Attributes:
+        position: multiple of the real rig's noise of positions, at least 1.
+        turn: likewise of orientations.
+    """
+
+    position: float = 1.0
+    turn: float = 1.0
+
+    def at(self, reach: float) -> float:
+        """Standard deviation of a vertex so far from the centre [m]."""
+        return RIG_NOISE * self.position + RIG_TURN * self.turn * reach
+
+
+RIG = TrackerScale()
+"""The real rig itself."""
 
 
 class PoseNoise:
     """Follows one body's poses in the board's frame."""
 
     def __init__(self) -> None:
-        self._last: deque[tuple[int, float, float]] = deque(maxlen=4)
-        self._bent: deque[float] = deque(maxlen=KEPT)
-        self._steps: deque[int] = deque(maxlen=FEWEST)
+        self._rows: list[Row] = []
+        self._spans: deque[tuple[float, float]] = deque(maxlen=KEPT)
+        self._whole = False
+        self._scale = RIG
 
-    def push(self, stamp_ns: int, position: Vector) -> None:
+    def push(self, stamp_ns: int, position: Vector, orientation_wxyz: Quaternion) -> None:
         """Takes in the next pose, with a later stamp."""
-        self._last.append((stamp_ns, position[0], position[1]))
-        if len(self._last) < 4:
-            return
-        (s0, x0, y0), (s1, x1, y1), (s2, x2, y2), (s3, x3, y3) = self._last
-        self._steps.append(s3 - s2)
-        if max(s3 - s2, s2 - s1, s1 - s0) <= EVEN * min(s3 - s2, s2 - s1, s1 - s0):
-            self._bent += (bent for bent in (abs(x3 - x0 + 3.0 * (x1 - x2)), abs(y3 - y0 + 3.0 * (y1 - y2))) if bent)
+        if self._rows and stamp_ns // SPAN_NS != self._rows[-1][0] // SPAN_NS:
+            self._close()
+        self._rows.append((stamp_ns, *position, *orientation_wxyz))
 
     def reset(self) -> None:
         """The next pose has nothing to do with the last one."""
-        self._last.clear()
+        self._rows, self._whole = [], False
 
     @property
     def multiple(self) -> float:
         """Of `RIG_NOISE`; 0 where there is too little to say, or poses come too slowly to."""
-        if len(self._bent) < FEWEST or median(self._steps) > SLOWEST * 1e9:
-            return 0.0
-        return median(self._bent) / (0.6745 * sqrt(20.0) * RIG_NOISE)
+        return self._multiples[0]
+
+    @property
+    def scale(self) -> TrackerScale:
+        """For which bounds may be taken: `RIG` up to `LOUD` times it and over `MOST`, else the next power of the root of 2."""
+        return self._scale
 
     def warning(self, expected_noise: float) -> str:
         """One line where poses scatter by much more than was expected, in multiples of `RIG_NOISE`; else nothing."""
         multiple = self.multiple
         if multiple <= LOUD * expected_noise:
             return ""
-        found, expected = (f"{1e3 * RIG_NOISE * each:.2g} mm" for each in (multiple, expected_noise))
-        noisy = f"found positions that scatter by {found} from frame to frame, expected {expected}"
+        noisy = f"found {scattering(multiple)}, expected {1e3 * RIG_NOISE * expected_noise:.2g} mm"
         remedy = f"say segmenter.tracker_noise={multiple:.1f}" if multiple <= MOST else "smooth them, or take fewer a second"
         return f"{noisy}: tosses may be lost; {remedy}"
+
+    def snapshot(self) -> dict[str, Any]:
+        """The state as plain numbers and lists: JSON keeps it exactly."""
+        return {"rows": [list(row) for row in self._rows], "spans": [list(span) for span in self._spans], "whole": self._whole}
+
+    def restore(self, snapshot: Mapping[str, Any]) -> None:
+        """Takes up the state of `snapshot`."""
+        self._rows = [(int(stamp), x, y, z, a, b, c, d) for stamp, x, y, z, a, b, c, d in snapshot["rows"]]
+        self._spans = deque(((position, turn) for position, turn in snapshot["spans"]), maxlen=KEPT)
+        self._whole = bool(snapshot["whole"])
+        self._scale = _scale_for(*self._multiples) if self._spans else RIG
+
+    def _close(self) -> None:
+        """Ends the span; the first one of a stream was not seen whole, and does not count."""
+        found = _scatter(self._rows) if self._whole else None
+        if found is not None:
+            self._spans.append(found)
+            self._scale = _scale_for(*self._multiples)
+        self._rows, self._whole = self._rows[-ORDER:], True
+
+    @property
+    def _multiples(self) -> tuple[float, float]:
+        """Of positions and orientations, by the spans; by what there is while there is none."""
+        spans = list(self._spans) or [found for found in [_scatter(self._rows)] if found is not None]
+        if not spans:
+            return 0.0, 0.0
+        position, turn = (sorted(each)[(len(spans) - 1) // 4] for each in zip(*spans, strict=True))
+        return position / RIG_NOISE, turn / RIG_TURN
+
+
+def scattering(multiple: float) -> str:
+    """Positions with so many times the rig's noise, in words."""
+    return f"positions that scatter by {1e3 * RIG_NOISE * multiple:.2g} mm from frame to frame"
+
+
+def _scatter(rows: list[Row]) -> tuple[float, float] | None:
+    """Standard deviations of a position [m] and of a turn [rad] about an axis; None where too few poses are even."""
+    if len(rows) < ORDER + FEWEST:
+        return None
+    stamps, poses = np.array([row[0] for row in rows]), np.array([row[1:] for row in rows])
+    poses[1:, 3:] *= np.cumprod(np.where((poses[1:, 3:] * poses[:-1, 3:]).sum(axis=1) < 0.0, -1.0, 1.0))[:, np.newaxis]
+    times = 1e-9 * (stamps - stamps[0])
+    steps = np.lib.stride_tricks.sliding_window_view(np.diff(times), ORDER)  # (T - 6, 6)
+    longest = steps.max(axis=1)
+    bent = poses
+    for order in range(1, ORDER + 1):
+        bent = np.diff(bent, axis=0) / (times[order:] - times[:-order])[:, np.newaxis]
+    bent = bent * (factorial(ORDER) * steps.mean(axis=1) ** ORDER)[:, np.newaxis]  # (T - 6, 7)
+    bent = bent[(longest <= SLOWEST) & (longest <= EVEN * steps.min(axis=1)) & np.any(bent[:, :3] != 0.0, axis=1)]
+    if len(bent) < FEWEST:
+        return None
+    return _deviation(bent[:, :3]), 2.0 * _deviation(bent[:, 3:])
+
+
+def _deviation(bent: Array) -> float:
+    return float(np.median(np.linalg.norm(bent, axis=1))) / (MEDIAN_LENGTH * sqrt(comb(2 * ORDER, ORDER)))
+
+
+def _scale_for(position: float, turn: float) -> TrackerScale:
+    return RIG if max(position, turn) > MOST else TrackerScale(_rounded_up(position), _rounded_up(turn))
+
+
+def _rounded_up(multiple: float) -> float:
+    return 1.0 if multiple <= LOUD else 2.0 ** (0.5 * ceil(2.0 * log2(multiple)))

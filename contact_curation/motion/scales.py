@@ -1,4 +1,4 @@
-"""Scales of the bounds of segmenter and quality checks: a body's lengths, time and levers, and its tracker's noise.
+"""Scales of the bounds of segmenter and quality checks: a body's lengths, time and levers.
 
     size      (det C)^(1/6), with C the covariance of the vertices: half the width of a cube, (a b c)^(1/3) of a box
     reach     distance of the farthest vertex from the centre of mass
@@ -6,8 +6,8 @@
     levers    m l_a / I_a for each principal axis a, with l_a the distance of the farthest vertex from it
 
 An impulse J at a contact vertex r changes the velocity by J / m and the angular velocity by I^-1 (r x J), so about axis a by at
-most the lever times |J| / m. The noise is told in multiples of the real rig's (`pose_noise.RIG_NOISE`, `RIG_TURN`). For it,
-and for ContactNets' cube, the numbers of `GateConfig` and `SegmenterConfig` were measured (method.md 2.1).
+most the lever times |J| / m. The numbers of `GateConfig` and `SegmenterConfig` were measured for ContactNets' cube and the
+noise of its rig (`pose_noise.RIG_NOISE`, `RIG_TURN`; method.md 2.1).
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,6 @@ import numpy as np
 
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.pose_noise import RIG_NOISE, RIG_TURN
 
 
 class TossedBody(Protocol):
@@ -37,27 +36,6 @@ class TossedBody(Protocol):
     def friction(self) -> float: ...
     @property
     def gravity(self) -> float: ...
-
-
-@dataclass(frozen=True)
-class TrackerScale:
-    """How noisy a tracker's poses are from frame to frame.
-
-    Attributes:
-        position: multiple of the real rig's noise of positions, at least 1.
-        turn: likewise of orientations.
-    """
-
-    position: float = 1.0
-    turn: float = 1.0
-
-    def at(self, reach: float) -> float:
-        """Standard deviation of a vertex so far from the centre [m]."""
-        return RIG_NOISE * self.position + RIG_TURN * self.turn * reach
-
-
-RIG = TrackerScale()
-"""The real rig itself."""
 
 
 @dataclass(frozen=True, eq=False)

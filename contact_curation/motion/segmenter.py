@@ -19,6 +19,7 @@ import numpy as np
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.scalars import Quaternion, Vector, third_row
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
+from contact_curation.motion.pose_noise import TrackerScale
 from contact_curation.motion.scales import TossedBody, scale_of
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.smoothing import noise_growth
@@ -49,7 +50,8 @@ class TossSegmenter:
     def __init__(self, config: SegmenterConfig, body: TossedBody, *, source: str, rig: RigCalibration = NO_CORRECTION) -> None:
         self.config = config
         self._rig = rig
-        self._bounds = config.bounds(scale_of(body), config.tracker)
+        self._body_scale = scale_of(body)
+        self._take_bounds(config.tracker)
         self.body = body.name
         self.source = source
         self._polytope = body.polytope
@@ -66,6 +68,17 @@ class TossSegmenter:
     def tossing(self) -> bool:
         """Whether a toss has started and not ended yet."""
         return self._start is not None
+
+    def use(self, tracker: TrackerScale) -> tuple[Toss | Rejected, ...]:
+        """Takes the bounds for so noisy a tracker, and looks again at the motion in progress: noise alone may have begun it.
+
+        Returns:
+            What ended.
+        """
+        run, self._outside = self._run, self._outside or self.tossing
+        self._take_bounds(tracker)
+        self._run, self._fall, self._start, self._still = [], FallDetector(), None, 0
+        return tuple(ended for frame in run for ended in self.push(*frame))
 
     def push(self, stamp_ns: int, position: Vector, orientation_wxyz: Quaternion) -> tuple[Toss | Rejected, ...]:
         """Takes in the next pose.
@@ -108,6 +121,7 @@ class TossSegmenter:
             "still": self._still,
             "moved_ns": self._moved_ns,
             "outside": self._outside,
+            "tracker": [self.tracker.position, self.tracker.turn],
         }
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
@@ -120,13 +134,18 @@ class TossSegmenter:
             run = [Frame(row[0], (row[1], row[2], row[3]), (row[4], row[5], row[6], row[7])) for row in snapshot["run"]]
             steps_ns, start, still = list(snapshot["steps_ns"]), snapshot["start"], int(snapshot["still"])
             moved_ns, outside = snapshot["moved_ns"], bool(snapshot["outside"])
+            position, turn = snapshot.get("tracker", (self.tracker.position, self.tracker.turn))  # older states have none
         except (KeyError, IndexError, TypeError, ValueError) as error:
             raise InvalidValueError("segmenter state", repr(snapshot)[:80], "what TossSegmenter.snapshot gave") from error
         self._run, self._steps_ns, self._start, self._still = run, steps_ns, start, still
         self._moved_ns, self._outside = moved_ns, outside
+        self._take_bounds(TrackerScale(position, turn))
         self._fall = FallDetector()
         for frame in run[-MEMORY:]:
             self._fall.push(frame.stamp_ns, frame.position[2])
+
+    def _take_bounds(self, tracker: TrackerScale) -> None:
+        self.tracker, self._bounds = tracker, self.config.bounds(self._body_scale, tracker)
 
     def _closed_by_gap(self, stamp_ns: int) -> tuple[Toss | Rejected, ...]:
         """Ends the run where a frame is missing before `stamp_ns`."""

@@ -5,9 +5,9 @@ from math import inf, isfinite
 
 from contact_curation.configs import ranged
 from contact_curation.errors import InvalidValueError
-from contact_curation.motion.gate_config import LENGTH_NOISE
-from contact_curation.motion.pose_noise import RIG_NOISE
-from contact_curation.motion.scales import BodyScale, TrackerScale
+from contact_curation.motion.gate_config import LENGTH_NOISE, airborne_noise
+from contact_curation.motion.pose_noise import RIG, RIG_NOISE, TrackerScale
+from contact_curation.motion.scales import BodyScale
 from contact_curation.motion.smoothing import noise_growth
 
 RIG_GRAVITY = 9.81
@@ -50,12 +50,13 @@ class SegmenterConfig:
             [0.007].
         airborne_clearance: height over which all vertices of a body in the air are, in all frames that an acceleration comes
             from [m]; by default 0.191 size [0.010].
-        airborne_acceleration: largest difference of the acceleration in the air from gravity [m/s^2]; by default 0.5 g [4.905].
+        airborne_acceleration: largest difference of the acceleration in the air from gravity [m/s^2]; by default 0.5 g, or
+            what the tracker's noise can make at its rate, if that is more [4.905; 8.5 at 148 frames a second].
         frame_period: nominal time between frames [s]; by default the median of the stamp differences.
         largest_gap: longest time between frames, in frame periods.
         most_frames: a motion with more frames than this is dropped.
         tracker_noise: noise of the poses between frames as a multiple of the real rig's, 0.022 mm and 0.024 degrees per axis;
-            the bounds of segmenter and gates that noise reaches grow with it.
+            the bounds of segmenter and gates that noise reaches grow with it; by default it is measured.
         filter_orientations: whether a median of three is applied to orientations first, for raw trackers; ContactNets' files
             are filtered already.
         closed_up: whether the stamps were made from a rate, without those of frames that were lost: a toss gets the periods
@@ -80,7 +81,7 @@ class SegmenterConfig:
     frame_period: float | None = ranged(None, 0.0, 1.0)
     largest_gap: float = ranged(1.5, 1.0, 1e3)
     most_frames: int = ranged(4096, 2, 1_000_000)
-    tracker_noise: float = ranged(1.0, 1.0, 1e3)
+    tracker_noise: float | None = ranged(None, 0.0, 1e3)
     filter_orientations: bool = False
     closed_up: bool = False
 
@@ -92,7 +93,7 @@ class SegmenterConfig:
                     raise InvalidValueError(each.name, value, "two numbers, the lower first [m]")
             elif not isinstance(value, bool) and value is not None and not value > 0.0:
                 raise InvalidValueError(each.name, value, "a positive number")
-        if not 1.0 <= self.tracker_noise < inf:
+        if self.tracker_noise is not None and not 1.0 <= self.tracker_noise < inf:
             raise InvalidValueError("tracker_noise", self.tracker_noise, "1 or more, in multiples of the real rig's")
 
     @property
@@ -106,8 +107,8 @@ class SegmenterConfig:
 
     @property
     def tracker(self) -> TrackerScale:
-        """How noisy the tracker is, as its user says."""
-        return TrackerScale(self.tracker_noise, self.tracker_noise)
+        """How noisy the tracker is, as its user says; where he says nothing, as the real rig until it is measured."""
+        return RIG if self.tracker_noise is None else TrackerScale(self.tracker_noise, self.tracker_noise)
 
     def bounds(self, body: BodyScale, tracker: TrackerScale) -> "SegmenterBounds":
         """The bounds for a body and its tracker."""
@@ -128,6 +129,7 @@ class SegmenterConfig:
             lowest_corner=self.lowest_corner or max(0.007 / 0.0524 * body.size, vertex),
             airborne_clearance=self.airborne_clearance or max(0.010 / 0.0524 * body.size, vertex),
             airborne_acceleration=self.airborne_acceleration or 0.5 * gravity,
+            airborne_noise=0.0 if self.airborne_acceleration else airborne_noise(tracker),
             noise=tracker.position,
             reach=body.reach,
         )
@@ -139,6 +141,8 @@ class SegmenterBounds:
 
     Attributes:
         rest_travel: how far a body at rest may come within `rest_frames` [m].
+        airborne_noise: noise may change a displacement in the air by so much from frame to frame [m]; zero where the user has
+            set `airborne_acceleration`.
         noise: of positions, in multiples of the real rig's.
         reach: of the body [m].
     """
@@ -155,12 +159,18 @@ class SegmenterBounds:
     lowest_corner: float
     airborne_clearance: float
     airborne_acceleration: float
+    airborne_noise: float
     noise: float
     reach: float
 
     def acceleration_noise(self, frame_period: float) -> float:
         """How much noisier accelerations are than the real rig's, at least 1."""
         return noise_growth(frame_period, self.noise, 2)
+
+    def airborne_bound(self, frame_period: float) -> float:
+        """`airborne_acceleration` as noise wants it [m/s^2]."""
+        least = self.airborne_noise / frame_period**2
+        return max(self.airborne_acceleration * (1.0 if least else self.acceleration_noise(frame_period)), least)
 
     def fall_tolerances(self, frame_period: float) -> tuple[float, float]:
         """`fall_tolerance` and `fall_mean_tolerance` as noise wants them, within `WIDEST_FALL`, [m/s^2]."""

@@ -139,7 +139,7 @@ def reasons_against(
     clear = np.append(clear_steps(lowest, vertex_travels(toss, bounds.reach)), True)  # (T,)
     airborne = all_around(lowest > bounds.airborne_clearance, 3, 1) & all_around(clear, 3, 0)
     excess = np.where(airborne, excess, 0.0)
-    bound = bounds.airborne_acceleration * bounds.acceleration_noise(toss.frame_period)
+    bound = bounds.airborne_bound(toss.frame_period)
     if excess.max() > bound:
         reasons.append(
             f"acceleration in the air beyond gravity: found {excess.max():.1f} m/s^2 at frame {excess.argmax()}, "

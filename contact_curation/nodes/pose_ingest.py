@@ -17,6 +17,7 @@ from contact_curation.errors import UnknownNameError
 from contact_curation.motion.calibration import NO_CORRECTION
 from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.ingest import IngestConfig, TossIngest
+from contact_curation.motion.pose_noise import RIG
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.nodes.messages.toss import rejected_message, toss_message
 from contact_curation.nodes.ros.body_parameter import declared_body
@@ -66,6 +67,7 @@ class PoseIngest(StageNode):
         self._received = Rate()
         self._journal: IngestJournal | None = None
         self._ingest: TossIngest | None = None
+        self._tracker = RIG
         self._worker = Worker(self.fail)
         self._taking = Latest(self._worker, self._take)
         self._tosses = self.create_publisher(TossMessage, "toss", latched(RESULTS_DEPTH))
@@ -117,6 +119,9 @@ class PoseIngest(StageNode):
     def _store_and_announce(self, journal: IngestJournal, arrivals: Sequence[Arrival]) -> None:
         happened = journal.take(arrivals)
         self._announce(happened.tosses, happened.rejected)
+        if self._ingest is not None and (noise := self._ingest.noise_done) and self._ingest.tracker != self._tracker:
+            self._tracker = self._ingest.tracker
+            self.get_logger().info(noise)
         for bad in happened.bad:
             self._warnings.note(f"bad {bad.kind}", f"{bad.child} at {bad.stamp_ns} ns: {bad.why}")
         for conflict in happened.conflicts:

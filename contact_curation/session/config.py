@@ -20,6 +20,7 @@ class SessionConfig:
         dashboard: serve the dashboard to a browser; its address is printed.
         stay: serve the dashboard until Ctrl-C, also when the throws are over.
         record: keep the session in this folder: bag, model, report, logs.
+        resume: go on with the session that is in the folder of --record.
         body_file: describes the body; None for ContactNets' cube.
         top: how many tosses are selected (default 32).
         criterion: by what the best tosses are selected (default representative).
@@ -34,6 +35,7 @@ class SessionConfig:
     dashboard: bool = False
     stay: bool = False
     record: Path | None = None
+    resume: bool = False
     body_file: Path | None = None
     top: int | None = None
     criterion: str | None = None
@@ -51,6 +53,8 @@ class SessionConfig:
             raise InvalidValueError("rate", self.rate, "a number of at least 0")
         if self.camera not in CAMERAS:
             raise UnknownNameError("camera", self.camera, CAMERAS)
+        if self.resume and self.record is None:
+            raise InvalidValueError("resume", "no --record DIR", "the folder of the session that is to go on")
 
     @property
     def rendered(self) -> bool:
@@ -94,14 +98,20 @@ class SessionFolder:
         """The store of a node."""
         return self.stores / f"{node}.sqlite"
 
-    def make(self) -> None:
+    def make(self, *, resume: bool = False) -> None:
         """Makes the folders.
 
+        Args:
+            resume: whether they hold a session that goes on.
+
         Raises:
-            InvalidValueError: there is a session already, or they cannot be made.
+            InvalidValueError: there is a session already, or none to go on with, or they cannot be made.
         """
-        if self.events.exists() or self.bag.exists():
-            raise InvalidValueError("--record", self.root, "a folder without a session in it: name a new one, or remove that")
+        if resume and not self.events.exists():
+            raise InvalidValueError("--record", self.root, "a folder with a session in it, for --resume goes on with one")
+        if not resume and (self.events.exists() or self.bag.exists()):
+            expected = "a folder without a session in it: name a new one, or remove that, or go on with it (--resume)"
+            raise InvalidValueError("--record", self.root, expected)
         try:
             for folder in (self.logs, self.stores, self.figures):
                 folder.mkdir(parents=True, exist_ok=True)

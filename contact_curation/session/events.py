@@ -2,10 +2,12 @@
 
 import json
 import time
+from collections import Counter
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from contact_curation.errors import UnreadableInputError
 from contact_curation.session.supervisor import Incident
 
 
@@ -14,17 +16,33 @@ class EventLog:
 
     Args:
         path: of the file; an older one is replaced.
+        resume: whether an older one is gone on with instead: its time, too. A line that was cut is removed.
+
+    Raises:
+        UnreadableInputError: what is to be gone on with is no such file.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._file = path.open("w", encoding="utf-8")
-        self._began = time.monotonic()
-        self.events: list[dict[str, Any]] = []
+    def __init__(self, path: Path, *, resume: bool = False) -> None:
+        self.events: list[dict[str, Any]] = _events_of(path) if resume else []
+        self._file = path.open("r+" if resume else "w", encoding="utf-8")
+        if resume:
+            self._file.truncate(len(_whole_lines(path)))
+            self._file.seek(0, 2)
+        self._began = time.monotonic() - max((one["time"] for one in self.events), default=0.0)
 
     @property
     def seconds(self) -> float:
-        """Since the session began."""
+        """Since the session began; the time between its end and its resumption does not count."""
         return time.monotonic() - self._began
+
+    @property
+    def restarts(self) -> dict[str, int]:
+        """How often each node was started again after a death."""
+        return dict(Counter(one["node"] for one in self.events if one["event"] == "restarted"))
+
+    def count(self, event: str) -> int:
+        """How often something happened."""
+        return sum(one["event"] == event for one in self.events)
 
     def note(self, event: str, **more: Any) -> dict[str, Any]:
         """Something happened, now."""
@@ -44,3 +62,19 @@ class EventLog:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._file.close()
+
+
+def _whole_lines(path: Path) -> bytes:
+    """The file without a line that was cut."""
+    data = path.read_bytes()
+    return data[: data.rfind(b"\n") + 1]
+
+
+def _events_of(path: Path) -> list[dict[str, Any]]:
+    try:
+        events = [json.loads(line) for line in _whole_lines(path).splitlines()]
+        if all(isinstance(one, dict) and {"time", "event"} <= one.keys() for one in events):
+            return events
+    except ValueError as error:
+        raise UnreadableInputError(path, f"expected the events of a session ({error})") from error
+    raise UnreadableInputError(path, "expected the events of a session, each with its time")

@@ -20,11 +20,16 @@ from contact_curation.session.report import finish_record
 from contact_curation.session.state import SessionState, SessionStores
 from contact_curation.session.summary import SessionSummary, gains, outcome_of, summary_of
 from contact_curation.session.supervisor import Incident, ProgramFailedError, Supervisor
+from contact_curation.stages.simulated_time import AwakeClock
 
 ARM = "sim_arm"
 
 POLL = 0.25
 """[s] between looks."""
+
+LONGEST_LOOK = 0.5
+"""[s] that count of the time between two looks while throws are awaited: a machine that gives this process no time gives the
+nodes none either, and to start one of them again would only cost more of it."""
 
 AT_REST = 1.0
 """[s] that nothing must have changed for."""
@@ -73,11 +78,11 @@ def run_session(
     """
     body = config.body()
     parameters = session_parameters(config, body, folder)
-    folder.make()
+    folder.make(resume=config.resume)
     write_node_parameters(folder.parameters, parameters)
     write_tag_map(config, body, folder, parameters)
     with ExitStack() as running:
-        events = running.enter_context(EventLog(folder.events))
+        events = running.enter_context(EventLog(folder.events, resume=config.resume))
 
         def tell(incident: Incident) -> None:
             events.incident(incident)
@@ -91,7 +96,7 @@ def run_session(
         session.follow(supervisor, stopped)
         staying = config.stay and bool(session.state.dashboard) and not stopped()
         supervisor.stop([name for name in parameters if not (staying and name == DASHBOARD)])
-        summary = summary_of(config, session.state, folder, supervisor.restarts, events.seconds, settled=session.settled)
+        summary = summary_of(config, session.state, folder, events.restarts, events.seconds, settled=session.settled)
         if config.record:
             reporter.say("all nodes have ended; replaying the recorded session, and writing its report")
             summary = finish_record(config, folder, parameters, command, summary, events)
@@ -154,7 +159,7 @@ class Session:
         self._stores = SessionStores(folder)
         self._events = events
         self._say = say
-        self._told = 0
+        self._told = events.count("throw")
         self._changed = time.monotonic()
         self.state = SessionState()
         self.settled = False
@@ -165,13 +170,14 @@ class Session:
         Raises:
             ProgramFailedError: a node cannot be kept running, or no throws come.
         """
-        standstill = Standstill(time.monotonic(), self._toss_timeout)
+        awake = AwakeClock(time.monotonic, LONGEST_LOOK)
+        standstill = Standstill(awake.now(), self._toss_timeout)
         while not (stopped() or self._is_over()):
             time.sleep(POLL)
             supervisor.look()
             self._look()
             throws = len(self.state.throws)
-            if throws < self._wanted and standstill.found(throws, time.monotonic(), self.state.no_throw):
+            if throws < self._wanted and standstill.found(throws, awake.tick(), self.state.no_throw):
                 self._say("no throw for long: the arm, which may have stopped itself, is started again")
                 supervisor.kill(ARM)
         self._tell_of_throws(everything=True)

@@ -224,7 +224,8 @@ class DesignStage:
         if not self._particles:
             return "parameters: found none, expected model_parameters"
         version = self._best_known()
-        return self._designer.unready_reason(self._first_losses(version), lambda: self._reference_scores(version))
+        losses, known = self._first_losses(version), self._known_infos(version)
+        return self._designer.unready_reason(losses, known, lambda: self._reference_scores(version))
 
     def begin(self, proposal: Proposal) -> ThrowReport:
         """A throw is about to be commanded: its number is used up, whatever becomes of it."""

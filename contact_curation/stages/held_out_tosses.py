@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from contact_curation.configs import ranged
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.motion.toss import Toss
@@ -20,10 +21,10 @@ class TrackerConfig:
     """The tracker that recorded the held-out tosses.
 
     Attributes:
-        tracker_noise: noise of the held-out recordings, as in pose_ingest's segmenter.tracker_noise.
+        tracker_noise: noise of the held-out recordings, as in pose_ingest's segmenter.tracker_noise; by default measured.
     """
 
-    tracker_noise: float = 1.0
+    tracker_noise: float | None = ranged(None, 0.0, 1e3)
 
 
 @dataclass(frozen=True)

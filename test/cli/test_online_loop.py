@@ -96,6 +96,33 @@ def test_a_signal_ends_it_in_order_with_what_there_is(tmp_path: Path, how: signa
         assert not bag.losses
 
 
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
+def test_a_session_that_was_ended_goes_on_with_its_throws_and_gives_the_ranking_of_its_bag(
+    tmp_path: Path, how: signal.Signals
+) -> None:
+    folder = tmp_path / "session"
+    command = [*ONLINE, *quick(tmp_path), "--throws", "3", "--top", "2", "--record", str(folder), "--json"]
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL) as online:
+        wait_until(lambda: count(folder, "throw") >= 1)
+        online.send_signal(how)
+        assert online.wait(LONG) == (130 if how is signal.SIGTERM else -how)
+    wait_until(lambda: not nodes_of(tmp_path), 10.0)
+    done = subprocess.run(
+        [*command, "--resume"], env=environment, capture_output=True, text=True, check=False, timeout=2 * LONG
+    )
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert len(told["throws"]) == count(folder, "throw") == 3
+    assert told["settled"]
+    assert told["same"], told["replay"]
+    assert count(folder, "started", "curator") == 2
+    times = [one["time"] for one in events_of(folder)]
+    assert times == sorted(times)
+    with BagReader(folder / "session.mcap") as bag:
+        assert len({one.message.toss_id for one in bag.messages(["/toss"])}) == told["tosses"]
+
+
 def test_nothing_outlives_a_command_that_is_killed_and_its_bag_can_be_read(tmp_path: Path) -> None:
     folder = tmp_path / "session"
     environment = {**os.environ, "TMPDIR": str(tmp_path)}

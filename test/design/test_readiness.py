@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.design.readiness import ReadinessConfig, spearman, unready_reason
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.design.predicted_information import Particle
+from contact_curation.design.readiness import CUBE_LOSS, NOISE_LOSS, ReadinessConfig, spearman, unready_reason
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.record import TossInformation
+from test.simulated import RIG_NOISE, TrackerNoise, simulated_tosses
 
 CONFIG = ReadinessConfig(least_tosses=3, recent=3, largest_loss=0.1, least_agreement=0.5)
 SCORES = np.array([1.0, 2.0, 3.0, 4.0])
@@ -66,11 +70,38 @@ def test_rank_correlation_asks_for_order_only() -> None:
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("least_tosses", -1), ("recent", 0), ("largest_loss", 0.0), ("least_agreement", 1.5), ("most_tosses", -1)],
+    [
+        ("tracker_noise", 0.5),
+        ("least_tosses", -1),
+        ("recent", 0),
+        ("largest_loss", 0.0),
+        ("least_agreement", 1.5),
+        ("most_tosses", -1),
+    ],
 )
 def test_settings_that_make_no_sense_are_refused(name: str, value: float) -> None:
     with pytest.raises(InvalidValueError, match=f"readiness.{name}"):
         replace(CONFIG, **{name: value})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("rate", "noise", "growth"), [(60, 1.0, 1.0), (250, 1.0, 250 / 150), (250, 4.0, 1000 / 150)])
+def test_the_largest_loss_has_what_noise_adds_at_a_trackers_rate(rate: int, noise: float, growth: float) -> None:
+    cube, told = CONTACTNETS_CUBE, ReadinessConfig(tracker_noise=noise)
+    assert told.of_body(cube, 1.0 / rate).largest_loss == pytest.approx(CUBE_LOSS + NOISE_LOSS * (growth**2 - 1.0))
+    assert replace(CONFIG, tracker_noise=noise).of_body(cube, 1.0 / rate).largest_loss == CONFIG.largest_loss
+
+
+def test_the_true_parameters_are_ready_with_a_noisy_tracker_once_its_noise_is_told() -> None:
+    noise = TrackerNoise(16.0 * RIG_NOISE.position, 16.0 * RIG_NOISE.orientation)
+    scorer = Particle(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE).scorer
+    infos = scorer.score(simulated_tosses(4, 0, noise))
+    losses = [one.mean_loss for one in infos if isinstance(one, TossInformation)]
+    as_the_rig, told = (
+        ReadinessConfig(tracker_noise=multiple).of_body(CONTACTNETS_CUBE, 1.0 / 148.0) for multiple in (1.0, 16.0)
+    )
+    assert (unready_reason(as_the_rig, losses, ALIKE) or "").startswith("loss: found")
+    assert unready_reason(told, losses, ALIKE) is None
+    assert np.median(losses) > 0.1 * (told.largest_loss or 0.0)  # nor is it too wide
 
 
 def test_the_largest_loss_is_that_of_the_same_velocity_for_any_body() -> None:

@@ -80,6 +80,21 @@ def test_the_five_lines_of_the_readme_print_what_it_shows(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
+def test_check_prints_what_the_tutorial_shows(tmp_path: Path) -> None:
+    texts = [text for _, text in blocks("docs/tutorial.md")]
+    last = next(place for place, text in enumerate(texts) if text.startswith("contact-curation check "))
+    paths = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    commands = "\n".join(["set -e", *texts[:last], f'PATH="{paths}"', texts[last]])
+    done = subprocess.run(
+        ["bash", "-c", commands], cwd=REPOSITORY, env={**os.environ, "HOME": str(tmp_path), "PATH": paths},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    (shown,) = OUTPUT.findall((REPOSITORY / "docs" / "tutorial.md").read_text())
+    assert " ".join(shown.split()) in " ".join(done.stdout.split())
+
+
+@pytest.mark.slow
 @pytest.mark.live
 def test_the_tutorials_commands_run_as_they_are_written(tmp_path: Path) -> None:
     environment = {**os.environ, "HOME": str(tmp_path), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}

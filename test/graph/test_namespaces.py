@@ -1,5 +1,6 @@
 """A namespace holds a whole graph: two of them on one domain give what each gives alone."""
 
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 
@@ -8,12 +9,22 @@ import pytest
 from contact_curation_msgs.msg import CuratedBuffer
 from diagnostic_msgs.msg import DiagnosticArray
 
+from contact_curation.motion.toss import first_stamp_in
 from contact_curation.nodes.ros.health import node_of
+from contact_curation.pipeline.api import rank
+from contact_curation.storage.bags.reader import BagReader
+from test.graph.parts.cell import THROWS, TOP, Cell, CellResult
 from test.graph.parts.graph import Graph
 from test.graph.parts.offline import tosses_of
 
 LONG = 90.0
 STAGES = ("pose_ingest", "fisher_scorer", "curator", "session_recorder")
+SEEDS = {"/cell_1": 1, "/cell_2": 2}
+"""Of the cells with an arm, by namespace."""
+
+LONGEST_RUN = 1500.0
+"""[s] for all throws of two cells on a busy machine."""
+
 OFFSET = 20.0
 """[s] of the recording that the second cell leaves out."""
 
@@ -55,6 +66,56 @@ def test_two_cells_on_one_domain_do_not_hear_each_other(graph: Graph, golden_bag
     for cell in starts:
         recorded = tosses_of(graph.folder / f"{cell.strip('/')}.mcap")
         np.testing.assert_array_equal([int(toss.stamps_ns[0]) for toss in recorded], heard[cell])
+
+
+@pytest.mark.slow
+@pytest.mark.live
+def test_two_whole_graphs_on_one_domain_give_what_each_gives_alone(graph: Graph) -> None:
+    alone = {cell: run_of(graph, [cell], "alone")[cell] for cell in SEEDS}
+    together = run_of(graph, list(SEEDS), "together")
+    assert together == alone
+    for result in together.values():
+        assert len(result.tosses) + len(result.rejected) == THROWS
+        assert len(result.selected) == TOP
+    first, second = together.values()
+    assert first.tosses.keys().isdisjoint(second.tosses)
+    assert first.throws != second.throws
+    assert first.version != second.version
+
+
+def run_of(graph: Graph, namespaces: list[str], run: str) -> dict[str, CellResult]:
+    """Results of cells that run at the same time, each with nothing of another's in what it keeps."""
+    diagnostics = graph.diagnostics()
+    cells = {namespace: Cell(graph, namespace, SEEDS[namespace], run) for namespace in namespaces}
+    graph.until(lambda: all(cell.is_over() for cell in cells.values()), LONGEST_RUN, "all throws of all cells")
+    for namespace, cell in cells.items():
+        shown = str(len(cell.ids_in("pose_ingest")))
+        graph.until(partial(shows, diagnostics, f"{namespace}/dashboard", shown), LONG, f"a dashboard with {shown} tosses")
+    for cell in cells.values():
+        cell.end()
+    results = {namespace: cell.result() for namespace, cell in cells.items()}
+    for namespace, cell in cells.items():
+        own = results[namespace].tosses.keys()
+        for node in ("fisher_scorer", "curator"):
+            assert cell.ids_in(node) == own
+        assert cell.ids_in("trainer") <= own
+        with BagReader(cell.folder.bag) as bag:
+            assert {info.name for info in bag.topics if not info.name.startswith(f"{namespace}/")} == set()
+            assert {one.message.toss_id for one in bag.messages([f"{namespace}/toss"])} == own
+        ranked = rank(cell.folder.bag, TOP, model=cell.folder.checkpoint)
+        assert stamps_of(ranked.selected_ids) == stamps_of(results[namespace].selected)
+    return results
+
+
+def shows(diagnostics: list[DiagnosticArray], dashboard: str, tosses: str) -> bool:
+    """Whether a dashboard has last reported so many tosses."""
+    reports = [status for array in diagnostics for status in array.status if node_of(status.name) == dashboard]
+    return bool(reports) and {"tosses": tosses}.items() <= {value.key: value.value for value in reports[-1].values}.items()
+
+
+def stamps_of(ids: Iterable[str]) -> list[int | None]:
+    """First stamps of tosses, whose ids also depend on what a recording's topic is called."""
+    return [first_stamp_in(one) for one in ids]
 
 
 def at_rest(diagnostics: list[DiagnosticArray], node: str) -> bool:

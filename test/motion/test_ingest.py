@@ -10,6 +10,7 @@ from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.body_tracker import BodyPose, TrackerConfig
 from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.ingest import IngestConfig, IngestEvent, TossIngest
+from contact_curation.motion.pose_noise import RIG
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected, Toss
@@ -72,14 +73,53 @@ def held_and_dropped(rate: int) -> list[BodyPose]:
     return [*held, *flown]
 
 
-@pytest.mark.parametrize(("rate", "multiple"), [(60, 8.0), (148, 3.0), (148, 8.0), (240, 5.0)])
-def test_a_noisier_tracker_loses_its_toss_until_it_is_told_of(rate: int, multiple: float) -> None:
+@pytest.mark.parametrize(("rate", "multiple"), [(60, 6.0), (148, 3.0), (148, 6.0), (240, 5.0)])
+def test_a_noisier_tracker_loses_its_toss_until_it_is_told_of_or_measured(rate: int, multiple: float) -> None:
     poses = held_and_dropped(rate)
     measured = [board_in_map(), *in_map(noisy(poses, multiple))]
-    assert not any(isinstance(event, Toss) for event in ingested(measured, fresh()))
+    assert not any(isinstance(event, Toss) for event in ingested(measured, fresh(told(1.0))))
     (toss,) = ingested(measured, fresh(told(multiple)))
     assert isinstance(toss, Toss)
     assert -0.05e9 < toss.stamps_ns[0] - 2e9 < 0.06e9
+    by_itself = fresh()
+    (found,) = ingested(measured, by_itself)
+    assert isinstance(found, Toss)
+    assert -0.05e9 < found.stamps_ns[0] - 2e9 < 0.06e9
+    assert by_itself.noise_done.startswith("positions that scatter by ")
+    assert by_itself.noise_warning() == ""
+
+
+def test_a_motion_that_noise_began_before_it_was_known_is_looked_at_again() -> None:
+    """Noise of 6 times the rig's looks like free fall in the first second."""
+    measured = [board_in_map(), *in_map(noisy(held_and_dropped(240), 6.0, seed=1))]
+    ingest = fresh()
+    tossing = []
+    events: list[IngestEvent] = []
+    for one in measured:
+        events += ingest.push(one)
+        tossing.append(ingest.tossing)
+    assert any(tossing[:240])
+    (toss,) = [*events, *ingest.flush()]
+    assert isinstance(toss, Toss)
+    assert toss.stamps_ns[0] > 1.9e9
+
+
+def test_what_a_tracker_with_faults_does_never_widens_the_bounds() -> None:
+    """Bursts of 5 mm, drift and outliers: bounds stay those of the real rig, and the toss is rejected."""
+    clean, rng = noisy(held_and_dropped(148), 1.0), np.random.default_rng(0)
+    offsets = {
+        "bursts": 0.005 * (rng.random(len(clean)) < 0.02).repeat(5)[: len(clean)],
+        "drift": np.linspace(0.0, 0.03, len(clean)),
+        "outliers": 0.005 * (rng.random(len(clean)) < 0.05),
+    }
+    for offset in offsets.values():
+        ingest = fresh()
+        for one, off in zip(clean, offset.tolist(), strict=True):
+            x, y, z = one.pose.position
+            ingest.push(in_map([BodyPose(one.stamp_ns, ScalarPose((x, y + off, z + off), one.pose.orientation_wxyz))])[0])
+        ingest.flush()
+        assert ingest.noise.scale == RIG
+        assert ingest.noise_done == ""
 
 
 @pytest.mark.parametrize("multiple", [1.0, 5.0, 8.0])
@@ -124,6 +164,22 @@ def test_a_bag_that_loops_in_flight_rejects_the_toss_and_goes_on() -> None:
     assert isinstance(events[0], Rejected)
     assert events[0].reasons[0].startswith("clock: found a jump back by 55.")
     assert [type(event) for event in events[1:]] == [Toss, Toss]
+
+
+@pytest.mark.parametrize("killed_at", [1, 100, 250, 420])
+def test_an_ingest_of_a_noisy_tracker_killed_anywhere_goes_on_with_the_bounds_it_had(killed_at: int) -> None:
+    measured = [board_in_map(), *in_map(noisy(held_and_dropped(148), 4.0))]
+    before, after = fresh(), fresh()
+    events = [event for one in measured[:killed_at] for event in before.push(one)]
+    after.restore(json.loads(json.dumps(before.snapshot())))
+    events += ingested(measured[killed_at:], after)
+    whole = fresh()
+    expected = ingested(measured, whole)
+    assert [event.digest() for event in events if isinstance(event, Toss)] == [
+        event.digest() for event in expected if isinstance(event, Toss)
+    ]
+    assert len(expected) == 1
+    assert after.noise_done == whole.noise_done != ""
 
 
 @pytest.mark.parametrize("killed_at", [1, 22, 60, 180, 260])

@@ -14,8 +14,10 @@ from contact_curation.geometry.polytopes import box
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.gates import inspect
-from contact_curation.motion.scales import RIG, TrackerScale, scale_of, size_of
+from contact_curation.motion.pose_noise import LOUD, RIG, RIG_NOISE, TrackerScale
+from contact_curation.motion.scales import scale_of, size_of
 from contact_curation.motion.segmenter_config import SegmenterConfig
+from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import Toss
 
 TRIANGLE = [(0.0, 0.0), (0.10, 0.0), (0.0, 0.06)]
@@ -86,6 +88,26 @@ def test_for_the_cube_at_its_rig_the_bounds_are_the_published_ones() -> None:
     assert (rules.fall_tolerance, rules.fall_mean_tolerance, rules.airborne_acceleration) == pytest.approx((3.0, 1.0, 4.905))
     assert (rules.release_clearance, rules.flat_tolerance, rules.lowest_corner) == pytest.approx((0.010, 0.005, 0.007))
     assert (rules.shortest, rules.settle_time, rules.rest_displacement) == pytest.approx((0.3, 0.3, 0.3e-3))
+
+
+@pytest.mark.parametrize("rate", [120, 150, 250])
+def test_noise_of_which_nothing_is_said_rejects_one_falling_frame_in_100_000(rate: int) -> None:
+    """From `LOUD` times the noise on a line says what to set."""
+    rng, times, frames = np.random.default_rng(0), np.arange(500) / rate, 400 * 500
+    fall = np.outer(times, [1.0, -0.5, 0.0]) - np.outer(0.5 * 9.81 * times**2, [0.0, 0.0, 1.0])
+    stamps, still = np.rint(1e9 * times).astype(np.int64), np.tile(quaternions.IDENTITY, (500, 1))
+    noises = LOUD * RIG_NOISE * rng.standard_normal((400, 500, 3))
+    found = np.concatenate([kinematics(stamps, fall + noise, still).accelerations[2:] for noise in noises])
+    sizes = np.linalg.norm(found + np.array([0.0, 0.0, 9.81]), axis=1)
+    bound = SegmenterConfig().bounds(scale_of(CONTACTNETS_CUBE), RIG).airborne_bound(1.0 / rate)
+    assert np.sum(sizes > bound) <= 3e-5 * frames
+    assert np.sum(sizes > 0.6 * bound) >= 1e-4 * frames  # nor is it too wide
+
+
+def test_a_bound_of_a_users_own_on_accelerations_grows_with_noise_alone() -> None:
+    rules = SegmenterConfig(airborne_acceleration=2.0).bounds(scale_of(CONTACTNETS_CUBE), TrackerScale(3.0, 3.0))
+    assert rules.airborne_bound(1.0 / 150.0) == pytest.approx(6.0)
+    assert SegmenterConfig().bounds(scale_of(CONTACTNETS_CUBE), RIG).airborne_bound(1.0 / 60.0) == pytest.approx(4.905)
 
 
 def test_what_a_user_sets_stays_for_any_body_and_tracker() -> None:

@@ -20,7 +20,8 @@ def test_a_noisy_trackers_recordings_are_held_out_once_they_are_told_to_be(tmp_p
     scattered = in_map(noisy([*stream(), *stream(start_ns=9_000_000_000)], 8.0))
     board = Sent("/tf_static", LOG_OFFSET_NS, transforms([board_in_map()]))
     bag = write_ours(tmp_path / "a.mcap", [board, *recorded("/tagslam/odom/body_cube", ODOMETRY, scattered)])
+    as_the_rig = InputsConfig(segmenter=SegmenterConfig(tracker_noise=1.0))
     with pytest.raises(InvalidValueError, match=r"parameter evaluate_on: found .* say segmenter.tracker_noise="):
-        evaluation_tosses("parameter evaluate_on", [bag], ReadingConfig(CONTACTNETS_CUBE))
+        evaluation_tosses("parameter evaluate_on", [bag], ReadingConfig(CONTACTNETS_CUBE, as_the_rig))
     told = InputsConfig(segmenter=SegmenterConfig(tracker_noise=8.0))
     assert len(evaluation_tosses("parameter evaluate_on", [bag], ReadingConfig(CONTACTNETS_CUBE, told))) == 2

@@ -1,8 +1,17 @@
 """An arm that has stopped throwing is started again, some times, and then the session says so and ends."""
 
+from itertools import count
+from pathlib import Path
+from types import SimpleNamespace
+
 import pytest
 
-from contact_curation.session.session import LONGEST_PAUSE, MOST_STARTS, Standstill
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.session import session as session_module
+from contact_curation.session.config import SessionConfig, SessionFolder
+from contact_curation.session.events import EventLog
+from contact_curation.session.node_parameters import session_parameters
+from contact_curation.session.session import LONGEST_PAUSE, MOST_STARTS, Session, Standstill
 from contact_curation.session.supervisor import ProgramFailedError
 
 TIMEOUT = 15.0
@@ -44,3 +53,15 @@ def test_an_arm_is_left_alone_while_the_designer_waits_for_images_to_be_rendered
     assert not standstill.found(1, 0.0)
     assert not standstill.found(1, 612.0 + LONGEST_PAUSE - 1.0)
     assert standstill.found(1, 612.0 + LONGEST_PAUSE)
+
+
+def test_on_a_machine_that_gives_no_time_an_arm_is_not_started_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    killed, looks = list[str](), count()
+    monkeypatch.setattr(session_module, "time", SimpleNamespace(monotonic=lambda: 60.0 * next(looks), sleep=lambda _: None))
+    config, folder = SessionConfig(throws=2), SessionFolder(tmp_path)
+    folder.make()
+    supervisor = SimpleNamespace(look=lambda: None, kill=killed.append)
+    with EventLog(folder.events) as events:
+        session = Session(config, session_parameters(config, CONTACTNETS_CUBE, folder), folder, events, print)
+        session.follow(supervisor, lambda: next(looks) > 100)  # type: ignore[arg-type]  # an hour and more
+    assert killed == []

@@ -10,7 +10,8 @@ from contact_curation.information.ranker import criterion_names
 from contact_curation.session.config import CAMERAS, SessionConfig
 
 OPTIONS = (
-    "throws", "camera", "dashboard", "stay", "record", "top", "criterion", "seed", "rate", "evaluate_on", "params_file"
+    "throws", "camera", "dashboard", "stay", "record", "resume", "top", "criterion", "seed", "rate", "evaluate_on",
+    "params_file"
 )  # fmt: skip
 CHOICES = {"camera": CAMERAS, "criterion": criterion_names()}
 ALSO = {"record": ("--out",), "evaluate_on": ("--held-out",)}

@@ -17,6 +17,7 @@ from contact_curation.errors import ContactCurationError, MissingTopicError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.body_tracker import BodyPose
 from contact_curation.motion.calibration import calibrated_poses
+from contact_curation.motion.pose_noise import RIG, TrackerScale
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.survey.series import PoseSeries, series_of
 from contact_curation.motion.toss import Rejected, Toss
@@ -74,6 +75,7 @@ class Recording:
         losses: what could not be read, one line each.
         taken_as_on_board: whether poses in another frame than the board's are taken as given on it.
         stamps_done: what was done to header stamps that jitter; empty where all are as they came.
+        tracker: how noisy a tracker the bounds of segmenter and quality checks were for, in the end.
     """
 
     path: str
@@ -93,6 +95,7 @@ class Recording:
     losses: tuple[str, ...] = ()
     taken_as_on_board: bool = False
     stamps_done: str = ""
+    tracker: TrackerScale = RIG
 
     @property
     def name(self) -> str:
@@ -169,6 +172,7 @@ def _of_bag(path: Path, reader: BagReader, config: ReadingConfig, most_messages:
         losses=reader.losses,
         taken_as_on_board=tosses.taken_as_on_board,
         stamps_done=tosses.stamps_done,
+        tracker=tosses.tracker,
     )
 
 

@@ -8,6 +8,7 @@ from contact_curation.contact.body import Body
 from contact_curation.errors import MissingTopicError, UnreadableInputError
 from contact_curation.motion.body_tracker import MOST_LISTED, BodyPose
 from contact_curation.motion.ingest import IngestConfig, IngestEvent, TossIngest
+from contact_curation.motion.pose_noise import TrackerScale
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.scales import scale_of
 from contact_curation.motion.toss import NANOSECONDS, Rejected
@@ -146,6 +147,8 @@ class BagTosses:
             yield f"found that {self.stamps_done}; stamp poses with the time of exposure, not of reception"
         if warning := self._ingest.noise_warning():
             yield warning
+        elif self.noise_done:
+            yield f"found {self.noise_done}"
         for kind, first in self._bad.items():
             which = f"the first one, of '{first.child}' at {first.stamp_ns / NANOSECONDS:.6f} s"
             yield f"{self._bad_counts[kind]} poses were left out, {which}, for this: {first.why}"
@@ -159,6 +162,16 @@ class BagTosses:
     def stamps_done(self) -> str:
         """What was done to the stamps, one line; nothing where all are as they came."""
         return self._ingest.stamps_done
+
+    @property
+    def tracker(self) -> TrackerScale:
+        """How noisy a tracker the bounds are for, in the end."""
+        return self._ingest.tracker
+
+    @property
+    def noise_done(self) -> str:
+        """What bounds are taken because of the noise that was measured, one line; nothing where they are the real rig's."""
+        return self._ingest.noise_done
 
     @property
     def bad_poses(self) -> tuple[dict[str, int], dict[str, str]]:

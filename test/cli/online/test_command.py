@@ -169,6 +169,49 @@ def test_a_folder_with_a_session_is_not_used_again(tmp_path: Path, name: str) ->
         SessionFolder(tmp_path).make()
 
 
+def test_a_session_goes_on_where_it_was_and_only_where_there_is_one(tmp_path: Path) -> None:
+    with pytest.raises(InvalidValueError, match="found no --record DIR"):
+        SessionConfig(resume=True)
+    folder = SessionFolder(tmp_path)
+    with pytest.raises(InvalidValueError, match="expected a folder with a session in it"):
+        folder.make(resume=True)
+    folder.make()
+    with EventLog(folder.events) as events:
+        events.note("throw", number=1)
+        events.note("restarted", node="curator", pid=1)
+    first = folder.events.read_bytes()
+    folder.events.write_bytes(first + b'{"time": 3.2, "ev')  # killed in mid-write
+    folder.make(resume=True)
+    with EventLog(folder.events, resume=True) as events:
+        assert (events.count("throw"), events.restarts) == (1, {"curator": 1})
+        last = events.note("throw", number=2)
+    assert last["time"] >= events.events[0]["time"]
+    lines = folder.events.read_bytes()
+    assert lines.startswith(first)
+    assert [json.loads(line)["event"] for line in lines.splitlines()] == ["throw", "restarted", "throw"]
+
+
+def test_throws_that_were_told_of_before_are_not_told_of_again(tmp_path: Path) -> None:
+    folder, said = SessionFolder(tmp_path), list[str]()
+    folder.make()
+    with StateStore(folder.store("throw_designer")) as states:
+        states.save(stored_records(ThrowLogRecord(2, None, (THROW, THROW), "")))
+    with EventLog(folder.events) as events:
+        events.note("throw", number=1)
+    with EventLog(folder.events, resume=True) as events:
+        Session(SessionConfig(throws=2), parameters_of(tmp_path, throws=2), folder, events, said.append)._look()
+    assert [line.partition("  gain")[0] for line in said] == ["throw   2 of 2"]
+
+
+@pytest.mark.parametrize("line", ["[1]", '{"time": 1.0}', "no JSON"])
+def test_events_that_are_none_are_refused_in_one_line(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "events.jsonl"
+    path.write_text(line + "\n")
+    with pytest.raises(UnreadableInputError, match="expected the events of a session"):
+        EventLog(path, resume=True)
+    assert path.read_text() == line + "\n"
+
+
 def test_the_domain_is_the_users_or_one_of_its_own_on_this_machine(tmp_path: Path) -> None:
     with graph_domain({}) as domain:
         own = graph_environment({"ROS_STATIC_PEERS": "far", "A": "1"}, tmp_path, domain)

@@ -102,9 +102,9 @@ class Thrower:
         self._graph.until(lambda: goal.answer is not None, LONG, "the end of a goal")
         return goal.answer
 
-    def until_phase(self, goal: Goal, phase: str) -> None:
-        """Waits until a goal's feedback tells a phase."""
-        self._graph.until(lambda: phase in goal.phases, LONG, f"a goal that is {phase}")
+    def until_phase(self, goal: Goal, phase: str, *, or_ended: bool = False) -> None:
+        """Waits until a goal's feedback tells a phase, or it has ended."""
+        self._graph.until(lambda: phase in goal.phases or (or_ended and goal.answer), LONG, f"a goal that is {phase}")
 
     def until_body_moves(self, speed: float) -> None:
         """Waits until the body is seen to move faster than this [m/s]."""
@@ -115,14 +115,15 @@ class Thrower:
 
         self._graph.until(moved, LONG, f"a body at {speed} m/s")
 
-    def until_healthy(self, message: str) -> None:
-        """Waits until the node reports a state from now on."""
+    def until_healthy(self, *messages: str) -> None:
+        """Waits until the node reports one of some states from now on."""
         seen = len(self._health)
 
         def said() -> bool:
-            return any(message in status.message for array in self._health[seen:] for status in array.status)
+            statuses = [status for array in self._health[seen:] for status in array.status]
+            return any(message in status.message for status in statuses for message in messages)
 
-        self._graph.until(said, LONG, f"the state {message}")
+        self._graph.until(said, LONG, f"the state {' or '.join(messages)}")
 
     def until_still(self, frames: int) -> None:
         """Waits until the arm was seen not to move for so many frames."""

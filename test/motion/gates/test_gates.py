@@ -13,7 +13,8 @@ from contact_curation.geometry.polytopes import box
 from contact_curation.motion import gates
 from contact_curation.motion.gate_config import GateBounds, GateConfig
 from contact_curation.motion.gates import Steps, cone_gate, impulse_gate, inspect, steps_of, twist_gate
-from contact_curation.motion.scales import RIG, scale_of
+from contact_curation.motion.pose_noise import RIG
+from contact_curation.motion.scales import scale_of
 from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import Toss
 from test.motion.faults import contaminated, with_outliers
@@ -102,7 +103,7 @@ def test_a_reason_says_what_was_found_where_and_what_was_expected() -> None:
             falling(positions=np.array([0.0, 0.0, 0.0524 - 0.0079]) + np.zeros((4, 3))),
             "depth in the board: found 0.0079 m at frame 0",
         ),
-        (pulled([0.0, 0.05, 0.0]), "acceleration in the air beyond gravity: found 7.4 m/s^2 at frame 2"),
+        (pulled([0.0, 0.06, 0.0]), "acceleration in the air beyond gravity: found 8.88 m/s^2 at frame 2"),
         (changed(falling(), "angular_velocities", 2, [2.1, 0.0, 0.0]), "change of spin in the air: found 2.1 rad/s at frame 2"),
         (pulled([0.0, 0.0, 0.15]), "energy gained in the air: found 0."),
         (changed(falling(), "positions", 2, [0.003, 0.0, 0.0]), "displacement beside the velocity: found 0.444 m/s"),
@@ -121,7 +122,7 @@ def test_each_kind_of_fault_has_its_own_reason(toss: Toss, reason: str) -> None:
     [
         falling(stamps_ns=PERIOD_NS * np.array([0, 10, 24, 34]) // 10),
         falling(orientations_wxyz=1.00009 * np.tile(quaternions.IDENTITY, (4, 1))),
-        pulled([0.0, 0.03, 0.0]),
+        pulled([0.0, 0.057, 0.0]),
         changed(falling(), "angular_velocities", 2, [1.9, 0.0, 0.0]),
         changed(falling(), "positions", 2, [0.0025, 0.0, 0.0]),
     ],

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,12 @@ import pytest
 
 from benchmarks.data.check_faults import FAULTS, Fault, Session, diagnosed, simulated_session, spoilt_bag, write
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.diagnosis import Diagnosis, diagnose
+from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.findings.facts import identifiable
 from contact_curation.pipeline.diagnosis.findings.tosses import HINTS
+from contact_curation.pipeline.diagnosis.recording import read_recording
 from contact_curation.pipeline.reading import ReadingConfig
 from test.cli.commands import Cli
 from test.conftest import REPOSITORY
@@ -91,9 +96,26 @@ def test_of_a_long_recording_only_the_first_messages_are_looked_at(golden: Path)
 def test_what_tosses_identify_is_said_in_plain_words(session: Session, tmp_path: Path) -> None:
     write(tmp_path / "a.mcap", session)
     found: Diagnosis = diagnose([tmp_path / "a.mcap"], ReadingConfig(CONTACTNETS_CUBE))
-    line = next(line for line in found.reasons if line.startswith("identifiable: "))
-    assert re.search(r"(all 8|\d of 8) vertices", line)
-    assert "friction by " in line
+    line = next(line for line in found.reasons if line.startswith("to be estimated from these tosses: "))
+    accuracy = re.search(r"(all|\d of) 8 vertices to ([\d.]+) mm", line)
+    assert accuracy is not None
+    assert 0.05 < float(accuracy[2]) < 0.1 * 52.4
+    friction = re.search(r"the friction coefficient \(0.18\) to ([\d.]+) at best \(one standard deviation\)", line)
+    assert friction is not None
+    assert 0.0 < float(friction[1]) < 0.1 * 0.18
+    assert "; mass and inertia stay as described" in line
+    assert ("throws that land on (" in line) is (accuracy[1] != "all")
+
+
+def test_tosses_that_always_land_alike_say_which_throws_are_missing(session: Session, tmp_path: Path) -> None:
+    """Two tosses, of the same throw: some vertices never touch the board."""
+    write(tmp_path / "a.mcap", session)
+    whole = read_recording(tmp_path / "a.mcap", ReadingConfig(CONTACTNETS_CUBE), 10**6)
+    alike = replace(whole, outcomes=tuple(one for one in whole.outcomes if isinstance(one, Toss))[:2])
+    found = identifiable(Evidence(ReadingConfig(CONTACTNETS_CUBE), (alike,)))
+    assert found is not None
+    assert re.search(r"throws that land on \(-?52, -?52, -?52\)", found.what)
+    assert re.search(r"\d of 8 vertices|neither vertices|the friction", found.what)
 
 
 def test_hints_are_for_reasons_that_there_are() -> None:

@@ -309,9 +309,20 @@ def test_poses_noisier_than_was_told_are_a_line_and_with_what_it_says_their_toss
     scattered = in_map(noisy(POSES, 8.0))
     board = Sent("/tf_static", LOG_OFFSET_NS, transforms([board_in_map()]))
     path = write_ours(tmp_path / "a.mcap", [board, *recorded(BODY, ODOMETRY, scattered)])
-    items, _ = opened(path)
+    items, _ = opened(path, segmenter=SegmenterConfig(tracker_noise=1.0))
     assert "Toss" not in kinds(items)
     (line,) = (line for line in lines(items) if "scatter" in line)
     noise = float(line.partition("say segmenter.tracker_noise=")[2].partition(",")[0])
     told, _ = opened(path, segmenter=SegmenterConfig(tracker_noise=noise))
     assert kinds(told) == ["Toss", "Toss"]
+
+
+def test_bounds_follow_the_noise_of_a_recording_and_a_line_says_since_when(tmp_path: Path) -> None:
+    """The first toss is over before anything is known of the noise."""
+    scattered = in_map(noisy([*stream(), *stream(start_ns=8_000_000_000), *stream(start_ns=11_000_000_000)], 5.0))
+    board = Sent("/tf_static", LOG_OFFSET_NS, transforms([board_in_map()]))
+    items, _ = opened(write_ours(tmp_path / "a.mcap", [board, *recorded(BODY, ODOMETRY, scattered)]))
+    assert kinds(items)[-2:] == ["Toss", "Toss"] or kinds(items)[1:3] == ["Toss", "Toss"], kinds(items)
+    (line,) = (line for line in lines(items) if "scatter" in line)
+    assert "found positions that scatter by 0.1" in line
+    assert "s after the first pose on there are bounds for" in line

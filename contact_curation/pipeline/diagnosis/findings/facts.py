@@ -2,6 +2,9 @@
 
 import numpy as np
 
+from contact_curation.dashboard.vertex_uncertainty import vertex_uncertainty
+from contact_curation.geometry.quaternions import Array
+from contact_curation.information.pool import pool_of
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import Scorer, ScoringConfig
 from contact_curation.pipeline.diagnosis.evidence import SYMBOLS, Evidence
@@ -13,8 +16,8 @@ from contact_curation.solver.cone_problem import MAX_CONTACTS
 MOST_SCORED = 24
 """Tosses that are scored to say what they identify."""
 
-HARDLY = 0.02
-"""Of the best known vertex: a vertex with less information is hardly touched."""
+HARDLY = 0.1
+"""Of the characteristic length, or of the friction coefficient: what is told no better is hardly told."""
 
 MOST_LISTED = 3
 
@@ -79,7 +82,9 @@ def noise(evidence: Evidence) -> Finding | None:
     """How much positions scatter."""
     if evidence.fall is None or not evidence.fall.sound:
         return None
-    return _fact(f"tracking noise: {1e3 * evidence.survey.noise:.2g} mm from frame to frame")
+    taken = max(one.tracker.position for one in evidence.recordings)
+    bounds = f", so bounds are taken for {taken:.2g} times the real rig's" if taken > 1.0 else ""
+    return _fact(f"tracking noise: {round(1e3 * evidence.survey.noise, 6):.2g} mm from frame to frame{bounds}")
 
 
 def motions(evidence: Evidence) -> Finding | None:
@@ -90,32 +95,45 @@ def motions(evidence: Evidence) -> Finding | None:
 
 
 def identifiable(evidence: Evidence) -> Finding | None:
-    """What the tosses can tell of theta, by the Fisher information about each vertex, and about friction."""
+    """How accurately vertices and friction can be estimated: Cramer-Rao bounds, one standard deviation."""
     if len(evidence.tosses) < 2 or len(evidence.body.vertices) > MAX_CONTACTS:
         return None
     theta = described_polytope(evidence.body)
     scorer = Scorer(theta.geometry, theta.body, ScoringConfig(form=form_of(None, (theta,))))
     places = np.linspace(0, len(evidence.tosses) - 1, min(MOST_SCORED, len(evidence.tosses))).astype(int)
-    scored = scorer.score([evidence.tosses[place] for place in places])
-    factors = [np.asarray(one.factor, dtype=float) for one in scored if isinstance(one, TossInformation)]
-    if not factors:
+    scored = [one for one in scorer.score([evidence.tosses[place] for place in places]) if isinstance(one, TossInformation)]
+    if not scored:
         return None
-    information, names = np.sum([factor.T @ factor for factor in factors], axis=0), list(scorer.form.names())
-    first = [names.index(f"vertices_normal[{vertex}][0]") for vertex in range(len(evidence.body.vertices))]
-    known = [float(np.linalg.eigvalsh(information[at : at + 3, at : at + 3])[0]) for at in first]
-    weak = [vertex for vertex, value in enumerate(known) if value < HARDLY * max(known)]
-    sliding = (
-        [float(np.square(factor[:, names.index("friction")]).sum()) for factor in factors] if "friction" in names else [0.0]
+    pool = pool_of(scored)
+    sure = vertex_uncertainty(pool, pool.ids)
+    accuracies = 1e3 * evidence.body.length_scale * sure.largest  # (V,) [mm]
+    weak = np.flatnonzero(sure.largest > HARDLY)
+    told = [accuracy for vertex, accuracy in enumerate(accuracies.tolist()) if vertex not in weak]
+    which = "all" if not len(weak) else f"{len(told)} of"
+    parts = [f"{which} {len(accuracies)} vertices to {max(told):.2g} mm"] if told else []
+    if sure.friction < HARDLY:
+        friction = evidence.body.friction
+        parts.append(f"the friction coefficient ({friction:.2g}) to {friction * sure.friction:.1g}")
+    best = f"{', '.join(parts)} at best (one standard deviation)" if parts else "neither vertices nor friction"
+    of = (
+        "these tosses"
+        if len(scored) == len(evidence.tosses)
+        else f"{len(scored)} of the {counted_tosses(len(evidence.tosses))}"
     )
-    slid = sum(value > HARDLY * max(sliding) for value in sliding)
-    few = f"{len(known) - len(weak)} of {len(known)} vertices (hardly {_listed(weak)})"
-    vertices = few if weak else f"all {len(known)} vertices"
-    friction = f"friction by {slid} of {len(factors)} tosses" if slid else "not friction, for no toss slides"
-    return _fact(f"identifiable: {vertices}; {friction}; not mass, and the board's tilt and height only with the vertices")
+    lines = [f"to be estimated from {of}: {best}; mass and inertia stay as described"]
+    if len(weak):
+        places_mm = 1e3 * evidence.body.vertices[weak[:MOST_LISTED]]
+        more = ", ..." if len(weak) > MOST_LISTED else ""
+        lines.append(
+            f"throws that land on {', '.join(_place(each) for each in places_mm)}{more} mm have information about the others"
+        )
+    if not sure.friction < HARDLY:
+        lines.append("throws that slide have information about friction")
+    return _fact("; ".join(lines))
 
 
-def _listed(vertices: list[int]) -> str:
-    return ", ".join(f"vertex {vertex}" for vertex in vertices[:MOST_LISTED]) + (", ..." if len(vertices) > MOST_LISTED else "")
+def _place(millimetres: Array) -> str:
+    return f"({', '.join(f'{each:.0f}' for each in millimetres)})"
 
 
 def _fact(what: str) -> Finding:

@@ -83,7 +83,8 @@ def outliers(evidence: Evidence) -> Finding | None:
 def noisy(evidence: Evidence) -> Finding | None:
     """Poses that scatter more than the segmenter expects."""
     multiple = evidence.survey.noise / RIG_NOISE
-    expected = evidence.config.inputs.segmenter.tracker_noise
+    told = evidence.config.inputs.segmenter.tracker_noise
+    expected = told or 1.0
     if evidence.fall is None or not evidence.fall.sound or multiple <= LOUD * expected:
         return None
     severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
@@ -93,5 +94,11 @@ def noisy(evidence: Evidence) -> Finding | None:
     )
     if multiple > MOST:
         return Finding(severity, what, "more light, larger tags or a nearer camera: with so much noise tosses are lost")
+    taken = min(one.tracker.position for one in evidence.recordings)
+    if told is None and multiple <= LOUD * taken:
+        remedy = (
+            f"wider bounds were taken, for {taken:.2g} times the noise; more light, larger tags or a nearer camera reduce it"
+        )
+        return Finding(Severity.WARNING, what, remedy)
     setting = f"segmenter.tracker_noise={np.ceil(10.0 * multiple) / 10.0:.1f}"
     return Finding(severity, what, f"say --set {setting}", settings=(setting,))
