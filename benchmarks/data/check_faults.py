@@ -265,6 +265,17 @@ def dropped(share: float) -> Change:
     return lambda made, rng: made.only(rng.random(len(made.poses)) >= share)
 
 
+def closed_up(after: int) -> Change:
+    """One frame of each throw is lost, `after` its release, and the stamps of the others are written anew, one period apart."""
+
+    def change(made: Session, rng: np.random.Generator) -> Session:
+        left = made.only(~np.isin(np.arange(len(made.poses)), np.array(made.releases) + after))
+        frames = len(left.poses)
+        return replace(left, stamps_ns=made.stamps_ns[:frames], logged_ns=made.logged_ns[:frames])
+
+    return change
+
+
 def every(step: int) -> Change:
     """A slower tracker."""
     return lambda made, rng: made.only(np.arange(len(made.poses)) % step == 0)

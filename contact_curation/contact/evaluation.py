@@ -48,7 +48,7 @@ class Evaluation:
         terms: (N, 5) weighted loss terms in the order of LOSS_TERMS.
         impulses: (N, V, 3) as [normal, tangent 1, tangent 2].
         scores: (N, 6V + 10) gradient of the log-likelihood, -dL/2 for sigma = 1, by vertices_normal, normal, vertices_tangent,
-            tangents, height.
+            tangents, height; and restitution, where theta has it.
         residuals: (N,) natural residual of the impulses.
         status: (N,) SolveStatus.
         iterations: (N,).
@@ -112,7 +112,7 @@ def evaluate(
     result = Evaluation(
         terms=np.empty((count, len(LOSS_TERMS))),
         impulses=np.empty((count, contacts, 3)),
-        scores=np.empty((count, 6 * contacts + 10)),
+        scores=np.empty((count, geometry.kernel_size)),
         residuals=np.empty(count),
         status=np.empty(count, np.int32),
         iterations=np.empty(count, np.int32),
@@ -240,7 +240,7 @@ def _sums(
     influence_bound: float,
     config: LossConfig,
 ) -> FisherSums:
-    count, tosses, size = len(rows.dt), rows.starts.size - 1, 6 * geometry.vertex_count + 10
+    count, tosses, size = len(rows.dt), rows.starts.size - 1, geometry.kernel_size
     terms = np.empty((count, len(LOSS_TERMS)))
     result = FisherSums(
         fishers=np.zeros((tosses, size, size)),

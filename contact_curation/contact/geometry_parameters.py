@@ -32,6 +32,8 @@ class ContactGeometry:
         height: gap of the pivot, negated.
         noise: how the residuals' variance grows with impacts, of a theta in the rigid form (`parameter_form`); None for others,
             whose residuals all count as of one variance.
+        restitution: e, from 0 to 1: the share of the speed of approach with which a contact parts; None where impacts do not
+            bounce and nothing is learned of it. Only the rigid form has it.
     """
 
     vertices_normal: Array
@@ -41,6 +43,7 @@ class ContactGeometry:
     pivot: Array = field(default_factory=lambda: np.zeros(3))
     height: float = 0.0
     noise: ImpulseNoise | None = None
+    restitution: float | None = None
 
     def __post_init__(self) -> None:
         count = np.shape(self.vertices_normal)[0] if np.ndim(self.vertices_normal) == 2 else 0
@@ -57,6 +60,8 @@ class ContactGeometry:
             object.__setattr__(self, name, value)
         if not np.isfinite(self.height):
             raise InvalidValueError("height", self.height, "a finite number")
+        if self.restitution is not None and not 0.0 <= self.restitution <= 1.0:
+            raise InvalidValueError("restitution", self.restitution, "a number from 0 to 1")
         if not self.normal.any():
             raise InvalidValueError("normal", "the zero vector", "a direction")
 
@@ -70,6 +75,11 @@ class ContactGeometry:
     def vertex_count(self) -> int:
         """V."""
         return int(self.vertices_normal.shape[0])
+
+    @property
+    def kernel_size(self) -> int:
+        """Q: by how many numbers the kernel differentiates (contact/parameter_form.py)."""
+        return 6 * self.vertex_count + 10 + (self.restitution is not None)
 
     def gaps(self, states: Array) -> Array:
         """Gaps phi (..., V) of states (..., 13)."""

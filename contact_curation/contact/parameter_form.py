@@ -1,14 +1,15 @@
 """Which numbers theta is made of: a linear map from the kernel's full gradient to the parameters of a form.
 
 The kernel differentiates by everything: vertices_normal (3V), normal (3), vertices_tangent (3V), tangents (6), height (1), in
-this order, Q = 6V + 10 numbers. A form says how these move with its own P parameters, dQ/dtheta, so that scores change as g C
-and Fisher matrices as C^T F C.
+this order, Q = 6V + 10 numbers; and by the restitution of a theta that has it, as the last one. A form says how these move
+with its own P parameters, dQ/dtheta, so that scores change as g C and Fisher matrices as C^T F C.
 
 - ``contactnets``: the 57 parameters (V = 8) of ContactNets' polytope. A turn of the tangents (gauge) changes neither loss nor
   motion (method.md 1.1): it is projected out, so that no estimator, Gauss-Newton's least of all, finds information in it.
 - ``physical``: vertices_normal, vertices_tangent, friction (its logarithm), tilt (2) about a pivot, height. The normal stays a
   unit vector, friction a number; nothing depends on where the board's origin lies once the pivot is the data's centroid.
-- ``rigid``: the same with one set of vertices, called vertices_normal: a rigid body touches and rubs at the same points.
+- ``rigid``: the same with one set of vertices, called vertices_normal: a rigid body touches and rubs at the same points. It may
+  have a restitution, behind the vertices.
 """
 
 from dataclasses import dataclass
@@ -95,8 +96,10 @@ def parameter_form(geometry: ContactGeometry, form: Form) -> ParameterForm:
 
     Raises:
         InvalidValueError: the physical form is wanted of a geometry that is not (see `is_physical`), or the rigid one of a
-            geometry with two sets of vertices.
+            geometry with two sets of vertices; or another one of a geometry that has a restitution.
     """
+    if geometry.restitution is not None and form is not Form.RIGID:
+        raise InvalidValueError("form", form.value, "rigid, since the parameters have a restitution")
     if form is Form.CONTACTNETS:
         return _contactnets_form(geometry)
     if not is_physical(geometry):
@@ -155,4 +158,9 @@ def _rigid_form(geometry: ContactGeometry, physical: ParameterForm) -> Parameter
     own = 3 * geometry.vertex_count
     together = np.vstack([np.eye(own, own + 4), np.eye(own + 4)])
     blocks = tuple(block for block in physical.blocks if block.name != "vertices_tangent")
-    return ParameterForm(Form.RIGID, blocks, physical.chart @ together, np.zeros((0, own + 4)), physical.tilt_axes)
+    chart = physical.chart @ together
+    if geometry.restitution is not None:
+        blocks = (blocks[0], Block("restitution", 1), *blocks[1:])
+        chart = np.insert(np.vstack([chart, np.zeros(chart.shape[1])]), own, 0.0, axis=1)
+        chart[-1, own] = 1.0
+    return ParameterForm(Form.RIGID, blocks, chart, np.zeros((0, chart.shape[1])), physical.tilt_axes)

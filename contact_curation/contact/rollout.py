@@ -14,6 +14,7 @@ from contact_curation.contact.time_step import (
     CompiledWorld,
     StepStatus,
     SweepLimits,
+    bounce_of,
     checked_states,
     checked_time_steps,
 )
@@ -90,8 +91,9 @@ def rollout(
     given = (array.ctypes.data for array in (start, starts, steps))
     results = (None if array is None else array.ctypes.data for array in (states, impulses, status, residual))
     address, count, arrays = ctypes.POINTER(CompiledWorld), ctypes.c_int64, [ctypes.c_void_p]
-    run = load_kernel().function("contact_rollout", None, address, count, *3 * arrays, count, *4 * arrays)
-    run(ctypes.byref(world), len(start), *given, threads, *results)
+    bounce, name, number = bounce_of(geometry)
+    run = load_kernel().function(f"contact_rollout{name}", None, address, *number, count, *3 * arrays, count, *4 * arrays)
+    run(ctypes.byref(world), *bounce, len(start), *given, threads, *results)
     return Rollout(starts, states, status, residual, impulses)
 
 

@@ -3,14 +3,18 @@
     v' = v - g dt e3 + M^-1 J^T lambda,    0 <= lambda_n _|_ J_n v' + phi / dt >= 0,    ||lambda_t|| <= lambda_n (Coulomb)
     x' = x + dt v',    q' = q * exp(dt omega')
 
-Impacts do not bounce (e = 0). As in the loss there is no gyroscopic term. Lengths are characteristic lengths, states are rows
-of 13: x (3), q wxyz (4), v in the board's frame (3), omega in the body's (3). Impulses are rows [normal, tangent 1, tangent 2];
-the friction coefficient is in the tangents T, so that ||lambda_t|| <= lambda_n.
+As in the loss there is no gyroscopic term. Lengths are characteristic lengths, states are rows of 13: x (3), q wxyz (4), v in
+the board's frame (3), omega in the body's (3). Impulses are rows [normal, tangent 1, tangent 2]; the friction coefficient is in
+the tangents T, so that ||lambda_t|| <= lambda_n.
+
+Impacts bounce where theta has a restitution e: a contact that comes with J_n v < 0 and would close within the step parts with
+J_n v' >= max(-phi / dt, -e J_n v), Newton's law.
 """
 
 import ctypes
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -131,6 +135,13 @@ class CompiledWorld(KernelStructure):
         self.owners = (geometry, dynamics)  # ctypes holds bare addresses: keep the arrays alive
 
 
+def bounce_of(geometry: ContactGeometry) -> tuple[list[Any], str, list[Any]]:
+    """For the kernel: the arguments that give it the restitution of a body, the end of its function's name, their types."""
+    if geometry.restitution is None:
+        return [], "", []
+    return [ctypes.byref(ctypes.c_double(geometry.restitution))], "_bouncing", [ctypes.POINTER(ctypes.c_double)]
+
+
 def checked_states(states: ArrayLike) -> Array:
     """A copy (N, 13) of `states`; values that are not finite pass, they become a status.
 
@@ -204,8 +215,9 @@ def step(
     world = CompiledWorld(geometry, body, limits)
     data = (array.ctypes.data for array in (steps, after, impulses, status, residual))
     address, arrays = ctypes.POINTER(CompiledWorld), 5 * [ctypes.c_void_p]
-    advance = load_kernel().function("contact_time_step", None, address, ctypes.c_int64, *arrays)
-    advance(ctypes.byref(world), count, *data)
+    bounce, name, number = bounce_of(geometry)
+    advance = load_kernel().function(f"contact_time_step{name}", None, address, *number, ctypes.c_int64, *arrays)
+    advance(ctypes.byref(world), *bounce, count, *data)
     after[status == StepStatus.NOT_FINITE] = np.nan
     return Steps(after, impulses, status, residual)
 

@@ -22,6 +22,7 @@ contacts, and over the transitions of a batch, which is one. Here it is the mean
 published objective, and at any other the weight means the same.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -94,7 +95,13 @@ def contact_losses(contacts: Contacts, frames: Frames, config: LossConfig = DEFA
 
 
 def polytope_losses(
-    theta: Theta, body: Body, before: Array, after: Array, dt: Array, config: LossConfig = DEFAULT_LOSS
+    theta: Theta,
+    body: Body,
+    before: Array,
+    after: Array,
+    dt: Array,
+    config: LossConfig = DEFAULT_LOSS,
+    restitution: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
     """The loss of B transitions of a polytope, differentiable by theta through the scores of `evaluate`.
 
@@ -104,11 +111,12 @@ def polytope_losses(
         before, after: (B, 13) states.
         dt: (B,) frame periods [s].
         config: weights and solver.
+        restitution: () of a body that bounces.
 
     Returns:
         As `contact_losses`.
     """
-    losses, solved = _PolytopeLoss.apply(*theta, body, before, after, dt, config)
+    losses, solved = _PolytopeLoss.apply(*theta, restitution, body, before, after, dt, config)
     return losses, solved
 
 
@@ -188,6 +196,7 @@ class _PolytopeLoss(torch.autograd.Function):
         tangents: Tensor,
         height: Tensor,
         pivot: Tensor,
+        restitution: Tensor | None,
         body: Body,
         before: Array,
         after: Array,
@@ -195,9 +204,13 @@ class _PolytopeLoss(torch.autograd.Function):
         config: LossConfig,
     ) -> tuple[Tensor, Tensor]:
         theta = Theta(vertices_normal, normal, vertices_tangent, tangents, height, pivot)
-        found = evaluate(theta.geometry(), body, before, after, dt, config)
+        geometry = theta.geometry()
+        if restitution is not None:
+            geometry = replace(geometry, restitution=min(max(float(restitution.detach()), 0.0), 1.0))
+        found = evaluate(geometry, body, before, after, dt, config)
         solved = torch.from_numpy(found.solved).to(normal.device)
         ctx.solved, ctx.scores, ctx.own = found.solved, found.scores, vertices_normal.numel()
+        ctx.bounces = restitution is not None
         ctx.mark_non_differentiable(solved)
         return torch.from_numpy(np.where(found.solved, found.losses, np.nan)).to(normal.device), solved
 
@@ -206,7 +219,8 @@ class _PolytopeLoss(torch.autograd.Function):
         _refuse_second_derivative()
         counted = np.flatnonzero(ctx.solved)
         slope = -2.0 * (weight.cpu().numpy()[counted] @ ctx.scores[counted])
-        own = ctx.own
+        own, by_restitution = ctx.own, slope[-1:].reshape(()) if ctx.bounces else None
+        slope = slope[:-1] if ctx.bounces else slope
         pieces = (
             slope[:own].reshape(-1, 3),
             slope[own : own + 3],
@@ -214,7 +228,8 @@ class _PolytopeLoss(torch.autograd.Function):
             slope[-7:-1].reshape(2, 3),
             slope[-1:].reshape(()),
         )
-        return (*(torch.from_numpy(piece).to(weight) for piece in pieces), *[None] * 6)
+        last = None if by_restitution is None else torch.from_numpy(by_restitution).to(weight)
+        return (*(torch.from_numpy(piece).to(weight) for piece in pieces), None, last, *[None] * 5)
 
 
 def _refuse_second_derivative() -> None:

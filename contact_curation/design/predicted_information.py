@@ -222,7 +222,7 @@ def _until_rest(motion: Array, rolled: Rollout, scale: float, config: Prediction
 
 def _kernel_sums(particle: Particle, motions: Motions, config: PredictionConfig) -> PredictedInformation:
     """Information of motions (N, Q, Q) from the kernel, in pieces of limited size."""
-    size = 6 * particle.geometry.vertex_count + 10
+    size = particle.geometry.kernel_size
     sums, known = np.zeros((len(motions.frames), size, size)), motions.finite.copy()
     for first in range(0, len(known), PIECE):
         chosen = first + np.flatnonzero(motions.finite[first : first + PIECE])

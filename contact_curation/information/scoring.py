@@ -73,7 +73,8 @@ def parameters_version(geometry: ContactGeometry, body: Body) -> str:
     """A digest of theta and of the body's constants: equal numbers, equal version."""
     state = hashlib.sha256()
     noise = () if geometry.noise is None else astuple(geometry.noise)
-    constants = np.array([*noise, geometry.height, body.mass, body.gravity, body.length_scale])
+    bounce = () if geometry.restitution is None else (geometry.restitution,)
+    constants = np.array([*bounce, *noise, geometry.height, body.mass, body.gravity, body.length_scale])
     parts = (
         geometry.vertices_normal,
         geometry.normal,

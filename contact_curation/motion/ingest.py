@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from contact_curation.errors import InvalidValueError
@@ -16,6 +16,7 @@ from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.scales import TossedBody
 from contact_curation.motion.segmenter import TossSegmenter
 from contact_curation.motion.segmenter_config import SegmenterConfig
+from contact_curation.motion.survey.lost_frames import MOST
 from contact_curation.motion.toss import Rejected, Toss
 
 IngestEvent = Toss | Rejected | BadPose
@@ -63,6 +64,9 @@ class TossIngest:
         self._segmenter = TossSegmenter(config.segmenter, body, source=source, rig=config.rig)
         self._outcomes: Counter[str] = Counter()
         self.noise = PoseNoise()
+        self._gates = config.gates
+        if config.segmenter.closed_up:  # gaps of the stream itself are the segmenter's, which knows none of these
+            self._gates = replace(config.gates, largest_gap=max(config.gates.largest_gap, MOST + 1.5))
 
     @property
     def counts(self) -> Counter[str]:
@@ -157,7 +161,7 @@ class TossIngest:
             event = Rejected(apply_calibration(event.toss, self.config.rig), event.reasons)
         elif isinstance(event, Toss):
             event = apply_calibration(event, self.config.rig)
-            reasons = inspect(event, self._body, self.config.gates, self.config.segmenter.tracker)
+            reasons = inspect(event, self._body, self._gates, self.config.segmenter.tracker)
             event = Rejected(event, reasons) if reasons else event
         if not isinstance(event, BadPose):
             self._outcomes["rejected" if isinstance(event, Rejected) else "tosses"] += 1

@@ -6,12 +6,15 @@
     reject  too short, never touching the board, deep in it, pushed while in the air, or with a frame missing
 
 Velocities look one frame ahead, so a toss comes out one frame after its last. A missing frame is a gap: nothing is interpolated
-over it. One class serves live streams and recordings, and its state can be written down and taken up again.
+over it. Where stamps were closed up over lost frames (`closed_up`), a motion that is cut out gets those periods back that its
+flights give away. One class serves live streams and recordings, and its state can be written down and taken up again.
 """
 
 from collections.abc import Mapping
 from math import dist
 from typing import Any
+
+import numpy as np
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.scalars import Quaternion, Vector, third_row
@@ -19,6 +22,7 @@ from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.motion.scales import TossedBody, scale_of
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.smoothing import noise_growth
+from contact_curation.motion.survey.lost_frames import lost_frames
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
 from contact_curation.motion.toss_rules import MEMORY, FallDetector, Frame, Motion, cut, reasons_against
 
@@ -264,7 +268,19 @@ class TossSegmenter:
 
     def _cut(self, stop: int) -> Motion:
         """The motion up to frame `stop`; the run goes on without it."""
-        motion = cut(self._run, self._motion_start, stop, self.body, self.source, self.config)
+        run = self._reopened(stop) if self.config.closed_up else self._run
+        motion = cut(run, self._motion_start, stop, self.body, self.source, self.config)
         self._moved_ns = self._run[stop - 1].stamp_ns
         self._start, self._still = None, 0
         return motion
+
+    def _reopened(self, stop: int) -> list[Frame]:
+        """The run, from the motion on with the periods that were closed up."""
+        first = self._motion_start
+        moving = self._run[first:stop]
+        positions, orientations = (np.array([getattr(frame, name) for frame in moving]) for name in Frame._fields[1:])
+        lost = lost_frames(positions, orientations, self._period, self._bounds.reach, self._bounds.gravity)
+        later = np.rint(np.cumsum(np.append(0, lost)) * self._period * NANOSECONDS).astype(int).tolist()
+        later += [later[-1]] * (len(self._run) - stop)
+        reopened = [frame._replace(stamp_ns=frame.stamp_ns + by) for frame, by in zip(self._run[first:], later, strict=True)]
+        return self._run[:first] + reopened

@@ -58,6 +58,8 @@ class SegmenterConfig:
             the bounds of segmenter and gates that noise reaches grow with it.
         filter_orientations: whether a median of three is applied to orientations first, for raw trackers; ContactNets' files
             are filtered already.
+        closed_up: whether the stamps were made from a rate, without those of frames that were lost: a toss gets the periods
+            back that its flights give away (`survey.lost_frames`), and may have gaps there.
     """
 
     gravity: float | None = ranged(None, 0.0, 100.0)
@@ -80,6 +82,7 @@ class SegmenterConfig:
     most_frames: int = ranged(4096, 2, 1_000_000)
     tracker_noise: float = ranged(1.0, 1.0, 1e3)
     filter_orientations: bool = False
+    closed_up: bool = False
 
     def __post_init__(self) -> None:
         for each in fields(self):
@@ -87,7 +90,7 @@ class SegmenterConfig:
             if each.name.startswith("region_"):
                 if len(value) != 2 or not value[0] < value[1]:
                     raise InvalidValueError(each.name, value, "two numbers, the lower first [m]")
-            elif each.name != "filter_orientations" and value is not None and not value > 0.0:
+            elif not isinstance(value, bool) and value is not None and not value > 0.0:
                 raise InvalidValueError(each.name, value, "a positive number")
         if not 1.0 <= self.tracker_noise < inf:
             raise InvalidValueError("tracker_noise", self.tracker_noise, "1 or more, in multiples of the real rig's")

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.toss import Toss
+from contact_curation.motion.toss import NANOSECONDS, Toss
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +22,7 @@ class Transitions:
         toss_ids: K ids.
         before: (N, 13) states.
         after: (N, 13) states one frame later.
-        dt: (N,) frame periods [s].
+        dt: (N,) times between them: frame periods, more of them where frames are missing [s].
         starts: (K + 1,) toss k owns rows starts[k]:starts[k + 1].
     """
 
@@ -57,6 +57,12 @@ def states_of(toss: Toss, length_scale: float) -> Array:
     )
 
 
+def periods_of(toss: Toss) -> NDArray[np.int64]:
+    """(T,) frame periods from the first frame of a toss to each; one more each time, but where frames are missing."""
+    steps = np.rint(np.diff(toss.stamps_ns) / (NANOSECONDS * toss.frame_period)).astype(np.int64)
+    return np.concatenate([[0], np.cumsum(np.maximum(steps, 1))])
+
+
 def transitions_of(tosses: Sequence[Toss], length_scale: float) -> Transitions:
     """All transitions of `tosses`.
 
@@ -75,6 +81,6 @@ def transitions_of(tosses: Sequence[Toss], length_scale: float) -> Transitions:
         toss_ids=tuple(toss.toss_id for toss in tosses),
         before=np.concatenate([rows[:-1] for rows in states]),
         after=np.concatenate([rows[1:] for rows in states]),
-        dt=np.repeat([toss.frame_period for toss in tosses], counts),
+        dt=np.concatenate([toss.frame_period * np.diff(periods_of(toss)) for toss in tosses]),
         starts=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
     )

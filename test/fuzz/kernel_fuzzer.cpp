@@ -65,7 +65,7 @@ void check_solved(const std::vector<double> &impulses, std::size_t row, int cont
 }
 
 void evaluate(Source &source) {
-  const int contacts = 1 + source.byte() % 9, count = 1 + source.byte() % 10, parameters = parameter_count(contacts);
+  const int contacts = 1 + source.byte() % 9, count = 1 + source.byte() % 10;
   const std::vector<double> own = source.numbers(3 * contacts), tangent = source.numbers(3 * contacts);
   const std::vector<double> normal = source.numbers(3), tangents = source.numbers(6), period = source.numbers(count);
   std::vector<double> before = source.numbers(13 * count), after = source.numbers(13 * count);
@@ -80,6 +80,8 @@ void evaluate(Source &source) {
   model.match_weight = weight(source), model.slack_weight = weight(source), model.regularization = weight(source);
   model.normal_weight = weight(source), model.tangent_weight = weight(source), model.cone_weight = weight(source);
   model.circular = source.byte() % 2;
+  const double restitution = source.byte() / 255.0, *bounce = source.byte() % 2 ? &restitution : nullptr;
+  const int parameters = parameter_count({model, bounce});
   const std::int64_t starts[3] = {0, source.byte() % (count + 1), count};
   std::vector<double> terms(kTerms * count), impulse(3 * contacts * count), score(parameters * count), residual(count);
   std::vector<double> fisher(2 * parameters * parameters), sums(2 * parameters);
@@ -103,7 +105,7 @@ void evaluate(Source &source) {
                  fisher.data(),
                  sums.data()};
   job.influence_bound = source.byte() % 2 ? weight(source) : std::numeric_limits<double>::infinity();
-  require(contact_curation_evaluate(&model, &job) == 0);
+  require(contact_curation_evaluate_bouncing(&model, &job, bounce) == 0);
   for (int n = 0; n < count; ++n)
     if (status[n] == kSolved) {
       require(residual[n] <= 1e-7);

@@ -159,7 +159,7 @@ def _filled(data: bytes) -> bytes:
 
 def golden_calls() -> list[Call]:
     """All of them, regenerated: calls change their memory."""
-    return [*_solves(), *_evaluations(), *_descents(), *_network_descents(), *_steps(), *_elementary()]
+    return [*_solves(), *_evaluations(), *_descents(), *_network_descents(), *_steps(), *_elementary(), *_bounces()]
 
 
 def uniform(name: str, *shape: int, low: float = -1.0, high: float = 1.0) -> Array:
@@ -265,9 +265,16 @@ def _evaluations() -> Iterator[Call]:
         yield _evaluation(circular, 1, 8, spoilt=True)
 
 
-def _evaluation(circular: bool, estimator: int, contacts: int, bound: float = np.inf, spoilt: bool = False) -> Call:
+def _evaluation(
+    circular: bool,
+    estimator: int,
+    contacts: int,
+    bound: float = np.inf,
+    spoilt: bool = False,
+    restitution: Array | None = None,
+) -> Call:
     case = f"evaluate {'circular' if circular else 'polyhedral'} {estimator} {contacts} {bound} {spoilt}"
-    count, size, starts = 30, 6 * contacts + 10, np.array([0, 9, 10, 10, 30])
+    count, size, starts = 30, 6 * contacts + 10 + (restitution is not None), np.array([0, 9, 10, 10, 30])
     outputs: dict[str, AnyArray] = {
         "terms": np.zeros((count, 5)),
         "impulse": np.zeros((count, contacts, 3)),
@@ -283,8 +290,10 @@ def _evaluation(circular: bool, estimator: int, contacts: int, bound: float = np
     rows.structure.tosses, rows.structure.estimator, rows.structure.influence_bound = 4, estimator, bound
     if spoilt:
         rows.arrays[0][4, 8], rows.arrays[1][12, 9] = np.nan, np.inf
-    arguments = model.structure, rows.structure
-    return Call(case, "contact_curation_evaluate", INT32, arguments, (*model.arrays, *rows.arrays))
+    arguments, arrays = (model.structure, rows.structure), (*model.arrays, *rows.arrays)
+    if restitution is not None:
+        return Call(f"bouncing {case}", "contact_curation_evaluate_bouncing", INT32, (*arguments, restitution), arrays)
+    return Call(case, "contact_curation_evaluate", INT32, arguments, arrays)
 
 
 def _moments(name: str, *shape: int, theta: AnyArray | None = None) -> Moments:
@@ -412,6 +421,22 @@ def _elementary() -> Iterator[Call]:
     exponents = (uniform("exponents", 400, low=0.0, high=1.0) ** 8 * 1e6).astype(np.int64)
     bases = np.concatenate([np.full(100, 0.9), np.full(100, 0.999), uniform("bases", 200, low=0.0, high=1.0)])
     yield Call("powers", "contact_curation_powers", VOID, (400, bases, exponents, np.zeros(400)))
+
+
+def _bounces() -> Iterator[Call]:
+    restitution, contacts, count = np.array([0.4]), 8, 40
+    for circular in (True, False):
+        for estimator in (1, 2):
+            yield _evaluation(circular, estimator, contacts, restitution=restitution)
+    states, world, arrays = _states("bounces", count), *_world(contacts)
+    outputs: tuple[AnyArray, ...] = (np.zeros((count, contacts, 3)), np.zeros(count, np.int32), np.zeros(count))
+    arguments: tuple[Argument, ...] = world, restitution, count, np.full(count, PERIOD), states, *outputs
+    yield Call("bouncing step", "contact_time_step_bouncing", VOID, arguments, arrays)
+    world, arrays = _world(contacts)
+    outputs = (np.zeros((120, 13)), np.zeros((120, contacts, 3)), np.zeros(120, np.int32), np.zeros(120))
+    given = _states("bouncing rollouts", 2, height=2.0), np.array([0, 70, 120]), np.full(2, PERIOD)
+    whole: tuple[Argument, ...] = (world, restitution, 2, *given, 2, *outputs)
+    yield Call("bouncing rollout", "contact_rollout_bouncing", VOID, whole, arrays)
 
 
 if __name__ == "__main__":

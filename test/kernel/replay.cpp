@@ -12,19 +12,22 @@
 namespace {
 
 using Number = int64_t;
-using Function = Number (*)(Number, Number, Number, Number, Number, Number, Number, Number, Number, Number);
+using Function = Number (*)(Number, Number, Number, Number, Number, Number, Number, Number, Number, Number, Number);
 
 #define FUNCTION(name) {#name, reinterpret_cast<Function>(&name)}
 const std::map<std::string, Function> kFunctions = {
     FUNCTION(contact_curation_solve_cones),
     FUNCTION(contact_curation_evaluate),
+    FUNCTION(contact_curation_evaluate_bouncing),
     FUNCTION(contact_curation_descend),
     FUNCTION(contact_curation_descend_deep),
     FUNCTION(contact_curation_descend_deepvertex),
     FUNCTION(contact_curation_descend_end_to_end),
     FUNCTION(contact_time_step),
+    FUNCTION(contact_time_step_bouncing),
     FUNCTION(contact_given_step),
     FUNCTION(contact_rollout),
+    FUNCTION(contact_rollout_bouncing),
     FUNCTION(contact_curation_elementary),
     FUNCTION(contact_curation_powers),
 };
@@ -80,7 +83,7 @@ class Replay {
       const char *target = blocks[static_cast<size_t>(one.target)].at(0);
       std::memcpy(blocks[static_cast<size_t>(one.block)].at(one.offset), &target, sizeof target);
     }
-    Number arguments[10] = {};
+    Number arguments[11] = {};
     const Number count = number();
     for (Number k = 0; k < count; ++k) {
       const bool is_block = number();
@@ -91,7 +94,7 @@ class Replay {
     if (found == kFunctions.end()) fail(name.c_str());
     // A C function takes its arguments where they are, and does not look for further ones.
     const Number *a = arguments;
-    Number result = found->second(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9]);
+    Number result = found->second(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10]);
     if (returned == 0) result = 0;
     if (returned == 4) result = static_cast<int32_t>(result);
     for (const Address &one : addresses) std::memset(blocks[static_cast<size_t>(one.block)].at(one.offset), 0, sizeof(Number));

@@ -16,7 +16,7 @@ from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 REQUIREMENTS = Path(__file__).with_name("jazzy_requirements.txt")
-CONSTRAINTS = REPOSITORY / "requirements.lock"
+LOCK = REPOSITORY / "requirements.lock"
 SOURCES = ("setup.py", "setup.cfg", "pyproject.toml", "package.xml", "README.md", "LICENSE", "MANIFEST.in")
 FOLDERS = ("resource", "contact_curation", "msg_defs")
 NOT_SOURCES = ("build", "__pycache__", "*.egg-info", "*.so")
@@ -66,7 +66,9 @@ def make_jazzy(folder: Path) -> dict[str, str]:
         "COLCON_HOME": str(folder / "colcon"),
     }
     pip = ["python3", "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    run([*pip, "-r", str(REQUIREMENTS), "-c", str(CONSTRAINTS)], environment, folder)
+    constraints = folder / "constraints.txt"  # with hashes pip would want one for every package
+    constraints.write_text(re.sub(r" --hash=\S+", "", LOCK.read_text()))
+    run([*pip, "-r", str(REQUIREMENTS), "-c", str(constraints)], environment, folder)
     site_packages = Path(run(["python3", "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"], environment, folder))
     _correct_includes(folder, site_packages)
     vendored = shutil.copytree(REPOSITORY / "msg_defs", folder / "msg_defs", ignore=shutil.ignore_patterns(*NOT_SOURCES))

@@ -122,5 +122,10 @@ def run(
         **{name: value.ctypes.data for name, value in outputs.items()},
     )
     addresses = ctypes.POINTER(CompiledModel), ctypes.POINTER(CompiledRows)
-    evaluate = load_kernel().function("contact_curation_evaluate", ctypes.c_int, *addresses)
-    evaluate(ctypes.byref(model), ctypes.byref(job))
+    if geometry.restitution is None:
+        evaluate = load_kernel().function("contact_curation_evaluate", ctypes.c_int, *addresses)
+        evaluate(ctypes.byref(model), ctypes.byref(job))
+        return
+    number = ctypes.POINTER(ctypes.c_double)
+    evaluate = load_kernel().function("contact_curation_evaluate_bouncing", ctypes.c_int, *addresses, number)
+    evaluate(ctypes.byref(model), ctypes.byref(job), ctypes.byref(ctypes.c_double(geometry.restitution)))

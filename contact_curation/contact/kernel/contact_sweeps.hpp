@@ -1,4 +1,5 @@
-// The impulses of one time step of a rigid body at K candidate contacts (method.md 4.2), impact without restitution:
+// The impulses of one time step of a rigid body at K candidate contacts (method.md 4.2), impact without restitution (with it,
+// `bounce`):
 //
 //     v' = v - g dt e3 + M^-1 J^T lambda,     0 <= lambda_n _|_ J_n v' + phi / dt >= 0,
 //     lambda_t = argmin over ||lambda_t|| <= lambda_n of lambda_t . J_t v'      (Coulomb, friction coefficient inside J_t)
@@ -111,6 +112,15 @@ class ContactSweeps {
     const double *second_response = contact.response[2];
     contact.disk = FrictionDisk::of(dot6(contact.row[1], contact.response[1]), dot6(contact.row[1], second_response),
                                     dot6(contact.row[2], second_response));
+  }
+
+  // Lets contact i, made ready, part with e times the speed that it comes with, if it closes within dt (Newton's law).
+  void bounce(std::int64_t i, const double *twist, double restitution) {
+    ContactRows &contact = contacts_[static_cast<std::size_t>(i)];
+    double approach = 0.0;
+    for (int k = 0; k < 6; ++k) approach += contact.row[0][k] * twist[k];
+    if (approach < 0.0 && contact.gap_speed + approach < 0.0)
+      contact.gap_speed = std::min(contact.gap_speed, restitution * approach);
   }
 
   // Advances `state` by dt. `impulses` (K, 3) holds the guess and then the answer, [normal, tangent 1, tangent 2].

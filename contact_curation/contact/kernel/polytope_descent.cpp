@@ -12,7 +12,7 @@ extern "C" int64_t contact_curation_descend(const contact_curation::PolytopeMode
   using namespace contact_curation;
   if (model->contacts < 1 || model->contacts > kMaxContacts) return 0;
   const auto at = std::make_unique<SolvedRows>();
-  const int sizes[kPieces] = {3 * model->contacts, 3, 3 * model->contacts, 6}, count = parameter_count(model->contacts) - 1;
+  const int sizes[kPieces] = {3 * model->contacts, 3, 3 * model->contacts, 6}, count = 6 * model->contacts + 9;
   double slopes[kMaxParameters];
   for (int64_t step = 0; step < job->steps; ++step) {
     const int64_t row = job->rows[step];

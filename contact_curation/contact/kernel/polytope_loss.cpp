@@ -15,9 +15,9 @@ namespace {
 
 enum Estimator { kNone = 0, kEmpirical = 1, kGaussNewton = 2 };
 
-void evaluate_toss(const PolytopeModel &model, const Evaluation &job, int64_t toss, SolvedRows &at, ProfileFisher &profile,
+void evaluate_toss(const BouncingModel &model, const Evaluation &job, int64_t toss, SolvedRows &at, ProfileFisher &profile,
                    std::vector<double> &fisher, std::vector<double> &row) {
-  const int parameters = parameter_count(model.contacts), stride = profile.stride();
+  const int parameters = parameter_count(model), stride = profile.stride();
   const bool scores = job.score || job.score_sum || (job.fisher && job.estimator == kEmpirical);
   std::fill(fisher.begin(), fisher.end(), 0.0);
   const int64_t begin = job.starts[toss], end = job.starts[toss + 1];
@@ -55,25 +55,32 @@ void evaluate_toss(const PolytopeModel &model, const Evaluation &job, int64_t to
     for (int b = 0; b <= a; ++b) out[a * parameters + b] = out[b * parameters + a] = fisher[a * stride + b];
 }
 
-}  // namespace
-}  // namespace contact_curation
-
-extern "C" int contact_curation_evaluate(const contact_curation::PolytopeModel *model,
-                                         const contact_curation::Evaluation *job) {
-  using namespace contact_curation;
-  if (model->contacts < 1 || model->contacts > kMaxContacts) return 1;
+int evaluate(const BouncingModel &model, const Evaluation &job) {
+  if (model.contacts < 1 || model.contacts > kMaxContacts) return 1;
   std::atomic<int64_t> next{0};
   const auto work = [&] {
     auto rows = std::make_unique<SolvedRows>();
-    ProfileFisher profile(*model);
+    ProfileFisher profile(model);
     std::vector<double> fisher(static_cast<size_t>(profile.stride()) * profile.stride()), row(profile.stride(), 0.0);
-    for (int64_t toss = next++; toss < job->tosses; toss = next++)
-      evaluate_toss(*model, *job, toss, *rows, profile, fisher, row);
+    for (int64_t toss = next++; toss < job.tosses; toss = next++) evaluate_toss(model, job, toss, *rows, profile, fisher, row);
   };
-  const int threads = std::max(1, std::min<int>(job->threads, static_cast<int>(job->tosses)));
+  const int threads = std::max(1, std::min<int>(job.threads, static_cast<int>(job.tosses)));
   std::vector<std::thread> pool;
   for (int t = 1; t < threads; ++t) pool.emplace_back(work);
   work();
   for (auto &thread : pool) thread.join();
   return 0;
+}
+
+}  // namespace
+}  // namespace contact_curation
+
+extern "C" int contact_curation_evaluate(const contact_curation::PolytopeModel *model,
+                                         const contact_curation::Evaluation *job) {
+  return contact_curation::evaluate(*model, *job);
+}
+
+extern "C" int contact_curation_evaluate_bouncing(const contact_curation::PolytopeModel *model,
+                                                  const contact_curation::Evaluation *job, const double *restitution) {
+  return contact_curation::evaluate({*model, restitution}, *job);
 }

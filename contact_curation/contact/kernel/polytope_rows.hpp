@@ -38,7 +38,7 @@ struct SolvedRows {
   Lane gradient[kMaxParameters];  // dL/dtheta at the impulses found; only where asked for
 
   // Rows first .. first + 7, the last one repeated past `end`.
-  void find(const PolytopeModel &model, const Evaluation &job, int64_t first, int64_t end, bool slopes) {
+  void find(const BouncingModel &model, const Evaluation &job, int64_t first, int64_t end, bool slopes) {
     SolverOptions options;
     options.max_iterations = job.max_iterations;
     options.residual_tolerance = job.residual_tolerance;

@@ -2,6 +2,10 @@
 // envelope score (method.md 1.4) once it is solved.
 //
 //   phi_i = n . (R p_i + x - pivot) - height      J_n,i = [n, p_i x R^T n]      J_t,i,a = [T_a, p^t_i x R^T T_a]
+//
+// A body that bounces is where a mirror in the ground shows it: the depth min(0, c_i) that a contact would reach without any
+// impulse, c_i = phi_i + dt J_n,i v_f, is given back e times, so that e c_i is added to phi'_i and c_i where c_i < 0
+// (method.md 1.2).
 #pragma once
 
 #include "cone_problem.hpp"
@@ -24,10 +28,18 @@ struct PolytopeModel {
   int circular;
 };
 
-constexpr int kMaxParameters = 6 * kMaxContacts + 10;
+// A polytope whose impacts bounce if there is a restitution e, which then is a parameter, too, the last one.
+struct BouncingModel : PolytopeModel {
+  BouncingModel(const PolytopeModel &model, const double *e = nullptr)
+      : PolytopeModel(model), restitution(e ? *e : 0.0), bounces(e != nullptr) {}
+  double restitution;
+  bool bounces;
+};
+
+constexpr int kMaxParameters = 6 * kMaxContacts + 11;
 constexpr int kTerms = 5;  // match, complementarity normal, complementarity tangent, cone, penetration
 
-inline int parameter_count(int contacts) { return 6 * contacts + 10; }
+inline int parameter_count(const BouncingModel &model) { return 6 * model.contacts + 10 + (model.bounces ? 1 : 0); }
 
 inline void cross(const Lane *a, const Lane *b, Lane *c) {
   c[0] = a[1] * b[2] - a[2] * b[1];
@@ -53,11 +65,12 @@ struct Transition {
   Lane position[3], position_next[3];  // relative to the pivot
   Lane free_velocity[6], velocity_next[6];
   Lane normal_body[3], tangents_body[2][3], normal_body_next[3];
-  Lane gap[kMaxContacts], gap_next[kMaxContacts];
+  Lane gap[kMaxContacts], gap_next[kMaxContacts];  // the latter less what is given back of a depth
+  Lane depth[kMaxContacts];                        // min(0, c_i), of bodies that bounce
   Lane slip[kMaxContacts][2], slip_speed[kMaxContacts];
 
   // Reads rows first .. first + 7, the last one repeated past `end`.
-  void load(const PolytopeModel &model, const double *before, const double *after, const double *period, long first, long end) {
+  void load(const BouncingModel &model, const double *before, const double *after, const double *period, long first, long end) {
     Lane state[13], next[13];
     for (int lane = 0; lane < kLanes; ++lane) {
       const long row = first + lane < end ? first + lane : end - 1;
@@ -82,7 +95,7 @@ struct Transition {
     }
   }
 
-  void pose(const PolytopeModel &model, ConeProblem &problem) {
+  void pose(const BouncingModel &model, ConeProblem &problem) {
     problem.contacts = model.contacts;
     problem.circular = model.circular != 0;
     problem.match_weight = model.match_weight;
@@ -105,6 +118,11 @@ struct Transition {
       to_motion(model, row, problem.motion[i][0]);
       for (int a = 0; a < 6; ++a) problem.slack_row[i][a] = dt * row[a];
       problem.slack_offset[i] = gap[i] + dot<6>(problem.slack_row[i], free_velocity);
+      if (model.bounces) {
+        depth[i] = negative_part(problem.slack_offset[i]);
+        gap_next[i] += model.restitution * depth[i];
+        problem.slack_offset[i] += model.restitution * depth[i];
+      }
       for (int t = 0; t < 2; ++t) {
         for (int a = 0; a < 3; ++a) row[a] = broadcast(model.tangents[3 * t + a]);
         cross(pt, tangents_body[t], row + 3);
@@ -133,7 +151,7 @@ struct Outcome {
   Lane slack[kMaxContacts];    // min(0, predicted gap)
   Lane cone[kMaxContacts][2];  // e_i
 
-  void judge(const PolytopeModel &model, const Transition &at, const ConeProblem &problem, const ConeSolution &solution) {
+  void judge(const BouncingModel &model, const Transition &at, const ConeProblem &problem, const ConeSolution &solution) {
     velocity_change(problem, solution.impulse, change);
     for (Lane &term : terms) term = broadcast(0.0);
     for (int a = 0; a < 6; ++a) {
@@ -155,14 +173,14 @@ struct Outcome {
     loss = terms[0] + terms[1] + terms[2] + terms[3] + terms[4];
   }
 
-  // dL/dtheta at fixed impulses, in the order vertices_normal, normal, vertices_tangent, tangents, height.
-  void gradient(const PolytopeModel &model, const Transition &at, const ConeProblem &problem, const ConeSolution &solution,
+  // dL/dtheta at fixed impulses, in the order vertices_normal, normal, vertices_tangent, tangents, height, restitution.
+  void gradient(const BouncingModel &model, const Transition &at, const ConeProblem &problem, const ConeSolution &solution,
                 Lane *out) const {
     const int contacts = model.contacts;
     Lane *d_vertices = out, *d_normal = out + 3 * contacts, *d_vertices_t = d_normal + 3,
          *d_tangents = d_vertices_t + 3 * contacts;
     Lane &d_height = d_tangents[6];
-    for (int k = 0; k < parameter_count(contacts); ++k) out[k] = broadcast(0.0);
+    for (int k = 0; k < parameter_count(model); ++k) out[k] = broadcast(0.0);
     Lane pull[6], force[6], moving[6];
     for (int a = 0; a < 6; ++a) {
       pull[a] = 2.0 * model.match_weight * (change[a] - problem.target[a]);
@@ -201,6 +219,19 @@ struct Outcome {
                        sinking * (arm[a] + at.position[a] + at.dt * moving[a]) + world[a];
       }
       d_height -= closing + sinking;
+      if (model.bounces) {
+        const Lane given_back = select(at.depth[i] < 0.0, model.restitution * (closing + sinking), broadcast(0.0));
+        Lane falling[3];
+        cross(at.normal_body, at.free_velocity + 3, falling);
+        cross(at.free_velocity + 3, p, lever);
+        rotate(at.rotation, lever, world);
+        for (int a = 0; a < 3; ++a) {
+          d_vertices[3 * i + a] += given_back * (at.normal_body[a] + at.dt * falling[a]);
+          d_normal[a] += given_back * (arm[a] + at.position[a] + at.dt * (at.free_velocity[a] + world[a]));
+        }
+        d_height -= given_back;
+        d_tangents[7] += (closing + sinking) * at.depth[i];
+      }
       const LaneMask sliding = at.slip_speed[i] > 0.0;
       const Lane along =
           select(sliding, dot<2>(cone[i], l + 1) / select(sliding, at.slip_speed[i], broadcast(1.0)), broadcast(0.0));

@@ -17,8 +17,7 @@ constexpr double kFreeTolerance = 1e-6;
 
 class ProfileFisher {
  public:
-  ProfileFisher(const PolytopeModel &model)
-      : model_(model), contacts_(model.contacts), parameters_(parameter_count(contacts_)) {
+  ProfileFisher(const BouncingModel &model) : model_(model), contacts_(model.contacts), parameters_(parameter_count(model)) {
     stride_ = (parameters_ + kLanes - 1) / kLanes * kLanes;
     velocity_rows_.resize(6 * stride_);
     pulled_.resize(6 * stride_);
@@ -53,6 +52,7 @@ class ProfileFisher {
   int vertex_tangent(int i) const { return 3 * contacts_ + 3 + 3 * i; }
   int tangent(int t) const { return 6 * contacts_ + 3 + 3 * t; }
   int height() const { return 6 * contacts_ + 9; }
+  int restitution() const { return 6 * contacts_ + 10; }
 
   static void cross3(const double *a, const double *b, double *c) {
     c[0] = a[1] * b[2] - a[2] * b[1], c[1] = a[2] * b[0] - a[0] * b[2], c[2] = a[0] * b[1] - a[1] * b[0];
@@ -70,10 +70,12 @@ class ProfileFisher {
     }
     for (int a = 0; a < 6; ++a) {
       velocity_next_[a] = at.velocity_next[a][lane];
-      moving_[a] = at.free_velocity[a][lane] + outcome.change[a][lane];
+      free_[a] = at.free_velocity[a][lane];
+      moving_[a] = free_[a] + outcome.change[a][lane];
     }
     for (int i = 0; i < contacts_; ++i) {
       gap_next_[i] = at.gap_next[i][lane], slack_[i] = outcome.slack[i][lane];
+      depth_[i] = model_.bounces ? at.depth[i][lane] : 0.0;
       speed_[i] = at.slip_speed[i][lane];
       for (int t = 0; t < 2; ++t) slip_[i][t] = at.slip[i][t][lane];
       for (int c = 0; c < 3; ++c) {
@@ -159,10 +161,33 @@ class ProfileFisher {
         row[normal() + a] += arm;
       }
       row[height()] -= 1.0;
+      if (model_.bounces) {
+        double slope[7];
+        give_back(j, slope);
+        for (int a = 0; a < 3; ++a) row[vertex(j) + a] += slope[a], row[normal() + a] += slope[3 + a];
+        row[height()] += slope[6];
+        row[restitution()] += depth_[j];
+      }
       for (int k = 0; k < 6; ++k)
         for (int q = 0; q < stride_; ++q) pulled_[k * stride_ + q] += model_.slack_weight * slack_row_[j][k] * row[q];
       active_index_[active_++] = j;
     }
+  }
+
+  // What a body that bounces gets back of the depth of contact i, e min(0, c_i): slopes by its vertex, normal and height.
+  void give_back(int i, double *slope) const {
+    const double share = depth_[i] < 0.0 ? model_.restitution : 0.0;
+    const double *p = model_.vertices_normal + 3 * i;
+    double turned[3], leverage[3];
+    cross3(normal_body_, free_ + 3, turned);
+    cross3(free_ + 3, p, leverage);
+    for (int a = 0; a < 3; ++a) {
+      double arm = position_[a] + dt_ * free_[a];
+      for (int b = 0; b < 3; ++b) arm += rotation_[a][b] * (p[b] + dt_ * leverage[b]);
+      slope[a] = share * (normal_body_[a] + dt_ * turned[a]);
+      slope[3 + a] = share * arm;
+    }
+    slope[6] = -share;
   }
 
   // Per contact: the closed-gap row and the two rows of e_i, each on its own few columns.
@@ -178,6 +203,12 @@ class ProfileFisher {
         gap.put(normal() + a, arm);
       }
       gap.put(height(), -1.0);
+      if (model_.bounces) {
+        double slope[7];
+        give_back(i, slope);
+        for (int k = 0; k < 7; ++k) gap.value[k] += slope[k];
+        gap.put(restitution(), depth_[i]);
+      }
       double swept[3], travel[3], spun[2][3];
       cross3(velocity_next_ + 3, pt, swept);
       for (int a = 0; a < 3; ++a) {
@@ -335,11 +366,11 @@ class ProfileFisher {
   int stride() const { return stride_; }
 
  private:
-  const PolytopeModel &model_;
+  const BouncingModel &model_;
   int contacts_, parameters_, stride_, active_ = 0;
   double dt_, rotation_[3][3], rotation_next_[3][3], position_[3], position_next_[3];
-  double normal_body_[3], normal_body_next_[3], tangents_body_[2][3], velocity_next_[6], moving_[6];
-  double gap_next_[kMaxContacts], slack_[kMaxContacts], speed_[kMaxContacts], slip_[kMaxContacts][2];
+  double normal_body_[3], normal_body_next_[3], tangents_body_[2][3], velocity_next_[6], moving_[6], free_[6];
+  double gap_next_[kMaxContacts], depth_[kMaxContacts], slack_[kMaxContacts], speed_[kMaxContacts], slip_[kMaxContacts][2];
   double impulse_[kMaxContacts][3], gradient_[kMaxContacts][3], motion_[kMaxContacts][3][6];
   double slack_row_[kMaxContacts][6], block_[kMaxContacts][6];
   double moved_[3 * kMaxContacts][6], gram_[3 * kMaxContacts][3 * kMaxContacts];

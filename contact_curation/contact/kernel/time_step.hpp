@@ -28,7 +28,9 @@ inline void rotation_matrix(const double q[4], double r[9]) {
 
 class TimeStep {
  public:
-  explicit TimeStep(const ContactWorld &world) : world_(world), sweeps_(world.dynamics, world.vertices) {}
+  // Newton's restitution of every contact may be null.
+  TimeStep(const ContactWorld &world, const double *restitution)
+      : world_(world), restitution_(restitution ? *restitution : 0.0), sweeps_(world.dynamics, world.vertices) {}
 
   // Advances `state` by dt. `impulses` (V, 3) holds the guess and then the answer, [normal, tangent 1, tangent 2].
   StepResult advance(double *state, double dt, double *impulses) {
@@ -66,10 +68,12 @@ class TimeStep {
       fill_row(world_.tangents, tangent_point, r, sweeps_.row(i, 1));
       fill_row(world_.tangents + 3, tangent_point, r, sweeps_.row(i, 2));
       sweeps_.close(i, gap(state, r, normal_point), dt);
+      if (restitution_ > 0.0) sweeps_.bounce(i, state + 7, restitution_);
     }
   }
 
   ContactWorld world_;
+  double restitution_;
   ContactSweeps sweeps_;
 };
 

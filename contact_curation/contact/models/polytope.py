@@ -3,7 +3,7 @@
 ``contactnets`` trains the published 57 numbers and needs a regulariser that keeps the normal's scale in place
 (`scale_regularizer`); ``physical`` trains vertices, the tilt of a unit normal about a pivot, one friction coefficient by its
 logarithm, and the ground's height; ``rigid`` the same with one set of vertices, and knows how its residuals' variance grows
-with impacts (contact/impulse_noise.py).
+with impacts (contact/impulse_noise.py); it may bounce, with a restitution that is learned.
 
 The ground leans from where it was described. In the frame of the described normal and axes, as rows F (3, 3), with the tilt
 t (2), s = sqrt(1 + |t|^2) and mu = exp(f):
@@ -44,6 +44,10 @@ INITIAL_NOISE = 0.4
 """Standard deviation of the published initialisation, in half widths and as a share of the friction (method.md 1.1)."""
 
 
+RESTITUTION = "restitution"
+"""Parameter and setting of a polytope that bounces."""
+
+
 class PolytopeModel(ContactModel):
     """A polytope over a plane.
 
@@ -67,6 +71,8 @@ class PolytopeModel(ContactModel):
         if form is Form.RIGID:
             noise = geometry.noise or ImpulseNoise()
             self.register_buffer("noise", torch.tensor([noise.growth, noise.power], dtype=torch.float64))
+            if geometry.restitution is not None:
+                self.restitution = torch.nn.Parameter(torch.tensor(geometry.restitution, dtype=torch.float64))
         else:
             self.vertices_tangent = torch.nn.Parameter(theta.vertices_tangent)
         self.register_buffer("pivot", theta.pivot)
@@ -87,7 +93,10 @@ class PolytopeModel(ContactModel):
 
     @classmethod
     def blank(cls, settings: Mapping[str, str], body: Body) -> Self:
-        return cls(ContactGeometry.of_body(body), body, setting(settings, "form", Form))
+        geometry = ContactGeometry.of_body(body)
+        if RESTITUTION in settings:
+            geometry = replace(geometry, restitution=0.0)
+        return cls(geometry, body, setting(settings, "form", Form))
 
     @classmethod
     def has_exact_fit(cls, form: Form) -> bool:
@@ -107,7 +116,14 @@ class PolytopeModel(ContactModel):
         geometry = self.theta().geometry()
         if self.form is not Form.RIGID:
             return geometry
-        return replace(geometry, noise=ImpulseNoise(*self.get_buffer("noise").tolist()))
+        restitution = None if self._restitution is None else min(max(float(self._restitution.detach()), 0.0), 1.0)
+        return replace(geometry, noise=ImpulseNoise(*self.get_buffer("noise").tolist()), restitution=restitution)
+
+    def limit(self) -> None:
+        """Leaves the restitution within 0 and 1."""
+        if self._restitution is not None:
+            with torch.no_grad():
+                self._restitution.clamp_(0.0, 1.0)
 
     def with_noise(self, noise: ImpulseNoise) -> "PolytopeModel":
         """The same model in the rigid form with another noise."""
@@ -115,7 +131,7 @@ class PolytopeModel(ContactModel):
 
     def batch_loss(self, rows: Rows, config: LossConfig) -> BatchLoss:
         theta = self.theta()
-        losses, solved = polytope_losses(theta, self.body, *rows, config)
+        losses, solved = polytope_losses(theta, self.body, *rows, config, self._restitution)
         return BatchLoss(losses, solved, self._regularizer(theta))
 
     def contacts(self, frames: Frames, tape: list[LayerTrace] | None = None) -> Contacts:
@@ -126,7 +142,8 @@ class PolytopeModel(ContactModel):
         return gaps_at(theta, rotations, positions), jacobians_at(theta, rotations)
 
     def settings(self) -> dict[str, str]:
-        return {"form": self.form.value}
+        bounces = {} if self._restitution is None else {RESTITUTION: "learned"}
+        return {"form": self.form.value} | bounces
 
     def roll_out(
         self,
@@ -152,6 +169,10 @@ class PolytopeModel(ContactModel):
         if self.form is not Form.CONTACTNETS or len(self.vertices_normal) > MAX_CONTACTS:
             return None
         return polytope_descent(self.geometry(), self.body, task)
+
+    @property
+    def _restitution(self) -> Tensor | None:
+        return getattr(self, RESTITUTION, None)
 
     @property
     def has_own_friction_vertices(self) -> bool:

@@ -18,7 +18,8 @@ from contact_curation.solver.cone_problem import MAX_CONTACTS
 
 REQUIRED = ("vertices_normal", "normal", "vertices_tangent", "tangents")
 NOISE = "impulse_noise"
-OPTIONAL = ("pivot", "height", NOISE)
+RESTITUTION = "restitution"
+OPTIONAL = ("pivot", "height", NOISE, RESTITUTION)
 LARGEST_BYTES = 1 << 20
 """Far more than the vertices of any body take."""
 LARGEST_NUMBER = 1e6
@@ -42,8 +43,11 @@ def geometry_of_bytes(data: bytes) -> ContactGeometry:
         raise InvalidValueError("parameters", f"arrays {', '.join(sorted(arrays)) or 'none'}", expected)
     numbers = {name: np.asarray(array, dtype=float) for name, array in arrays.items()}
     height, noise = numbers.pop("height", np.zeros(1)), numbers.pop(NOISE, np.zeros(0))
+    restitution = numbers.pop(RESTITUTION, None)
     if height.size != 1:
         raise InvalidValueError("height", f"shape {height.shape}", "one number")
+    if restitution is not None and restitution.size != 1:
+        raise InvalidValueError(RESTITUTION, f"shape {restitution.shape}", "one number")
     if noise.shape not in ((0,), (2,)):
         raise InvalidValueError(NOISE, f"shape {noise.shape}", "two numbers")
     for name, values in {**numbers, "height": height}.items():
@@ -52,7 +56,10 @@ def geometry_of_bytes(data: bytes) -> ContactGeometry:
     if len(numbers["vertices_normal"]) > MAX_CONTACTS:
         raise InvalidValueError("vertices of the parameters", len(numbers["vertices_normal"]), f"at most {MAX_CONTACTS}")
     return ContactGeometry(
-        **numbers, height=float(height.ravel()[0]), noise=ImpulseNoise(*noise.tolist()) if noise.size else None
+        **numbers,
+        height=float(height.ravel()[0]),
+        noise=ImpulseNoise(*noise.tolist()) if noise.size else None,
+        restitution=None if restitution is None else float(restitution.ravel()[0]),
     )
 
 
@@ -60,4 +67,6 @@ def bytes_of_geometry(geometry: ContactGeometry) -> bytes:
     """A polytope as safetensors bytes; `geometry_of_bytes` gives it back bit for bit."""
     arrays = {name: np.ascontiguousarray(getattr(geometry, name)) for name in (*REQUIRED, "pivot")}
     noise = {} if geometry.noise is None else {NOISE: np.array(astuple(geometry.noise))}
+    if geometry.restitution is not None:
+        noise[RESTITUTION] = np.array([geometry.restitution])
     return bytes(save({**arrays, **noise, "height": np.array([geometry.height])}))

@@ -21,7 +21,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Spread, paired_spread, spread
 from contact_curation.learning.evaluation.motion_errors import MotionErrors, motion_errors
 from contact_curation.motion.toss import Toss
-from contact_curation.motion.transitions import states_of, transitions_of
+from contact_curation.motion.transitions import periods_of, states_of, transitions_of
 
 PIECE = 1024
 """Transitions whose loss is taken at a time, so that networks need little memory."""
@@ -125,11 +125,21 @@ def predicted_motions(model: Model, tosses: Sequence[Toss], config: EvaluationCo
         if toss.body != model.body.name:
             raise InvalidValueError(f"body of toss {toss.toss_id}", toss.body, model.body.name)
     states = [states_of(toss, model.body.length_scale) for toss in tosses]
-    counts = np.array([len(each) for each in states])
+    frames = [periods_of(toss) for toss in tosses]
+    counts = np.array([each[-1] + 1 for each in frames])
     periods = np.array([toss.frame_period for toss in tosses])
     rolled = model.roll_out(np.stack([each[0] for each in states]), counts, periods, config.sweeps, config.threads)
+    if sum(len(each) for each in frames) < len(rolled.states):
+        rolled = _seen(rolled, frames)
     measured = np.concatenate(states)
     return PredictedMotions(rolled, measured, motion_errors(rolled.states, measured, rolled.starts, model.body))
+
+
+def _seen(rolled: Rollout, frames: Sequence[NDArray[np.int64]]) -> Rollout:
+    """Those rows of K trajectories that are `frames` (T,) of each: a recording lacks some."""
+    rows = np.concatenate([start + each for start, each in zip(rolled.starts[:-1], frames, strict=True)])
+    starts = np.concatenate([[0], np.cumsum([len(each) for each in frames])])
+    return Rollout(starts, rolled.states[rows], rolled.status[rows], rolled.residual[rows], None)
 
 
 def evaluate_model(model: Model, tosses: Sequence[Toss], config: EvaluationConfig) -> ModelEvaluation:

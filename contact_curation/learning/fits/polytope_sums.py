@@ -76,6 +76,7 @@ def moved(model: PolytopeModel, step: Array) -> PolytopeModel:
     )  # its tilt is zero: the chart is taken about its normal
     theta = parameters_to_vector(other.parameters()).detach()
     vector_to_parameters(theta + theta.new_tensor(step), other.parameters())
+    other.limit()
     return other
 
 
@@ -97,4 +98,5 @@ def physical_difference(geometry: ContactGeometry, origin: ContactGeometry) -> A
     tilt = (origin.tangents / own) @ geometry.normal / (origin.normal @ geometry.normal)
     vertices = (getattr(geometry, name) - getattr(origin, name) for name in names)
     shift = geometry.height - origin.height
-    return np.concatenate([*(each.ravel() for each in vertices), [np.log(friction / own)], tilt, [shift]])
+    bounce = [] if origin.restitution is None else [(geometry.restitution or 0.0) - origin.restitution]
+    return np.concatenate([*(each.ravel() for each in vertices), bounce, [np.log(friction / own)], tilt, [shift]])

@@ -39,6 +39,9 @@ from contact_curation.information.subspace import identifiable_subspace, model_c
 from contact_curation.learning.fits.polytope_sums import PolytopeSums, fitted_form, polytope_sums
 from contact_curation.motion.transitions import Transitions
 
+RESTITUTION = 0.4
+"""Standard deviation of what is known of a restitution beforehand."""
+
 
 @dataclass(frozen=True)
 class KnownConfig:
@@ -195,14 +198,14 @@ def _form(model: PolytopeModel) -> ParameterForm:
 
 
 def _prior_deviations(model: PolytopeModel, config: KnownConfig) -> Array:
-    deviations = {"friction": config.friction, "tilt": config.tilt, "height": config.height}
+    deviations = {"friction": config.friction, "tilt": config.tilt, "height": config.height, "restitution": RESTITUTION}
     return _by_block(model, {"vertices_normal": config.vertices, "vertices_tangent": config.vertices, **deviations})
 
 
 def unit_sizes(model: PolytopeModel) -> Array:
     """(P,) what a small change of theta is multiplied with to be in mm, friction (theta has its logarithm) and degrees."""
     millimetres = 1e3 * model.body.length_scale
-    others = {"friction": _friction(model), "tilt": float(np.degrees(1.0)), "height": millimetres}
+    others = {"friction": _friction(model), "tilt": float(np.degrees(1.0)), "height": millimetres, "restitution": 1.0}
     return _by_block(model, {"vertices_normal": millimetres, "vertices_tangent": millimetres, **others})
 
 
@@ -214,9 +217,10 @@ def _parameters(model: PolytopeModel, cramer_rao: Array, sandwich: Array, naive:
     geometry, scales = model.geometry(), unit_sizes(model)
     form = _form(model)
     vertices = (getattr(geometry, block.name).ravel() for block in form.blocks if block.name.startswith("vertices"))
-    values = scales * np.concatenate([*vertices, [1.0, 0.0, 0.0, geometry.height]])
+    bounce = [] if geometry.restitution is None else [geometry.restitution]
+    values = scales * np.concatenate([*vertices, bounce, [1.0, 0.0, 0.0, geometry.height]])
     names = form.names()
-    units = [{"friction": "", "tilt": "deg"}.get(name.partition("[")[0], "mm") for name in names]
+    units = [{"friction": "", "restitution": "", "tilt": "deg"}.get(name.partition("[")[0], "mm") for name in names]
     columns = (values, *(scales * each for each in (cramer_rao, sandwich, naive)))
     return tuple(KnownParameter(*row) for row in zip(names, units, *(column.tolist() for column in columns), strict=True))
 

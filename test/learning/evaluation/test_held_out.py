@@ -118,6 +118,7 @@ def check_the_public_split(tosses: list[NumberedToss]) -> None:
     assert [numbers[toss_id] for toss_id in ids(parts.training)] == sorted(set(range(400)) - LEAKING)
 
 
+@pytest.mark.slow
 def test_the_public_files_are_split_by_their_names(contactnets_folder: Path) -> None:
     check_the_public_split(read(contactnets_folder))
 

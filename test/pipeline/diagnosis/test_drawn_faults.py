@@ -28,6 +28,13 @@ def test_lost_frames_are_named_before_the_falls_that_they_hide(session: Session,
     assert "frames are missing between others" in found.verdict
 
 
+def test_stamps_that_were_closed_up_over_lost_frames_are_named(session: Session, tmp_path: Path) -> None:
+    fault = Fault("closed up", fixed.closed_up(6), "")
+    found = diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, session), fault)
+    assert "stamps were closed up" in found.verdict
+    assert "segmenter.closed_up=true" in found.settings
+
+
 def test_outliers_are_named_before_the_impacts_that_they_spread(session: Session, tmp_path: Path) -> None:
     def change(made: Session, rng: np.random.Generator) -> Session:
         hit = rng.random(len(made.poses)) < 0.06

@@ -33,6 +33,7 @@ FINDINGS: tuple[Find, ...] = (
     smoothing.interpolated,
     stamps.jitter,
     poses.frames_are_lost,
+    stamps.closed_up,
     gravity.nothing_moves,
     orientations.inverted,
     gravity.other_unit,

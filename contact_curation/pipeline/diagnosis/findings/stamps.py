@@ -1,7 +1,10 @@
-"""Header stamps: zero, standing still, going back, too seldom, or not when the poses were taken."""
+"""Header stamps: zero, standing still, going back, too seldom, not when the poses were taken, or closed up over lost frames."""
 
 import numpy as np
 
+from contact_curation.motion.scales import scale_of
+from contact_curation.motion.survey.lost_frames import lost_frames
+from contact_curation.motion.survey.series import WIDEST_STEP
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity, by_recording, of_recordings
 from contact_curation.pipeline.diagnosis.recording import Recording
@@ -11,6 +14,9 @@ LOWEST_RATE = 55.0
 
 MOST_DISORDER = 0.02
 """Share of stamps that stand still or go back, from which on it is a fault."""
+
+FEWEST_CLOSED_UP, MOST_CLOSED_UP = 2, 0.05
+"""Places at which frames are lost: fewer are no word worth; more, for each motion, are a fault."""
 
 
 def zero(evidence: Evidence) -> Finding | None:
@@ -67,3 +73,22 @@ def jitter(evidence: Evidence) -> Finding | None:
     found = by_recording(evidence, lambda one: one.stamps_done)
     remedy = "stamp poses with the time of exposure, not of reception"
     return Finding(Severity.WARNING, of_recordings(evidence, found), remedy) if found else None
+
+
+def closed_up(evidence: Evidence) -> Finding | None:
+    """Even stamps over frames that were lost, by the flights on both sides of them; it needs no fall that is whole."""
+    if evidence.config.inputs.segmenter.closed_up:
+        return None
+    reach, gravity, lost = scale_of(evidence.body).reach, evidence.body.gravity, list[int]()
+    for _, one in evidence.series:
+        missing = lost_frames(one.positions, one.orientations_wxyz, one.period, reach, gravity)
+        lost += missing[(missing > 0) & (one.steps < WIDEST_STEP * one.period)].tolist()
+    if len(lost) < FEWEST_CLOSED_UP:
+        return None
+    many = len(lost) > MOST_CLOSED_UP * max(len(evidence.outcomes), 1)
+    severity = Severity.FAULT if many or evidence.mostly_rejected else Severity.WARNING
+    longest = f"{max(lost) + 1} periods" if max(lost) == min(lost) else f"{min(lost) + 1} to {max(lost) + 1} periods"
+    what = f"frames are lost in {len(lost)} places, and their stamps were closed up: {longest} of motion in one step"
+    setting = "segmenter.closed_up=true"
+    remedy = f"say --set {setting}, or stamp each pose with the time of its image"
+    return Finding(severity, what, remedy, settings=(setting,))

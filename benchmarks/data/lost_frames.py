@@ -1,0 +1,95 @@
+"""Frames that were lost, and whose stamps were closed up: how often they are found, and how often something else is.
+
+The real cube's tosses below 400 lack none; nothing must be found in them. Then 1 to 3 frames at a random place in the first
+half of each are taken out, and the stamps closed up: found is the right number in the right step, or nothing, or a wrong one.
+The tosses are found through CONTACTNETS_DATA.
+
+With --planar FILE.npz also the motions of a square prism: `poses` (N, T, 3) of x [m], z [m] and the angle from x towards z
+[rad], evenly in time; how many the quality checks accept, with and without `segmenter.closed_up`.
+
+    python -m benchmarks.data.lost_frames [--planar FILE.npz]
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks._data import contactnets_folder, training_and_held_out
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.polytopes import box
+from contact_curation.geometry.scalars import ScalarPose
+from contact_curation.motion.body_tracker import TrackerConfig
+from contact_curation.motion.calibration import RigCalibration
+from contact_curation.motion.ingest import IngestConfig, TossIngest
+from contact_curation.motion.pose_stream import FramePose
+from contact_curation.motion.scales import scale_of
+from contact_curation.motion.segmenter_config import SegmenterConfig
+from contact_curation.motion.survey.lost_frames import lost_frames
+from contact_curation.motion.toss import Toss
+
+SIDE, RATE = 0.06, 250.0
+"""Of the square [m], and of its poses [Hz]."""
+
+SQUARE = Body("square", box([SIDE / 2.0] * 3).vertices, 0.1, 0.1 * SIDE**2 / 6.0 * np.eye(3), 0.2, SIDE / 2.0)
+"""A planar motion depends on the shape and on mass over inertia alone; the mass is made up."""
+
+SQUARE_RIG = RigCalibration(height=0.00132, marker_turn=(0.0, 0.02975, 0.0))
+"""What `rig` says of the 350 published throws."""
+
+
+def main() -> int:
+    """Prints counts."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--planar", type=Path, help="poses of a square prism")
+    arguments = parser.parse_args()
+    folder = contactnets_folder()
+    if folder is not None:
+        print(found_in_the_cube(training_and_held_out(folder).training))
+    if arguments.planar:
+        for noise in (1.0, 2.0, 4.0):
+            counts = [
+                len(planar_tosses(arguments.planar, SegmenterConfig(tracker_noise=noise, closed_up=on))) for on in (False, True)
+            ]
+            print(f"accepted at tracker_noise={noise:g}: {counts[0]}, with closed_up {counts[1]}")
+    return 0
+
+
+def found_in_the_cube(tosses: Sequence[Toss]) -> str:
+    """One line."""
+    reach, gravity, rng = scale_of(CONTACTNETS_CUBE).reach, CONTACTNETS_CUBE.gravity, np.random.default_rng(0)
+    whole, right, wrong = 0, 0, 0
+    for toss in tosses:
+        positions, orientations = toss.positions, toss.orientations_wxyz
+        whole += int(np.count_nonzero(lost_frames(positions, orientations, toss.frame_period, reach, gravity)))
+        count, first = int(rng.integers(1, 4)), int(rng.integers(5, max(6, toss.frames // 2)))
+        left = np.delete(np.arange(toss.frames), slice(first, first + count))
+        lost = lost_frames(positions[left], orientations[left], toss.frame_period, reach, gravity)
+        found = {int(step): int(lost[step]) for step in np.flatnonzero(lost)}
+        right += found == {first - 1: count}
+        wrong += bool(found) and found != {first - 1: count}
+    return f"{len(tosses)} tosses: {whole} steps found in whole ones; of one loss in each, {right} found right, {wrong} wrong"
+
+
+def planar_tosses(path: Path, segmenter: SegmenterConfig) -> tuple[Toss, ...]:
+    """The motions of the square that the quality checks accept."""
+    period_ns, accepted = round(1e9 / RATE), list[Toss]()
+    with np.load(path) as file:
+        poses = file["poses"]
+    config = IngestConfig(TrackerConfig("square", "board"), segmenter, rig=SQUARE_RIG)
+    for number, (x, z, angle) in enumerate(poses.transpose(0, 2, 1)):
+        ingest = TossIngest(config, SQUARE, source=f"throw {number}")
+        turns = quaternions.exp(np.stack([0.0 * angle, -angle, 0.0 * angle], axis=1)).tolist()
+        places = [(across, 0.0, up) for across, up in zip(x.tolist(), z.tolist(), strict=True)]
+        for frame, ((w, i, j, k), place) in enumerate(zip(turns, places, strict=True)):
+            pose = FramePose(frame * period_ns, "board", "square", ScalarPose(place, (w, i, j, k)))
+            accepted += [event for event in ingest.push(pose) if isinstance(event, Toss)]
+        accepted += [event for event in ingest.flush() if isinstance(event, Toss)]
+    return tuple(accepted)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
