@@ -23,6 +23,8 @@ from contact_curation.errors import (
 
 MOST_VALUES = 1_000_000
 """In a YAML file, whose few aliases can stand for any number."""
+LARGEST_BITS = 1023
+"""Of a whole number in a YAML file: a float can hold it."""
 
 
 def read_bounded(path: Path, largest: int, expected: str) -> bytes:
@@ -51,17 +53,38 @@ def read_bounded(path: Path, largest: int, expected: str) -> bytes:
 def read_yaml(path: Path, largest: int, expected: str) -> Any:
     """What a YAML file holds; arguments and errors as `read_bounded`, and UnreadableInputError for what is no YAML."""
     try:
-        content = yaml.safe_load(read_bounded(path, largest, expected).decode("utf-8"))
+        content = parse_yaml(read_bounded(path, largest, expected).decode("utf-8"))
         values = _expanded(content, {})
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # a date that there is not is a ValueError
+    except (ValueError, RecursionError) as error:
         raise UnreadableInputError(path, f"found no YAML ({_why(error)}), expected {expected}") from error
     if values > MOST_VALUES:
         raise UnreadableInputError(path, f"its aliases stand for over {MOST_VALUES} values, expected {expected}")
     return content
 
 
+def parse_yaml(text: str) -> Any:
+    """What YAML text holds.
+
+    Raises:
+        ValueError: it is no YAML. PyYAML itself raises a KeyError for `!!bool x`, an AttributeError for `!!timestamp x` and an
+            OverflowError for a number with two hundred colons.
+    """
+    try:
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError) as error:
+        raise ValueError(str(error)) from error
+    except (LookupError, AttributeError, ArithmeticError) as error:
+        raise ValueError("a value is too large or not of the kind that its tag names") from error
+
+
 def _expanded(value: Any, known: dict[int, float]) -> float:
-    """How many values nested ones hold, each alias counted as often as it stands there; inf for one that holds itself."""
+    """How many values nested ones hold, each alias counted as often as it stands there; inf for one that holds itself.
+
+    Raises:
+        ValueError: one of them is a whole number that is too large for a float and, in hexadecimal, even for a message.
+    """
+    if isinstance(value, int) and value.bit_length() > LARGEST_BITS:
+        raise ValueError(f"a whole number of {value.bit_length()} bits")
     if not isinstance(value, list | dict | tuple | set):
         return 1
     if id(value) not in known:

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from contact_curation import files
-from contact_curation.files import partial_name, staged_folder, write_atomically
+from contact_curation.errors import UnreadableInputError
+from contact_curation.files import partial_name, read_yaml, staged_folder, write_atomically
 
 
 @pytest.fixture(params=[0o077, 0o027, 0o022], ids=oct)
@@ -47,3 +48,23 @@ def test_what_is_there_under_the_hidden_name_is_never_followed(
     with pytest.raises(Exception, match="File exists"):
         write(tmp_path / "a")
     assert victim.read_bytes() == b"years of work"
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("a: !!bool x", "its tag names"),
+        ("a: !!int ''", "its tag names"),
+        ("a: !!timestamp x", "its tag names"),
+        (f"a: {':'.join(['1'] * 200)}.0", "too large"),
+        ("a: 2020-13-45", "month must be in 1..12"),
+        (f"a: 0x{'f' * 6000}", "a whole number of 24000 bits"),
+        ("a: [", "while parsing"),
+    ],
+)
+def test_what_is_no_yaml_is_refused_in_one_line(tmp_path: Path, text: str, why: str) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(UnreadableInputError, match=why) as raised:
+        read_yaml(path, 1 << 17, "a body")
+    assert "\n" not in str(raised.value)

@@ -52,6 +52,8 @@ def body_of_mapping(content: Mapping[str, Any]) -> dict[str, Any]:
     if not given:
         raise InvalidValueError("missing key", "no shape", f"{', '.join(SHAPES)}, {', '.join(GEOMETRIES)}: one of them")
     vertices = box(_half_extents(content)).vertices if given == ["half_extents"] else numbers(content, "vertices")
+    if np.abs(vertices).max(initial=0.0) > LARGEST:
+        raise InvalidValueError("vertices", f"{np.abs(vertices).max():.3g}", f"metres, at most {LARGEST:g}")
     if len(Polytope(vertices).vertices) <= MAX_CONTACTS:
         vertices = checked_corners(vertices)
     missing = [key for key in REQUIRED if key not in content]

@@ -34,7 +34,8 @@ class Polytope:
             raise InvalidValueError("vertices", f"shape {vertices.shape}", "(V, 3) with V >= 4")
         if not np.isfinite(vertices).all():
             raise InvalidValueError("vertices", "a value that is not finite", "finite numbers")
-        if np.linalg.matrix_rank(vertices - vertices.mean(axis=0)) < 3:
+        scaled = vertices / (np.abs(vertices).max() or 1.0)  # sums of large numbers are no numbers
+        if np.linalg.matrix_rank(scaled - scaled.mean(axis=0)) < 3:
             raise InvalidValueError("vertices", "all in one plane", "a body with volume")
         object.__setattr__(self, "vertices", vertices)
 

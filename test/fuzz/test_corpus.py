@@ -62,6 +62,11 @@ NESTED = "".join(f"- &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]\n" for k in range(1
 BOMBS = {
     "aliases that stand for 43 million numbers": ("body", b"name: b\nvertices:\n- &a0 [1, 1, 1]\n" + NESTED.encode()),
     "a list that holds itself": ("body", b"name: b\nmass: 1\nvertices: &a [*a, *a]\n"),
+    "a box of 1e308 m": (
+        "body",
+        b"{name: b, half_extents: [1.0e+308, 1.0e+308, 1.0e+308], mass: 1, inertia: [1, 1, 1], friction: 0.1, length_scale: 1}",
+    ),
+    "a number that is longer than a message": ("body", b"name: 0x" + b"f" * 6000),
     "a section that holds itself": ("node_parameters", b"/**:\n  ros__parameters: &a {b: *a}\n"),
     "a board of nine billion tags": (
         "tag_map",
@@ -80,4 +85,5 @@ def test_what_stands_for_far_more_than_it_is_is_refused_before_it_is_unfolded(bo
     began = time.monotonic()
     error = read(target, data)
     assert time.monotonic() - began < SLOWEST
-    assert any(word in str(error) for word in ("aliases", "587 tags", "document type")), str(error)
+    said = ("aliases", "587 tags", "document type", "24000 bits", "metres, at most")
+    assert any(word in str(error) for word in said), str(error)

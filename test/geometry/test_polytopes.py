@@ -33,6 +33,11 @@ def test_the_box_of_a_cube_has_contactnets_corners() -> None:
     assert ours == {tuple(corner) for corner in CONTACTNETS_CUBE.vertices}
 
 
+@pytest.mark.parametrize("size", [1e-300, 1e300, 1e308])
+def test_a_box_of_any_size_has_a_volume(size: float) -> None:
+    assert len(box(np.full(3, size)).vertices) == 8
+
+
 @pytest.mark.parametrize(
     ("vertices", "why"),
     [

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from io import BytesIO
 from itertools import batched
+from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -16,6 +17,7 @@ import numpy as np
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
+from contact_curation.cli import progress
 from contact_curation.cli.main import main
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
@@ -64,6 +66,7 @@ def verb(*words: str) -> Callable[[Path, Path], int]:
     """Runs a command line; OUT and IN in its words stand for the folders."""
 
     def run(out: Path, inputs: Path) -> int:
+        progress.SECONDS_BETWEEN_LINES = inf  # of this process: how many there are depends on the machine
         return main([word.replace("OUT", str(out)).replace("IN", str(inputs)) for word in words])
 
     return run

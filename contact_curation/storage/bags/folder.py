@@ -12,6 +12,7 @@ from typing import NamedTuple
 import yaml
 
 from contact_curation.errors import UnreadableInputError, why_unreadable
+from contact_curation.files import parse_yaml
 from contact_curation.storage.bags.file import DamagedBagError, Losses
 from contact_curation.storage.bags.records import Channel, OfferedQos, profiles_of, qos_from
 
@@ -69,12 +70,12 @@ def read_metadata(path: Path) -> BagMetadata:
             raise DamagedBagError("is no regular file")
         if path.stat().st_size > LARGEST_METADATA:
             raise DamagedBagError(f"holds more than {LARGEST_METADATA} bytes")
-        information = yaml.safe_load(path.read_text())["rosbag2_bagfile_information"]
+        information = parse_yaml(path.read_text())["rosbag2_bagfile_information"]
         topics = tuple(_topic(entry) for entry in information["topics_with_message_count"])
         return BagMetadata(tuple(Path(str(name)).name for name in information["relative_file_paths"]), topics)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
+    except (OSError, ValueError) as error:
         raise DamagedBagError(f"cannot be read: {error}") from error
-    except (KeyError, TypeError, ValueError) as error:
+    except (LookupError, TypeError, AttributeError) as error:
         raise DamagedBagError(f"is not what rosbag2 writes: {error!r}") from error
 
 

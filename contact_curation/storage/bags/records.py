@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from contact_curation.files import parse_yaml
+
 
 @dataclass(frozen=True)
 class OfferedQos:
@@ -110,6 +112,8 @@ class StoredMessage(NamedTuple):
 
 TRANSIENT_LOCAL = ("transient_local", 1)
 BEST_EFFORT = ("best_effort", 2)
+DEEPEST = 10_000
+"""Messages; more than any publisher keeps, and few enough for a player to keep."""
 LARGEST_PROFILE = 1 << 16
 """Characters; longer texts are no QoS profiles, and YAML is slow."""
 
@@ -156,7 +160,7 @@ def qos_from(profiles: object) -> OfferedQos | None:
     return OfferedQos(
         latched=any(_policy(profile.get("durability")) in TRANSIENT_LOCAL for profile in profiles),
         reliable=any(_policy(profile.get("reliability")) not in BEST_EFFORT for profile in profiles),
-        depth=max((depth for depth in depths if isinstance(depth, int)), default=OfferedQos.depth),
+        depth=min(max((depth for depth in depths if type(depth) is int and depth >= 0), default=OfferedQos.depth), DEEPEST),
     )
 
 
@@ -168,6 +172,6 @@ def _parsed(text: str) -> object:
     if len(text) > LARGEST_PROFILE:
         return None
     try:
-        return yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError):
+        return parse_yaml(text)
+    except ValueError:
         return None

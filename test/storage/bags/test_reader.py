@@ -220,9 +220,20 @@ def test_qos_is_read_in_the_form_of_every_release() -> None:
     assert qos_from("- {durability: 2, reliability: 1}\n- {durability: 1, reliability: 2}") == OfferedQos(latched=True)
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", "- 1", "\x00", "[[[[", "a: [", "- {durability: 1}\n" * 10_000, "&a [*a]"])
+NO_PROFILES = (
+    *("", "[]", "{}", "- 1", "\x00", "[[[[", "a: [", "- {durability: 1}\n" * 10_000, "&a [*a]"),
+    *("- {depth: 2020-13-45}", "- {depth: !!bool x}"),
+)
+
+
+@pytest.mark.parametrize("text", NO_PROFILES)
 def test_qos_that_cannot_be_read_is_none(text: str) -> None:
     assert qos_from(text) is None
+
+
+@pytest.mark.parametrize(("depth", "read"), [("7", 7), ("-5", 10), ("true", 10), ("0x7fffffffffffffffff", 10_000)])
+def test_a_depth_is_one_that_a_publisher_may_have(depth: str, read: int) -> None:
+    assert qos_from(f"- {{depth: {depth}}}") == OfferedQos(depth=read)
 
 
 def test_ros1_messages_have_ros2s_names_and_their_sequence_number(tmp_path: Path) -> None:
