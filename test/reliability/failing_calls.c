@@ -136,11 +136,12 @@ int openat64(int directory, const char *path, int flags, ...) {
 int creat(const char *path, mode_t mode) { return opened(AT_FDCWD, path, O_CREAT | O_WRONLY | O_TRUNC, mode); }
 int creat64(const char *path, mode_t mode) { return creat(path, mode); }
 
-// A write that fails is torn: its first half is made. A disk that fills up takes that half and says so by the number of bytes.
+// A write that fails is torn: its first half is made. A disk that fills up takes that half and says so by the number of bytes,
+// and nothing of what comes after it.
 static ssize_t written(int descriptor, const void *data, size_t size, off_t offset, int here) {
     char path[PATH_MAX];
     enum action what = length && path_of(descriptor, path) ? fate("write", path, SPACE) : COUNT;
-    size_t part = what == COUNT ? size : what == BROKEN ? 0 : size / 2;
+    size_t part = what == COUNT ? size : what == BROKEN || counted > at ? 0 : size / 2;
     ssize_t done = 0;
     if (part || what == COUNT)
         done = here ? syscall(SYS_write, descriptor, data, part) : syscall(SYS_pwrite64, descriptor, data, part, offset);

@@ -40,6 +40,7 @@ from contact_curation.storage.bags.session import SessionBag
 from contact_curation.storage.checkpoint_file import read_notes
 from contact_curation.storage.manifest.file import read_manifest, write_manifest
 from contact_curation.storage.stores.information import InformationStore
+from contact_curation.storage.stores.seal import CHECKSUM
 from contact_curation.storage.stores.state import StateStore
 from contact_curation.storage.stores.tosses import TossStore
 from contact_curation.storage.throws_file import write_throws
@@ -143,6 +144,8 @@ def scored(out: Path, inputs: Path) -> int:
     with InformationStore(out / "information.sqlite") as store:
         stage = ScoringStage(CONTACTNETS_CUBE, ScoringConfig(), store, theta_of_geometry(TRUE))
         stage.postpone(theta_of_geometry(LARGER))
+        while missed := stage.unannounced(2):
+            stage.announced(missed)
         for _ in range(2):
             for first in range(stage.cursor.sequence, len(known), 2):
                 batch = stage.score(known[first : first + 2], frames)
@@ -181,6 +184,8 @@ def trained(out: Path, inputs: Path) -> int:
     with TossStore(out / "tosses.sqlite") as store:
         training = stage(out, store, replace(TRAINING, steps=10, evaluation_steps=10))
         for revision, count in enumerate((3, 4), start=1):
+            if revision < training.round.revision:
+                continue  # the curator sends its newest buffer alone
             training.follow(SelectedSet(revision, count, tuple(toss.toss_id for toss in known[:count])))
             for toss in known[:count]:
                 if toss.toss_id in training.missing:
@@ -229,11 +234,20 @@ def rows_of(path: Path) -> object:
             names = [
                 name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table' ORDER BY name")
             ]
-            return {name: connection.execute(f"SELECT * FROM {name}").fetchall() for name in names}
+            return {name: sorted(connection.execute(f"SELECT * FROM {name}"), key=repr) for name in names}  # no row has a place
         except sqlite3.DatabaseError:
             return path.read_bytes()
         finally:
             connection.close()
+
+
+def throws_of(path: Path) -> object:
+    """How many throws a log has that were made, and whether it knows of one under way: which numbers they have may differ."""
+    tables = rows_of(path)
+    if not isinstance(tables, dict):
+        return tables
+    found = [json.loads(value[: -CHECKSUM.size]) for key, value in tables.get("states", ()) if key == "throws"]
+    return [(len({one["commanded"]["throw_id"] for one in log["made"]}), log["under_way"]) for log in found]
 
 
 def messages_of(path: Path) -> object:
@@ -390,6 +404,6 @@ PROGRAMS: dict[str, Program] = {
     "scorer-store": Program(scored, known_tosses, plain=rows_of, grows=opens(part_of_information)),
     "curator-store": Program(curated, to_curate, plain=rows_of, grows=opens(part_of_information)),
     "trainer": Program(trained, known_tosses, plain=rows_of, grows=opens(part_of_training)),
-    "throw-log": Program(designed, plain=rows_of, grows=opens(part_of_throws)),
+    "throw-log": Program(designed, plain=throws_of, grows=opens(part_of_throws)),
     "recorder": Program(recorded, plain=messages_of, grows=opens(part_of_session)),
 }
