@@ -25,7 +25,7 @@ demo: setup
 
 # Each file on one of three processes, on two cores: the tests of live graphs wait more than they work.
 test: setup
-	$(PYTHON) -m pytest -n 3 --dist loadfile
+	$(PYTHON) -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
 test-slow: setup
 	$(PYTHON) -m pytest -m slow

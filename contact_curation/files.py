@@ -23,8 +23,8 @@ from contact_curation.errors import (
 
 MOST_VALUES = 1_000_000
 """In a YAML file, whose few aliases can stand for any number."""
-LARGEST_BITS = 1023
-"""Of a whole number in a YAML file: a float can hold it."""
+LARGEST_BITS = 14_000
+"""Of a whole number in a YAML file: Python writes no longer one in decimal digits."""
 
 
 def read_bounded(path: Path, largest: int, expected: str) -> bytes:
@@ -81,7 +81,7 @@ def _expanded(value: Any, known: dict[int, float]) -> float:
     """How many values nested ones hold, each alias counted as often as it stands there; inf for one that holds itself.
 
     Raises:
-        ValueError: one of them is a whole number that is too large for a float and, in hexadecimal, even for a message.
+        ValueError: one of them is a whole number that is too large even for a message, as one in hexadecimal can be.
     """
     if isinstance(value, int) and value.bit_length() > LARGEST_BITS:
         raise ValueError(f"a whole number of {value.bit_length()} bits")

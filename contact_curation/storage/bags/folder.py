@@ -70,12 +70,14 @@ def read_metadata(path: Path) -> BagMetadata:
             raise DamagedBagError("is no regular file")
         if path.stat().st_size > LARGEST_METADATA:
             raise DamagedBagError(f"holds more than {LARGEST_METADATA} bytes")
-        information = parse_yaml(path.read_text())["rosbag2_bagfile_information"]
-        topics = tuple(_topic(entry) for entry in information["topics_with_message_count"])
-        return BagMetadata(tuple(Path(str(name)).name for name in information["relative_file_paths"]), topics)
+        content = parse_yaml(path.read_text())
     except (OSError, ValueError) as error:
         raise DamagedBagError(f"cannot be read: {error}") from error
-    except (LookupError, TypeError, AttributeError) as error:
+    try:
+        information = content["rosbag2_bagfile_information"]
+        topics = tuple(_topic(entry) for entry in information["topics_with_message_count"])
+        return BagMetadata(tuple(Path(str(name)).name for name in information["relative_file_paths"]), topics)
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise DamagedBagError(f"is not what rosbag2 writes: {error!r}") from error
 
 
