@@ -31,25 +31,20 @@ from benchmarks.learning.impact_noise import bench_of
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import UPWARD
 from contact_curation.contact.impulse_noise import ImpulseNoise
-from contact_curation.contact.models.polytope import INITIAL_NOISE, PolytopeModel, initial_geometry
+from contact_curation.contact.models.polytope import INITIAL_NOISE, INITIAL_RESTITUTION, PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.experiments.cell_run import FIT, ONE_THREAD
-from contact_curation.geometry import quaternions
-from contact_curation.geometry.quaternions import Array
+from contact_curation.information.impacts import merged_impacts
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
 from contact_curation.learning.evaluation.without_model import plain_errors, rebounds
 from contact_curation.learning.fits.held_fit import fit_held
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Toss
-from contact_curation.motion.transitions import Transitions, states_of, transitions_of
+from contact_curation.motion.transitions import transitions_of
 
 ARMS = {"plain": (False, False), "merged": (False, True), "bounce": (True, False), "bounce-merged": (True, True)}
 """Whether a restitution is learned, and whether impacts are merged."""
 
-HARD, LONGEST = 5.0, 3
-"""An impact changes a velocity by more than so many times what gravity does in a period; so many in a row are merged."""
-
-FIRST_RESTITUTION = 0.2
 ALL = 0
 
 type Row = dict[str, Any]
@@ -65,44 +60,16 @@ class Tosses:
     spread: float = INITIAL_NOISE
 
 
-def merged_impacts(tosses: Sequence[Toss], body: Body) -> Transitions:
-    """Transitions of tosses, with those of an impact as one."""
-    scale, ends = body.length_scale, list[tuple[Array, Array, Array]]()
-    for toss in tosses:
-        states, period = states_of(toss, scale), toss.frame_period
-        jumps = _velocity_changes(states, period, body)
-        hard = np.concatenate([[False], jumps > HARD * body.scaled_gravity * period, [False]])
-        rows, at = list[tuple[int, int]](), 0
-        while at < len(states) - 1:
-            run = int(np.argmin(np.append(hard[at : len(states) - 1], False)))
-            stop = at + run if 1 < run <= LONGEST else at + 1
-            rows += [(at, stop)] if run <= LONGEST else [(k, k + 1) for k in range(at, at + run)]
-            at = rows[-1][1]
-        first, last = np.array(rows).T
-        ends.append((states[first], states[last], period * (last - first)))
-    before, after, dt = (np.concatenate(each) for each in zip(*ends, strict=True))
-    starts = np.concatenate([[0], np.cumsum([len(each[2]) for each in ends])]).astype(np.int64)
-    return Transitions(tuple(toss.toss_id for toss in tosses), before, after, dt, starts)
-
-
-def _velocity_changes(states: Array, period: float, body: Body) -> Array:
-    """(T - 2,) at inner frames: of the raw velocity, gravity taken off, and of the spin times the body's reach."""
-    speeds = np.diff(states[:, :3], axis=0) / period
-    turns = quaternions.log(quaternions.multiply(quaternions.conjugate(states[:-1, 3:7]), states[1:, 3:7])) / period
-    linear = np.diff(speeds, axis=0) + body.scaled_gravity * period * UPWARD
-    reach = float(np.linalg.norm(body.scaled_vertices, axis=1).max())
-    return np.asarray(np.hypot(np.linalg.norm(linear, axis=1), reach * np.linalg.norm(np.diff(turns, axis=0), axis=1)))
-
-
 def fitted(arm: str, tosses: Sequence[Toss], body: Body, seed: int, spread: float) -> PolytopeModel:
     """The optimum of tosses."""
     bounces, merges = ARMS[arm]
-    data = merged_impacts(tosses, body) if merges else transitions_of(tosses, body.length_scale)
+    data = transitions_of(tosses, body.length_scale)
+    data = merged_impacts(data, body) if merges else data
     pivot = np.array([*data.before[:, :2].mean(axis=0), 0.0])
     drawn = initial_geometry(body, Form.RIGID, pivot, np.random.default_rng(seed), spread)
     friction = float(np.linalg.norm(drawn.tangents[0]))
     start = replace(drawn, normal=UPWARD, tangents=friction * np.eye(2, 3), height=0.0, noise=ImpulseNoise())
-    start = replace(start, restitution=FIRST_RESTITUTION if bounces else None)
+    start = replace(start, restitution=INITIAL_RESTITUTION if bounces else None)
     return fit_held(PolytopeModel(start, body, Form.RIGID), data, replace(FIT, renewals=3)).model
 
 

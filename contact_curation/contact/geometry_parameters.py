@@ -6,7 +6,7 @@
 The friction coefficient is inside T. Pivot and height are zero in the 57-parameter form; the centred form uses them.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 
 UPWARD: Array = np.array([0.0, 0.0, 1.0])
+
+INITIAL_RESTITUTION = 0.2
+"""Of a theta in the rigid form, before anything is learned."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +73,12 @@ class ContactGeometry:
         """The body as its user described it, on the plane z = 0."""
         vertices = body.scaled_vertices
         return ContactGeometry(vertices, UPWARD, vertices, body.friction * np.eye(2, 3))
+
+    def rigid(self) -> "ContactGeometry":
+        """As a theta of the rigid form before anything is learned, if it has none of that form yet: with a noise of impacts and
+        a restitution.
+        """
+        return self if self.noise else replace(self, noise=ImpulseNoise(), restitution=INITIAL_RESTITUTION)
 
     @property
     def vertex_count(self) -> int:

@@ -6,7 +6,7 @@ depends on where the board's origin lies; `pool` brings them to a common pivot.
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import astuple, dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -15,12 +15,12 @@ import numpy as np
 from contact_curation.contact.body import Body
 from contact_curation.contact.evaluation import Estimator, FisherSums, SolveStatus, fisher_sums
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.impulse_noise import ImpulseNoise
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.parameter_form import Form, ParameterForm, parameter_form
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.factors import Compression, factors_of_fishers
+from contact_curation.information.impacts import as_described
 from contact_curation.information.pool import about_centroids
 from contact_curation.information.record import ParameterBlock, Rows, TossInformation
 from contact_curation.motion.toss import Toss
@@ -35,7 +35,8 @@ STORED = np.float32
 class ScoringConfig:
     """How tosses are scored.
 
-    A theta in the rigid form keeps it where the physical one is asked for; one without a noise has the usual one in the rigid.
+    A theta in the rigid form keeps it where the physical one is asked for; one without a noise has the usual one in the rigid,
+    and a restitution.
 
     Attributes:
         estimator: which Fisher matrix is estimated.
@@ -102,7 +103,7 @@ class Scorer:
 
     def __init__(self, geometry: ContactGeometry, body: Body, config: ScoringConfig) -> None:
         rigid = config.form is Form.RIGID or (config.form is Form.PHYSICAL and geometry.noise is not None)
-        geometry = replace(geometry, noise=geometry.noise or ImpulseNoise()) if rigid else geometry
+        geometry = geometry.rigid() if rigid else geometry
         self.geometry = geometry
         self.body = body
         self.config = config
@@ -113,7 +114,7 @@ class Scorer:
 
     def losses(self, tosses: Sequence[Toss]) -> tuple[Array, ...]:
         """Losses (N,) of all scored transitions of each of `tosses`, for choosing an influence bound."""
-        rows = transitions_of(self._checked(tosses), self.body.length_scale)
+        rows = self._rows(tosses)
         sums = self._sums(rows, None)
         solved = sums.status == SolveStatus.SOLVED
         return tuple(sums.losses[part][solved[part]] for part in (slice(*ends) for ends in pairwise(rows.starts)))
@@ -124,7 +125,7 @@ class Scorer:
         Raises:
             InvalidValueError: no toss, or a toss of another body.
         """
-        rows = transitions_of(self._checked(tosses), self.body.length_scale)
+        rows = self._rows(tosses)
         sums = self._sums(rows, self.config.estimator)
         centroids = np.array([toss.positions.mean(axis=0) / self.body.length_scale for toss in tosses])
         fishers = self.form.chart.T @ sums.fishers @ self.form.chart  # one product per toss: the same digits in any batch
@@ -139,11 +140,11 @@ class Scorer:
             for k, toss in enumerate(tosses)
         )
 
-    def _checked(self, tosses: Sequence[Toss]) -> Sequence[Toss]:
+    def _rows(self, tosses: Sequence[Toss]) -> Transitions:
         for toss in tosses:
             if toss.body != self.body.name:
                 raise InvalidValueError(f"body of toss {toss.toss_id}", toss.body, self.body.name)
-        return tosses
+        return as_described(transitions_of(tosses, self.body.length_scale), self.geometry, self.body)
 
     def _sums(self, rows: Transitions, estimator: Estimator | None) -> FisherSums:
         return fisher_sums(

@@ -141,7 +141,8 @@ class TrainingRun:
             InvalidValueError: nothing to learn from, or nothing held out where the protocol needs it.
         """
         plan = config.plan(tosses)
-        curated, held_out = begin(plan), plan.held_out_transitions
+        curated = begin(plan)
+        held_out = curated.training.held_out
         before = nan if held_out is None else mean_loss(curated.training.model, rows_of(held_out), plan.protocol.loss).loss
         return cls(plan, curated, before, config.rig)
 
@@ -199,7 +200,7 @@ def _polytope(start: Parameters, form: Form, tosses: LearningTosses) -> Polytope
         middle = np.concatenate([toss.positions for toss in tosses.training]).mean(axis=0) / start.body.length_scale
         pivot = np.array([*middle[:2], 0.0])
         geometry = _about(geometry, pivot)
-    return PolytopeModel(geometry, start.body, form)
+    return PolytopeModel(geometry.rigid() if form is Form.RIGID else geometry, start.body, form)
 
 
 def _about(geometry: ContactGeometry, pivot: Array) -> ContactGeometry:

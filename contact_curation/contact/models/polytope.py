@@ -26,7 +26,7 @@ from torch import Tensor
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.compiled.descent import DescentTask, KernelDescent, polytope_descent
-from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
+from contact_curation.contact.geometry_parameters import INITIAL_RESTITUTION, UPWARD, ContactGeometry
 from contact_curation.contact.impulse_noise import ImpulseNoise
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.explicit_parameters import ExplicitParameters
@@ -42,7 +42,6 @@ from contact_curation.solver.cone_problem import MAX_CONTACTS
 
 INITIAL_NOISE = 0.4
 """Standard deviation of the published initialisation, in half widths and as a share of the friction (method.md 1.1)."""
-
 
 RESTITUTION = "restitution"
 """Parameter and setting of a polytope that bounces."""
@@ -242,7 +241,7 @@ def initial_geometry(
     with torch.no_grad():
         for value in (model.tilt, model.log_friction, model.height):
             value.add_(torch.as_tensor(noise * rng.standard_normal(tuple(value.shape))))
-    return model.geometry()
+    return replace(model.geometry(), restitution=INITIAL_RESTITUTION if form is Form.RIGID else None)
 
 
 def tilted_plane(tilt: Tensor, log_friction: Tensor, frame: Tensor) -> tuple[Tensor, Tensor]:

@@ -18,6 +18,7 @@ from contact_curation.contact.rollout import Rollout
 from contact_curation.contact.time_step import DEFAULT_LIMITS, StepStatus, SweepLimits
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.impacts import as_described
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Spread, paired_spread, spread
 from contact_curation.learning.evaluation.motion_errors import MotionErrors, motion_errors
 from contact_curation.motion.toss import Toss
@@ -154,7 +155,8 @@ def evaluate_model(model: Model, tosses: Sequence[Toss], config: EvaluationConfi
         InvalidValueError: no toss, or one of another body.
     """
     motions = predicted_motions(model, tosses, config)
-    rolled, rows = motions.rolled, transitions_of(tosses, model.body.length_scale)
+    rows = as_described(transitions_of(tosses, model.body.length_scale), model.geometry(), model.body)
+    rolled = motions.rolled
     losses, solved = transition_losses(model, Rows(rows.before, rows.after, rows.dt), config.loss)
     return ModelEvaluation(
         toss_ids=rows.toss_ids,

@@ -23,6 +23,7 @@ from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.models.registry import model_class
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.impacts import as_described
 from contact_curation.learning.fits.exact_fit import optimum, theta_0
 from contact_curation.learning.training.data import Batches, checked, digest_of, rows_of, transition_name
 from contact_curation.learning.training.objective import (
@@ -70,7 +71,7 @@ class Training:
             )
         self.model = model
         self.config = config
-        self.held_out = None if held_out is None else checked(held_out)
+        self.held_out = None if held_out is None else self._described(checked(held_out))
         self.counters = Counters()
         self.early_stop = EarlyStop()
         self.history: tuple[Evaluated, ...] = ()
@@ -99,7 +100,7 @@ class Training:
             training._origin = theta_0(model.with_tensors(memory.origin))
         if training._held_out_digest == memory.held_out:
             training.early_stop, training.best_tensors = memory.early_stop, memory.best_tensors
-        if digest_of(data) == memory.data:
+        if digest_of(training._data) == memory.data:
             training._batches.restore(memory.order, memory.batches)
         else:
             training._generator.bit_generator.state = memory.batches["generator"]
@@ -192,9 +193,12 @@ class Training:
         return self.model.with_tensors(self.model.tensors() if self.best_tensors is None else self.best_tensors)
 
     def _take(self, data: Transitions) -> None:
-        self._data = checked(data)
+        self._data = self._described(checked(data))
         self._batches = Batches(len(data.dt), self.config.batch, self._generator)
         self._single = SingleSteps.of(self.model, self._data, self.config, self.optimizer)
+
+    def _described(self, data: Transitions) -> Transitions:
+        return as_described(data, self.model.geometry(), self.model.body)
 
     def _step(self) -> None:
         """One gradient step, and what is due after it."""

@@ -18,6 +18,7 @@ from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.impacts import as_described
 from contact_curation.learning.fits.polytope_fit import FitConfig, fit_polytope
 from contact_curation.learning.fits.polytope_sums import moved, physical_difference, polytope_sums
 from contact_curation.learning.uncertainty.parameters import Known, KnownConfig, known, unit_sizes
@@ -95,6 +96,7 @@ def calibration(
         config: loss and prior.
     """
     found = known(model, fitted, others, config)
+    fitted = as_described(fitted, model.geometry(), model.body)
     draws = bootstrap_deviations(model, fitted, resamples, seed, FitConfig(config.loss, RESAMPLE_TOLERANCE))
     sizes = unit_sizes(model)
     whole = whole_hessian_deviations(model, fitted, config.loss)

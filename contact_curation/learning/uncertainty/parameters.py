@@ -35,6 +35,7 @@ from contact_curation.contact.models.polytope import INITIAL_NOISE, PolytopeMode
 from contact_curation.contact.parameter_form import Form, ParameterForm, parameter_form
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.impacts import as_described
 from contact_curation.information.subspace import identifiable_subspace, model_covariance, sandwich_covariance
 from contact_curation.learning.fits.polytope_sums import PolytopeSums, fitted_form, polytope_sums
 from contact_curation.motion.transitions import Transitions
@@ -135,6 +136,7 @@ def known(model: Model, fitted: Transitions, others: Transitions, config: KnownC
         InvalidValueError: no polytope, or one without a physical form; or no toss has information about theta.
     """
     model = _about_the_middle(model, fitted)
+    fitted, others = (as_described(data, model.geometry(), model.body) for data in (fitted, others))
     sums = polytope_sums(model, fitted, Estimator.GAUSS_NEWTON, config.loss)
     information = sums.fishers.sum(axis=0)
     variance = noise_variance(model, others, config.loss)

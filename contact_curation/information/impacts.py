@@ -1,0 +1,80 @@
+"""Transitions as a polytope with a restitution describes them: one transition over all frame periods of an impact.
+
+The frame period in which a body meets the board has a mean velocity that is neither the one before nor the one after the
+impact. No law of impact relates the two transitions that share it, but the transition from the frame before to the frame after
+it. Without this a restitution cannot be learned (docs/results.md, "Bodies that bounce").
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+from contact_curation.contact.body import Body
+from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.transitions import Transitions
+
+HARD = 5.0
+"""At an impact the velocity changes by more than so many times what gravity changes in a frame period."""
+
+UNUSUAL = 3.0
+"""It also changes by more than so many times the toss's median change, so that a tracker's noise is not taken for impacts."""
+
+LONGEST = 3
+"""Transitions are merged where at most so many in a row begin with such a change."""
+
+
+def as_described(data: Transitions, geometry: ContactGeometry | None, body: Body) -> Transitions:
+    """The transitions that a model's loss is taken of: with impacts merged where its theta has a restitution.
+
+    Args:
+        data: transitions between successive frames.
+        geometry: theta; None for a network.
+        body: that moves.
+    """
+    return data if geometry is None or geometry.restitution is None else merged_impacts(data, body)
+
+
+def merged_impacts(data: Transitions, body: Body) -> Transitions:
+    """The transitions, with those of an impact as one: a toss keeps its first and last state, and its id.
+
+    Args:
+        data: transitions between successive frames.
+        body: that moves.
+    """
+    changes = _velocity_changes(data, body)
+    gravity = body.scaled_gravity * data.dt
+    bounds = np.concatenate(
+        [np.maximum(HARD * gravity[slice(*ends)], UNUSUAL * _median(changes[slice(*ends)])) for ends in pairwise(data.starts)]
+    )
+    hard = changes > bounds
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], hard, [False]])))  # a run of hard rows begins, ends, begins ...
+    first = np.ones(len(data.dt), dtype=bool)
+    for begin, end in edges.reshape(-1, 2):
+        if end - begin <= LONGEST:
+            first[begin + 1 : end] = False
+    rows = np.flatnonzero(first)
+    last = np.append(rows[1:], len(first)) - 1
+    starts = np.concatenate([[0], np.cumsum(first)])[data.starts]
+    return Transitions(data.toss_ids, data.before[rows], data.after[last], np.add.reduceat(data.dt, rows), starts)
+
+
+def _velocity_changes(data: Transitions, body: Body) -> Array:
+    """(N,) at the first frame of each transition: change of the mean velocity from the transition before to this one, without
+    that by gravity, and of the spin times the body's radius; 0 at the first transition of a toss.
+    """
+    velocities = (data.after[:, :3] - data.before[:, :3]) / data.dt[:, np.newaxis]
+    turns = quaternions.log(quaternions.multiply(quaternions.conjugate(data.before[:, 3:7]), data.after[:, 3:7]))
+    spins = turns / data.dt[:, np.newaxis]
+    falling = 0.5 * body.scaled_gravity * (data.dt[1:] + data.dt[:-1])
+    linear = np.linalg.norm(np.diff(velocities, axis=0) + falling[:, np.newaxis] * UPWARD, axis=1)
+    radius = float(np.linalg.norm(body.scaled_vertices, axis=1).max())
+    changes = np.concatenate([[0.0], np.hypot(linear, radius * np.linalg.norm(np.diff(spins, axis=0), axis=1))])
+    changes[data.starts[:-1]] = 0.0
+    return np.asarray(changes)
+
+
+def _median(changes: Array) -> float:
+    """Of a toss's changes; its first transition has none."""
+    return float(np.median(changes[1:])) if len(changes) > 1 else 0.0

@@ -1,0 +1,86 @@
+"""Impacts between frames, as one transition."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.geometry.quaternions import Array
+from contact_curation.information.impacts import as_described, merged_impacts
+from contact_curation.motion.transitions import Transitions
+
+DT = 1.0 / 148.0
+GRAVITY = CONTACTNETS_CUBE.scaled_gravity
+E = 0.4
+
+
+def fall(frames: int, landing: float, dt: float = DT) -> Array:
+    """(T,) heights of a point that meets z = 0 `landing` frame periods after the first frame, at 30 lengths/s, and bounces."""
+    times = dt * (np.arange(frames) - landing)
+    up = E * 30.0 * times - 0.5 * GRAVITY * times**2
+    return np.where(times < 0.0, -30.0 * times - 0.5 * GRAVITY * times**2, up)
+
+
+def transitions(*heights: Array, dt: float = DT) -> Transitions:
+    """Of motions along z; velocities are those of the frame period before, as a tracker measures them."""
+    tosses = []
+    for height in heights:
+        states = np.zeros((len(height) - 1, 13))
+        states[:, 2], states[:, 3], states[:, 9] = height[1:], 1.0, np.diff(height) / dt
+        tosses.append(states)
+    counts = [len(states) - 1 for states in tosses]
+    before, after = (np.concatenate([states[part] for states in tosses]) for part in (slice(-1), slice(1, None)))
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    return Transitions(tuple(str(k) for k in range(len(heights))), before, after, np.full(len(before), dt), starts)
+
+
+@pytest.mark.parametrize("landing", [10.3, 10.5, 10.8])
+def test_one_transition_leads_from_before_an_impact_to_after_it(landing: float) -> None:
+    data = transitions(fall(20, landing), fall(20, landing + 2.0))
+    merged = merged_impacts(data, CONTACTNETS_CUBE)
+    assert len(merged.dt) == len(data.dt) - 2
+    assert merged.starts.tolist() == [0, 17, 34]
+    long = merged.dt > 1.5 * DT
+    assert merged.dt[long] == pytest.approx(2 * DT)
+    assert -merged.after[long, 9] / merged.before[long, 9] == pytest.approx(E, abs=0.05)
+    assert not np.isclose(-data.after[:, 9] / data.before[:, 9], E, atol=0.05).any()
+    for one in (merged, data):
+        assert one.dt.sum() == pytest.approx(36 * DT)
+        assert np.array_equal(one.before[1:17], one.after[:16])
+
+
+def test_an_impact_at_a_frame_needs_no_merging() -> None:
+    data = transitions(fall(20, 10.0))
+    assert len(merged_impacts(data, CONTACTNETS_CUBE).dt) == len(data.dt)
+
+
+def test_noise_is_no_impact_and_lost_frames_change_nothing_else() -> None:
+    rng = np.random.default_rng(0)
+    heights = fall(200, 500.0) + 0.03 * rng.standard_normal(200)  # its velocity changes by 11 lengths/s, gravity's bound is 6.3
+    data = transitions(heights)
+    assert len(merged_impacts(data, CONTACTNETS_CUBE).dt) >= len(data.dt) - 2
+    falling = transitions(fall(40, 60.0))
+    lost = replace(
+        falling,
+        before=falling.before[[0, 1, 5, 6]],
+        after=falling.before[[1, 5, 6, 7]],
+        dt=DT * np.array([1.0, 4.0, 1.0, 1.0]),
+        starts=np.array([0, 4]),
+    )
+    assert np.array_equal(merged_impacts(lost, CONTACTNETS_CUBE).dt, lost.dt)
+
+
+def test_a_long_row_of_changes_stays_as_it_is() -> None:
+    heights = np.where(np.arange(20) % 2, 0.5, 0.0)
+    heights[:6] = heights[14:] = 0.0
+    data = transitions(heights)
+    assert len(merged_impacts(data, CONTACTNETS_CUBE).dt) == len(data.dt)
+
+
+def test_only_a_theta_with_a_restitution_describes_impacts() -> None:
+    data, plain = transitions(fall(20, 10.3)), ContactGeometry.of_body(CONTACTNETS_CUBE)
+    assert as_described(data, None, CONTACTNETS_CUBE) is data
+    assert as_described(data, plain, CONTACTNETS_CUBE) is data
+    assert len(as_described(data, plain.rigid(), CONTACTNETS_CUBE).dt) == len(data.dt) - 1
