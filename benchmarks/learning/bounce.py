@@ -29,9 +29,9 @@ import torch
 from benchmarks.data.lost_frames import SQUARE, planar_tosses
 from benchmarks.learning.impact_noise import bench_of
 from contact_curation.contact.body import Body
-from contact_curation.contact.geometry_parameters import UPWARD
+from contact_curation.contact.geometry_parameters import INITIAL_RESTITUTION, UPWARD
 from contact_curation.contact.impulse_noise import ImpulseNoise
-from contact_curation.contact.models.polytope import INITIAL_NOISE, INITIAL_RESTITUTION, PolytopeModel, initial_geometry
+from contact_curation.contact.models.polytope import INITIAL_NOISE, PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.experiments.cell_run import FIT, ONE_THREAD
 from contact_curation.information.impacts import merged_impacts
@@ -42,8 +42,14 @@ from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 
-ARMS = {"plain": (False, False), "merged": (False, True), "bounce": (True, False), "bounce-merged": (True, True)}
-"""Whether a restitution is learned, and whether impacts are merged."""
+ARMS = {
+    "two sets": (Form.PHYSICAL, False, False),
+    "plain": (Form.RIGID, False, False),
+    "merged": (Form.RIGID, False, True),
+    "bounce": (Form.RIGID, True, False),
+    "bounce-merged": (Form.RIGID, True, True),
+}
+"""The form, whether a restitution is learned, and whether impacts are merged."""
 
 ALL = 0
 
@@ -62,15 +68,16 @@ class Tosses:
 
 def fitted(arm: str, tosses: Sequence[Toss], body: Body, seed: int, spread: float) -> PolytopeModel:
     """The optimum of tosses."""
-    bounces, merges = ARMS[arm]
+    form, bounces, merges = ARMS[arm]
     data = transitions_of(tosses, body.length_scale)
     data = merged_impacts(data, body) if merges else data
     pivot = np.array([*data.before[:, :2].mean(axis=0), 0.0])
-    drawn = initial_geometry(body, Form.RIGID, pivot, np.random.default_rng(seed), spread)
+    drawn = initial_geometry(body, form, pivot, np.random.default_rng(seed), spread)
     friction = float(np.linalg.norm(drawn.tangents[0]))
-    start = replace(drawn, normal=UPWARD, tangents=friction * np.eye(2, 3), height=0.0, noise=ImpulseNoise())
-    start = replace(start, restitution=INITIAL_RESTITUTION if bounces else None)
-    return fit_held(PolytopeModel(start, body, Form.RIGID), data, replace(FIT, renewals=3)).model
+    start = replace(drawn, normal=UPWARD, tangents=friction * np.eye(2, 3), height=0.0)
+    if form is Form.RIGID:
+        start = replace(start, noise=ImpulseNoise(), restitution=INITIAL_RESTITUTION if bounces else None)
+    return fit_held(PolytopeModel(start, body, form), data, replace(FIT, renewals=3)).model
 
 
 def run(arm: str, size: int, seed: int, tosses: Tosses) -> Row:

@@ -19,7 +19,7 @@ from contact_curation.geometry.quaternions import Array
 UPWARD: Array = np.array([0.0, 0.0, 1.0])
 
 INITIAL_RESTITUTION = 0.2
-"""Of a theta in the rigid form, before anything is learned."""
+"""Where one that is learned begins."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,11 +74,14 @@ class ContactGeometry:
         vertices = body.scaled_vertices
         return ContactGeometry(vertices, UPWARD, vertices, body.friction * np.eye(2, 3))
 
+    @property
+    def has_own_friction_vertices(self) -> bool:
+        """Whether friction acts at other points than those that touch."""
+        return not np.array_equal(self.vertices_normal, self.vertices_tangent)
+
     def rigid(self) -> "ContactGeometry":
-        """As a theta of the rigid form before anything is learned, if it has none of that form yet: with a noise of impacts and
-        a restitution.
-        """
-        return self if self.noise else replace(self, noise=ImpulseNoise(), restitution=INITIAL_RESTITUTION)
+        """As a theta of the rigid form: with the usual noise of impacts where none was learned yet."""
+        return self if self.noise else replace(self, noise=ImpulseNoise())
 
     @property
     def vertex_count(self) -> int:

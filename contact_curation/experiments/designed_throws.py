@@ -13,6 +13,7 @@ import numpy as np
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.models.registry import DEFAULT_MODEL
+from contact_curation.contact.parameter_form import Form
 from contact_curation.design.designer import Designer, DesignerConfig
 from contact_curation.design.planner import Planner
 from contact_curation.design.releases import ReleasePrior, fitted_prior, raw_prior
@@ -129,7 +130,7 @@ def judged(model: PolytopeModel, bench: Bench) -> Row:
 
 def _learner(cell: ThrowsCell, bench: Bench) -> RoundsLearner:
     """One round after each throw, as the node trainer's."""
-    config = exact(ROUND_TRIMMED) if cell.protocol == Protocol.EXACT else budgeted(DEFAULT_MODEL)
+    config = replace(exact(ROUND_TRIMMED), form=Form.PHYSICAL) if cell.protocol == Protocol.EXACT else budgeted(DEFAULT_MODEL)
     return RoundsLearner(bench.initial_polytope(cell.seed), replace(config, loss=ONE_THREAD), max(cell.steps, 1), cell.seed)
 
 

@@ -61,8 +61,9 @@ def merged_impacts(data: Transitions, body: Body) -> Transitions:
 
 
 def _velocity_changes(data: Transitions, body: Body) -> Array:
-    """(N,) at the first frame of each transition: change of the mean velocity from the transition before to this one, without
-    that by gravity, and of the spin times the body's radius; 0 at the first transition of a toss.
+    """(N,) how much the mean velocity changes from the transition before to each one, without gravity's share.
+
+    The change of the spin counts times the body's radius. 0 at the first transition of a toss.
     """
     velocities = (data.after[:, :3] - data.before[:, :3]) / data.dt[:, np.newaxis]
     turns = quaternions.log(quaternions.multiply(quaternions.conjugate(data.before[:, 3:7]), data.after[:, 3:7]))

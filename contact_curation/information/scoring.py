@@ -35,8 +35,8 @@ STORED = np.float32
 class ScoringConfig:
     """How tosses are scored.
 
-    A theta in the rigid form keeps it where the physical one is asked for; one without a noise has the usual one in the rigid,
-    and a restitution.
+    Asked for the physical or the rigid form, a theta that has learned the noise of impacts is taken in the rigid one, and one
+    with two sets of vertices in the physical one. One as described has the usual noise in the rigid form.
 
     Attributes:
         estimator: which Fisher matrix is estimated.
@@ -102,12 +102,13 @@ class Scorer:
     """Scores tosses of one body at one theta; holds nothing but its arguments and what follows from them."""
 
     def __init__(self, geometry: ContactGeometry, body: Body, config: ScoringConfig) -> None:
-        rigid = config.form is Form.RIGID or (config.form is Form.PHYSICAL and geometry.noise is not None)
+        rigid = geometry.noise is not None or (config.form is Form.RIGID and not geometry.has_own_friction_vertices)
         geometry = geometry.rigid() if rigid else geometry
+        form = config.form if config.form is Form.CONTACTNETS else Form.RIGID if rigid else Form.PHYSICAL
         self.geometry = geometry
         self.body = body
         self.config = config
-        self.form: ParameterForm = parameter_form(geometry, Form.RIGID if rigid else config.form)
+        self.form: ParameterForm = parameter_form(geometry, form)
         self.version = parameters_version(geometry, body)
         edges = np.cumsum([0, *(block.size for block in self.form.blocks)]).tolist()
         self.blocks = tuple(ParameterBlock(block.name, *span) for block, span in zip(self.form.blocks, pairwise(edges)))

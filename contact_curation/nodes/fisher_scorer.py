@@ -14,6 +14,7 @@ from contact_curation_msgs.srv import GetInformation, GetTosses
 
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS
+from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.motion.toss import Toss
@@ -45,7 +46,7 @@ class FisherScorer(StageNode):
     def __init__(self) -> None:
         super().__init__("fisher_scorer")
         self._body = declared_body(self)
-        config = declare_config(self, ScoringConfig(loss=replace(DEFAULT_LOSS, threads=1)))
+        config = declare_config(self, ScoringConfig(form=Form.RIGID, loss=replace(DEFAULT_LOSS, threads=1)))
         parameters = declare(self, "params", "", "theta to begin with: JSON file or checkpoint; empty: the body as described")
         store = Path(declare(self, "store", "information.sqlite", "file that stores information"))
         theta = theta_of_geometry(ContactGeometry.of_body(self._body))

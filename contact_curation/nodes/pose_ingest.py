@@ -36,6 +36,9 @@ from contact_curation.storage.stores.tosses import StoredRejected, StoredToss, T
 
 AUTO = "auto"
 
+PAUSE = 10.0
+"""[s] between two warnings that poses come too fast."""
+
 LOOK_PERIOD = 0.2
 """[s] between looks at the graph."""
 
@@ -68,6 +71,10 @@ class PoseIngest(StageNode):
         self._journal: IngestJournal | None = None
         self._ingest: TossIngest | None = None
         self._tracker = RIG
+        self._backlog = (
+            f"poses come faster than they are processed: {MOST_WAITING} wait here, and up to {depth} more in the middleware, "
+            "which drops the oldest beyond that; play more slowly, or raise queue_depth"
+        )
         self._worker = Worker(self.fail)
         self._taking = Latest(self._worker, self._take)
         self._tosses = self.create_publisher(TossMessage, "toss", latched(RESULTS_DEPTH))
@@ -104,6 +111,8 @@ class PoseIngest(StageNode):
         return self._journal.newest
 
     def _arrived(self, received: Received) -> None:
+        if len(self._inbox) >= MOST_WAITING:
+            self.get_logger().warning(self._backlog, throttle_duration_sec=PAUSE)
         self._inbox.put(received)
         self._received.count += 1
         self._taking.want()

@@ -143,9 +143,9 @@ def score(
     Examples:
         >>> info = cc.score(tosses)
         >>> info.scores.shape, info.parameter_names[0], info.parameter_units[0]
-        ((21, 52), 'vertices_normal[0][0]', 'characteristic length')
+        ((21, 28), 'vertices_normal[0][0]', 'characteristic length')
         >>> info.factors[0].shape[1], len(info.losses[0])
-        (52, 99)
+        (28, 99)
     """
     found = _tosses(tosses, _body(body, model)).check_some("no toss to score")
     config = _pool_config(found.config, _theta(model, found.body), estimator)
@@ -219,7 +219,7 @@ def train(
     model: str = DEFAULT_MODEL,
     *,
     body: Body | None = None,
-    protocol: str = "budgeted",
+    protocol: str = "auto",
     steps: int | None = None,
     seed: int = 0,
     held_out: str | None = None,
@@ -232,8 +232,8 @@ def train(
         tosses: to learn from, as `read` or `RankedTosses.selected` gives them, or what `read` takes.
         model: ``polytope``, ``deep``, ``deepvertex`` or ``end_to_end``.
         body: the tossed object, where `tosses` are recordings; None for that of the model, or ContactNets' cube.
-        protocol: ``budgeted``: a number of steps; ``published``: ContactNets', until the held-out loss stops falling;
-            ``exact``: a polytope's optimum at once.
+        protocol: ``exact``: a polytope's optimum at once; ``budgeted``: a number of steps; ``published``: ContactNets', until
+            the held-out loss stops falling; ``auto``: exact for a polytope without `steps`, else budgeted.
         steps: gradient steps at most; None for the protocol's own.
         seed: of everything random.
         held_out: which of the tosses are never learned from: numbers, a share (``"0.2"``), or a file of ids; None for none.
@@ -247,22 +247,20 @@ def train(
         ContactCurationError: nothing to learn from, a name is unknown, or a loss was not finite.
 
     Examples:
-        >>> model = cc.train(ranking.selected, steps=50)
+        >>> model = cc.train(ranking.selected)
         >>> model.kind, len(model.learned_from)
         ('polytope', 8)
         >>> model.save("model.safetensors")
     """
     import torch
 
-    from contact_curation.pipeline.training import PROTOCOLS, TrainConfig, TrainingRun, start_of
+    from contact_curation.pipeline.training import PROTOCOLS, TrainConfig, TrainingRun, protocol_named, start_of
 
     torch.set_num_threads(1)  # threads that share busy cores wait for each other, and the sums' order would depend on them
     found = _tosses(tosses, _body(body, start))
     model_entry(model)  # refuses what is none
     load_kernel()
-    if protocol not in PROTOCOLS:
-        raise UnknownNameError("protocol", protocol, PROTOCOLS)
-    config = PROTOCOLS[protocol](model)
+    config = PROTOCOLS[protocol_named(protocol, model, by_steps=steps is not None)](model)
     division = DivisionConfig(HeldOutRule() if held_out is None else held_out_rule(held_out), said=held_out is not None)
     running = TrainingRun.begun(
         TrainConfig(

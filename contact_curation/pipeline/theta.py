@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.registry import model_class, model_entry
-from contact_curation.contact.parameter_form import Form, form_of_geometry
+from contact_curation.contact.parameter_form import Form, form_of_geometry, parameter_form
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.storage.parameters_file import CHECKPOINT, Parameters, is_checkpoint, read_theta
@@ -44,23 +44,24 @@ class NetworkTheta:
 type Theta = Parameters | NetworkTheta
 
 
-def thetas_of(model: str, paths: Sequence[Path], body: Body) -> tuple[Theta, ...]:
-    """The thetas in some files, at least one: without a file, that of the object as it is described.
+def thetas_of(model: str, paths: Sequence[Path], body: Body, form: str | None = None) -> tuple[Theta, ...]:
+    """The thetas in some files, at least one: without a file, that of the object as it is described, in a form.
 
     Raises:
         ContactCurationError: a file cannot be used, or is for another model; or a network without a file.
     """
     if model_entry(model).is_geometry:
-        return tuple(polytope_of(path, body) for path in paths) or (described_polytope(body),)
+        return tuple(polytope_of(path, body) for path in paths) or (described_polytope(body, form),)
     if not paths:
         how = f"--params CHECKPOINT{CHECKPOINT}, as `contact-curation train --model {model}` writes it"
         raise InvalidValueError(f"theta of model {model}", "none", how)
     return tuple(_network(path, model, body) for path in paths)
 
 
-def described_polytope(body: Body) -> Parameters:
-    """The polytope of the object as it is described."""
-    return Parameters(ContactGeometry.of_body(body), body)
+def described_polytope(body: Body, form: str | None = None) -> Parameters:
+    """The polytope of the object as it is described; in the rigid form, unless another one is named."""
+    geometry = ContactGeometry.of_body(body)
+    return Parameters(geometry.rigid() if form in (None, Form.RIGID) else geometry, body)
 
 
 def theta_of(model: "Model") -> Theta:
@@ -72,13 +73,20 @@ def theta_of(model: "Model") -> Theta:
 
 
 def form_of(wanted: str | None, thetas: Sequence[Theta]) -> Form:
-    """The form that was asked for, or the rigid or physical one where every polytope has it; of networks physical."""
+    """The form that was asked for; else rigid where every polytope has one set of vertices; of networks physical.
+
+    Raises:
+        InvalidValueError: a polytope does not have the form that was asked for.
+    """
     if wanted is not None:
+        for theta in thetas:
+            if isinstance(theta, Parameters):
+                parameter_form(theta.geometry, Form(wanted))
         return Form(wanted)
-    forms = {form_of_geometry(theta.geometry) for theta in thetas if isinstance(theta, Parameters)}
-    if Form.CONTACTNETS in forms:
+    polytopes = [theta.geometry for theta in thetas if isinstance(theta, Parameters)]
+    if any(form_of_geometry(one) is Form.CONTACTNETS for one in polytopes):
         return Form.CONTACTNETS
-    return Form.RIGID if forms == {Form.RIGID} else Form.PHYSICAL
+    return Form.RIGID if polytopes and not any(one.has_own_friction_vertices for one in polytopes) else Form.PHYSICAL
 
 
 def polytope_of(path: Path, body: Body) -> Parameters:

@@ -12,9 +12,9 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.model import Model
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.contact.models.registry import model_entry
+from contact_curation.contact.models.registry import model_class, model_entry
 from contact_curation.contact.parameter_form import Form
-from contact_curation.errors import ContactCurationError, InvalidValueError
+from contact_curation.errors import ContactCurationError, InvalidValueError, UnknownNameError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.checkpoints.stored_model import notes_of_bytes
@@ -35,10 +35,13 @@ from contact_curation.version import __version__
 PROTOCOLS: dict[str, Callable[[str], TrainingConfig]] = {
     "budgeted": budgeted,
     "published": published,
-    "exact": lambda kind: exact(),
+    "exact": lambda kind: exact() if model_class(kind).has_exact_fit(Form.RIGID) else replace(exact(), form=Form.PHYSICAL),
 }
 """budgeted: so many steps in batches; published: ContactNets', until the held-out loss stops falling; exact: a polytope's
 optimum at once."""
+
+AUTO = "auto"
+"""The protocol by default: exact where a model has an optimum, else budgeted."""
 
 BEFORE = "held-out loss before"
 """The note that says it."""
@@ -95,6 +98,25 @@ class TrainConfig:
             selection=self.selection,
             scoring=self.scoring,
         )
+
+
+def protocol_named(name: str, kind: str, form: Form | None = None, by_steps: bool = False) -> str:
+    """A protocol's name; in place of `auto` the one that it stands for.
+
+    Args:
+        name: a protocol, or `auto`.
+        kind: of the model.
+        form: of a polytope's theta; None for the usual one.
+        by_steps: whether something was asked for that only gradient steps have.
+
+    Raises:
+        UnknownNameError: there is no such protocol.
+    """
+    if name not in (AUTO, *PROTOCOLS):
+        raise UnknownNameError("protocol", name, (AUTO, *PROTOCOLS))
+    if name != AUTO:
+        return name
+    return "exact" if model_class(kind).has_exact_fit(form or Form.RIGID) and not by_steps else "budgeted"
 
 
 def start_of(path: Path | None, kind: str, body: Body) -> Model | Parameters | None:

@@ -8,6 +8,7 @@ from contact_curation.configs import ConfigField, fields_of
 from contact_curation.contact.body import Body
 from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.contact.models.registry import DEFAULT_MODEL
+from contact_curation.contact.parameter_form import Form
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.motion.calibration import NO_CORRECTION
@@ -67,7 +68,7 @@ class NodeSettings:
         )
         selection = with_parameters(CurationConfig(), curator).selection
         ranking = ranking_for(selection, with_parameters(RankingConfig(), curator))
-        return NodeSettings(inputs, with_parameters(ScoringConfig(), scorer), ranking)
+        return NodeSettings(inputs, with_parameters(ScoringConfig(form=Form.RIGID), scorer), ranking)
 
 
 def offline_ranking(
@@ -80,8 +81,8 @@ def offline_ranking(
     """
     settings = NodeSettings.of(parameters)
     paths = [folder.checkpoint] if folder.checkpoint.exists() else []
-    thetas = thetas_of(DEFAULT_MODEL, paths, body)
     wanted = settings.scoring.form.value if "form" in parameters["fisher_scorer"] else None
+    thetas = thetas_of(DEFAULT_MODEL, paths, body, wanted)
     pool = PoolConfig(
         reading=ReadingConfig(body, settings.inputs),
         thetas=thetas,
@@ -106,7 +107,7 @@ def rank_command(config: SessionConfig, folder: SessionFolder, parameters: Mappi
     words += ["--body", str(config.body_file)] if config.body_file else []
     words += ["--params", str(folder.checkpoint)] if folder.checkpoint.exists() else []
     words += _options(ranking, RankingConfig(), RANKING_OPTIONS, parameters["curator"])
-    words += _options(scoring, ScoringConfig(), SCORING_OPTIONS, parameters["fisher_scorer"])
+    words += _options(scoring, ScoringConfig(form=Form.RIGID), SCORING_OPTIONS, parameters["fisher_scorer"])
     poses = {name: getattr(inputs.poses, name) for name in POSE_OPTIONS}
     words += [word for name, value in poses.items() if value for word in (_option(name), str(value))]
     words += _settings("segmenter", inputs.segmenter, rules.segmenter)

@@ -1,7 +1,8 @@
 """A shard: a Parquet file of records of one recording, written once and whole.
 
 A row is a record: its id, its plain fields as JSON, its arrays as a blob (`stores.record_table`). What is known of all of them
-stands in the file's metadata. Pages have checksums; a shard that is damaged counts as one that is not there.
+stands in the file's metadata, as JSON after its checksum. Pages have checksums, too; without statistics there is hardly
+anything else in the file. A shard that is damaged counts as one that is not there.
 """
 
 import json
@@ -10,6 +11,7 @@ from contextlib import contextmanager
 from itertools import batched
 from pathlib import Path
 from typing import Any, NamedTuple
+from zlib import crc32
 
 from contact_curation.files import replacing
 
@@ -39,12 +41,15 @@ def writing_shard(path: Path) -> Iterator["ShardWriter"]:
     schema = pa.schema([("id", pa.string()), ("head", pa.string()), ("arrays", pa.binary())])
     with (
         replacing(path) as file,
-        parquet.ParquetWriter(file, schema, compression="zstd", use_dictionary=False, write_page_checksum=True) as writer,
+        parquet.ParquetWriter(
+            file, schema, compression="zstd", use_dictionary=False, write_page_checksum=True, write_statistics=False
+        ) as writer,
     ):
         shard = ShardWriter(writer, schema)
         yield shard
         shard.flush()
-        writer.add_key_value_metadata({NOTE: json.dumps(shard.note).encode()})
+        note = json.dumps(shard.note).encode()
+        writer.add_key_value_metadata({NOTE: b"%08x " % crc32(note) + note})
 
 
 class ShardWriter:
@@ -85,7 +90,10 @@ class Shard:
         from pyarrow import parquet
 
         self._file = parquet.ParquetFile(path, page_checksum_verification=True)
-        self.note: dict[str, Any] = json.loads(self._file.metadata.metadata[NOTE])
+        checksum, _, note = (self._file.metadata.metadata or {})[NOTE].partition(b" ")
+        if int(checksum, 16) != crc32(note):
+            raise ValueError("damaged note")
+        self.note: dict[str, Any] = json.loads(note)
 
     def rows(self) -> Iterator[ShardRow]:
         """The rows in their order, some in memory at a time."""

@@ -22,7 +22,7 @@ def test_570_real_tosses_are_all_scored_and_ranked_as_offline(
     assert report.tosses == 570
     expected = tosses_of(bag)
     buffers, information, rejected = graph.buffers(), graph.information(), graph.rejected()
-    graph.start("pose_ingest", rules_of=bag)
+    graph.start("pose_ingest", rules_of=bag, queue_depth=1 << 17)  # all poses, however slowly they are processed
     graph.start("fisher_scorer")
     graph.start("curator", top=32)
     graph.start("player", bag=bag, **pace, wait_for=10.0, stay=True)

@@ -83,4 +83,6 @@ def test_only_a_theta_with_a_restitution_describes_impacts() -> None:
     data, plain = transitions(fall(20, 10.3)), ContactGeometry.of_body(CONTACTNETS_CUBE)
     assert as_described(data, None, CONTACTNETS_CUBE) is data
     assert as_described(data, plain, CONTACTNETS_CUBE) is data
-    assert len(as_described(data, plain.rigid(), CONTACTNETS_CUBE).dt) == len(data.dt) - 1
+    assert as_described(data, plain.rigid(), CONTACTNETS_CUBE) is data
+    bouncing = replace(plain.rigid(), restitution=0.3)
+    assert len(as_described(data, bouncing, CONTACTNETS_CUBE).dt) == len(data.dt) - 1

@@ -184,7 +184,7 @@ def rank_config(arguments: argparse.Namespace) -> RankConfig:
     ranking = with_options(RankingConfig(), arguments, *RANKING)
     network = network_config_for(model)
     stages = stages_of(arguments, {"loss": DEFAULT_LOSS, "network": network, "ranking": ranking})
-    thetas = thetas_of(model, arguments.params, body)
+    thetas = thetas_of(model, arguments.params, body, form)
     if form is not None and not MODELS[model].is_geometry:
         raise InvalidValueError("--form", form, f"none with model {model}: its checkpoint says which")
     scoring = ScoringConfig(form=form_of(form, thetas), loss=stages["loss"])

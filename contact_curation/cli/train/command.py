@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from contact_curation.pipeline.training import TrainConfig, TrainingRun
 
 STAGES = (*SHARED_STAGES, "training", "ranking", "staleness")
-PROTOCOLS = ("budgeted", "published", "exact")
+PROTOCOLS = ("auto", "exact", "budgeted", "published")
 CHOICES = {"criterion": criterion_names(), "variant": VARIANTS}
 TOLD = {"criterion": "by what the best tosses are selected"}
 DEFAULT_SHARE = 0.2
@@ -88,8 +88,8 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
         "--protocol",
         choices=PROTOCOLS,
         default=PROTOCOLS[0],
-        help="budgeted: a number of steps in batches; published: ContactNets', until the held-out loss stops falling; "
-        "exact: a polytope's optimum at once (default budgeted)",
+        help="exact: a polytope's optimum at once; budgeted: a number of steps in batches; published: ContactNets', until the "
+        "held-out loss stops falling; auto: exact for a polytope, unless an option asks for steps; else budgeted (default)",
     )
     group.add_argument(
         "--steps",
@@ -206,9 +206,11 @@ def _configs(arguments: argparse.Namespace) -> "tuple[TrainConfig, ReadingConfig
     """
     from contact_curation.learning.training.reranking import StalenessConfig
     from contact_curation.pipeline.training import PROTOCOLS as PROTOCOL_OF
-    from contact_curation.pipeline.training import TrainConfig, start_of
+    from contact_curation.pipeline.training import TrainConfig, protocol_named, start_of
 
     kind, form = model_and_form(arguments.model)
+    by_steps = arguments.steps is not None or arguments.rerank_every is not None or arguments.rerank_when_stale
+    arguments.protocol = protocol_named(arguments.protocol, kind, form, by_steps)
     resumed = arguments.out if arguments.resume and arguments.out.exists() else None
     body = chosen_body(arguments, models=[arguments.params, resumed], manifest=arguments.manifest)
     _check_exact(arguments)

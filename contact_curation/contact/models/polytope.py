@@ -128,6 +128,16 @@ class PolytopeModel(ContactModel):
         """The same model in the rigid form with another noise."""
         return PolytopeModel(replace(self.geometry(), noise=noise), self.body, Form.RIGID)
 
+    def bouncing(self) -> "PolytopeModel":
+        """The same model, with a restitution to be learned.
+
+        Raises:
+            InvalidValueError: it is not in the rigid form.
+        """
+        if self._restitution is not None:
+            return self
+        return PolytopeModel(replace(self.geometry(), restitution=INITIAL_RESTITUTION), self.body, self.form)
+
     def batch_loss(self, rows: Rows, config: LossConfig) -> BatchLoss:
         theta = self.theta()
         losses, solved = polytope_losses(theta, self.body, *rows, config, self._restitution)
@@ -241,7 +251,7 @@ def initial_geometry(
     with torch.no_grad():
         for value in (model.tilt, model.log_friction, model.height):
             value.add_(torch.as_tensor(noise * rng.standard_normal(tuple(value.shape))))
-    return replace(model.geometry(), restitution=INITIAL_RESTITUTION if form is Form.RIGID else None)
+    return model.geometry()
 
 
 def tilted_plane(tilt: Tensor, log_friction: Tensor, frame: Tensor) -> tuple[Tensor, Tensor]:

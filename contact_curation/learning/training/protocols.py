@@ -93,8 +93,10 @@ class TrainingConfig:
         ground: weight of the squared height of the ground, where one is learned (learning/training/objective.py).
         influence: bound on the influence of large losses.
         loss: weights, cone and solver.
-        exact: whether a polytope's optimum is taken at once; then form, loss and `trimmed` are all of this that counts.
+        exact: whether a polytope's optimum is taken at once; then form, loss, `trimmed` and `restitution` are all of this that
+            counts.
         trimmed: share of the transitions that an exact fit leaves out, those that it explains worst.
+        restitution: whether an exact fit in the rigid form learns one.
     """
 
     form: Form
@@ -112,6 +114,7 @@ class TrainingConfig:
     loss: LossConfig = DEFAULT_LOSS
     exact: bool = False
     trimmed: float = 0.0
+    restitution: bool = False
 
     def __post_init__(self) -> None:
         for name in ("batch", "steps", "epochs", "evaluation_steps"):
@@ -127,6 +130,8 @@ class TrainingConfig:
                 raise InvalidValueError(name, getattr(self, name), "a number of at least 0")
         if not 0.0 <= self.trimmed < 1.0:
             raise InvalidValueError("trimmed", self.trimmed, "a share from 0 on, less than 1")
+        if self.restitution and not (self.exact and self.form is Form.RIGID):
+            raise InvalidValueError("restitution", "true", "false, or the exact protocol in the form rigid")
 
     def rate(self, step: int) -> float:
         """Share of the learning rates that gradient step number `step` of the budget, from 0 on, is taken with."""
@@ -179,4 +184,4 @@ ROUND_TRIMMED = 0.005
 
 def exact(trimmed: float = 0.0) -> TrainingConfig:
     """The protocol that takes a polytope's optimum at once; with a share of the transitions to leave out."""
-    return replace(_budgeted(ModelDefaults()), exact=True, trimmed=trimmed)
+    return replace(_budgeted(ModelDefaults()), form=Form.RIGID, exact=True, trimmed=trimmed)

@@ -69,16 +69,16 @@ class Training:
             raise InvalidValueError(
                 "held-out transitions", "none", "some (--held-out), since the protocol stops early on their loss"
             )
-        self.model = model
+        self.model = model.bouncing() if config.restitution and isinstance(model, PolytopeModel) else model
         self.config = config
         self.held_out = None if held_out is None else self._described(checked(held_out))
         self.counters = Counters()
         self.early_stop = EarlyStop()
         self.history: tuple[Evaluated, ...] = ()
         self.best_tensors: dict[str, Array] | None = None
-        self._origin = theta_0(model) if config.exact else None
-        self.optimizer = Optimizer(model, config)
-        self._heights = height_parameters(model)
+        self._origin = theta_0(self.model) if config.exact else None
+        self.optimizer = Optimizer(self.model, config)
+        self._heights = height_parameters(self.model)
         self._generator = np.random.default_rng(seed)
         self._take(data)
 
@@ -97,7 +97,7 @@ class Training:
         training.counters, training.history = memory.counters, memory.history
         training.optimizer.restore(memory.moments)
         if training._origin is not None and memory.origin is not None:
-            training._origin = theta_0(model.with_tensors(memory.origin))
+            training._origin = theta_0(training.model.with_tensors(memory.origin))
         if training._held_out_digest == memory.held_out:
             training.early_stop, training.best_tensors = memory.early_stop, memory.best_tensors
         if digest_of(training._data) == memory.data:

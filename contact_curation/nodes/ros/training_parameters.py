@@ -40,7 +40,8 @@ def declared_protocol(node: Node, kind: str) -> TrainingConfig:
     """
     ours = budgeted(kind)
     protocol = declare(node, "protocol", PROTOCOLS[0], PROTOCOLS_EXPLAINED, choices=PROTOCOLS)
-    form = Form(declare(node, "form", ours.form.value, "parameterisation of theta", choices=[form.value for form in Form]))
+    usual = Form.RIGID if protocol != "budgeted" and model_class(kind).has_exact_fit(Form.RIGID) else ours.form
+    form = Form(declare(node, "form", usual.value, "parameterisation of theta", choices=[form.value for form in Form]))
     has_optimum = model_class(kind).has_exact_fit(form)
     if protocol == "exact" and not has_optimum:
         raise InvalidValueError("protocol", f"exact for {kind}, {form.value}", "budgeted, or a polytope, physical or rigid")
@@ -53,11 +54,13 @@ def declared_protocol(node: Node, kind: str) -> TrainingConfig:
         "share of the worst explained transitions that an exact fit leaves out",
         bounds=(0.0, 0.5),
     )
+    bounces = declare(node, "restitution", False, "whether an exact fit in the form rigid learns a restitution")
     steps = declare(node, "steps", ROUND_STEPS, "gradient steps in a round", bounds=(1, 1 << 31))
     return replace(
         ours,
         form=form,
         trimmed=trimmed,
+        restitution=bounces,
         batch=declare(node, "batch", ours.batch, "transitions in a gradient step", bounds=(1, 1 << 20)),
         steps=steps,
         evaluation_steps=steps,
@@ -97,4 +100,7 @@ def declared_held_out(node: Node, body: Body) -> HeldOutTosses:
 
 def _stored_model(path: Path, body: Body, form: Form) -> Model:
     theta = read_theta(path, body)
-    return PolytopeModel(theta.geometry, theta.body, form) if isinstance(theta, Parameters) else theta
+    if isinstance(theta, Parameters):
+        geometry = theta.geometry.rigid() if form is Form.RIGID else theta.geometry
+        return PolytopeModel(geometry, theta.body, form)
+    return theta

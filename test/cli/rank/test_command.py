@@ -13,6 +13,7 @@ import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.parameter_form import Form
 from contact_curation.information.curation import curate
 from contact_curation.information.ranker import RankingConfig, criterion_names
 from contact_curation.information.record import TossInformation
@@ -33,7 +34,7 @@ def ids(report: Any) -> list[str]:
 def test_it_is_the_ranking_of_the_library_and_the_faulty_tosses_are_rejected(cli: Cli, golden: Path) -> None:
     report = cli("rank", golden, "--top", "8", "--json").json
     items = list(open_inputs([golden], CONTACTNETS_CUBE))
-    scorer = Scorer(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE, ScoringConfig())
+    scorer = Scorer(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE, ScoringConfig(form=Form.RIGID))
     infos = scorer.score([item for item in items if isinstance(item, Toss)])
     expected = curate([one for one in infos if isinstance(one, TossInformation)], RankingConfig(top=8))
     assert ids(report) == list(expected.ranking.ids)
@@ -85,7 +86,7 @@ def test_people_get_a_table_totals_and_evidence(cli: Cli, golden: Path, tmp_path
     best = read_manifest(tmp_path / "m.csv").rows[0]
     table = done.out.splitlines()
     assert table[0].split() == ["rank", "toss", "file", "time", "(UTC)", "lasts", "[s]", "info", "[%]", "gain", "why"]
-    assert table[1].split()[:4] == ["1", best.toss_id, golden.name, "12:27:22"]
+    assert table[1].split()[:4] == ["1", best.toss_id, golden.name, "12:27:17"]
     assert "selected: expected error ×" in table[1]
     assert "rejected: lowest corner of the toss: found -12.1 mm" in done.out
     assert "and 11 more ranked: --out FILE or --json lists all" in table
@@ -233,7 +234,7 @@ def test_theta_that_is_not_physical_is_ranked_in_the_57_parameter_form(cli: Cli,
     tilted = write_parameters(tmp_path / "tilted.json", normal=[0.02, 0.0, 1.01])
     report = cli("rank", golden, "--params", tilted, "--json").json
     assert report["diagnostics"]["form"] == "contactnets"
-    assert cli("rank", golden, "--json").json["diagnostics"]["form"] == "physical"
+    assert cli("rank", golden, "--json").json["diagnostics"]["form"] == "rigid"
     refused = cli("rank", golden, "--params", tilted, "--form", "physical")
     assert refused.status == 1
     assert "use the contactnets form" in refused.err

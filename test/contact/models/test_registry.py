@@ -27,7 +27,7 @@ CONFIG = LossConfig(threads=1)
     [
         ("polytope", Form.CONTACTNETS, 57),
         ("polytope", Form.PHYSICAL, 52),
-        ("polytope", Form.RIGID, 29),
+        ("polytope", Form.RIGID, 28),
         ("deep", Form.CONTACTNETS, 144_465),
         ("deepvertex", Form.PHYSICAL, 74_520),
         ("end_to_end", Form.PHYSICAL, 205_318),

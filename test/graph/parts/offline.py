@@ -9,6 +9,7 @@ import numpy as np
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.parameter_form import Form
 from contact_curation.information.curation import Curation, curate
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.record import TossInformation
@@ -23,7 +24,7 @@ def tosses_of(bag: Path) -> tuple[Toss, ...]:
 
 
 def scored(tosses: Sequence[Toss], geometry: ContactGeometry | None = None) -> list[TossInformation]:
-    scorer = Scorer(geometry or ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE, ScoringConfig())
+    scorer = Scorer(geometry or ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE, ScoringConfig(form=Form.RIGID))
     return [one for one in scorer.score(tosses) if isinstance(one, TossInformation)]
 
 

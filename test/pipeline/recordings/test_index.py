@@ -97,7 +97,8 @@ def test_a_damaged_shard_is_written_anew(cli: Cli, bags: Path, work: Work, tmp_p
     first = ranked(cli, bags, *index)
     for shard in tmp_path.glob("index/*/*.parquet"):
         data = bytearray(shard.read_bytes())
-        data[len(data) // 3] ^= 0xFF
+        for place in range(len(data) // 3, len(data) // 3 + 100):
+            data[place] ^= 0xFF
         shard.write_bytes(data)
     work.clear()
     assert ranked(cli, bags, *index) == first
@@ -105,6 +106,21 @@ def test_a_damaged_shard_is_written_anew(cli: Cli, bags: Path, work: Work, tmp_p
     work.clear()
     assert ranked(cli, bags, *index) == first
     assert work == []
+
+
+def test_a_flipped_bit_of_a_shard_is_noticed_or_changes_nothing(tmp_path: Path) -> None:
+    path, rows = tmp_path / "shard.parquet", [ShardRow(f"toss {k}", '{"frames": 12}', bytes(range(k, 200 + k))) for k in (0, 1)]
+    with writing_shard(path) as written:
+        for row in rows:
+            written.add(row)
+        written.note = {"complete": True, "read": 12}
+    whole, noticed = path.read_bytes(), 0
+    for place in range(0, len(whole), 5):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+        shard = shard_at(path)
+        noticed += shard is None
+        assert shard is None or (list(shard.rows()), shard.note) == (rows, written.note), place
+    assert noticed > 100
 
 
 def test_a_bound_of_the_pool_reads_each_recording_once(cli: Cli, bags: Path, work: Work, tmp_path: Path) -> None:
