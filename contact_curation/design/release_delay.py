@@ -6,9 +6,9 @@ jitter j and by the tracker's error s_k:
     d_k ~ m + sqrt((c j)^2 + s_k^2) * Student's t with 4 degrees of freedom
 
 (c makes j the standard deviation of delays that are normal). Mean and jitter have priors (a guess and its uncertainty), so that
-the first throw can be planned, too. The heavy tails are those of a gripper that sticks once. A change is noticed by the last two
-or three delays alone: each of them is off, and their mean is further from the mean before than chance explains. Then the delays
-before it are forgotten.
+the first throw can be planned, too. The heavy tails are those of a gripper that sticks once. A change is noticed by the last
+two or three delays alone: each of them is off, and their mean is further from the mean before than chance explains. Then the
+delays before it are forgotten.
 """
 
 from dataclasses import dataclass

@@ -4,13 +4,14 @@ While it is held, the body moves as the hand was planned to, but not exactly:
 
     h(t) = P(t) + c + u s + a s^2 / 2,    s = t - t_expected
 
-with the planned path P and small errors c, u, a of place, velocity and acceleration, which have Gaussian priors. From the fall's
-beginning f on it is a projectile that goes on from there:
+with the planned path P and small errors c, u, a of place, velocity and acceleration, which have Gaussian priors. From the
+beginning f of the fall on it is a projectile that goes on from there:
 
     p(t) = h(f) + h'(f) (t - f) + g (t - f)^2 / 2,    t >= f
 
 For a given f the model is linear in (c, u, a). So f is found on the profile of the robust squared error (Huber's loss, with the
-scale of the tracker's noise), and its uncertainty from the profile's curvature. Orientation and angular velocity at f are those of the torque-free motion that fits the flight.
+scale of the tracker's noise), and its uncertainty from the profile's curvature. Orientation and angular velocity at f are those
+of the torque-free motion that fits the flight.
 """
 
 from dataclasses import dataclass, field
@@ -53,7 +54,7 @@ class ReleaseConfig:
         place_error: standard deviation of the held body's place error [m].
         velocity_error: of its velocity error [m/s].
         acceleration_error: of its acceleration error [m/s^2].
-        significance: by so much a fall has to explain the poses better than a body that is held (difference of log-likelihoods).
+        significance: difference of log-likelihoods by which a fall has to explain the poses better than a held body.
     """
 
     held_span: float = 0.1
@@ -177,7 +178,7 @@ def find_fall(track: Track, hand: HandPath, opened: float, expected: float, body
 def _noise(positions: Array) -> float:
     """Standard deviation of the tracker's white noise per axis, from third differences [m]."""
     thirds = np.diff(positions, n=3, axis=0)
-    return max(1.4826 * float(np.median(np.abs(thirds - np.median(thirds, axis=0)))) / np.sqrt(20.0), SMALLEST_NOISE)
+    return max(1.4826 * float(np.median(np.abs(thirds - np.median(thirds, axis=0)))) / 20.0**0.5, SMALLEST_NOISE)
 
 
 def _first_contact(track: Track, opened: float, body: BodyShape, config: ReleaseConfig) -> float:
@@ -275,7 +276,7 @@ def _turning(times: Array, orientations_wxyz: Array, inertia: Array) -> tuple[Ar
 
 
 def _torque_free(start: Array, spin: Array, times: Array, inertia: Array) -> Array:
-    """Orientations (N, 4) at increasing times of a body that turns freely from time 0 on, by the midpoint rule on Euler's equations."""
+    """Orientations (N, 4) at increasing times of a free body that starts at time 0; midpoint rule on Euler's equations."""
     inverse = np.linalg.inv(inertia)
 
     def change(rate: Array) -> Array:
