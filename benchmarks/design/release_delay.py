@@ -2,8 +2,9 @@
 
     python -m benchmarks.design.release_delay [--throws 50] [--noise 1e-4]
 
-The gripper opens 60 ms after its command, with a jitter of 10 ms (standard deviation). The hand's place, velocity and acceleration
-are off by 2 mm, 0.01 m/s and 0.2 m/s^2. The noise of the tracker is given in metres; its orientations scatter by that over 50 mm.
+The gripper opens 60 ms after its command, with a jitter of 10 ms (standard deviation). The hand's place, velocity and
+acceleration are off by 2 mm, 0.01 m/s and 0.2 m/s^2. The noise of the tracker is given in metres; its orientations scatter by
+that over 50 mm.
 """
 
 import argparse
@@ -12,7 +13,7 @@ import numpy as np
 
 from contact_curation.design.release_delay import Seen, learned_delay, with_release
 from contact_curation.motion.release import Fall
-from test.motion.test_release import COMMANDED, thrown
+from test.motion.release.hand import COMMANDED, thrown
 
 
 def main() -> None:

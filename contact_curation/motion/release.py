@@ -178,7 +178,7 @@ def find_fall(track: Track, hand: HandPath, opened: float, expected: float, body
 def _noise(positions: Array) -> float:
     """Standard deviation of the tracker's white noise per axis, from third differences [m]."""
     thirds = np.diff(positions, n=3, axis=0)
-    return max(1.4826 * float(np.median(np.abs(thirds - np.median(thirds, axis=0)))) / 20.0**0.5, SMALLEST_NOISE)
+    return max(1.4826 * float(np.median(np.abs(thirds - np.median(thirds, axis=0)))) / float(np.sqrt(20.0)), SMALLEST_NOISE)
 
 
 def _first_contact(track: Track, opened: float, body: BodyShape, config: ReleaseConfig) -> float:
