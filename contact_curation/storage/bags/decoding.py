@@ -1,8 +1,8 @@
-"""Decoding of stored messages to objects or CDR, by the definitions that the bag itself carries.
+"""Decodes stored messages to objects or CDR, with the message definitions that the bag itself contains.
 
-Every type gets a type store of its own: a definition that cannot be read, or that contradicts another topic's, costs only
-its own topic. Names are brought to ROS 2's form: fields of ROS 1 messages become lower case (`K` of CameraInfo is `k`).
-Messages that cannot be converted are left out, counted and said.
+Every type has its own type store, so a definition that cannot be parsed, or that contradicts another topic's, affects only its
+own topic. Names get ROS 2's form: fields of ROS 1 messages become lower case (`K` of CameraInfo becomes `k`). Messages that
+cannot be converted are left out, counted and reported.
 """
 
 import struct
@@ -31,23 +31,23 @@ from contact_curation.storage.bags.records import BagMessage, Channel, RawMessag
 HEADER = "std_msgs/msg/Header"
 IDL_SEPARATOR = "=" * 80 + "\n"
 LONGEST_SCHEMA = 1 << 20
-"""Characters; the parser is slow on longer ones, and real ones have some kB."""
+"""Longest accepted definition [characters]; the parser is slow on longer ones, and real ones have a few kB."""
 TYPE_ERRORS = (TypesysError, SerdeError, LookupError, ValueError, TypeError, AssertionError, SyntaxError, RecursionError)
-"""What rosbags raises on definitions that it cannot make a decoder from."""
+"""Errors of rosbags for definitions from which it cannot make a decoder."""
 DECODE_ERRORS = (SerdeError, struct.error, LookupError, ValueError, TypeError, OverflowError, RecursionError)
-"""What rosbags raises on bytes that are no message of the type."""
+"""Errors of rosbags for bytes that are not a message of the type."""
 DECODERS = 64
-"""Kept for the next bag; making one takes some 20 ms, and a set of bags has a few types."""
+"""Number of decoders that are cached for the next bags; making one takes about 20 ms, and bags have few types."""
 
 
 class Definition(NamedTuple):
-    """What the messages of a channel are made of.
+    """Type, encoding and definition of a channel's messages.
 
     Attributes:
         type: ROS 2 type name.
         encoding: encoding of the messages, `cdr` or `ros1`.
-        schema: definition text; empty where the bag carries none.
-        schema_encoding: encoding of it.
+        schema: definition text; empty if the bag contains none.
+        schema_encoding: encoding of the definition text.
     """
 
     type: str
@@ -61,10 +61,10 @@ class TypeDecoder:
     """Decodes messages of one definition.
 
     Attributes:
-        decode: bytes to message object; raises one of DECODE_ERRORS.
-        to_cdr: bytes to CDR of the ROS 2 type; raises one of DECODE_ERRORS.
+        decode: converts bytes to a message object; raises one of DECODE_ERRORS.
+        to_cdr: converts bytes to CDR of the ROS 2 type; raises one of DECODE_ERRORS.
         schema: ROS 2 definition text.
-        schema_encoding: encoding of it.
+        schema_encoding: encoding of the definition text.
         type_hash: `RIHS01_...` of the definition.
     """
 
@@ -77,10 +77,10 @@ class TypeDecoder:
 
 @lru_cache(DECODERS)
 def decoder_for(definition: Definition, limits: BagLimits) -> TypeDecoder:
-    """A decoder made from a definition, or ROS 2 Jazzy's where the bag carries none.
+    """Makes a decoder from a definition, or from ROS 2 Jazzy's if the bag contains none.
 
     Raises:
-        UndecodableTypeError: the encoding, the definition or the type is not understood.
+        UndecodableTypeError: the encoding, the definition or the type is not supported.
     """
     if definition.encoding not in ("cdr", "ros1"):
         raise UndecodableTypeError(f"messages are encoded as {definition.encoding!r}; only cdr and ros1 are understood")
@@ -143,7 +143,7 @@ def _types(definition: Definition) -> Typesdict:
 
 
 def _types_from_idl(schema: str) -> Typesdict:
-    """rosbag2 puts one IDL file per type into a schema, each behind a separator and a line with its name."""
+    """Parses a schema of rosbag2 in IDL: one file per type, each after a separator and a line with its name."""
     if not schema.startswith(IDL_SEPARATOR):
         return get_types_from_idl(schema)
     types: Typesdict = {}
@@ -153,7 +153,7 @@ def _types_from_idl(schema: str) -> Typesdict:
 
 
 def _in_lower_case(types: Typesdict) -> Typesdict:
-    """ROS 2 allows only lower case in names of fields; the order of the fields, and so the bytes, stay as they are."""
+    """Makes the names of fields lower case, as ROS 2 requires; the order of the fields, and so the bytes, stay the same."""
     return {
         name: (constants, [(field.lower(), kind) for field, kind in fields] if _stay_apart(fields) else fields)
         for name, (constants, fields) in types.items()
@@ -165,7 +165,7 @@ def _stay_apart(fields: list[tuple[str, FieldDesc]]) -> bool:
 
 
 def _refuse_long_arrays(types: Typesdict, limits: BagLimits) -> None:
-    """Refuses what no message has: rosbags writes a line of code per element of a fixed-size array."""
+    """Refuses very long fixed-size arrays, which no message has: rosbags generates a line of code per element."""
     for name, (_, fields) in types.items():
         for field, (kind, detail) in fields:
             if kind == Nodetype.ARRAY and int(detail[1]) > limits.fixed_array_length:
@@ -180,7 +180,7 @@ CONVERT_ERRORS = (*DECODE_ERRORS, DamagedBagError, UndecodableTypeError)
 
 
 class MessageConverter:
-    """Converts the messages of one bag, making decoders when they are first needed."""
+    """Converts the messages of one bag; makes each decoder when it is first needed."""
 
     def __init__(self, limits: BagLimits, losses: Losses) -> None:
         self._limits = limits
@@ -188,7 +188,7 @@ class MessageConverter:
         self._decoders: dict[Definition, TypeDecoder | UndecodableTypeError] = {}
 
     def decoded(self, stored: Iterable[StoredMessage]) -> Iterator[BagMessage]:
-        """Message objects."""
+        """Converts messages to objects."""
         decoders: dict[Channel, Callable[[bytes], object]] = {}
         failures = _Failures(self._losses)
         for log_time, _, channel, data in stored:  # runs once per message
@@ -203,7 +203,7 @@ class MessageConverter:
             yield BagMessage(channel.topic, channel.type, log_time, message)
 
     def raw(self, stored: Iterable[StoredMessage]) -> Iterator[RawMessage]:
-        """CDR bytes with their schema; CDR passes as it is, whether or not it can be decoded."""
+        """Converts messages to CDR bytes with their schema; messages in CDR pass unchanged, even if they cannot be decoded."""
         failures = _Failures(self._losses)
         for log_time, publish_time, channel, data in stored:
             try:
@@ -219,7 +219,7 @@ class MessageConverter:
             yield RawMessage(channel.topic, channel.type, log_time, cdr, publish_time, *described)
 
     def _checked(self, channel: Channel, data: bytes) -> bytes:
-        """A message of an acceptable size, unpacked if rosbag2 compressed it on its own: CDR begins with a zero byte."""
+        """Checks a message's size, and unpacks it if rosbag2 compressed it (CDR begins with a zero byte)."""
         if len(data) > self._limits.message_bytes:
             raise DamagedBagError(f"{len(data)} bytes where at most {self._limits.message_bytes} are accepted")
         if channel.encoding == "cdr" and data.startswith(ZSTD_MAGIC):
@@ -227,7 +227,7 @@ class MessageConverter:
         return data
 
     def _decoder(self, channel: Channel) -> TypeDecoder:
-        """The channel's decoder; those of one definition share it, and why there is none is found out only once."""
+        """The channel's decoder; channels of one definition share it, also the reason why there is none."""
         definition = Definition(channel.type, channel.encoding, channel.schema, channel.schema_encoding)
         if definition not in self._decoders:
             self._decoders[definition] = _decoder_or_reason(definition, self._limits)
@@ -248,7 +248,7 @@ def _decoder_or_reason(definition: Definition, limits: BagLimits) -> TypeDecoder
 
 
 class _Failures:
-    """Messages that could not be converted, in one line per channel: how many, and why the first."""
+    """Reports messages that could not be converted, one line per channel: how many, and the reason for the first."""
 
     def __init__(self, losses: Losses) -> None:
         self._losses = losses
