@@ -1,13 +1,8 @@
 """A shard: a Parquet file with records of one recording, written once, whole or not at all.
 
-<<<<<<< HEAD
-A row is a record: its id, its plain fields as JSON, its arrays as a blob (`stores.record_table`). What is known of all of them
-stands in the file's metadata, as JSON after its checksum. Pages have checksums, too; without statistics there is hardly
-anything else in the file. A shard that is damaged counts as one that is not there.
-=======
 A row is a record: its id, its plain fields as JSON, its arrays as a blob (`stores.record_table`). The file's metadata contain
-what is common to all records. Pages have checksums; a damaged shard counts as missing.
->>>>>>> main
+what is common to all records, as JSON after its checksum. Pages have checksums, too, and no statistics, which would have none.
+A damaged shard counts as missing.
 """
 
 import json
