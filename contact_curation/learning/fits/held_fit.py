@@ -12,7 +12,8 @@ flight, to compensate for what the model lacks; a fit to all tosses then predict
 
 In the rigid form each L_t is divided by the relative variance of its transition (contact/impulse_noise.py). This noise is
 learned from the residuals of a fit, and the fit is repeated with it, `renewals` times. The weights are constant within each
-fit, as in iteratively re-weighted least squares; otherwise theta could lower the sum by predicting harder impacts.
+fit, as in iteratively re-weighted least squares; otherwise theta could lower the sum by predicting harder impacts. sigma^2 is
+then the variance of transitions without an impact: it falls by as much as the weights lower the mean loss.
 
 From a random initialisation the sum has local minima, most of all with few tosses: one vertex takes over the impulses of
 another, which then drifts away from the body. A stronger prior removes them. So the first fit has sigma^2 = 1, and the next
@@ -30,9 +31,11 @@ from contact_curation.contact.evaluation import Estimator, transition_weights
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.models.polytope import INITIAL_NOISE, PolytopeModel
+from contact_curation.contact.models.rows import Rows
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.learning.evaluation.evaluation import transition_losses
 from contact_curation.learning.fits.damped_descent import DescentLimits, Iterate, descend
 from contact_curation.learning.fits.learned_noise import noise_of_model
 from contact_curation.learning.fits.polytope_fit import checked_weights
@@ -126,10 +129,17 @@ def fit_held(
     for _ in range(config.renewals if model.form is Form.RIGID else 0):
         model = model.with_noise(noise_of_model(model, data, config.loss))
         weights_now = transition_weights(model.geometry(), model.body, data.before, data.dt)
-        held = replace(held, weights=np.ones(len(data.dt)) if weights_now is None else weights_now)
+        weights_now = np.ones(len(data.dt)) if weights_now is None else weights_now
+        held = replace(held, weights=weights_now, noise=stages[-1] * _share(model, data, config.loss, weights_now))
         found = descend(model, held.iterate, limits)
         model, steps = found.iterate.model, steps + found.steps
     return HeldFit(model, found.iterate.objective, steps)
+
+
+def _share(model: PolytopeModel, data: Transitions, loss: LossConfig, weights: Array) -> float:
+    """The weighted mean loss over the mean loss, of the solved transitions."""
+    losses, solved = transition_losses(model, Rows(data.before, data.after, data.dt), loss)
+    return float((weights * losses)[solved].sum() / losses[solved].sum())
 
 
 @dataclass(frozen=True, eq=False)
