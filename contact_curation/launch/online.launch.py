@@ -35,7 +35,7 @@ def generate_launch_description() -> LaunchDescription:
     arguments = [
         DeclareLaunchArgument("folder", default_value=".", description="folder that stores and recordings are kept in"),
         DeclareLaunchArgument("throws", default_value="0", description="no more throws than these; 0: no end"),
-        DeclareLaunchArgument("rate", default_value="1.0", description="simulated seconds a second; 0: as fast as possible"),
+        DeclareLaunchArgument("rate", default_value="1.0", description="simulated seconds per second; 0: as fast as possible"),
         DeclareLaunchArgument("arm", default_value="true", description="the simulated arm throws"),
         DeclareLaunchArgument("thrower", default_value="arm", description="who makes the throws: arm; none: one of your own"),
         DeclareLaunchArgument("auto", default_value="true", description="throw after throw, without being asked"),

@@ -1,7 +1,7 @@
-"""ROS 2 nodes: a stage of the library each, plus translation of messages.
+"""ROS 2 nodes: each is a stage of the library plus the translation of messages.
 
-The linear algebra of NumPy and torch is kept to one thread here: a node's matrices are small, and threads of several nodes that
-wait for each other on few cores turn an eigenvalue decomposition of 1 ms into one of 30 ms.
+Linear algebra in NumPy and torch uses one thread here. A node's matrices are small, and on few cores the threads of several
+nodes wait for each other: an eigenvalue decomposition of 1 ms then takes 30 ms.
 """
 
 import os
@@ -19,5 +19,5 @@ for library in ("rclpy", "contact_curation_msgs"):
 for library in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):  # read when NumPy or torch is imported, which is after this
     os.environ.setdefault(library, "1")
 
-# Fast DDS's shared memory outlives a killed process, and its locks with it (docs/reliability.md).
+# Fast DDS's shared memory and its locks remain after a process is killed (docs/reliability.md).
 os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")

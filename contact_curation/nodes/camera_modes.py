@@ -32,13 +32,13 @@ CAMERA_FRAME = "camera"
 
 
 class TrueFrame(NamedTuple):
-    """Where the body really is.
+    """The true pose of the body.
 
     Attributes:
-        stamp_ns: simulated time.
-        pose: pose of the body on the board.
-        throw_id: name of the throw that the frame belongs to; empty where none is known.
-        begun_ns: stamp of that throw's beginning; 0 without one.
+        stamp_ns: simulated time [ns].
+        pose: pose of the body in the board's frame.
+        throw_id: name of the throw that the frame belongs to; empty if none is known.
+        begun_ns: stamp of that throw's beginning [ns]; 0 if none is known.
     """
 
     stamp_ns: int
@@ -48,7 +48,7 @@ class TrueFrame(NamedTuple):
 
     @property
     def since_ns(self) -> int:
-        """Time since the throw began."""
+        """Time since the throw began [ns]."""
         return self.stamp_ns - self.begun_ns
 
 
@@ -56,13 +56,13 @@ class Sight(Protocol):
     """A mode of the camera: it publishes what it observes of the body; all calls are on one thread."""
 
     def see(self, true: TrueFrame) -> None:
-        """Publishes a frame, at once or when its latency is over."""
+        """Publishes the measurement of a frame, at once or after the latency."""
 
     def rest(self) -> None:
-        """Publishes what still waits: no frames come any more."""
+        """Publishes the measurements that still wait for their latency, because no further frames come."""
 
     def close(self) -> None:
-        """Frees what it holds."""
+        """Frees its resources."""
 
 
 class TrackedPoses:
@@ -71,8 +71,8 @@ class TrackedPoses:
     Args:
         node: node that publishes.
         body: body whose tracked frame the poses are of.
-        rig: frames, the board in the map, deviations.
-        noise: the tracker's faults.
+        rig: names of frames, pose of the board in the map, standard deviations.
+        noise: noise and faults of the tracker.
         seed: random seed of the noise.
         history: number of poses that late subscribers receive.
     """
@@ -116,13 +116,13 @@ class TrackedPoses:
 class RenderedTags:
     """Renders the camera's image and publishes the tags that are detected in it.
 
-    The view is made when the first frame comes, for OpenGL belongs to a thread.
+    The view is made at the first frame, because an OpenGL context belongs to one thread.
 
     Args:
         node: node that publishes.
         body: body that is tossed.
-        rig: the tags on it and on the board.
-        camera: camera that sees them.
+        rig: tags on the body and on the board.
+        camera: configuration of the camera.
         detector: detector of the tags.
         seed: random seed of the pixels' noise.
         history: number of images whose detections late subscribers receive.
@@ -159,7 +159,7 @@ class RenderedTags:
             self._images.publish(image_message(stamped, image))
 
     def rest(self) -> None:
-        """Nothing waits here."""
+        """Does nothing: every frame is published at once."""
 
     def close(self) -> None:
         if self._view is not None:

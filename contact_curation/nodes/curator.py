@@ -1,4 +1,4 @@
-"""curator: scored tosses in, the selected set out."""
+"""Node `curator`: ranks the scored tosses and publishes the selected set."""
 
 import sys
 from collections.abc import Sequence
@@ -71,7 +71,7 @@ class Curator(StageNode):
         self._informations.close()
 
     def _take(self, messages: Sequence[Any], cursor: Cursor) -> None:
-        """On the worker's thread."""
+        """Stores the information of tosses; on the worker's thread."""
         for message in messages:
             try:
                 if message.body != self._body.name:
@@ -83,7 +83,7 @@ class Curator(StageNode):
         self._curating.want()
 
     def _curate(self) -> None:
-        """On the worker's thread, after everything that came: the newest state, once."""
+        """Ranks all tosses and publishes the buffer; on the worker's thread, once after all messages that have come."""
         before = self._buffer
         try:
             self._buffer = self._stage.buffer()
@@ -96,7 +96,7 @@ class Curator(StageNode):
                 self.get_logger().info(self._buffer.in_words())
 
     def _parameters_set(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Ranks by the new criterion from now on, if it is one; the next ones may come before that is done."""
+        """Checks new ranking parameters and queues the change for the worker's thread."""
         try:
             ranking = with_parameters(self._wanted, {one.name: one.value for one in parameters})
             self._stage.check(ranking)
@@ -108,7 +108,7 @@ class Curator(StageNode):
         return SetParametersResult(successful=True)
 
     def _rank_by(self, ranking: RankingConfig) -> None:
-        """On the worker's thread."""
+        """Changes how tosses are ranked; on the worker's thread."""
         self._stage.rank_by(ranking)
         self._curating.want()
 
@@ -129,10 +129,10 @@ class Curator(StageNode):
         return response
 
     def _manifest_path(self, asked: str) -> Path:
-        """Where a caller may write.
+        """The path of a manifest that a caller asked for.
 
         Raises:
-            InvalidValueError: the path leads out of the folder, or there is a file that may not be replaced.
+            InvalidValueError: the path is outside `save_folder`, or a file is there that must not be replaced.
         """
         path = path_below("path", self._save_folder, asked)
         if self._overwrites:

@@ -1,8 +1,8 @@
-"""dashboard: listens to everything and shows it in a browser. It can never slow the graph.
+"""Node `dashboard`: subscribes to all results and shows them in a browser. It cannot slow the graph.
 
-Callbacks only put messages in a bounded queue; one worker translates, computes and writes. What overflows is dropped, counted
-by topic, and shown; tosses and information are asked for again once there is nothing else to do. Only the
-newest selected set and the newest theta are drawn.
+Callbacks only put messages into a bounded queue; one worker translates, computes and draws. Messages that do not fit into the
+queue are dropped and counted by topic, and the dashboard shows the counts. Dropped tosses and information are requested again
+when the worker is idle. Only the newest selected set and the newest theta are drawn.
 """
 
 import sys
@@ -49,7 +49,7 @@ TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16)
 INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
 
 NEWEST_TOSSES = 64
-"""Tosses that a dashboard which starts late looks back to; of information it wants all."""
+"""Number of earlier tosses that a dashboard requests when it starts late; it requests all information."""
 
 
 class Dashboard(StageNode):
@@ -128,11 +128,11 @@ class Dashboard(StageNode):
         self._theta.want()
 
     def _health_came(self, message: Any) -> None:
-        """A handful of words, kept by node: nothing that could pile up."""
+        """Keeps the newest health of each node; it needs no queue, because it is small."""
         self._nodes.update({one.name: one for one in healths_of(message, self._seconds()) if is_own(self, one.name)})
 
     def _guarded(self, job: Callable[[], None]) -> None:
-        """On the worker's thread, as everything below but the last: a bad message is counted and dropped."""
+        """Runs a job on the worker's thread, as all methods below but the last; a bad message is counted and dropped."""
         if self._closing:
             return
         try:
@@ -161,12 +161,12 @@ class Dashboard(StageNode):
         self._session.add_throw(throw_made_of(message))
 
     def _take_theta(self) -> None:
-        """The newest only."""
+        """Draws the newest theta."""
         self._session.set_theta(theta_of(self._model_parameters, self._body))
         self._session.show_motion()
 
     def _draw_ranking(self) -> None:
-        """The newest selected set only, and again while information that it was chosen from is still coming."""
+        """Draws the newest selected set, and again while information that it was chosen from is still arriving."""
         message, self._buffer = self._buffer, None
         if message is not None:
             self._session.set_selected(selected_set_of(message), nanoseconds_of(message.header.stamp))
@@ -200,10 +200,10 @@ class Dashboard(StageNode):
 
 
 def declared_serving(node: StageNode) -> ServingConfig:
-    """Where the dashboard goes.
+    """Declares the parameters of the page and the recording, and returns their values.
 
     Raises:
-        InvalidValueError: nowhere.
+        InvalidValueError: there is neither a page nor a file to write to, or the file must not be replaced.
     """
     recording = declare(node, "rrd", "", "Rerun file (.rrd) to write the session to; empty: none")
     if recording:

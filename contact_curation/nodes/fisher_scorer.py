@@ -1,4 +1,4 @@
-"""fisher_scorer: computes the information of tosses. It is stored before it is announced."""
+"""Node `fisher_scorer`: computes the information of tosses, and stores it before announcing it."""
 
 import sys
 from collections.abc import Sequence
@@ -36,11 +36,11 @@ from contact_curation.storage.stores.information import InformationStore
 TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16)
 
 LARGEST_PAGE = 64
-"""Records in one answer of `get_information`."""
+"""Largest number of records in a response of `get_information`."""
 
 
 class FisherScorer(StageNode):
-    """Scores tosses at the newest theta; at a new one, all of them again."""
+    """Scores tosses at the newest theta, and all tosses again when theta changes."""
 
     def __init__(self) -> None:
         super().__init__("fisher_scorer")
@@ -69,7 +69,7 @@ class FisherScorer(StageNode):
         self._informations.close()
 
     def _score(self, messages: Sequence[Any], cursor: Cursor) -> None:
-        """On the worker's thread."""
+        """Scores tosses, stores the information and announces it; on the worker's thread."""
         tosses = [toss for toss in map(self._translated, messages) if toss is not None]
         batch = self._stage.score(tosses, {message.toss_id: message.header.frame_id for message in messages})
         self._announce(batch.new)
@@ -94,7 +94,7 @@ class FisherScorer(StageNode):
         self._worker.do(partial(self._renew, message))
 
     def _renew(self, message: Any) -> None:
-        """On the worker's thread: everything is scored again at another theta, once it is scored at the present one."""
+        """Takes a new theta; all tosses are scored again once they are scored at the present one. On the worker's thread."""
         try:
             check_format(message)
             if message.body != self._body.name:
@@ -109,7 +109,7 @@ class FisherScorer(StageNode):
         self._go_on(theta)
 
     def _caught_up(self) -> None:
-        """On the worker's thread, when all tosses are scored at the present theta."""
+        """Changes to the newest theta when all tosses are scored at the present one; on the worker's thread."""
         theta = self._stage.postponed
         if theta is not None:
             self._go_on(theta)

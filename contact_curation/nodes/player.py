@@ -1,7 +1,7 @@
-"""player: a recording as live topics, with the option names of `ros2 bag play`. Header stamps stay as recorded.
+"""Node `player`: plays a recording as live topics, with the option names of `ros2 bag play`. Header stamps stay as recorded.
 
-Messages go out as the bytes that were recorded. The last ones stay there for whoever comes late (`history`): a node that was
-killed gets again what it missed.
+Messages are published as the recorded bytes. Late subscribers, for example a node that was killed, receive the last `history`
+messages of each topic again.
 """
 
 import sys
@@ -39,7 +39,7 @@ BURST = 1000
 """Messages between acknowledgements when playing as fast as possible."""
 
 PATIENCE = 10
-"""[s] for acknowledgements."""
+"""Longest wait for acknowledgements [s]."""
 
 
 class Player(StageNode):
@@ -107,7 +107,7 @@ class Player(StageNode):
         return profile(max(recorded.depth, 1), reliable=recorded.reliable, latched=recorded.latched)
 
     def _play(self) -> None:
-        """On the worker's thread, as the next three."""
+        """Plays the recording; on the worker's thread, as the next three methods."""
         self._playback.wait_until(self._heard, self._wait, NAP.nanoseconds / NANOSECONDS)
         self._playback.play(list(self._outlets), self._publish, self._end, stay=self._stay)
 
@@ -133,13 +133,13 @@ class Player(StageNode):
             self.end()
 
     def _acknowledged(self, publisher: Publisher) -> None:
-        """Waits until all subscribers have got everything; not for ever, because one may have died, nor once it is to stop."""
+        """Waits until all subscribers have acknowledged everything, up to a limit, because one may have died."""
         end_ns = self._now() + PATIENCE * NANOSECONDS
         while not (self._playback.stopped or publisher.wait_for_all_acked(NAP)) and self._now() < end_ns:
             pass
 
     def _triggers(self) -> None:
-        """The services; rosbag2_interfaces, whose types `ros2 bag play` uses, is not needed for them."""
+        """Offers the services as std_srvs/Trigger, so that rosbag2_interfaces, which `ros2 bag play` uses, is not needed."""
         actions: dict[str, Callable[[], None]] = {
             "pause": lambda: self._playback.pause(True),
             "resume": lambda: self._playback.pause(False),

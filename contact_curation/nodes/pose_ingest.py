@@ -1,4 +1,4 @@
-"""pose_ingest: poses of a tracker in, tosses out. A toss is stored before it is announced."""
+"""Node `pose_ingest`: cuts a tracker's poses into tosses, and stores each toss before announcing it."""
 
 import sys
 from collections.abc import Sequence
@@ -37,16 +37,16 @@ from contact_curation.storage.stores.tosses import StoredRejected, StoredToss, T
 AUTO = "auto"
 
 LOOK_PERIOD = 0.2
-"""[s] between looks at the graph."""
+"""Time between looks at the graph for pose topics [s]."""
 
 BATCH = 64
-"""Messages that are read and become permanent together."""
+"""Number of messages that are read and committed to the store together."""
 
 MOST_WAITING = 4096
-"""Messages that wait to be read. Then the callback waits, and the middleware keeps what comes (`queue_depth`)."""
+"""Largest number of messages that wait in the node; beyond it the callback waits, and the middleware queues (`queue_depth`)."""
 
 LARGEST_PAGE = 32
-"""Tosses in one answer of `get_tosses`."""
+"""Largest number of tosses in a response of `get_tosses`."""
 
 
 class PoseIngest(StageNode):
@@ -84,14 +84,14 @@ class PoseIngest(StageNode):
         self._store.close()
 
     def _look(self) -> None:
-        """Follows the graph, and publishes whether there is a tracker: without one no throw should be commanded."""
+        """Follows the graph, and publishes on `tracked` whether there is a tracker, without which no throw may be commanded."""
         self._topics.follow()
         if self._topics.has_publisher != self._said_tracked:
             self._said_tracked = self._topics.has_publisher
             self._tracked.publish(Bool(data=self._said_tracked))
 
     def _found(self, topic: str) -> dict[str, int]:
-        """Takes up the work of an earlier run on this topic; what was left unannounced is announced."""
+        """Continues an earlier run on this topic: announces tosses that were stored and not announced."""
         source = self._source or topic
         self.get_logger().info(f"poses of {self._body.name} from {topic}")
         self._ingest = TossIngest(self._config, self._body, source=source)
@@ -109,7 +109,7 @@ class PoseIngest(StageNode):
         self._taking.want()
 
     def _take(self) -> None:
-        """Everything that has arrived, on the worker's thread."""
+        """Processes all messages that have arrived; on the worker's thread."""
         while self._journal is not None and self._inbox:
             read = [self._topics.read(one) for one in self._inbox.take(BATCH)]
             arrivals = [Arrival(topic, published_ns, one) for topic, published_ns, measured in read for one in measured]
@@ -170,7 +170,7 @@ class PoseIngest(StageNode):
 
 
 def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> IngestConfig:
-    """The stages' configuration; gravity is the body's, as in offline ranking."""
+    """Declares the parameters of the stages and returns their configuration; gravity is the body's, as in offline ranking."""
     segmenter = declare_config(node, SegmenterConfig(), "segmenter.")
     recording = declare(node, "rules_of", "", "recording whose segmenting rules are used where none are set; empty: none")
     if recording:
@@ -181,16 +181,16 @@ def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> Inge
 
 
 def declared_poses(node: StageNode) -> PoseTopicConfig:
-    """Where the poses are; launch can give no empty topic, so that the word `auto` stands for it."""
+    """Declares the parameters of the pose topics; `auto` stands for an empty topic, which launch cannot pass."""
     poses = declare_config(node, PoseTopicConfig())
     return replace(poses, topic="") if poses.topic == AUTO else poses
 
 
 def declared_type(node: StageNode) -> str:
-    """The type of the pose topic; empty for that of its publisher.
+    """Declares the type of the pose topic; empty for that of its publisher.
 
     Raises:
-        UnknownNameError: nobody here reads messages of that type.
+        UnknownNameError: messages of that type cannot be read as poses.
     """
     given = declare(node, "type", "", "ROS type of the pose topic, e.g. nav_msgs/msg/Odometry; empty: as its publisher says")
     package, _, name = given.partition("/")

@@ -1,8 +1,8 @@
-"""session_recorder: every topic of the graph into one bag, as the bytes that were sent.
+"""Node `session_recorder`: records every topic of the graph into one bag, as the bytes that were sent.
 
-Topics are found, and subscribed to as their publishers offer them. Nothing is to be dropped: queues are deep, the thread that
-writes is not the one that hears, and what is missed all the same is counted. What was written outlives a kill; started again,
-the recorder goes on with the same bag, and latched publishers send again what it missed.
+It finds the topics in the graph and subscribes with the quality of service of their publishers. Messages should never be lost:
+queues are deep, one thread receives and another writes, and lost messages are counted. After a kill, what was written can be
+read; the restarted recorder continues the same bag, and latched publishers send again what it missed.
 """
 
 import sys
@@ -29,7 +29,7 @@ from contact_curation.storage.bags.records import OfferedQos, RawMessage
 from contact_curation.storage.bags.session import SessionBag
 
 LOOK_PERIOD = 0.2
-"""[s] between looks at the graph."""
+"""Time between looks at the graph [s]."""
 
 SCHEMA_ENCODING = "ros2msg"
 
@@ -39,9 +39,9 @@ class Heard(NamedTuple):
 
     Attributes:
         type: ROS type name.
-        schema: its definition.
-        type_hash: `RIHS01_...`.
-        qos: quality of service as all of its publishers offer it.
+        schema: definition of the type.
+        type_hash: hash of the type, `RIHS01_...`.
+        qos: quality of service that all of its publishers offer.
     """
 
     type: str
@@ -54,7 +54,7 @@ class SessionRecorder(StageNode):
     """Records all topics of its namespace that are not hidden."""
 
     longest_closing = 9.0
-    """[s]: what was received is written, and the recording's index."""
+    """Time limit of closing [s], in which received messages and the recording's index are written."""
 
     def __init__(self) -> None:
         super().__init__("session_recorder")
@@ -71,7 +71,7 @@ class SessionRecorder(StageNode):
         self._warnings = ThrottledWarnings(self)
         self._received = Rate()
         self._lost = self._known = 0
-        self._bytes_in = self._bytes_out = 0  # each counted by one thread
+        self._bytes_in = self._bytes_out = 0  # each is changed by one thread only
         self._waiting: deque[tuple[RawMessage, OfferedQos]] = deque()
         self._topics: dict[str, tuple[Heard, Subscription]] = {}
         self._left_out: set[tuple[str, str]] = set()
@@ -92,7 +92,7 @@ class SessionRecorder(StageNode):
             self._bag.close()
 
     def _follow(self) -> None:
-        """Subscribes to what is new, or is offered in another way."""
+        """Subscribes to topics that are new or whose quality of service changed."""
         for topic, types in self.get_topic_names_and_types():
             hidden = any(part.startswith("_") for part in topic.split("/"))
             if hidden or not is_own(self, topic) or not self.count_publishers(topic):
@@ -109,13 +109,13 @@ class SessionRecorder(StageNode):
                 self._subscribe(topic, heard)
 
     def _leave_out(self, topic: str, kind: str, why: str) -> None:
-        """Says once what is not recorded."""
+        """Logs once that a topic is not recorded."""
         if (topic, kind) not in self._left_out:
             self._left_out.add((topic, kind))
             self._warnings.note("left out", f"{kind} on {topic}: {why}")
 
     def _offered(self, topic: str, kind: str) -> Heard | None:
-        """How a topic is published; None where its publishers have gone meanwhile."""
+        """Type and quality of service of a topic; None if its publishers have gone."""
         offers = [info for info in self.get_publishers_info_by_topic(topic) if info.topic_type == kind]
         if not offers:
             return None
@@ -142,7 +142,7 @@ class SessionRecorder(StageNode):
         self._topics[topic] = heard, subscription
 
     def _arrived(self, topic: str, heard: Heard, data: bytes, info: Mapping[str, int]) -> None:
-        """What was kept for late listeners counts as heard when it was sent, so that it stands in its place."""
+        """Queues a message. One that was kept for late subscribers gets its time of publication, so that the order is right."""
         self._received.count += 1
         if self._bytes_in - self._bytes_out > self._most:
             self._lost += 1
@@ -158,7 +158,7 @@ class SessionRecorder(StageNode):
         self._lost += event.total_count_change
 
     def _open(self, path: Path) -> None:
-        """On the worker's thread, as what follows: going on with a long bag takes a while, and meanwhile is listened."""
+        """Opens the bag on the worker's thread, as the methods below: reading a long bag takes a while, and messages come."""
         self._bag = SessionBag(path)
         for line in self._bag.losses:
             self.get_logger().warning(line)

@@ -1,10 +1,9 @@
-"""sim_arm: the simulated world with an arm that throws. Goals in; joints, the body's true motion and executed throws out.
+"""Node `sim_arm`: a simulated arm that executes ExecuteThrow goals; publishes joint states and the body's true motion.
 
-A goal that is refused ends at once, with the limit and the nearest feasible throw in its result. The arm begins disarmed.
-Whoever arms it (`~/arm`) can stop it (`~/stop`), and it stops by itself when the heartbeat fails; either latches until it is
-armed again. With `armed` it arms itself when it starts, and again when its own heartbeat comes back; a stop latches always.
-
-Topic `throw_begun` names the throw that the frames behind its stamp belong to, for whoever simulates what is seen of it.
+A refused goal ends at once; its result names the limit and the nearest feasible throw. The arm begins disarmed. `~/arm` arms
+it; `~/stop` and a missing heartbeat disarm it until it is armed again. With the parameter `armed` it arms itself at the start,
+and again when its own heartbeat returns, but never after `~/stop`. The topic `throw_begun` names the throw to which the frames
+after its stamp belong, so that a simulated tracker can draw its noise by throw.
 """
 
 import sys
@@ -44,45 +43,45 @@ from contact_curation.stages.arm import ArmStage
 from contact_curation.stages.simulated_time import AwakeClock, RateLimiter, SimulatedTime, Ticks
 
 TRUTH_DEPTH = 2000
-"""Frames that a slow listener may lag behind."""
+"""Depth of `ground_truth`: how many frames a subscriber may lag behind."""
 
 BEAT = 0.1
-"""Time between the node's own heartbeats, sent by the thread that would hear a stop [s]."""
+"""Time between the node's own heartbeats, which come from the thread that would receive a stop [s]."""
 
 LONGEST_HUSH = 10.0
 """Time for which the simulation waits for the node's own heartbeat before its absence counts as a failure [s]."""
 
 BREATH, BREATH_FRAMES = 1e-3, 4
-"""Given to the other threads after so many frames that nothing waits for, or the heartbeat would starve [s]."""
+"""Pause after a number of frames without waiting, so that other threads, among them the heartbeat, get the processor [s]."""
 
 IDLE = 0.05
 """Time between looks for a goal while simulated time stands still [s]."""
 
 OLDEST_GOAL = 60.0
-"""[s]: after so long throw_designer, too, takes a goal for lost."""
+"""Default age at which a goal is stale [s]; throw_designer gives goals up after the same time."""
 
 COUNTED = 0.1
-"""Largest time between two looks of the watchdog that counts [s]: a process that stood still moved nothing."""
+"""Largest time between two checks of the heartbeat that counts [s]: a process without processor time moves nothing."""
 
 
 class SimArm(StageNode):
-    """Throws one body, goal after goal."""
+    """Throws one body, one goal after the other."""
 
     def __init__(self) -> None:
         super().__init__("sim_arm")
         self._body = declared_body(self)
-        about_rate = "simulated seconds a second; 0: as fast as possible"
+        about_rate = "simulated seconds per second; 0: as fast as possible"
         self._limiter = RateLimiter(declare(self, "rate", 1.0, about_rate, bounds=(0.0, 1e3), fixed=False))
         clock_hertz = declare(self, "clock", 0.0, "rate of /clock in simulated time [Hz]; 0: none", bounds=(0.0, 148.0))
         self._board_frame = declare(self, "board_frame", "body_surface", "frame of the board")
         epoch = declare(self, "epoch", 0.0, "start time of the simulation [s]; 0: now", bounds=(0.0, 4e9))
-        about_state = "file that remembers how far time got, so that it never goes back after a restart; empty: none"
+        about_state = "file that stores the simulated time, so that it never goes back after a restart; empty: none"
         state = declare(self, "state", "", about_state)
         about_armed = "arm at the start without a call of ~/arm, and again when the node's own heartbeat comes back"
         self._arms_itself = declare(self, "armed", False, about_armed)
         outside = declare(self, "external_heartbeat", False, "expect the heartbeat on topic ~/heartbeat (std_msgs/Empty)")
         self._beats_itself = not outside
-        about_oldest = "goals whose stamp lies further from now are refused as stale [s]; 0: none is"
+        about_oldest = "goals whose stamp is further from now are refused as stale [s]; 0: no goal is"
         self._oldest_goal = declare(self, "oldest_goal", OLDEST_GOAL, about_oldest, bounds=(0.0, 3600.0))
         seed = declare(self, "seed", 0, "random seed of the gripper's delays", bounds=(0, 2**31))
         arm, control = declare_config(self, ArmConfig(), "arm."), declare_config(self, ControlConfig(), "control.")
@@ -101,7 +100,7 @@ class SimArm(StageNode):
             self.create_subscription(Empty, "~/heartbeat", lambda _: self._beat(), profile(1, reliable=True, latched=False))
         else:
             self.create_timer(BEAT, self._beat, clock=self._steady)
-            self._beat()  # armed before the first frame, so that every run begins alike
+            self._beat()  # armed before the first frame, so that all runs are equal
         self._worker = Worker(self.fail)
         self._worker.do(self._work)
         self.add_on_set_parameters_callback(self._parameters_set)
@@ -146,7 +145,7 @@ class SimArm(StageNode):
         return SetParametersResult(successful=True)
 
     def _beat(self) -> None:
-        """Arms if `armed` is set: once with an external heartbeat, after every failure with its own."""
+        """Records a heartbeat. If `armed` is set, arms at the first one, and with its own heartbeat after every failure."""
         self._gate.heartbeat(self._awake.now())
         if self._arms_itself and not self._gate.was_stopped:
             self._arms_itself = self._beats_itself
@@ -162,15 +161,15 @@ class SimArm(StageNode):
     def _arm(self, _: Any, response: Any) -> Any:
         number = self._gate.arm(self._awake.now())
         self._wake.set()
-        response.success, response.message = True, f"armed, for the {number}. time"
+        response.success, response.message = True, f"armed (arming number {number})"
         return response
 
     def _work(self) -> None:
-        """On the worker's thread, until the node ends: frame after frame."""
+        """Simulates frame after frame until the node ends; on the worker's thread."""
         while not self._ended:
             self._await_beat()
             now = self._awake.tick()
-            goal = self._server.goal  # whose ending this is, whichever goal comes meanwhile
+            goal = self._server.goal  # the goal that may end with this frame; another one may come meanwhile
             if goal is not None and self._stage.waits:
                 self._begin(goal)
                 continue
@@ -187,13 +186,13 @@ class SimArm(StageNode):
             self._keep_pace(frame.time)
 
     def _await_beat(self) -> None:
-        """A busy machine may keep the executor's thread waiting: then simulated time does, rather than that the arm stops."""
+        """Waits for the node's own heartbeat: on a busy machine simulated time waits, so that the arm need not stop."""
         if self._beats_itself and self._gate.silence(self._awake.now()) > 2.0 * BEAT:
             self._beaten.clear()
             self._beaten.wait(LONGEST_HUSH)
 
     def _begin(self, goal: Any) -> None:
-        """The next frame is the first of this throw."""
+        """Publishes that the next frame is the first of this goal's throw."""
         self._begun.publish(throw_message(throw_of(goal.request.throw_command), self._stamped(self._stage.time)))
         self._server.conclude(goal, self._stage.begin())
 

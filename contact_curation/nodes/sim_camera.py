@@ -1,10 +1,9 @@
-"""sim_camera: the tracker of the simulated world. It takes a body's true poses and publishes what a tracker would measure.
+"""Node `sim_camera`: a simulated tracker; takes a body's true poses and publishes what a tracker would measure.
 
-In mode `poses` that is TagSLAM's Odometry with a tracker's faults; in mode `rendered` images are rendered, and the tags that
-the AprilTag library finds in them are published. Stamps are those of the ground truth, however long rendering takes. What is
-random depends on the throw (`throw_begun`) and the time since it began, so that neither a clock nor the machine's load matter.
-
-The last ones stay there for whoever comes late (`history`): a `pose_ingest` that was killed gets again what it missed.
+In mode `poses` it publishes TagSLAM's Odometry with noise and faults. In mode `rendered` it renders images and publishes the
+tags that the AprilTag library finds in them. Stamps are those of the ground truth, however long rendering takes. Noise depends
+on the throw (`throw_begun`) and the time since it began, not on a clock or the machine's load. Late subscribers, for example a
+`pose_ingest` that was killed, receive the last `history` messages again.
 """
 
 import sys
@@ -37,17 +36,17 @@ from contact_curation.storage.inputs.pose_messages import ODOMETRY, measured_pos
 from contact_curation.storage.tag_map_file import read_tag_rig
 
 TRUTH_DEPTH = 2000
-"""Frames of the ground truth that may wait until they are taken."""
+"""Depth of the subscription to the ground truth [frames]."""
 
 THROWS_KNOWN = 2
-"""The newest throw, and the one before it: the first may be heard of before the last frames of the other."""
+"""Number of throws that are remembered: a new throw may be announced before the last frames of the previous one arrive."""
 
 SILENCE = 0.2
 """Time without a frame after which poses that wait for their latency are published [s]."""
 
 
 class SimCamera(StageNode):
-    """Publishes what is seen of one body."""
+    """Publishes measurements of one body."""
 
     def __init__(self) -> None:
         super().__init__("sim_camera")

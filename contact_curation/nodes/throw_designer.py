@@ -1,4 +1,4 @@
-"""throw_designer: theta and what is known in, the most informative throw out; with `auto` throws are made, one by one."""
+"""Node `throw_designer`: plans the throw with the largest predicted information; with `auto` it has throws made, one by one."""
 
 import sys
 from collections.abc import Sequence
@@ -40,17 +40,17 @@ from contact_curation.storage.stores.state import StateStore
 INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
 
 PERIOD = 0.05
-"""[s] between looks at whether the next throw is due."""
+"""Time between checks whether the next throw is due [s]."""
 
 RESTING = (TrainingStatus.WAITING, TrainingStatus.FAILED)
-"""States of a trainer that does nothing until the buffer changes."""
+"""States of a trainer that waits for the buffer to change."""
 
 LONGEST_PROPOSAL = 120.0
-"""[s] that the service waits for the worker."""
+"""Longest time that the service waits for the worker [s]."""
 
 
 class ThrowDesigner(StageNode):
-    """Proposes throws when asked, and in `auto` has them made, the next when the last one's toss was scored or rejected."""
+    """Proposes throws on request; with `auto` commands them, the next when the toss of the last one was scored or rejected."""
 
     def __init__(self) -> None:
         super().__init__("throw_designer")
@@ -95,7 +95,7 @@ class ThrowDesigner(StageNode):
         self._states.close()
 
     def _look(self) -> None:
-        """Begins the next throw when it is due, and commands it once it is planned."""
+        """Plans the next throw when it is due, and commands it once it is planned."""
         self._goals.look()
         auto = self.get_parameter("auto").value
         if self._to_send is not None:
@@ -106,7 +106,7 @@ class ThrowDesigner(StageNode):
 
     @property
     def _missing(self) -> str:
-        """What throws have to wait for; empty where all is there."""
+        """What the next throw has to wait for; empty for nothing."""
         if not self._goals.ready:
             return "a thrower (action execute_throw)"
         tracked = self._tracked and self.count_publishers("tracked") > 0
@@ -116,7 +116,7 @@ class ThrowDesigner(StageNode):
         self._tracked = bool(message.data)
 
     def _throw_next(self) -> None:
-        """On the worker's thread."""
+        """Plans the next throw; on the worker's thread."""
         try:
             self._last = self._loop.next()
         except ContactCurationError as error:
@@ -130,7 +130,7 @@ class ThrowDesigner(StageNode):
         self._worker.do(partial(self._finish, outcome))
 
     def _finish(self, outcome: Outcome) -> None:
-        """On the worker's thread: the next throw may begin."""
+        """Stores the outcome of a throw, after which the next one may begin; on the worker's thread."""
         try:
             if outcome.executed is None:
                 raise InvalidValueError("throw", outcome.message or "no reason", "one that was made")
@@ -141,7 +141,7 @@ class ThrowDesigner(StageNode):
         self._reports.tell(reports)
 
     def _propose(self, request: Any, response: Any) -> Any:
-        """Answers when the worker has come to it; what is heard meanwhile waits in its queues."""
+        """Plans a throw on the worker's thread and responds with it; messages that come meanwhile wait in their queues."""
         proposed: Future[Proposal] = Future()
         self._worker.do(partial(self._proposal, request, proposed))
         try:
@@ -160,7 +160,7 @@ class ThrowDesigner(StageNode):
         return response
 
     def _proposal(self, request: Any, proposed: "Future[Proposal]") -> None:
-        """On the worker's thread."""
+        """Plans the throw of a request; on the worker's thread."""
         try:
             if request.body not in ("", self._body.name):
                 raise InvalidValueError("body", request.body, self._body.name)
@@ -172,7 +172,7 @@ class ThrowDesigner(StageNode):
         self._worker.do(partial(self._renew, message))
 
     def _renew(self, message: Any) -> None:
-        """On the worker's thread."""
+        """Takes new parameters; on the worker's thread."""
         try:
             check_format(message)
             if message.body != self._body.name:
@@ -187,7 +187,7 @@ class ThrowDesigner(StageNode):
             self._worker.do(partial(self._select, message))
 
     def _select(self, message: Any) -> None:
-        """On the worker's thread."""
+        """Takes a new buffer; on the worker's thread."""
         try:
             check_format(message)
             newest_ns = nanoseconds_of(message.header.stamp)
@@ -200,7 +200,7 @@ class ThrowDesigner(StageNode):
         self._worker.do(partial(self._rest, message))
 
     def _rest(self, message: Any) -> None:
-        """On the worker's thread."""
+        """Takes the trainer's status; on the worker's thread."""
         try:
             check_format(message)
         except InvalidValueError as error:
@@ -214,7 +214,7 @@ class ThrowDesigner(StageNode):
             self._worker.do(partial(self._reject, message))
 
     def _reject(self, message: Any) -> None:
-        """On the worker's thread: no toss will come of that throw."""
+        """Takes a rejected motion, whose throw gives no toss; on the worker's thread."""
         try:
             check_format(message)
             self._stage.reject(nanoseconds_of(message.header.stamp), tuple(message.reasons))
@@ -223,7 +223,7 @@ class ThrowDesigner(StageNode):
         self._reports.tell(self._stage.reports)
 
     def _take(self, messages: Sequence[Any], cursor: Cursor) -> None:
-        """On the worker's thread."""
+        """Takes the information of tosses; on the worker's thread."""
         for message in messages:
             try:
                 if message.body != self._body.name:
@@ -234,7 +234,7 @@ class ThrowDesigner(StageNode):
         self._reports.tell(self._stage.reports)
 
     def _now(self) -> float:
-        """[s] of the steady clock: simulated time may stand still."""
+        """Time of the steady clock [s], because simulated time may stand still."""
         return float(self._steady.now().nanoseconds) / NANOSECONDS
 
     def _health(self) -> Health:

@@ -1,4 +1,4 @@
-"""ExecuteThrow goals, one at a time: the outcome of each is reported once, whatever happens to the thrower."""
+"""Sends ExecuteThrow goals, one at a time; the outcome of each is reported exactly once, whatever happens to the thrower."""
 
 import threading
 from collections.abc import Callable
@@ -24,13 +24,13 @@ class Outcome(NamedTuple):
 class ThrowGoals:
     """Sends one goal after the other to `execute_throw`.
 
-    Only to be used on the executor's thread: where another thread sends, the answer may come before the client waits for it,
-    and is dropped.
+    Use it on the executor's thread only: if another thread sends, the response may come before the client waits for it, and is
+    lost.
 
     Args:
         node: node that sends.
-        told: called once per goal, on the executor's thread.
-        patience: a goal of which nothing is heard, be it feedback or result, for this time of the steady clock is given up [s].
+        told: called once per goal with its outcome, on the executor's thread.
+        patience: a goal without feedback and result for this time on the steady clock is given up [s].
     """
 
     def __init__(self, node: Node, told: Callable[[Outcome], None], patience: float) -> None:
@@ -45,7 +45,7 @@ class ThrowGoals:
 
     @property
     def ready(self) -> bool:
-        """Whether there is a thrower."""
+        """Whether a thrower serves the action."""
         return bool(self._client.server_is_ready())
 
     @property
@@ -54,7 +54,7 @@ class ThrowGoals:
         return self._heard_ns is not None
 
     def send(self, throw: Any) -> None:
-        """Commands a throw (a message); not while another is under way."""
+        """Commands a throw, given as a message; no other goal may be under way."""
         with self._lock:
             self._number += 1
             number, self._heard_ns = self._number, self._clock.now().nanoseconds
@@ -63,7 +63,7 @@ class ThrowGoals:
         future.add_done_callback(lambda done: self._answered(number, done))
 
     def look(self) -> None:
-        """Gives up a goal that takes too long or whose thrower is gone; call it regularly."""
+        """Gives up a goal that is silent for too long or whose thrower is gone; call it regularly."""
         with self._lock:
             if self._heard_ns is None:
                 return
@@ -79,7 +79,7 @@ class ThrowGoals:
             )
 
     def _heard(self, number: int) -> None:
-        """The thrower is at work on it: a simulated one may take long on a busy machine."""
+        """Notes feedback, after which the time limit starts again; a simulated thrower may be slow on a busy machine."""
         with self._lock:
             if self._heard_ns is not None and number == self._number:
                 self._heard_ns = self._clock.now().nanoseconds

@@ -1,4 +1,4 @@
-"""Topic `throw_report`: the state of each throw, published again whenever more is known of it."""
+"""Publishes `throw_report`: the state of each throw, again whenever it changes."""
 
 from collections.abc import Iterable
 
@@ -24,7 +24,7 @@ class ThrowReports:
         self._told: dict[str, tuple[str, str, str]] = {}
 
     def tell(self, reports: Iterable[ThrowReport]) -> None:
-        """Publishes the reports that are new."""
+        """Publishes the reports that have changed."""
         for report in reports:
             known = (report.state.value, repr(report.realised), report.detail)
             if self._told.get(report.commanded.throw_id) != known:

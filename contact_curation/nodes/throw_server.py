@@ -1,6 +1,6 @@
-"""The action execute_throw: one goal at a time, whose outcome is reported once, on the executor's thread.
+"""Serves the action execute_throw: one goal at a time, whose outcome is reported once, on the executor's thread.
 
-Goals are always taken, so that a refusal can say why: a refused one is aborted at once, with the reason in its result.
+Every goal is accepted, because only a result can carry a reason: a refused goal is aborted at once, with the reason.
 """
 
 from collections.abc import Callable
@@ -36,14 +36,14 @@ class ThrowServer:
 
     Args:
         node: node that serves.
-        admits: takes a goal's throw message, or says in one line why not; called on the executor's thread.
+        admits: takes a goal's throw message, or returns in one line why it is refused; called on the executor's thread.
         taken: called on the executor's thread when a goal was taken.
-        released: gives stamp and frame of a release, from the simulated time [s].
-        warnings: warnings of throws that were not made.
+        released: returns stamp and frame of a release from the simulated time [s].
+        warnings: counts throws that were not made.
 
     Attributes:
-        goal: under way; None without.
-        made: how many throws were made.
+        goal: goal that is under way; None if there is none.
+        made: number of throws that were made.
     """
 
     def __init__(
@@ -68,14 +68,14 @@ class ThrowServer:
         )
 
     def tell(self, frame: ArmFrame) -> None:
-        """Tells the goal's client of a frame, now and then."""
+        """Sends feedback to the goal's client at some of the frames."""
         self._frames += 1
         if self.goal is not None and (frame.phase is not self._told_phase or self._frames % FRAMES_PER_FEEDBACK == 0):
             self._told_phase = frame.phase
             self._feedback(PHASES[frame.phase], frame.progress)
 
     def conclude(self, goal: Any, ending: Ending | None) -> None:
-        """Ends a goal, if this is an ending; hands it to the executor, which answers the client."""
+        """Ends a goal if `ending` is given: passes it to the executor, which sends the result to the client."""
         if ending is None or goal is None:
             return
         if self.goal is goal:
@@ -86,11 +86,11 @@ class ThrowServer:
         goal.execute(lambda handle: self._conclude(handle, ending))
 
     def close(self) -> None:
-        """Serves no more."""
+        """Stops serving the action."""
         self._server.destroy()
 
     def _goal_came(self, handle: Any) -> None:
-        """On the executor's thread: a goal is taken, or ends here."""
+        """Takes a goal or ends it as refused; on the executor's thread."""
         try:
             refusal = self._admits(handle.request.throw_command)
         except InvalidValueError as error:

@@ -1,4 +1,4 @@
-"""Tosses by id, from the node that keeps them; asked for until they are there."""
+"""Fetches tosses by id from the node that stores them, and repeats requests until it has them."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -13,17 +13,17 @@ from contact_curation.nodes.ros.catch_up import PATIENCE, PERIOD
 from contact_curation.nodes.ros.worker import Worker
 
 PAGE = 16
-"""Tosses in one question."""
+"""Largest number of tosses in a request."""
 
 
 class TossFetch:
-    """Fetches what is missing, a page at a time, and asks again once a second while something is.
+    """Fetches missing tosses, one page per request, and requests again once a second while some are missing.
 
     Args:
-        node: node that asks.
-        worker: worker that handles what comes; `missing` and `handle` are called on it only.
-        missing: gives the ids that are wanted now.
-        handle: takes the messages of a page, and the ids that the keeper does not know.
+        node: node that sends the requests.
+        worker: worker that handles the responses; `missing` and `handle` are called on it only.
+        missing: returns the ids that are needed now.
+        handle: takes the messages of a page, and the ids that the server does not know.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class TossFetch:
 
     def _tick(self) -> None:
         self._silent += 1
-        if self._asked is not None and self._silent > PATIENCE:  # the keeper was killed meanwhile
+        if self._asked is not None and self._silent > PATIENCE:  # the server was killed
             self._client.remove_pending_request(self._asked)
             self._asked = None
         self.ask()

@@ -1,4 +1,4 @@
-"""trainer: the selected tosses in, a model trained on it out. The checkpoint is on disk before the parameters are announced."""
+"""Node `trainer`: trains a model on the selected tosses; writes the checkpoint to disk before it announces the parameters."""
 
 import sys
 from collections.abc import Sequence
@@ -32,11 +32,11 @@ from contact_curation.stages.training import Moment, RoundsConfig, SelectedSet, 
 from contact_curation.storage.stores.tosses import TossStore
 
 STATUS_DEPTH = 64
-"""Moments of the training that a late listener still gets."""
+"""Number of status messages that a late subscriber receives."""
 
 
 class Trainer(StageNode):
-    """Trains a model on the tosses that the curator selects, round after round."""
+    """Trains a model on the tosses that the curator selects, in rounds."""
 
     def __init__(self) -> None:
         super().__init__("trainer")
@@ -87,7 +87,7 @@ class Trainer(StageNode):
         self._worker.do(partial(self._follow, message))
 
     def _follow(self, message: Any) -> None:
-        """On the worker's thread, as everything below but the last."""
+        """Takes a new buffer; on the worker's thread, as all methods below but the last."""
         try:
             check_format(message)
             check_size("toss_ids of the buffer", message.toss_ids, MOST_IDS)
@@ -113,7 +113,7 @@ class Trainer(StageNode):
         self._training.want()
 
     def _train(self) -> None:
-        """A slice, and then what came meanwhile, before the next."""
+        """Trains for a slice of steps; jobs that came meanwhile run before the next slice."""
         moment = self._stage.advance()
         if moment is not None:
             self._announce(moment)
@@ -122,7 +122,7 @@ class Trainer(StageNode):
         self._say_if_it_rests()
 
     def _announce_again(self) -> None:
-        """After a restart: those of the last round were perhaps never announced, and a latched message dies with its node."""
+        """Publishes the last round's parameters after a restart: latched messages are lost with their node."""
         moment = self._stage.now
         if moment is not None and moment.ended:
             self._announce(moment)
@@ -143,7 +143,7 @@ class Trainer(StageNode):
         self._status.publish(status_message(moment, version, self._errors[1], self._stamped, revision))
 
     def _say_if_it_rests(self) -> None:
-        """Whoever waits for what is learned hears that nothing is to be learned of a buffer, too."""
+        """Publishes the state `waiting` if the buffer needs no round, for nodes that wait for the trainer."""
         rests_on, moment = self._stage.rests_on, self._stage.now
         if rests_on is None or (rests_on.revision, self._stamped) == self._said_to_rest:
             return

@@ -25,7 +25,7 @@ class SessionConfig:
         top: how many tosses are selected (default 32).
         criterion: by what the best tosses are selected (default representative).
         seed: of everything random (default 0).
-        rate: simulated seconds a second; 0: as fast as possible (default 1).
+        rate: simulated seconds per second; 0: as fast as possible (default 1).
         evaluate_on: recordings that are never trained on, to evaluate the model on (default none).
         params_file: parameters of the nodes, a file like contact_curation/config/nodes.yaml.
     """

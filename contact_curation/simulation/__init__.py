@@ -1,1 +1,1 @@
-"""The simulated world: bodies that move in an engine of its own, MuJoCo."""
+"""The simulated world in MuJoCo: board, tossed body, robot arm, camera and tracker."""

@@ -1,4 +1,4 @@
-"""Throws in the simulated world without a thrower: the body leaves as commanded, give or take the noise of executions."""
+"""Throws in the simulated world without an arm: the body starts in the commanded state, with or without execution noise."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ from contact_curation.simulation.world import DEFAULT_WORLD, WorldConfig, free_m
 
 @dataclass(frozen=True)
 class ThrownTossConfig:
-    """What is recorded of a throw.
+    """Configuration of a simulated throw.
 
     Attributes:
         frame_period: frame period of the tracker [s].
@@ -23,7 +23,7 @@ class ThrownTossConfig:
         rest_displacement: largest displacement of a body at rest from frame to frame [m].
         rest_turn: largest rotation of a body at rest from frame to frame [rad].
         rest_frames: number of frames at rest that are recorded.
-        world: step and softness of the simulated world.
+        world: time step and contact softness of the simulated world.
     """
 
     frame_period: float = 1.0 / 148.0
@@ -38,22 +38,22 @@ DEFAULT_THROWN = ThrownTossConfig()
 
 
 def executed_throw(throw: Throw, noise: ExecutionNoise, rng: np.random.Generator) -> Throw:
-    """A throw as it may come out."""
+    """Draws the release that a commanded throw leads to under execution noise."""
     state = noise.executions(throw.release[None], rng.standard_normal((1, ERRORS)))[0, 0]
     return throw_of_state(throw.throw_id, throw.body, state, throw.expected_information, throw.parameters_version)
 
 
 def thrown_toss(body: Body, throw: Throw, config: ThrownTossConfig = DEFAULT_THROWN, first_stamp_ns: int = 0) -> Toss:
-    """The motion of a throw, from the release to rest.
+    """Simulates the motion of a throw from the release to rest.
 
     Args:
-        body: what is thrown.
-        throw: throw as it leaves.
-        config: what is recorded.
-        first_stamp_ns: stamp [ns] of the release.
+        body: body that is thrown.
+        throw: actual release.
+        config: configuration of the simulation.
+        first_stamp_ns: stamp of the release [ns].
 
     Raises:
-        InvalidValueError: a throw of another body, or one after which the body does not come to rest.
+        InvalidValueError: the throw is of another body, or the body does not come to rest.
     """
     if throw.body != body.name:
         raise InvalidValueError(f"body of throw {throw.throw_id}", throw.body, body.name)

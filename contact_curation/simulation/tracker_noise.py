@@ -1,9 +1,9 @@
-"""What a tracker makes of true poses: white noise, outliers, losses, and a delay.
+"""Simulates a tracker: adds white noise, outliers, losses of tracking and a delay to true poses.
 
 The white noise has the size of the real tosses' second differences in the air: 0.022 mm and 0.024 degrees per axis
-(method.md 3; the tests hold it against them). The other faults are off by default: of the real rig only the selected tosses are
-known. What is seen of a frame depends on the seed, the throw and the frame's place in it alone: the same throw is seen in the
-same way whenever it is made, and by a tracker that was started again.
+(method.md 3; a test compares the two). The other faults are off by default, because only accepted tosses of the real rig are
+public. The noise of a frame depends only on the seed, the throw and the frame's place in it. So the same throw always has the
+same noise, also after the tracker was restarted.
 """
 
 from dataclasses import dataclass
@@ -21,18 +21,18 @@ from contact_curation.motion.pose_noise import RIG_NOISE
 from contact_curation.motion.toss import NANOSECONDS
 
 BLOCK = 1024
-"""Frames whose losses are drawn together."""
+"""Number of frames whose losses are drawn together."""
 
 PLACES = 16
-"""Places in a frame period for which noise is drawn: stamps that are off by a nanosecond change nothing."""
+"""Noise is drawn per this fraction of a frame period, so that rounding of a stamp by a nanosecond has no effect."""
 
 LONGEST_MEAN = 128.0
-"""[frames] A loss ends within the block after its own, which one of so many frames on average practically always does."""
+"""Largest mean length of a loss [frames]; nearly every loss then ends within the block after its own, as the code assumes."""
 
 
 @dataclass(frozen=True)
 class TrackerNoiseConfig:
-    """The faults of a tracker.
+    """Noise and faults of a simulated tracker.
 
     Attributes:
         position: standard deviation of the white noise of positions, per axis [m].
@@ -74,10 +74,10 @@ class TrackerNoiseConfig:
 
 
 class TrackerNoise:
-    """A tracker of one body.
+    """A simulated tracker of one body.
 
     Args:
-        config: its faults.
+        config: its noise and faults.
         seed: random seed.
     """
 
@@ -88,12 +88,12 @@ class TrackerNoise:
         self._losses_of = lru_cache(maxsize=2)(self._losses) if config.dropout_rate else None
 
     def seen(self, time_ns: int, pose: Pose, throw_id: str = "") -> Pose | None:
-        """What the tracker makes of a frame; None where it has lost the body.
+        """The measured pose of a frame; None while tracking is lost.
 
         Args:
-            time_ns: time [ns] since the throw began; the frame's stamp where no throw is known.
-            pose: the true one.
-            throw_id: name of the throw; empty where none is known.
+            time_ns: time since the throw began [ns]; the frame's stamp if no throw is known.
+            pose: true pose.
+            throw_id: name of the throw; empty if no throw is known.
         """
         throw = throw_seed(throw_id)
         if self._lost(throw, time_ns):
@@ -114,7 +114,7 @@ class TrackerNoise:
         return bool(of_this[frame] or (of_before is not None and of_before[BLOCK + frame]))
 
     def _losses(self, throw: int, block: int) -> NDArray[np.bool_]:
-        """Frames (2 BLOCK,) of a block and the next one that are in a loss which began in this block."""
+        """The frames (2 BLOCK,) of a block and the next one that are lost because of losses which began in this block."""
         rng = np.random.default_rng([self._seed, throw, block, BLOCK])
         begins = rng.random(BLOCK) < self.config.dropout_rate
         lengths = rng.geometric(1.0 / self.config.dropout_frames, BLOCK)
@@ -126,5 +126,5 @@ class TrackerNoise:
 
 
 def _moved(pose: Pose, off: Array) -> Pose:
-    """The pose, off by (2, 3): metres on the board, and a turn about the body's axes."""
+    """Adds errors (2, 3) to a pose: displacement in the board's frame [m], rotation vector about the body's axes [rad]."""
     return Pose(pose.position + off[0], quaternions.multiply(pose.orientation_wxyz, quaternions.exp(off[1])))

@@ -1,9 +1,9 @@
 """The simulated world as a MuJoCo specification, built in code: a board, the body tossed onto it, and the body's free motion.
 
-MuJoCo shares nothing with our own rollouts: its contacts are soft, it finds them between convex shapes, and it solves for
-forces in another way. So it shows whether a result is one of physics or of our solver. The specification can be added to (an
-arm, a camera) before it is compiled. MuJoCo's free joint has our conventions: position, quaternion wxyz, velocity in the
-world's frame, angular velocity in the body's.
+MuJoCo shares no code with our own rollouts: its contacts are soft, its collision detection works on convex shapes, and it
+computes forces in another way. So it shows whether a result comes from physics or from our solver. An arm or a camera can be
+added to the specification before it is compiled. MuJoCo's free joint has our conventions: position, quaternion wxyz, velocity
+in the world's frame, angular velocity in the body's frame.
 """
 
 from dataclasses import dataclass
@@ -20,14 +20,14 @@ from contact_curation.geometry.quaternions import Array
 
 @dataclass(frozen=True)
 class WorldConfig:
-    """How finely the world moves. The defaults hold for every world here: thrown by the arm, or replayed from a release.
+    """Time step and contact softness. The defaults hold for all simulated tosses: by the arm, or replayed from a release.
 
-    With MuJoCo's own time constant of 20 ms a cube sinks 6 to 10 mm into the board where it lands, further than any real one;
-    with 6 ms it sinks 1 to 4 mm, and comes as near to the real tosses (`python -m benchmarks.speed.rollout`).
+    With MuJoCo's default time constant of 20 ms a cube sinks 6 to 10 mm into the board at an impact, deeper than real cubes do.
+    With 6 ms it sinks 1 to 4 mm, and predicts the real tosses as well (`python -m benchmarks.speed.rollout`).
 
     Attributes:
-        longest_step: frames are cut into equal steps of at most this [s].
-        contact_time: time constant in which contacts push bodies apart [s]; MuJoCo takes no less than two steps.
+        longest_step: largest time step [s]; a frame is divided into equal steps.
+        contact_time: time constant of contacts [s]; MuJoCo needs at least two steps.
     """
 
     longest_step: float = 0.001
@@ -39,7 +39,7 @@ class WorldConfig:
                 raise InvalidValueError(name, getattr(self, name), "a positive number of seconds")
 
     def steps_in(self, frame_period: float) -> int:
-        """Steps in a frame."""
+        """Number of steps in a frame of `frame_period` [s]."""
         return int(np.ceil(frame_period / self.longest_step))
 
 
@@ -50,15 +50,14 @@ MUJOCO_DEFAULTS = WorldConfig(longest_step=0.0035, contact_time=0.02)
 
 
 def world_of(body: Body, step: float, contact_time: float = DEFAULT_WORLD.contact_time) -> mujoco.MjSpec:
-    """A board, the plane z = 0, and a body that moves freely over it, everything else as MuJoCo has it by default.
+    """Builds a world with a board (the plane z = 0) and a free body, with MuJoCo's defaults for everything else.
 
-    The friction cone is the elliptic one: for isotropic friction a disk, while the default pyramid lies inside of it and would
-    make friction weaker in some directions than in others.
+    The friction cone is elliptic. MuJoCo's default pyramid lies inside it and makes friction weaker in some directions.
 
     Args:
-        body: shape, inertia and friction; its name is the name of its body, its joint and its geom.
+        body: shape, inertia and friction; its name is given to its body, joint and geom in MuJoCo.
         step: time step [s].
-        contact_time: see `WorldConfig`.
+        contact_time: time constant of contacts [s], see `WorldConfig`.
     """
     spec = mujoco.MjSpec()
     spec.option.timestep = step
@@ -82,7 +81,7 @@ def _add_body(spec: mujoco.MjSpec, body: Body, contact_time: float) -> None:
         meshname=body.name,
         friction=[body.friction, 0.0, 0.0],
         solref=[contact_time, 1.0],
-        priority=1,  # against the board and all else it is the body's friction that counts
+        priority=1,  # the body's friction counts in every contact
     )
 
 
@@ -93,15 +92,15 @@ def free_motion(body: Body, release: ArrayLike, frames: int, frame_period: float
         body: what is tossed.
         release: (13,) its state in SI units: position, orientation wxyz, velocity in the board's frame, angular velocity in
             the body's.
-        frames: how many, the release included.
-        frame_period: [s].
-        config: how finely the world moves.
+        frames: number of frames, including the release.
+        frame_period: time between frames [s].
+        config: time step and contact softness.
 
     Returns:
-        States (frames, 13) in SI units, the release first; NaN from the frame on that MuJoCo calls unstable.
+        States (frames, 13) in SI units, the release first; NaN from the frame on at which MuJoCo becomes unstable.
 
     Raises:
-        InvalidValueError: a release that is not finite or of another shape, no frame, or a period that is not positive.
+        InvalidValueError: `release` is not finite or has another shape, `frames` is below 1, or `frame_period` is not positive.
     """
     first = checked_states(np.asarray(release, dtype=float)[None])[0]
     if not np.isfinite(first).all():
@@ -121,7 +120,7 @@ def _moved(model: mujoco.MjModel, release: Array, frames: int, steps: int) -> Ar
     states[0] = release
     for frame in range(1, frames):
         mujoco.mj_step(model, data, steps)
-        if data.warning.number.any():  # by default it has then started again from elsewhere
+        if data.warning.number.any():  # MuJoCo resets an unstable state by default
             break
         states[frame] = np.concatenate([data.qpos, data.qvel])
     return states

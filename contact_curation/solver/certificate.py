@@ -19,21 +19,21 @@ EDGES: Array = np.stack([np.full(FACETS, np.cos(np.pi / FACETS)), np.cos(EDGE_AN
 """(8, 3) where neighbouring facets meet."""
 
 FREE_TOLERANCE = 1e-6
-"""An impulse is at the cone's apex below this, inside the cone when its dual is below this, on a facet when its gap is."""
+"""Tolerance: a smaller impulse is at the cone's apex, a smaller dual means inside the cone, a smaller distance on a facet."""
 
 INSIDE = 1e-12
-"""A candidate for a projection may be outside of a facet by this share of its length."""
+"""A candidate for a projection may violate a facet by this share of its length."""
 
 
 class Objectives(NamedTuple):
-    """Objective (B,), regularisation included, and its gradient (B, K, 3)."""
+    """Values of the objective (B,), regularisation included, and its gradients (B, K, 3)."""
 
     values: Array
     gradients: Array
 
 
 def objectives(problems: ConeProblems, impulses: Array) -> Objectives:
-    """The objective of the inner problem at impulses (B, K, 3)."""
+    """Evaluates the objective of the inner problem at impulses (B, K, 3)."""
     form, weights = quadratic_form(problems), problems.weights
     flat = impulses.reshape(problems.batch, -1)  # (B, 3K)
     miss = np.einsum("ban,bn->ba", form.motion, flat) - form.target
@@ -46,19 +46,19 @@ def objectives(problems: ConeProblems, impulses: Array) -> Objectives:
 
 
 def natural_residuals(problems: ConeProblems, impulses: Array) -> Array:
-    """(B,) natural residual of impulses (B, K, 3); NaN where a number is not finite."""
+    """Computes the natural residuals (B,) of impulses (B, K, 3); NaN where a number is not finite."""
     with np.errstate(invalid="ignore", over="ignore"):
         trial = impulses - objectives(problems, impulses).gradients
         return np.asarray(np.abs(impulses - project(trial, problems.cone)).max(axis=(1, 2)))
 
 
 def project(points: Array, cone: Cone) -> Array:
-    """The nearest points (..., 3) of the friction cone."""
+    """Projects points (..., 3) onto the friction cone."""
     return project_circular(points) if cone is Cone.CIRCULAR else project_polyhedral(points)
 
 
 def project_circular(points: Array) -> Array:
-    """The points of the cone |tangent| <= normal nearest to points (..., 3) = (normal, tangent 1, tangent 2)."""
+    """Projects points (..., 3) = (normal, tangent 1, tangent 2) onto the circular cone |tangent| <= normal."""
     normal, radius = points[..., :1], np.linalg.norm(points[..., 1:], axis=-1, keepdims=True)
     along = 0.5 * (normal + radius)
     rim = along * np.concatenate([np.ones_like(radius), points[..., 1:] / np.where(radius > 0.0, radius, 1.0)], axis=-1)
@@ -66,7 +66,7 @@ def project_circular(points: Array) -> Array:
 
 
 def project_polyhedral(points: Array) -> Array:
-    """The points of the polyhedral cone nearest to points (..., 3): the nearest of the feet on faces, edges and apex."""
+    """Projects points (..., 3) onto the polyhedral cone: the nearest of the projections onto its facets, edges and apex."""
     on_facets = points[..., None, :] - (points @ FACET_NORMALS.T)[..., None] / 2.0 * FACET_NORMALS  # (..., 8, 3)
     lengths = np.maximum(0.0, points @ EDGES.T / np.square(EDGES[0]).sum())
     feet = np.concatenate([points[..., None, :], on_facets, lengths[..., None] * EDGES], axis=-2)  # (..., 17, 3)
@@ -80,8 +80,8 @@ def project_polyhedral(points: Array) -> Array:
 def free_directions(impulses: Array, gradients: Array, cone: Cone) -> Array:
     """Orthonormal directions (B, K, 3, 3), as columns, in which optimal impulses (B, K, 3) may move; other columns are zero.
 
-    All three inside the cone, none at its apex; on its surface those along it: of the circular cone the ray and the rim's
-    direction, of the polyhedral one those of the facet, or the ray where two facets meet.
+    Inside the cone all three directions are free, at its apex none. On the surface of the circular cone two are: along the ray
+    and along the rim. On a facet of the polyhedral cone two are: those of the facet; where two facets meet, one: the edge.
     """
     found = np.zeros((*impulses.shape, 3))
     for place in np.ndindex(impulses.shape[:2]):
@@ -91,7 +91,7 @@ def free_directions(impulses: Array, gradients: Array, cone: Cone) -> Array:
 
 
 def _free(impulse: Array, dual: float, cone: Cone) -> Array:
-    """Columns (3, 0 to 3)."""
+    """The free directions of one impulse, as columns (3, 0 to 3)."""
     if impulse[0] <= FREE_TOLERANCE:
         return np.zeros((3, 0))
     if dual <= FREE_TOLERANCE:

@@ -3,8 +3,8 @@
 Levels are named sets of CPU features, x86-64-v2 to x86-64-v4; machines of another kind have one level of the machine's own
 name. All levels give the same bytes. CONTACT_CURATION_KERNEL names another level than the highest, or a library's path.
 
-Before a function's first call, its arguments and the sizes and offsets of its structures are compared with what the compiler
-made of them (contact/kernel/interface.cpp): a library of another version ends in one line.
+Before the first call of a function, its arguments and the sizes and offsets of its structures are compared with those of the
+library (contact/kernel/interface.cpp). A library of another version is refused with one line.
 """
 
 import ctypes
@@ -44,7 +44,7 @@ class Kernel:
         path: path of the library.
 
     Raises:
-        MissingDependencyError: it does not load, or does not describe itself.
+        MissingDependencyError: the library does not load, or lacks the description of its interface.
     """
 
     def __init__(self, path: Path) -> None:
@@ -79,7 +79,7 @@ class Kernel:
 
 
 def _structures(kind: Any) -> Iterator[type[KernelStructure]]:
-    """The structures that an argument or a field is, points to or holds."""
+    """The kernel structures that an argument or a field is, points to or contains."""
     inner = getattr(kind, "_type_", None)
     if isinstance(inner, type):
         yield from _structures(inner)
@@ -90,7 +90,7 @@ def _structures(kind: Any) -> Iterator[type[KernelStructure]]:
 
 
 def _described(kind: type[KernelStructure]) -> Iterator[str]:
-    """A structure in the words of kernel/interface.cpp."""
+    """Describes a structure in the format of kernel/interface.cpp."""
     yield f"structure {kind.KERNEL_NAME} of {len(kind._fields_)} fields in {ctypes.sizeof(kind)} bytes"
     for name, *_ in kind._fields_:
         place = getattr(kind, name)
@@ -98,7 +98,7 @@ def _described(kind: type[KernelStructure]) -> Iterator[str]:
 
 
 def _described_function(name: str, result: type | None, arguments: tuple[type, ...]) -> str:
-    """A function's result and arguments in the words of kernel/interface.cpp."""
+    """Describes a function's result and arguments in the format of kernel/interface.cpp."""
     return f"function {name} {_type_name(result)} of {' '.join(map(_type_name, arguments))}"
 
 
@@ -115,8 +115,8 @@ def load_kernel() -> Kernel:
     """Load the kernel once per process.
 
     Raises:
-        InvalidValueError: CONTACT_CURATION_KERNEL names no level of this CPU.
-        MissingDependencyError: no level was built that this CPU has, or the one that fits does not load.
+        InvalidValueError: CONTACT_CURATION_KERNEL is neither a level of this CPU nor the path of a library.
+        MissingDependencyError: no library was built for a level of this CPU, or it does not load.
     """
     chosen = os.environ.get(CHOICE, "")
     return Kernel(Path(chosen) if "/" in chosen else choose_kernel(KERNEL_FOLDER, usable_levels(), chosen))
@@ -126,8 +126,8 @@ def choose_kernel(folder: Path, usable: list[str], chosen: str = "") -> Path:
     """The library in `folder` for the first of the `usable` levels that was built, or for the `chosen` one.
 
     Raises:
-        InvalidValueError: the chosen level is not usable.
-        MissingDependencyError: there is no such library.
+        InvalidValueError: `chosen` is not one of the usable levels.
+        MissingDependencyError: the library was not built.
     """
     if chosen and chosen not in usable:
         raise InvalidValueError(CHOICE, chosen, f"a level of this CPU ({', '.join(usable)}) or the path of a library")
@@ -143,8 +143,8 @@ def usable_levels(machine: str | None = None, description: Path = CPU_DESCRIPTIO
     """The levels that this CPU has, highest first.
 
     Args:
-        machine: its kind; this machine's when absent.
-        description: what Linux says of its CPUs.
+        machine: kind of machine, for example x86_64; by default that of this machine.
+        description: file in which Linux describes the CPUs.
     """
     machine = machine or platform.machine()
     if machine not in LEVELS:
@@ -164,5 +164,5 @@ def cpu_features(description: Path) -> frozenset[str]:
 
 @functools.cache
 def processor_count() -> int:
-    """How many threads can work at once; asking the system takes a tenth of a training step, and the answer stays."""
+    """Number of threads that can run at once; cached, because the system call takes a tenth of a training step."""
     return os.cpu_count() or 1

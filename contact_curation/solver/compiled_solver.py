@@ -11,7 +11,7 @@ from contact_curation.solver.compiled import KernelStructure, load_kernel, proce
 from contact_curation.solver.cone_problem import DEFAULT_TOLERANCE, Cone, ConeProblems, ConeSolutions, ConeWeights
 
 MAX_ITERATIONS = 60
-"""The real tosses need about 20."""
+"""Transitions of real tosses take about 20 iterations."""
 
 KERNEL_WEIGHTS = {
     "match_weight": "match",
@@ -21,14 +21,14 @@ KERNEL_WEIGHTS = {
     "slack_weight": "penetration",
     "regularization": "regularization",
 }
-"""The kernel's names of the weights, in its order, and ours."""
+"""The weights' names in the kernel, in its order, and in `ConeWeights`."""
 
 _GIVEN = ("jacobians", "inverse_mass", "gaps", "gaps_next", "free_velocities", "velocities_next", "dt")
 _FOUND = ("impulses", "residuals", "status", "iterations")
 
 
 class ConeBatch(KernelStructure):
-    """B inner problems and their answers (kernel/cone_batch.hpp)."""
+    """B inner problems and their solutions (kernel/cone_batch.hpp)."""
 
     KERNEL_NAME = "ConeBatch"
 
@@ -47,13 +47,13 @@ class ConeBatch(KernelStructure):
 def solve_compiled(
     problems: ConeProblems, tolerance: float = DEFAULT_TOLERANCE, max_iterations: int = MAX_ITERATIONS, threads: int = 0
 ) -> ConeSolutions:
-    """The impulses of B problems; one that is not finite does not disturb its neighbours.
+    """Computes the impulses of B problems; a problem with values that are not finite does not affect the others.
 
     Args:
-        problems: what to solve.
+        problems: problems to solve.
         tolerance: largest residual that counts as solved.
         max_iterations: largest number of iterations of the interior point method.
-        threads: how many work at once; 0 for one per processor.
+        threads: number of threads; 0 for one per processor.
 
     Raises:
         MissingDependencyError: the kernel was not built.

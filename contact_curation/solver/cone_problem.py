@@ -1,4 +1,4 @@
-"""The inner problem as data: which impulses explain a measured change of velocity best (method.md 1.2, 1.3).
+"""The inner problem as data: which impulses explain a measured change of velocity best? See method.md 1.2 and 1.3.
 
     minimise  w_m |A l - b|^2 + sum_i l_i^T D_i l_i + eps |l|^2 + w_s sum_i min(0, c_i + B_i A l)^2
     over      l_i = (normal, tangent 1, tangent 2) in the friction cone |tangent| <= normal
@@ -6,9 +6,9 @@
     A = M^-1 J^T,  b = v' - v_f,  B_i = dt J_n,i,  c_i = phi_i + dt J_n,i v_f,
     D_i = phi_i'^2 diag(w_n, w_t, w_t) + w_c C_i^T C_i,  C_i = [s_i, |s_i| I],  s_i = J_t,i v'
 
-Any contact model that has gaps and their Jacobians poses it, a polytope as well as a network. Friction is inside J_t. The
-penetration slack is eliminated, so that the constraints do not depend on theta, and eps > 0 makes the minimum unique (method.md
-E5).
+Every contact model with gaps and their Jacobians leads to this problem, a polytope as well as a network. J_t contains the
+friction coefficient. The penetration slack is eliminated, so that the constraints do not depend on theta, and eps > 0 makes the
+minimum unique (method.md E5).
 """
 
 from dataclasses import dataclass, replace
@@ -23,14 +23,14 @@ from contact_curation.errors import InvalidValueError
 Array = NDArray[np.float64]
 
 MAX_CONTACTS = 32
-"""What the compiled kernel has room for (solver/kernel/cone_problem.hpp)."""
+"""Largest number of contacts in the compiled kernel (solver/kernel/cone_problem.hpp)."""
 
 DEFAULT_TOLERANCE = 1e-7
-"""Impulses with a natural residual up to this are certified."""
+"""Largest natural residual of certified impulses."""
 
 
 class Cone(StrEnum):
-    """The friction cone: the true one, or ContactNets' eight facets around it."""
+    """The friction cone: circular (Coulomb), or ContactNets' pyramid of eight facets around it."""
 
     CIRCULAR = "circular"
     POLYHEDRAL = "polyhedral"
@@ -66,16 +66,16 @@ class ConeWeights:
 
 @dataclass(frozen=True, eq=False)
 class ConeProblems:
-    """B problems of K contacts; values that are not finite pass, they become a status.
+    """B problems of K contacts each. Values that are not finite are accepted: they lead to a status, not to an error.
 
     Attributes:
-        jacobians: (B, K, 3, 6) rows J_n, J_t,1, J_t,2 in twist coordinates at the pose before.
+        jacobians: (B, K, 3, 6) rows J_n, J_t,1, J_t,2 in twist coordinates at the first pose.
         inverse_mass: (6, 6) M^-1.
-        gaps: (B, K) phi before.
-        gaps_next: (B, K) phi' at the measured next pose.
+        gaps: (B, K) gaps phi at the first pose.
+        gaps_next: (B, K) gaps phi' at the measured next pose.
         free_velocities: (B, 6) v_f, the next velocity without contact.
-        velocities_next: (B, 6) v', as measured.
-        dt: (B,) [s].
+        velocities_next: (B, 6) v', the measured next velocity.
+        dt: (B,) durations of the transitions [s].
         weights: weights of the objective.
         cone: shape of the friction cone.
     """
@@ -108,29 +108,29 @@ class ConeProblems:
 
     @property
     def batch(self) -> int:
-        """B."""
+        """Number of problems B."""
         return int(self.jacobians.shape[0])
 
     @property
     def contacts(self) -> int:
-        """K."""
+        """Number of contacts K."""
         return int(self.jacobians.shape[1])
 
     def rows(self, chosen: slice) -> "ConeProblems":
-        """Some of the problems."""
+        """The problems of a slice of the batch."""
         batched = ("jacobians", "gaps", "gaps_next", "free_velocities", "velocities_next", "dt")
         return replace(self, **{name: getattr(self, name)[chosen] for name in batched})
 
 
 @dataclass(frozen=True, eq=False)
 class ConeSolutions:
-    """Answers to B problems.
+    """Solutions of B problems.
 
     Attributes:
-        impulses: (B, K, 3).
-        residuals: (B,) how far they are from optimal, zero at the optimum only; NaN where nothing was found.
-        status: (B,) SolveStatus.
-        iterations: (B,).
+        impulses: (B, K, 3) impulses (normal, tangent 1, tangent 2).
+        residuals: (B,) natural residuals, zero at the optimum only; NaN where no solution was found.
+        status: (B,) values of `SolveStatus`.
+        iterations: (B,) numbers of iterations.
     """
 
     impulses: Array
@@ -150,7 +150,7 @@ class QuadraticForm(NamedTuple):
 
 
 def quadratic_form(problems: ConeProblems) -> QuadraticForm:
-    """The objective of the problems."""
+    """Computes the matrices of the objective."""
     j, weights = problems.jacobians, problems.weights
     batch, contacts = problems.gaps.shape
     motion = np.einsum("ab,bn->an", problems.inverse_mass, j.reshape(-1, 6).T)

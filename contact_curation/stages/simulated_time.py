@@ -92,7 +92,7 @@ class RateLimiter:
     """How long a simulation has to wait so that it runs at a rate.
 
     Args:
-        rate: simulated seconds a second; 0: as fast as possible.
+        rate: simulated seconds per second; 0: as fast as possible.
     """
 
     def __init__(self, rate: float) -> None:

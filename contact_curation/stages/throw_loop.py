@@ -32,7 +32,7 @@ class LoopConfig:
         """The same with a simulated thrower: as patient as with a real one, and more so with one in slow motion.
 
         Args:
-            rate: simulated seconds a second; 0: as fast as possible.
+            rate: simulated seconds per second; 0: as fast as possible.
         """
         longer = max(1.0 / rate, 1.0) if rate else 1.0
         return replace(self, toss_timeout=longer * self.toss_timeout, goal_timeout=longer * self.goal_timeout)

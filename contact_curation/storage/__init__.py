@@ -1,1 +1,1 @@
-"""Bags, ContactNets data, toss stores, manifests: everything that comes from and goes to disk."""
+"""Everything that is read from and written to disk: recordings, ContactNets' files, stores, manifests, exports."""

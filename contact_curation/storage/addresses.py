@@ -1,9 +1,9 @@
 """Recordings on servers, as paths: `s3://bucket/session.mcap`, `https://host/session.mcap`, `gs://...`, by fsspec.
 
-Whatever reads a path reads an address, too: it is one, whose file operations ask the server. Bytes come in ranges. The end of a
-file, where MCAP has its summary, is one request; what a reader will want is planned, and ranges that lie near each other are
-one request, as long as that brings at most an eighth more than is wanted. Credentials, endpoints and retries are those of
-fsspec's library for the protocol.
+An address is a path whose file operations send requests to the server, so every function that reads a path reads an address,
+too. Bytes are requested in ranges. The end of a file, where MCAP has its summary, is one request. A reader can announce ranges
+with `plan`; ranges that lie near each other become one request if this adds at most an eighth to the requested bytes.
+Credentials, endpoints and retries are those of fsspec's library for the protocol.
 """
 
 import io
@@ -25,28 +25,28 @@ from contact_curation.errors import InvalidValueError, MissingDependencyError, U
 
 SCHEME = re.compile(r"^[a-zA-Z][a-zA-Z0-9+.-]+://")
 MAGIC = re.compile(r"[*\[]")
-"""What makes a pattern of an address; `?` begins the query of a web address."""
+"""Characters that make an address a pattern; `?` is none of them, because it begins the query of a web address."""
 
 END_BYTES = 1 << 16
-"""The summary of an MCAP file with a hundred chunks has about 10 kB."""
+"""Size of the first request at a file's end [bytes]; the summary of an MCAP file with a hundred chunks has about 10 kB."""
 
 MOST_BYTES = 64 << 20
-"""Of one request: what a reader holds at a time."""
+"""Largest size of one request [bytes], which is also what a reader holds in memory."""
 
 MOST_UNWANTED = 0.125
-"""Share of the wanted bytes that may come unwanted, to save requests."""
+"""Largest share of additional bytes in a joined request."""
 
 CONTENT = ("ETag", "etag", "md5Hash", "crc32c", "LastModified", "Last-Modified", "last_modified", "mtime", "updated")
-"""What file systems call that which changes with a file's content, the surest first."""
+"""Names that file systems give to a value that changes with a file's content, most reliable first."""
 
 
 def matching(name: str) -> list[Path]:
-    """The recordings that a path, an address or a pattern means, by name.
+    """The recordings that a path, an address or a pattern stands for, sorted by name.
 
     Raises:
         UnreadableInputError: nothing matches a pattern, or its server cannot be reached.
-        MissingDependencyError: a library for this kind of address is not installed.
-        InvalidValueError: there is no such kind of address.
+        MissingDependencyError: the library for this kind of address is not installed.
+        InvalidValueError: this kind of address is not supported.
     """
     scheme = SCHEME.match(name)
     if scheme and scheme[0].lower() != "file://":
@@ -84,22 +84,22 @@ def _some[Found](pattern: str, found: list[Found]) -> list[Found]:
 
 
 class Address(PosixPath):
-    """A file or folder on a server; `str` of it is its URI. What the server says of it is asked once."""
+    """A file or folder on a server; `str` of it is its URI. Its properties are requested once and cached."""
 
     _facts: dict[str, Any] | None = None
     _ranges: "_Ranges | None" = None
 
     def known(self, facts: dict[str, Any]) -> Self:
-        """The same, of which a listing said so much already."""
+        """The same address with properties that a listing has given already."""
         self._facts = facts if facts.get("size") is not None else None
         return self
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What the server says of it.
+        """Its properties, as the server gives them.
 
         Raises:
-            UnreadableInputError: it cannot be reached, or has nothing there.
+            UnreadableInputError: the server cannot be reached, or nothing is at this address.
         """
         if self._facts is None:
             with _reached(self):
@@ -108,20 +108,20 @@ class Address(PosixPath):
         return self._facts
 
     def fingerprint(self) -> str:
-        """A digest that changes with the content, as far as its server says: of its size and its ETag, checksum or date."""
+        """A digest of the file's size and of its ETag, checksum or date, whichever the server reports."""
         said = next((str(self.facts[name]).strip('"') for name in CONTENT if self.facts.get(name)), "")
         return sha256(json.dumps([self.facts.get("size"), said]).encode()).hexdigest()
 
     def plan(self, wanted: Iterable[tuple[int, int]]) -> None:
-        """Takes note of ranges [begin, end) that an open file will be asked for, so that near ones are one request."""
+        """Announces ranges [begin, end) [bytes] that will be read from an open file, so that near ones become one request."""
         if self._ranges is not None:
             self._ranges.planned = coalesced(wanted)
 
     def fetch(self, begin: int, end: int) -> bytes:
-        """The bytes from `begin` to `end`; all of a file whose server gives no less.
+        """The bytes from `begin` to `end`, or the whole file if the server does not support ranges.
 
         Raises:
-            UnreadableInputError: the server does not give them.
+            UnreadableInputError: the request failed.
         """
         with _reached(self):
             files, path = self._place()
@@ -131,7 +131,7 @@ class Address(PosixPath):
         """Writes the whole file to `target`.
 
         Raises:
-            UnreadableInputError: the server does not give it.
+            UnreadableInputError: the request failed.
         """
         with _reached(self):
             files, path = self._place()
@@ -180,7 +180,7 @@ class Address(PosixPath):
         return (one for one in self.iterdir() if one.match(pattern))
 
     def open(self, *args: Any, **kwargs: Any) -> Any:
-        """The bytes of the file, to be read; no other mode, and no buffer, which would ask for more than is wanted."""
+        """Opens the file for reading bytes, the only mode; without a buffer, which would request more than is needed."""
         if self._ranges is None:
             self._ranges = _Ranges(self)
         return _AddressFile(self._ranges)
@@ -197,7 +197,7 @@ def _with_facts(uri: str, facts: dict[str, Any] | None) -> Address:
 
 
 class _Ranges:
-    """The bytes of a file that are here: its end, and the range that was asked for last."""
+    """The cached bytes of a file: its end, and the range that was requested last."""
 
     def __init__(self, address: Address) -> None:
         self.address = address
@@ -227,7 +227,7 @@ class _Ranges:
 
     def _asked(self, begin: int, end: int) -> bytes:
         data = self.address.fetch(begin, end)
-        if len(data) == self.size:  # a server that knows no ranges
+        if len(data) == self.size:  # a server without support for ranges
             return data[begin:end]
         if len(data) != end - begin:
             found = f"{len(data)} bytes where {end - begin} were asked for at byte {begin}"
@@ -273,10 +273,10 @@ class _AddressFile(io.RawIOBase):
 
 
 def coalesced(wanted: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Ranges to ask for: those wanted, the nearest ones joined as long as little comes that nobody wants.
+    """Joins ranges that lie near each other into requests, as long as this adds few bytes.
 
     Args:
-        wanted: ranges [begin, end), which may overlap.
+        wanted: ranges [begin, end) [bytes], which may overlap.
     """
     ranges = sorted(wanted)
     spare = MOST_UNWANTED * sum(end - begin for begin, end in ranges)
@@ -298,7 +298,7 @@ def coalesced(wanted: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
 
 @contextmanager
 def _reached(address: "Address | str") -> Iterator[None]:
-    """Says what a server or its library refuses, in one line.
+    """Turns errors of a server or its library into one line.
 
     Raises:
         UnreadableInputError: the block raised an error.
@@ -309,5 +309,5 @@ def _reached(address: "Address | str") -> Iterator[None]:
         raise
     except FileNotFoundError as error:
         raise UnreadableInputError(str(address), "found nothing there, expected a recording") from error
-    except Exception as error:  # every protocol has its own library, with errors of its own
+    except Exception as error:  # every protocol has its own library with its own errors
         raise UnreadableInputError(str(address), f"cannot be read ({type(error).__name__}: {error})") from error

@@ -1,4 +1,4 @@
-"""Checkpoints and models in .safetensors files, each replaced atomically; reading executes nothing."""
+"""Reads and writes checkpoints and models as .safetensors files; files are replaced atomically, reading executes no code."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from contact_curation.motion.transitions import Transitions
 
 
 def save_checkpoint(path: Path, training: Training, notes: dict[str, str] | None = None) -> None:
-    """Stores all of a training but its data.
+    """Writes the state of a training without its data.
 
     Raises:
         InvalidValueError: the file cannot be written there.
@@ -22,7 +22,7 @@ def save_checkpoint(path: Path, training: Training, notes: dict[str, str] | None
 
 
 def save_model(path: Path, model: Model, notes: dict[str, str] | None = None) -> None:
-    """Stores a model alone.
+    """Writes a model without the state of a training.
 
     Raises:
         InvalidValueError: the file cannot be written there.
@@ -31,22 +31,22 @@ def save_model(path: Path, model: Model, notes: dict[str, str] | None = None) ->
 
 
 def resume_training(path: Path, data: Transitions, held_out: Transitions | None, body: Body | None = None) -> Training:
-    """The training of a checkpoint; see `learning.checkpoints.checkpoint.training_of_bytes`."""
+    """Reads the training of a checkpoint; see `learning.checkpoints.checkpoint.training_of_bytes`."""
     return training_of_bytes(_content(path), path, data, held_out, body)
 
 
 def read_model(path: Path, body: Body | None = None, last: bool = False) -> Model:
-    """The model of a checkpoint or of a model's file; see `learning.checkpoints.stored_model.model_of_bytes`."""
+    """Reads the model of a checkpoint or of a model's file; see `learning.checkpoints.stored_model.model_of_bytes`."""
     return model_of_bytes(_content(path), path, body, last)
 
 
 def read_body(path: Path) -> Body:
-    """The body that either is for."""
+    """Reads the body of a checkpoint or of a model's file."""
     return body_of_bytes(_content(path), path)
 
 
 def read_notes(path: Path) -> dict[str, str]:
-    """The notes in either."""
+    """Reads the notes of a checkpoint or of a model's file."""
     return notes_of_bytes(_content(path), path)
 
 

@@ -1,7 +1,7 @@
-"""Rules for all outputs: a file is replaced only where it can be made again, and a message writes in one folder only.
+"""Rules for all outputs: a file is replaced only if it can be made again, and a service call writes in one folder only.
 
-That is so of what this program made of recordings: manifests, scores, figures, throws, metrics, dashboards. Each of them has
-a mark of its own in its bytes. A recording, a checkpoint, and any other file is refused; a command takes `--overwrite`.
+What this program makes of recordings can be made again: manifests, scores, figures, throws, metrics, dashboards. Each of these
+files contains a mark of its kind. Replacing a recording, a checkpoint or another file is refused; commands have `--overwrite`.
 """
 
 import os
@@ -18,22 +18,22 @@ MARKS = {
     ".jsonl": (b'"event": "start"',),
     ".rrd": (b"contact_curation",),
 }
-"""Marks near the beginning or the end of files that this program made, by their ending."""
+"""Marks near the beginning or the end of files that this program made, by their file name ending."""
 
 EDGE = 1 << 16
-"""Bytes at the begin and at the end of a file in which its mark is."""
+"""Number of bytes at the beginning and at the end of a file that are searched for its mark."""
 
 
 def check_replaceable(name: str, path: Path, remedy: str) -> None:
-    """Refuses to replace what cannot be made again.
+    """Refuses to replace a file that cannot be made again.
 
     Args:
         name: name of the option or parameter, for the message.
         path: path of the output.
-        remedy: what its user can do.
+        remedy: what the user can do, for the message.
 
     Raises:
-        InvalidValueError: there is such a file.
+        InvalidValueError: a file that must not be replaced is at `path`.
     """
     if path.is_file() and path.stat().st_size and not _is_made_again(path):
         raise InvalidValueError(name, f"a file at {path}", remedy)
@@ -48,15 +48,15 @@ def _is_made_again(path: Path) -> bool:
 
 
 def path_below(name: str, folder: Path, path: str) -> Path:
-    """A path that a message names, which must stay in a folder, symbolic links included.
+    """Resolves a path in a message, which must stay in a folder, also through symbolic links.
 
     Args:
-        name: of the field, for the message.
-        folder: that its owner allows; relative paths begin there.
-        path: as it came.
+        name: name of the field, for the message.
+        folder: allowed folder; relative paths begin there.
+        path: text of the path.
 
     Raises:
-        InvalidValueError: it leads elsewhere, or is no path.
+        InvalidValueError: the path leads out of the folder, or is invalid.
     """
     try:
         allowed, target = folder.resolve(), (folder / path).resolve()

@@ -1,13 +1,13 @@
-"""Theta from a file that a user names: a polytope's parameters in JSON, or a checkpoint of any model.
+"""Reads theta from a file: a polytope's parameters in JSON, or a checkpoint of any model.
 
-In JSON, in characteristic units, as `rank` and `score` take them:
+The JSON object, in characteristic units, as `rank` and `score` take it:
 
-    {"vertices_normal": Vx3, "normal": 3, "vertices_tangent": Vx3, "tangents": 2x3}        friction is inside the tangents
+    {"vertices_normal": Vx3, "normal": 3, "vertices_tangent": Vx3, "tangents": 2x3}     the tangents contain the friction
 
-and, where they differ from the body's, "mass" [kg], "inertia" [kg per squared characteristic length; a number, 3, or 3x3] and
+and, if they differ from the body's, "mass" [kg], "inertia" [kg times squared characteristic length; a number, 3, or 3x3] and
 "length_scale" [m], the characteristic length itself.
 
-torch takes over a second to import; it is imported to read a checkpoint only.
+torch takes over a second to import; it is imported for checkpoints only.
 """
 
 from dataclasses import replace
@@ -30,34 +30,34 @@ if TYPE_CHECKING:
 REQUIRED = ("vertices_normal", "normal", "vertices_tangent", "tangents")
 OPTIONAL = ("mass", "inertia", "length_scale")
 VERSION = 1
-"""Newest version of the JSON format; a file may name its version under the key "version", else it is of the first one."""
+"""Newest version of the JSON format; a file without the key "version" has the first version."""
 LARGEST_BYTES = 1 << 20
-"""Far more than 32 vertices take."""
+"""Largest accepted file [bytes], far more than 32 vertices take."""
 
 
 class Parameters(NamedTuple):
-    """A theta and the body it belongs to."""
+    """A theta and its body."""
 
     geometry: ContactGeometry
     body: Body
 
 
 def read_parameters(path: Path, body: Body) -> Parameters:
-    """The parameters in a file.
+    """Reads the parameters of a polytope from a JSON file.
 
     Args:
         path: path of the JSON file.
-        body: body whose mass, inertia and length scale hold where the file has none.
+        body: body whose mass, inertia and length scale are used if the file has none.
 
     Raises:
-        UnreadableInputError: there is no such file, or it holds no JSON object.
-        InvalidValueError: a key is missing or unknown, or its value is not what it should be.
+        UnreadableInputError: the file does not exist, or contains no JSON object.
+        InvalidValueError: a key is missing or unknown, or has an invalid value.
     """
     return parameters_from_mapping(_json_object(path), body, str(path))
 
 
 def parameters_from_mapping(data: dict[str, Any], body: Body, name: str) -> Parameters:
-    """Makes parameters of parsed JSON, as `read_parameters` does of a file; errors begin with `name`."""
+    """Makes parameters from parsed JSON, as `read_parameters` does from a file; error messages begin with `name`."""
     _check_keys(data, name)
     points = (len(body.vertices), 3)
     vertices_normal, vertices_tangent = (_numbers(data, key, name, points) for key in ("vertices_normal", "vertices_tangent"))
@@ -88,7 +88,7 @@ def _check_keys(data: dict[str, Any], name: str) -> None:
 
 
 def _numbers(data: dict[str, Any], key: str, name: str, *shapes: tuple[int, ...]) -> Array:
-    """The array under `key`, of one of the accepted shapes; text and truth values are no numbers."""
+    """The array under `key`, which must have one of the accepted shapes; texts and booleans are refused."""
     expected = "finite numbers, " + " or ".join("x".join(map(str, shape)) or "a single one" for shape in shapes)
     try:
         array = np.asarray(data[key])
@@ -119,7 +119,7 @@ def _positive(data: dict[str, Any], key: str, name: str) -> float:
 
 
 def _inertia(data: dict[str, Any], name: str) -> Array:
-    """(3, 3) in kg per squared characteristic length."""
+    """The inertia (3, 3) in kg times squared characteristic length."""
     given = _numbers(data, "inertia", name, (), (3,), (3, 3))
     inertia = given if given.ndim == 2 else np.diag(np.broadcast_to(given, 3))
     if not np.allclose(inertia, inertia.T) or np.linalg.eigvalsh(inertia).min() <= 0.0:
@@ -136,14 +136,14 @@ def is_checkpoint(path: Path) -> bool:
 
 
 def read_theta(path: Path, body: Body) -> "Parameters | Model":
-    """A polytope's numbers out of JSON, or the model of a checkpoint.
+    """Reads a polytope's parameters from JSON, or the model of a checkpoint.
 
     Args:
         path: path of the file.
-        body: which a checkpoint must be for, and which completes what JSON leaves out.
+        body: body of the checkpoint, which must be the same; for JSON it completes missing values.
 
     Raises:
-        UnreadableInputError, InvalidValueError: the file holds neither.
+        UnreadableInputError, InvalidValueError: the file contains neither, or is for another body.
     """
     if not is_checkpoint(path):
         try:

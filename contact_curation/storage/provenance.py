@@ -1,4 +1,4 @@
-"""Where a toss and a ranking came from, byte for byte."""
+"""Provenance of tosses and rankings: recordings with their digests, and how a ranking was made."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,13 +8,13 @@ from contact_curation.motion.toss import Toss
 
 @dataclass(frozen=True)
 class TossProvenance:
-    """The recording a toss was cut from.
+    """The recording from which a toss was cut.
 
     Attributes:
-        input: path of the bag or file; empty for a toss that came live.
-        input_sha256: SHA-256 digest of its bytes (`BagReader.sha256`); empty for a toss that came live.
-        topic: the pose topic; empty where the input has none.
-        number: number of the file that the recording was made of; None where it does not say.
+        input: path of the bag or file; empty for a live toss.
+        input_sha256: SHA-256 digest of its bytes (`BagReader.sha256`); empty for a live toss.
+        topic: the pose topic; empty if the input has none.
+        number: number of the file from which the recording was made; None if it is not known.
     """
 
     input: str = ""
@@ -25,17 +25,17 @@ class TossProvenance:
 
 @dataclass(frozen=True, slots=True)
 class SeenToss:
-    """What stays of a toss once it is forgotten.
+    """Summary of a toss whose poses are no longer in memory.
 
     Attributes:
-        toss_id: unique in its recording.
+        toss_id: id, unique in its recording.
         digest: digest of its content.
-        reasons: why it was rejected; empty when it may be scored.
-        frames: how many.
-        duration: [s].
-        first_stamp_ns: stamp [ns] of its first frame.
-        last_stamp_ns: stamp [ns] of its last frame.
-        origin: the file it came from.
+        reasons: why it was rejected; empty if it may be scored.
+        frames: number of frames.
+        duration: time from the first to the last frame [s].
+        first_stamp_ns: stamp of its first frame [ns].
+        last_stamp_ns: stamp of its last frame [ns].
+        origin: its recording.
     """
 
     toss_id: str
@@ -49,7 +49,7 @@ class SeenToss:
 
 
 def seen_toss(toss: Toss, reasons: tuple[str, ...] = (), origin: TossProvenance | None = None) -> SeenToss:
-    """What stays of a toss."""
+    """Makes the summary of a toss."""
     first, last = int(toss.stamps_ns[0]), int(toss.stamps_ns[-1])
     where = origin or TossProvenance()
     return SeenToss(toss.toss_id, toss.digest(), reasons, toss.frames, toss.duration, first, last, where)
@@ -62,7 +62,7 @@ class InputProvenance:
     Attributes:
         path: path as given.
         sha256: SHA-256 digest of its bytes.
-        losses: what could not be read of it, one line each (`BagReader.losses`).
+        losses: what could not be read, one line each (`BagReader.losses`).
     """
 
     path: str
@@ -72,20 +72,20 @@ class InputProvenance:
 
 @dataclass(frozen=True)
 class RunProvenance:
-    """How a ranking was made: with the inputs, enough to make it again.
+    """How a ranking was made; with the inputs it is enough to repeat the ranking.
 
     Attributes:
         criterion: criterion of the ranking, e.g. "log-det".
-        estimator: "empirical" or "gauss-newton"; empty where the criterion needs none.
-        influence_bound: losses above this were scaled down to it; inf when unbounded.
-        model: what the parameters parameterise, e.g. "polytope".
-        parameters: where they came from: a file, or how they were set.
+        estimator: "empirical" or "gauss-newton"; empty if the criterion needs none.
+        influence_bound: larger losses count as this value; inf for no bound.
+        model: kind of the model, e.g. "polytope".
+        parameters: source of the parameters: a file, or how they were set.
         parameters_version: digest of their values.
         seed: random seed.
         package_version: version of this package.
-        command: the command line, word by word; empty when the library was called.
-        inputs: the recordings, in the order they were read.
-        body: what was tossed, as `Body.to_mapping` gives it; None where that is not known.
+        command: the command line, word by word; empty if the library was called.
+        inputs: the recordings, in the order in which they were read.
+        body: tossed body, as `Body.to_mapping` gives it; None if it is not known.
     """
 
     criterion: str

@@ -1,7 +1,7 @@
-"""What `score` writes: all terms of the loss of each transition, as one .npz file that loads without pickle.
+"""The file that `score` writes: loss terms, impulses and scores of each transition, as an .npz file that loads without pickle.
 
-The number of transitions is known at the end only, so that the columns grow in files of their own first: memory stays flat
-however much is scored, and the .npz appears whole or not at all.
+The number of transitions is only known at the end, so each column is first written to a temporary file. Memory does not grow
+with the number of transitions, and the .npz file appears whole or not at all.
 """
 
 import shutil
@@ -21,14 +21,14 @@ from contact_curation.files import check_version, replacing, writing
 
 VERSION_NAME, VERSION = "format_version", 1
 UNREADABLE = (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile)
-"""What numpy raises on files that are no .npz file of plain arrays."""
+"""Errors of numpy for files that are not .npz files of plain arrays."""
 
 
 def read_scores(path: Path) -> dict[str, NDArray[Any]]:
-    """The arrays of a score file by their names, as `ScoreFileWriter` lists them.
+    """Reads the arrays of a score file by their names, which `ScoreFileWriter` lists.
 
     Raises:
-        UnreadableInputError: there is no such file, or it is no score file.
+        UnreadableInputError: the file does not exist, or is no score file.
         NewerVersionError: a later release wrote it.
     """
     try:
@@ -51,10 +51,10 @@ class ScoreFileWriter:
 
     Args:
         path: path of the file, `*.npz`.
-        parameter_names: P names of the first P columns of the scores; columns behind them are left out.
+        parameter_names: names of the first P columns of the scores; further columns are left out.
 
     Raises:
-        InvalidValueError: `path` is no name of an .npz file, or cannot be written.
+        InvalidValueError: `path` does not end in .npz, or cannot be written.
     """
 
     def __init__(self, path: Path, parameter_names: tuple[str, ...]) -> None:
@@ -65,15 +65,15 @@ class ScoreFileWriter:
         self._columns: dict[str, _Column] = {}
         if path.suffix != ".npz" or path.is_dir():
             raise InvalidValueError("output", path, "the name of an .npz file")
-        self._column("index", np.zeros(0, dtype=np.int64))  # a place that cannot be written is known before any work
+        self._column("index", np.zeros(0, dtype=np.int64))  # fails before any work if the folder cannot be written
 
     def add(self, toss_id: str, index: ArrayLike, evaluation: Evaluation) -> None:
         """Adds the N transitions of a toss.
 
         Args:
-            toss_id: id of their toss.
-            index: (N,) their numbers in the toss.
-            evaluation: their losses, impulses and scores.
+            toss_id: id of the toss.
+            index: (N,) numbers of the transitions in the toss.
+            evaluation: losses, impulses and scores of the transitions.
         """
         rows: dict[str, Any] = {
             "index": np.asarray(index, dtype=np.int64),
@@ -92,7 +92,7 @@ class ScoreFileWriter:
         self.transitions += len(evaluation.status)
 
     def close(self) -> None:
-        """Completes the file and gives it its name."""
+        """Completes the file and gives it its final name."""
         with replacing(self.path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
             self._write_ids(archive)
             for name, column in self._columns.items():
@@ -103,7 +103,7 @@ class ScoreFileWriter:
         self.discard()
 
     def discard(self) -> None:
-        """Forgets what is not part of a finished file."""
+        """Removes the temporary files."""
         for column in self._columns.values():
             column.close()
 
@@ -129,7 +129,7 @@ class ScoreFileWriter:
 
 
 class _Column:
-    """Rows of one array, in a file without header or name, of which nothing is left however the process ends."""
+    """Rows of one array in an unnamed temporary file, which disappears however the process ends."""
 
     def __init__(self, folder: Path, first: NDArray[Any]) -> None:
         self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 - open until `close`
@@ -146,12 +146,12 @@ class _Column:
             shutil.copyfileobj(self._file, member, 1 << 20)
 
     def close(self) -> None:
-        with suppress(OSError):  # of a full disk, which could not take the rest
+        with suppress(OSError):  # on a full disk, which could not take the rest
             self._file.close()
 
 
 def _member(name: str) -> zipfile.ZipInfo:
-    """Of the archive, with the earliest time that there is, so that the same scores give the same bytes."""
+    """A member of the archive with a fixed time stamp, so that the same scores give the same bytes."""
     return zipfile.ZipInfo(f"{name}.npy")
 
 

@@ -1,7 +1,7 @@
-"""A shard: a Parquet file of records of one recording, written once and whole.
+"""A shard: a Parquet file with records of one recording, written once, whole or not at all.
 
-A row is a record: its id, its plain fields as JSON, its arrays as a blob (`stores.record_table`). What is known of all of them
-stands in the file's metadata. Pages have checksums; a shard that is damaged counts as one that is not there.
+A row is a record: its id, its plain fields as JSON, its arrays as a blob (`stores.record_table`). The file's metadata contain
+what is common to all records. Pages have checksums; a damaged shard counts as missing.
 """
 
 import json
@@ -15,7 +15,7 @@ from contact_curation.files import replacing
 
 NOTE = b"contact_curation.note"
 ROWS = 64
-"""Of a row group: what is in memory at a time."""
+"""Number of rows of a row group, which are in memory at a time."""
 
 
 class ShardRow(NamedTuple):
@@ -28,7 +28,7 @@ class ShardRow(NamedTuple):
 
 @contextmanager
 def writing_shard(path: Path) -> Iterator["ShardWriter"]:
-    """A shard that takes its name, whole, when the block ends well.
+    """Opens a shard for writing; it gets its name when the block ends without an error.
 
     Raises:
         UnwritableOutputError: it cannot be written there.
@@ -48,10 +48,10 @@ def writing_shard(path: Path) -> Iterator["ShardWriter"]:
 
 
 class ShardWriter:
-    """Takes the rows of a shard.
+    """Writes the rows of a shard.
 
     Attributes:
-        note: what is known of all of them, to be set before the end.
+        note: what is common to all rows; set it before the end of the block.
     """
 
     def __init__(self, writer: Any, schema: Any) -> None:
@@ -65,7 +65,7 @@ class ShardWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Writes what was added."""
+        """Writes the rows that were added."""
         import pyarrow as pa
 
         if self._rows:
@@ -75,10 +75,10 @@ class ShardWriter:
 
 
 class Shard:
-    """A shard that is there.
+    """An existing shard.
 
     Attributes:
-        note: what is known of all of its rows.
+        note: what is common to all its rows.
     """
 
     def __init__(self, path: Path) -> None:
@@ -88,17 +88,17 @@ class Shard:
         self.note: dict[str, Any] = json.loads(self._file.metadata.metadata[NOTE])
 
     def rows(self) -> Iterator[ShardRow]:
-        """The rows in their order, some in memory at a time."""
+        """The rows in their order, one row group in memory at a time."""
         for group in range(self._file.num_row_groups):
             table = self._file.read_row_group(group)
             yield from (ShardRow(*row) for row in zip(*(column.to_pylist() for column in table.columns), strict=True))
 
 
 def shard_at(path: Path) -> Shard | None:
-    """The shard of a name; None where there is none, or a damaged one."""
+    """Opens the shard at a path; None if it does not exist or is damaged."""
     try:
         shard = Shard(path)
-        for _ in batched(shard.rows(), ROWS):  # all pages, with their checksums, before anyone relies on them
+        for _ in batched(shard.rows(), ROWS):  # reads all pages and checks their checksums
             pass
     except (OSError, KeyError, ValueError):  # pyarrow's errors are of these kinds
         return None

@@ -1,4 +1,4 @@
-"""Which tags are where, in a YAML file: ours, or TagSLAM's tagslam.yaml (its field names are those of its documentation).
+"""Reads tag maps (which tags are where) from YAML files in our form, or in the form of TagSLAM's tagslam.yaml.
 
 Ours (config/cube_tags.yaml):
 
@@ -8,9 +8,9 @@ Ours (config/cube_tags.yaml):
       body_cube:
         - {id: 0, edge: 0.08, position: [0, 0, 0.0524], orientation_wxyz: [1, 0, 0, 0]}
 
-TagSLAM's has `bodies`, a list of names with `tags` (id, size, pose with position and a rotation vector), or with a `board` of
-rows and columns. A body's frame is `body_<name>`, as TagSLAM publishes it. Tags without a pose are left for TagSLAM to find;
-they are none of a map.
+TagSLAM's file has `bodies`, a list of names with `tags` (id, size, pose with position and a rotation vector), or with a `board`
+of rows and columns; the names of fields are those of its documentation. A body's frame is `body_<name>`, as TagSLAM publishes
+it. Tags without a pose, which TagSLAM estimates itself, are left out.
 """
 
 from collections.abc import Iterator, Mapping
@@ -28,20 +28,20 @@ from contact_curation.geometry.tag_rig import TagRig
 from contact_curation.geometry.tags import FAMILY, Tag, TagAxes, TagMap, in_our_axes
 
 LARGEST_FILE = 2**17
-"""Bytes: YAML takes some 20 microseconds each, and a whole family of tags some 60 kB."""
+"""Largest accepted file [bytes]: parsing YAML takes about 20 microseconds per byte; a whole family of tags has about 60 kB."""
 
 MOST_TAGS = 587
-"""In the family."""
+"""Number of tags in the family."""
 
 BITS_OF_FAMILY = 6
-"""TagSLAM names families by the bits along an edge."""
+"""The family by its bits along an edge, as TagSLAM names it."""
 
 
 def read_tag_maps(path: Path) -> tuple[TagMap, ...]:
-    """The maps in a file, one for each frame that has tags.
+    """Reads the maps in a file, one for each frame with tags.
 
     Raises:
-        UnreadableInputError: there is no such file, or it is no such map; the line names what is wrong.
+        UnreadableInputError: the file does not exist, or is no tag map; the message says what is wrong.
     """
     content = read_yaml(path, LARGEST_FILE, "a map of tags")
     if not isinstance(content, Mapping) or not {"frames", "bodies"} & set(content):
@@ -55,10 +55,10 @@ def read_tag_maps(path: Path) -> tuple[TagMap, ...]:
 
 
 def read_tag_rig(path: Path, body_frame: str, board_frame: str) -> TagRig:
-    """The tags of a body and, if there are any, of the board.
+    """Reads the tags of a body and, if there are any, of the board.
 
     Raises:
-        UnreadableInputError: as `read_tag_maps`, or the body has no tags, or an id is there twice.
+        UnreadableInputError: as in `read_tag_maps`, or the body has no tags, or an id occurs twice.
     """
     maps = {one.frame: one for one in read_tag_maps(path)}
     if body_frame not in maps:
@@ -70,7 +70,7 @@ def read_tag_rig(path: Path, body_frame: str, board_frame: str) -> TagRig:
 
 
 def tag_rig_yaml(rig: TagRig) -> str:
-    """A rig as our YAML; reading it gives the same rig, bit for bit."""
+    """Writes a rig as YAML in our form; reading it gives the same rig, bit for bit."""
     lines = [f"family: {FAMILY}", f"axes: {TagAxes.OUT.value}", "frames:"]
     for tags in (rig.body, *([rig.board] if rig.board else [])):
         lines.append(f"  {tags.frame}:")
@@ -121,7 +121,7 @@ def _simple_tags(body: Mapping[str, Any]) -> Iterator[Tag]:
 
 
 def _board_tags(board: Mapping[str, Any]) -> list[Tag]:
-    """Tags of a board, row by row; TagSLAM's `pose` of a board is that of the body on it."""
+    """The tags of a board, row by row; TagSLAM's `pose` of a board is that of its body."""
     _check_bits(board.get("tag_bits", BITS_OF_FAMILY))
     edge, columns = float(board["tag_size"]), int(board["tag_columns"])
     back = _tagslam_pose(board["pose"]).inverse() if "pose" in board else Pose.identity()

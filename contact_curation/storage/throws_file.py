@@ -1,11 +1,11 @@
-"""Throws as a JSON file: what `design` writes, and `simulate` or a robot reads.
+"""Reads and writes throws as a JSON file, which `design` writes, and `simulate` or a robot reads.
 
     {"version": 1, "body": {...},
      "throws": [{"throw_id", "body", "position", "orientation_wxyz", "linear_velocity", "angular_velocity",
                  "expected_information", "parameters_version"}, ...]}
 
-The body is described where `design` wrote the file. SI units; positions of the centre of mass and velocities are in the
-board's frame, angular velocities in the body's.
+`body` is in files that `design` wrote. Units are SI. Positions of the centre of mass and velocities are in the board's
+frame, angular velocities in the body's frame.
 """
 
 import json
@@ -29,7 +29,7 @@ def write_throws(path: Path, throws: Sequence[Throw], body: Body | None = None) 
     Args:
         path: path of the file.
         throws: throws of one body.
-        body: body that is thrown, written for the readers of the file.
+        body: body that is thrown; None leaves it out.
 
     Raises:
         InvalidValueError: the file cannot be written there.
@@ -40,10 +40,10 @@ def write_throws(path: Path, throws: Sequence[Throw], body: Body | None = None) 
 
 
 def read_throws(path: Path) -> tuple[Throw, ...]:
-    """The throws in a file, each id once.
+    """Reads the throws in a file.
 
     Raises:
-        UnreadableInputError: there is no such file, or it holds no throws.
+        UnreadableInputError: the file does not exist, contains no throws, or contains an id twice.
     """
     listed = _listed(path, read_json(path, LARGEST_BYTES, "throws"))
     throws: list[Throw] = []
@@ -59,10 +59,10 @@ def read_throws(path: Path) -> tuple[Throw, ...]:
 
 
 def read_throws_body(path: Path) -> Body | None:
-    """The body of the throws in a file; None if the file does not describe it.
+    """Reads the body of the throws in a file; None if the file does not describe it.
 
     Raises:
-        UnreadableInputError: there is no such file, or it describes no body.
+        UnreadableInputError: the file does not exist, or its body is invalid.
     """
     document = read_json(path, LARGEST_BYTES, "throws")
     told = document.get("body") if isinstance(document, dict) else None

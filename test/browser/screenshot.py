@@ -60,7 +60,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("picture", type=Path, help="PNG file")
     parser.add_argument("--throws", type=int, default=12, help="of the session (default 12)")
-    parser.add_argument("--rate", type=float, default=0.0, help="simulated seconds a second (default 0: as fast as possible)")
+    parser.add_argument("--rate", type=float, default=0.0, help="simulated seconds per second (default 0: as fast as possible)")
     parser.add_argument("--address", help="of a dashboard that is served already, instead of a session")
     arguments = parser.parse_args()
     with TemporaryDirectory() as folder, ExitStack() as running:

@@ -88,7 +88,7 @@ def test_a_parameter_file_that_is_not_there_is_one_line_and_no_node(tmp_path: Pa
     command = [sys.executable, "-m", "contact_curation.nodes.curator", "--ros-args", "--params-file", "/none.yaml"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
     assert done.returncode == 1
-    said = "curator: --params-file: found no file /none.yaml, expected a file of parameters, such as config/nodes.yaml\n"
+    said = "curator: --params-file: found no file /none.yaml, expected a parameter file, such as config/nodes.yaml\n"
     assert done.stderr == said
     assert not list(tmp_path.iterdir())
 

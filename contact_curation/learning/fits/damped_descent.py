@@ -1,9 +1,9 @@
 """Damped Gauss-Newton steps of a polytope down a sum of squares (Levenberg 1944, Marquardt 1963).
 
-    theta <- theta + (H + d diag H)^-1 s,      H half the sum's Gauss-Newton curvature,  s minus half its slope
+    theta <- theta + (H + d diag H)^-1 s,      H half the Gauss-Newton Hessian of the sum,  s minus half its gradient
 
-A step is taken when it lowers the sum, and d then shrinks; otherwise d grows. With some fifty parameters and the kernel's
-exact matrices a dozen steps reach the optimum that gradient descent needs thousands for. What is summed is up to the caller.
+A step is accepted when it lowers the sum, and d then shrinks; otherwise d grows. With some fifty parameters and the kernel's
+exact matrices this takes a dozen steps to the optimum, where gradient descent takes thousands. The caller defines the sum.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.fits.polytope_sums import moved
 
 SHRINK, GROW = 0.2, 4.0
-"""What the damping is multiplied with after a step that was taken, or was not."""
+"""Factors of the damping after a step that was accepted, and after one that was not."""
 
 
 class Iterate(NamedTuple):
@@ -25,10 +25,10 @@ class Iterate(NamedTuple):
 
     Attributes:
         model: in the physical form.
-        objective: the sum, at least 0.
-        score: (P,) minus half its slope.
-        information: (P, P) half its Gauss-Newton curvature.
-        not_solved: transitions that the sum leaves out; a step that leaves out more is not taken.
+        objective: value of the sum, at least 0.
+        score: (P,) minus half its gradient.
+        information: (P, P) half its Gauss-Newton Hessian.
+        not_solved: number of transitions without a certificate, which the sum leaves out; no step may raise it.
     """
 
     model: PolytopeModel
@@ -43,11 +43,11 @@ class DescentLimits:
     """When a descent ends.
 
     Attributes:
-        tolerance: relative decrease by a step that counts as arrival.
-        steps: tried ones at most, taken or not.
+        tolerance: the descent has converged when a step lowers the sum by less than this share.
+        steps: largest number of steps, accepted or not.
         damping: d of the first step.
-        largest_damping: where a step as small as this makes it finds no lower sum, there is none that rounding can tell.
-        floor: share of H's mean diagonal that is always added to it, for parameters that nothing measures.
+        largest_damping: the descent ends when d exceeds this; steps are then so small that rounding hides any decrease.
+        floor: share of H's mean diagonal that is always added to its diagonal, for parameters without information.
     """
 
     tolerance: float
@@ -61,9 +61,9 @@ class Descent(NamedTuple):
     """Result of a descent.
 
     Attributes:
-        iterate: the lowest that was found.
-        steps: how many were tried.
-        arrived: whether the last one was as small as wanted.
+        iterate: iterate with the lowest sum.
+        steps: number of steps that were tried.
+        arrived: whether the descent converged within the tolerance.
     """
 
     iterate: Iterate
@@ -72,12 +72,12 @@ class Descent(NamedTuple):
 
 
 def descend(start: PolytopeModel, evaluated_at: Callable[[PolytopeModel], Iterate], limits: DescentLimits) -> Descent:
-    """Minimises from a model, which is not changed, until no step lowers the sum.
+    """Minimises a sum of squares until no step lowers it.
 
     Args:
-        start: where to begin.
-        evaluated_at: evaluates a model.
-        limits: when to end.
+        start: model at which the descent starts; it is not changed.
+        evaluated_at: evaluates the sum and its derivatives at a model.
+        limits: when the descent ends.
     """
     here, damping = evaluated_at(start), limits.damping
     for tried in range(1, limits.steps + 1):

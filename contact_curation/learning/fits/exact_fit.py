@@ -1,13 +1,14 @@
-"""The exact protocol of a polytope: computes the optimum for its data at once, instead of gradient steps towards it.
+"""The exact training protocol of a polytope: fits it to the optimum for its data, instead of taking gradient steps towards it.
 
-Every fit begins at theta_0, which also holds what no toss measures (learning/fits/held_fit.py), over a level ground at the
-board's zero. So theta follows from theta_0 and the data alone, and not from how training came there; and a fit that is killed
-is made again with the same digits.
+Every fit starts at theta_0 with a level ground at the board's zero. theta_0 is also the mean of the prior, which determines the
+parameters without information (learning/fits/held_fit.py). So the result follows from theta_0 and the data alone, not from
+earlier training, and a fit that was killed gives the same digits when it is repeated.
 
-The few transitions that are explained worst may be left out, which ones being part of the fit: least trimmed squares (Rousseeuw
-1984, with concentration steps: Rousseeuw and Van Driessen 2006), where "squares" are losses. Among them are the hard impacts,
-which a rigid body without restitution cannot explain, so that throws that are designed to hit hard pull friction away from the
-truth (docs/explanation/learning.md).
+A share of the transitions, those that are explained worst, may be left out: least trimmed squares (Rousseeuw 1984; with
+concentration steps, Rousseeuw and Van Driessen 2006), with losses for squares. The fit is repeated until the same transitions
+are left out.
+Most of them are hard impacts, which a rigid body without restitution cannot explain. Throws that are designed to hit hard would
+otherwise bias the friction (docs/explanation/learning.md).
 """
 
 import math
@@ -28,16 +29,16 @@ from contact_curation.learning.fits.held_fit import HeldFitConfig, fit_held
 from contact_curation.motion.transitions import Transitions
 
 CONCENTRATIONS = 4
-"""Fits at most, after the first, each without the transitions that the one before explains worst."""
+"""Largest number of fits after the first one, each without the transitions that the previous fit explains worst."""
 
 
 class Optimum(NamedTuple):
     """Result of a fit.
 
     Attributes:
-        model: in the form of theta_0.
-        steps: of Gauss-Newton, taken or not, of all fits.
-        finite: whether the sum that was minimised is.
+        model: fitted model in the form of theta_0.
+        steps: number of Gauss-Newton steps of all fits, accepted or not.
+        finite: whether the minimised sum is finite.
     """
 
     model: PolytopeModel
@@ -46,10 +47,10 @@ class Optimum(NamedTuple):
 
 
 def theta_0(model: Model) -> PolytopeModel:
-    """A copy of a model over the ground as it is known, to begin fits at.
+    """A copy of a model with a level ground at the board's zero, at which fits start.
 
     Raises:
-        InvalidValueError: it is no polytope in the physical or the rigid form.
+        InvalidValueError: the model is not a polytope in the physical or the rigid form.
     """
     geometry, form = model.geometry(), model.settings().get("form")
     if geometry is None or form not in (Form.PHYSICAL, Form.RIGID):
@@ -61,16 +62,16 @@ def theta_0(model: Model) -> PolytopeModel:
 
 
 def optimum(start: PolytopeModel, data: Transitions, loss: LossConfig, trimmed: float) -> Optimum:
-    """The fit of a polytope from `theta_0` on.
+    """Fits a polytope to tosses, starting at `theta_0`.
 
     Args:
         start: theta_0; it is not changed.
-        data: at least one toss.
-        loss: what is minimised.
-        trimmed: share of the transitions that is left out.
+        data: transitions of at least one toss.
+        loss: weights and solver of the loss.
+        trimmed: share of the transitions that is left out, from 0 to less than 1.
     """
     config = HeldFitConfig(loss=loss)
-    with np.errstate(all="ignore"):  # what is not finite is said, not warned of
+    with np.errstate(all="ignore"):  # `Optimum.finite` reports numbers that are not finite
         found = fit_held(start, data, config)
         steps, kept = found.steps, np.ones(len(data.dt), dtype=bool)
         for _ in range(CONCENTRATIONS if trimmed else 0):
@@ -83,7 +84,7 @@ def optimum(start: PolytopeModel, data: Transitions, loss: LossConfig, trimmed: 
 
 
 def _explained(model: PolytopeModel, data: Transitions, loss: LossConfig, trimmed: float) -> NDArray[np.bool_]:
-    """(N,) all but the share with the largest losses; what has no certificate counts as worst."""
+    """(N,) True for all but the share with the largest losses; transitions without a certificate count as the largest."""
     with torch.no_grad():
         batch = model.batch_loss(Rows(data.before, data.after, data.dt), loss)
     losses = np.where(batch.solved.numpy(), batch.losses.numpy(), np.inf)
@@ -93,7 +94,7 @@ def _explained(model: PolytopeModel, data: Transitions, loss: LossConfig, trimme
 
 
 def _only(data: Transitions, kept: NDArray[np.bool_]) -> Transitions:
-    """Some rows, and the tosses that have any of them."""
+    """The transitions of some rows (N,), and the tosses that have any of them."""
     counts = np.bincount(data.toss_index[kept], minlength=len(data.toss_ids))
     return Transitions(
         toss_ids=tuple(toss_id for toss_id, count in zip(data.toss_ids, counts, strict=True) if count),

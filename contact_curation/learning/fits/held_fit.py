@@ -1,21 +1,23 @@
-"""Fits a polytope to few tosses: parameters without information stay at their initial values.
+"""Fits a polytope to few tosses with a prior: parameters without information stay at their initial values.
 
-    sum_t L + w_h N h^2 + sigma^2 (theta - theta_0)^T A0 (theta - theta_0)        N transitions, h the ground's height
+Minimised is the sum over N transitions
 
-theta_0 is the random initialisation and A0 the spread that it was drawn with (method.md 1.1), so that the last term knows
-no more than whoever drew it; sigma^2 is the residuals' variance (docs/explanation/learning.md). The ground is known: level,
-and near the board's zero as in our training protocol. A ground that may lean does so along the flight, to stand for what
-the model lacks, and then all tosses together predict positions worse than a few do (docs/results.md). The same sum for
-every rule that is compared.
+    sum_t L_t + w_h N h^2 + sigma^2 (theta - theta_0)^T A0 (theta - theta_0)        h the ground's height
 
-In the rigid form L is divided by the relative variance that its noise gives a transition. The noise is learned where a fit
-has arrived, and the fit renewed with it from there, a few times: the weights are constant in each fit, as in iteratively
-re-weighted least squares, since otherwise theta could lower the sum by predicting harder impacts.
+The last term is the prior. theta_0 is the random initialisation, and A0 the inverse variance of the distribution that it was
+drawn from (method.md 1.1); the true parameters are not used. sigma^2 is the variance of the residuals
+(docs/explanation/learning.md). The ground is held level and near the board's zero. A ground that may tilt does so along the
+flight, to compensate for what the model lacks; a fit to all tosses then predicts positions worse than a fit to a few
+(docs/results.md). The sum is the same for every selection rule that is compared.
 
-From a random initialisation the sum has false bottoms, most of all with few tosses: one vertex takes the impulses of
-another, which leaves. With a stronger last term they are gone, so it is fitted first with sigma^2 = 1, and from there with
-the true one (method.md 2.4 has no such problem to solve: gradient descent with small steps goes round most of them, and
-never arrives).
+In the rigid form each L_t is divided by the relative variance of its transition (contact/impulse_noise.py). This noise is
+learned from the residuals of a fit, and the fit is repeated with it, `renewals` times. The weights are constant within each
+fit, as in iteratively re-weighted least squares; otherwise theta could lower the sum by predicting harder impacts.
+
+From a random initialisation the sum has local minima, most of all with few tosses: one vertex takes over the impulses of
+another, which then drifts away from the body. A stronger prior removes them. So the first fit has sigma^2 = 1, and the next
+starts from its result with the actual sigma^2. (Training with small gradient steps, method.md 2.4, passes most of these
+minima, but does not converge.)
 """
 
 from dataclasses import dataclass, field, replace
@@ -43,17 +45,17 @@ class HeldFitConfig:
     """Configuration of a fit.
 
     Attributes:
-        loss: what is minimised.
-        noise: sigma^2, one fit after the other.
-        spread: standard deviation of the initialisation [characteristic lengths, share of friction].
-        tilt: of the ground's tilt [rad].
-        ground: w_h, as in `protocols.budgeted`.
-        tolerance: relative decrease by a step that counts as arrival, of the last fit.
-        early_tolerance: of those before.
-        steps: of each fit at most, taken or not.
-        damping: of the first step, and of the first step of later fits.
-        largest_damping: as in `FitConfig`.
-        renewals: how often the noise of the rigid form is learned and the fit renewed; with 0 all residuals have one variance.
+        loss: weights and solver of the loss L.
+        noise: sigma^2 of each of the successive fits.
+        spread: standard deviation of the initialisation [characteristic lengths; for friction a share of it].
+        tilt: standard deviation of the ground's tilt [rad].
+        ground: weight w_h of the ground's height, as in `protocols.budgeted`.
+        tolerance: the last fit has converged when a step lowers the sum by less than this share.
+        early_tolerance: the same for the fits before it.
+        steps: largest number of steps of each fit, accepted or not.
+        damping: damping of the first step of the first fit, and of the first step of later fits.
+        largest_damping: as in `DescentLimits`.
+        renewals: how often the noise of the rigid form is learned and the fit repeated; with 0 all residuals have one variance.
     """
 
     loss: LossConfig = field(default_factory=lambda: DEFAULT_LOSS)
@@ -79,9 +81,9 @@ class HeldFit(NamedTuple):
     """Result of a fit.
 
     Attributes:
-        model: in the physical form, or in the rigid one with the noise that was learned.
-        objective: the sum above.
-        steps: of all fits, taken or not.
+        model: fitted model in the physical form, or in the rigid form with the noise that was learned.
+        objective: value of the sum.
+        steps: number of steps of all fits, accepted or not.
     """
 
     model: PolytopeModel
@@ -96,18 +98,18 @@ def fit_held(
     origin: PolytopeModel | None = None,
     weights: ArrayLike | None = None,
 ) -> HeldFit:
-    """The optimum next to a model.
+    """Finds the minimum of the sum from a starting model.
 
     Args:
-        start: where to begin; it is not changed.
-        data: at least one toss.
-        config: how.
-        origin: theta_0, with the pivot of `start`; by default `start` itself. With another one only the last of the fits is
-            made, since `start` is one that was fitted before.
+        start: model at which the descent starts; it is not changed.
+        data: transitions of at least one toss.
+        config: configuration of the fit.
+        origin: theta_0, with the pivot of `start`; by default `start` itself. If it is given, `start` is taken for the result
+            of an earlier fit, and only the last of the successive fits is made.
         weights: (K,) how often each toss counts, at least 0; once each by default.
 
     Raises:
-        InvalidValueError: weights that do not fit.
+        InvalidValueError: `weights` have the wrong shape, a negative value, or none above 0.
     """
     config = config or HeldFitConfig()
     counts = checked_weights(weights, len(data.toss_ids))
@@ -132,15 +134,15 @@ def fit_held(
 
 @dataclass(frozen=True, eq=False)
 class HeldSum:
-    """The sum above, of one fit.
+    """The sum that one fit minimises (see the module's docstring).
 
     Attributes:
-        data: K tosses.
-        counts: (K,) how often each counts.
-        config: how it is held.
+        data: N transitions of K tosses.
+        counts: (K,) how often each toss counts.
+        config: strength of the prior and of the ground's terms.
         origin: theta_0.
         noise: sigma^2.
-        weights: (N,) of the transitions' losses, as in `polytope_sums`.
+        weights: (N,) weights of the transitions' losses, as in `polytope_sums`.
     """
 
     data: Transitions
@@ -151,7 +153,7 @@ class HeldSum:
     weights: Array | None = None
 
     def iterate(self, model: PolytopeModel) -> Iterate:
-        """The sum at a model."""
+        """Evaluates the sum and its derivatives at a model."""
         geometry = model.geometry()
         sums = polytope_sums(model, self.data, Estimator.GAUSS_NEWTON, self.config.loss, self.weights)
         away = physical_difference(geometry, self.origin)

@@ -1,11 +1,10 @@
 """Learns how the variance of residuals grows with impacts, by likelihood (contact/impulse_noise.py).
 
-With sigma_0^2 at its own optimum, the Gaussian likelihood of N transitions with losses L and relative variances v is largest
-where
+With sigma_0^2 at its optimum, the Gaussian likelihood of N transitions with losses L and relative variances v is largest where
 
     log mean_t (L_t / v_t) + mean_t log v_t
 
-is smallest, whatever the number of residuals of a transition is, as long as it is the same for all.
+is smallest. The number of residuals of a transition does not matter, as long as all transitions have the same.
 """
 
 import numpy as np
@@ -23,25 +22,25 @@ from contact_curation.learning.evaluation.evaluation import transition_losses
 from contact_curation.motion.transitions import Transitions
 
 STARTS = (ImpulseNoise(), ImpulseNoise(10.0, 1.0))
-"""The likelihood is not unimodal; the better one of two searches counts."""
+"""Starting points of the search: the likelihood may have several maxima, and the best result counts."""
 
 
 def noise_of_model(model: PolytopeModel, data: Transitions, loss: LossConfig) -> ImpulseNoise:
-    """The noise under which a model explains tosses best."""
+    """The noise under which a model's residuals on tosses are most likely."""
     losses, solved = transition_losses(model, Rows(data.before, data.after, data.dt), loss)
     impulses = predicted_impulses(model.geometry(), model.body, data.before, data.dt)
     return learned_noise(losses[solved], impulses[solved])
 
 
 def learned_noise(losses: ArrayLike, impulses: ArrayLike) -> ImpulseNoise:
-    """The noise under which the losses of N transitions are likeliest.
+    """The noise under which the losses of N transitions are most likely.
 
     Args:
-        losses: (N,) of solved transitions.
-        impulses: (N,) relative ones, as predicted.
+        losses: (N,) losses of solved transitions.
+        impulses: (N,) predicted normal impulses, relative to those of the body at rest.
 
     Raises:
-        InvalidValueError: no transition, or different numbers of them.
+        InvalidValueError: there is no transition, or the shapes differ.
     """
     each, relative = np.asarray(losses, dtype=float), np.nan_to_num(np.asarray(impulses, dtype=float))
     if each.shape != relative.shape or each.ndim != 1 or not each.size:
@@ -61,6 +60,6 @@ def learned_noise(losses: ArrayLike, impulses: ArrayLike) -> ImpulseNoise:
 
 
 def _noise(coordinates: Array) -> ImpulseNoise:
-    """Of log a and p, within their bounds."""
+    """The noise with the parameters (log a, p), clipped to their bounds."""
     growth = np.exp(np.clip(coordinates[0], -20.0, np.log(LARGEST_GROWTH)))
     return ImpulseNoise(min(float(growth), LARGEST_GROWTH), float(np.clip(coordinates[1], LEAST_POWER, LARGEST_POWER)))

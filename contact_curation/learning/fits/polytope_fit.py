@@ -1,9 +1,9 @@
-"""Fits a polytope to tosses to the last digit: the optimum of the weighted loss, by damped Gauss-Newton steps.
+"""Fits a polytope to tosses without a prior: the optimum of the weighted loss to rounding, by damped Gauss-Newton steps.
 
     H = sum_k w_k F_k the Gauss-Newton information,  s = sum_k w_k s_k the score,     over tosses k
 
-That makes it the tool for questions about the optimum itself, such as how far it moves when tosses are re-drawn; a network
-has no such matrices. In the rigid form the transitions keep the variances that they have where the fit begins.
+Use it for questions about the optimum itself, for example how far it moves when tosses are resampled. Networks have no such
+matrices. In the rigid form the transitions keep the variances that they have at the start of the fit.
 """
 
 from dataclasses import dataclass, field
@@ -27,11 +27,11 @@ class FitConfig:
     """When a fit ends.
 
     Attributes:
-        loss: what is minimised.
-        tolerance: relative decrease of the loss by a step that counts as arrival.
-        max_steps: tried ones, taken or not.
-        damping: d of the first step.
-        largest_damping: where a step as small as this makes it finds no lower loss, there is none that rounding can tell.
+        loss: weights and solver of the loss.
+        tolerance: the fit has converged when a step lowers the loss by less than this share.
+        max_steps: largest number of steps, accepted or not.
+        damping: damping of the first step.
+        largest_damping: as in `DescentLimits`.
     """
 
     loss: LossConfig = field(default_factory=lambda: DEFAULT_LOSS)
@@ -50,11 +50,11 @@ class PolytopeFit(NamedTuple):
     """Result of a fit.
 
     Attributes:
-        model: in the physical or the rigid form.
-        loss: weighted sum over all solved transitions.
-        steps: how many were tried.
-        converged: whether the last one was as small as wanted.
-        not_solved: transitions without a certificate there.
+        model: fitted model in the physical or the rigid form.
+        loss: weighted sum of the losses of all solved transitions.
+        steps: number of steps that were tried.
+        converged: whether the fit converged within the tolerance.
+        not_solved: number of transitions without a certificate at the fitted model.
     """
 
     model: PolytopeModel
@@ -65,22 +65,22 @@ class PolytopeFit(NamedTuple):
 
 
 FLOOR = 1e-12
-"""Share of the mean diagonal that is always added: a vertex that never came near the board stays where it is."""
+"""Share of H's mean diagonal that is always added to its diagonal, so that a vertex that never came near the board stays."""
 
 
 def fit_polytope(
     model: PolytopeModel, data: Transitions, config: FitConfig | None = None, weights: ArrayLike | None = None
 ) -> PolytopeFit:
-    """The optimum next to a model.
+    """Finds the optimum of the weighted loss from a starting model.
 
     Args:
-        model: where to begin; it is not changed.
-        data: at least one toss.
-        config: when to end.
+        model: model at which the fit starts; it is not changed.
+        data: transitions of at least one toss.
+        config: when the fit ends.
         weights: (K,) how often each toss counts, at least 0; once each by default.
 
     Raises:
-        InvalidValueError: weights that do not fit, or a geometry that is not physical.
+        InvalidValueError: `weights` have the wrong shape or values, or the geometry has no physical form.
     """
     config = config or FitConfig()
     counts = checked_weights(weights, len(data.toss_ids))
@@ -100,10 +100,10 @@ def _iterate(model: PolytopeModel, data: Transitions, weights: Array, each: Arra
 
 
 def checked_weights(weights: ArrayLike | None, tosses: int) -> Array:
-    """How often each of K tosses counts (K,); once by default.
+    """How often each of K tosses counts (K,); once each by default.
 
     Raises:
-        InvalidValueError: weights that do not fit.
+        InvalidValueError: the weights do not have shape (K,), one is negative or not finite, or none is above 0.
     """
     counts = np.ones(tosses) if weights is None else np.asarray(weights, dtype=float)
     if counts.shape != (tosses,) or not np.isfinite(counts).all() or counts.min() < 0.0 or not counts.any():

@@ -1,7 +1,7 @@
-"""Sums over tosses for a polytope in its physical or rigid form: per toss the loss, the score and the Fisher matrix.
+"""Loss, score and Fisher matrix of each toss, for a polytope in the physical or the rigid form.
 
-Unlike the records that rank (`information.scoring`) these are whole matrices about one pivot, neither compressed nor bounded:
-from them theta is fitted, and its uncertainty estimated.
+Theta is fitted with them, and its uncertainty is estimated from them. Unlike the records for ranking
+(`information.scoring`) they are full matrices about one pivot, without compression and without a bound on influence.
 """
 
 from dataclasses import dataclass
@@ -24,10 +24,10 @@ class PolytopeSums:
     """Sums over the solved transitions of each of K tosses, by the P parameters of the model's form.
 
     Attributes:
-        losses: (K,) weighted.
+        losses: (K,) weighted sums of the losses.
         scores: (K, P) s = -dL/dtheta / 2.
-        fishers: (K, P, P) of one estimator.
-        not_solved: (K,) how many transitions were left out.
+        fishers: (K, P, P) Fisher matrices.
+        not_solved: (K,) numbers of transitions without a certificate, which are left out.
     """
 
     losses: Array
@@ -39,17 +39,17 @@ class PolytopeSums:
 def polytope_sums(
     model: PolytopeModel, data: Transitions, estimator: Estimator, loss: LossConfig, weights: Array | None = None
 ) -> PolytopeSums:
-    """The sums at a model's theta.
+    """Computes the sums at a model's theta.
 
     Args:
-        model: in the physical or the rigid form; of a model in the contactnets form the physical parameters are taken.
-        data: tosses.
-        estimator: of the Fisher matrices.
-        loss: weights of its terms, and solver.
-        weights: (N,) of the transitions' losses; by default those of the model's own noise at its theta.
+        model: polytope in the physical or the rigid form; a model in the contactnets form is converted to the physical one.
+        data: N transitions of K tosses.
+        estimator: estimator of the Fisher matrices.
+        loss: weights and solver of the loss.
+        weights: (N,) weights of the transitions' losses; by default those that follow from the model's own noise.
 
     Raises:
-        InvalidValueError: its geometry has no physical form.
+        InvalidValueError: the model's geometry has no physical form.
     """
     geometry = model.geometry()
     chart = parameter_form(geometry, fitted_form(model)).chart
@@ -70,10 +70,8 @@ def polytope_sums(
 
 
 def moved(model: PolytopeModel, step: Array) -> PolytopeModel:
-    """Another model, whose theta is `step` (P,) further on, in the coordinates of `polytope_sums`."""
-    other = PolytopeModel(
-        model.geometry(), model.body, fitted_form(model)
-    )  # its tilt is zero: the chart is taken about its normal
+    """The model with theta changed by `step` (P,), in the coordinates of `polytope_sums`."""
+    other = PolytopeModel(model.geometry(), model.body, fitted_form(model))  # tilts are measured from the model's own normal
     theta = parameters_to_vector(other.parameters()).detach()
     vector_to_parameters(theta + theta.new_tensor(step), other.parameters())
     other.limit()
@@ -81,15 +79,15 @@ def moved(model: PolytopeModel, step: Array) -> PolytopeModel:
 
 
 def fitted_form(model: PolytopeModel) -> Form:
-    """The form in which a polytope is fitted: its own, but the physical one for one in the contactnets form."""
+    """The form in which a polytope is fitted: its own, or the physical form for a model in the contactnets form."""
     return Form.RIGID if model.form is Form.RIGID else Form.PHYSICAL
 
 
 def physical_difference(geometry: ContactGeometry, origin: ContactGeometry) -> Array:
-    """(P,) from `origin` to a geometry with the same pivot, in the physical or rigid coordinates about the former; see `moved`.
+    """The change of theta (P,) from `origin` to a geometry with the same pivot, in the coordinates of `moved`.
 
     Raises:
-        InvalidValueError: one of them has no such form.
+        InvalidValueError: one of the geometries has no physical or rigid form.
     """
     form = Form.PHYSICAL if origin.noise is None else Form.RIGID
     names = [block.name for block in parameter_form(origin, form).blocks if block.name.startswith("vertices")]

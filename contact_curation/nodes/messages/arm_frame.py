@@ -12,7 +12,7 @@ BASE_FRAME = "fr3_link0"
 
 
 def joint_state_message(frame: ArmFrame, stamp_ns: int) -> JointState:
-    """The arm's joints."""
+    """The arm's joint positions [rad], speeds [rad/s] and torques [N m]."""
     return JointState(
         header=header_message(Stamped(stamp_ns, BASE_FRAME)),
         name=list(JOINT_NAMES),
@@ -23,7 +23,7 @@ def joint_state_message(frame: ArmFrame, stamp_ns: int) -> JointState:
 
 
 def truth_message(frame: ArmFrame, stamped: Stamped, body: str) -> Odometry:
-    """The body's true pose on the board, and its twist in its own frame, as Odometry has it."""
+    """The body's true pose in the board's frame and its twist in the body's frame, as Odometry specifies."""
     x, y, z, w, qx, qy, qz = frame.body[:7].tolist()
     pose = Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(w=w, x=qx, y=qy, z=qz))
     (vx, vy, vz), (wx, wy, wz) = frame.twist_in_body.reshape(2, 3).tolist()

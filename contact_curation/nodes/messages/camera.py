@@ -15,11 +15,11 @@ from contact_curation.simulation.camera.tag_detection import Detection
 from contact_curation.simulation.camera.tag_textures import Image
 
 FAMILY_NAME = "36h11"
-"""Tag family as apriltag_ros writes it."""
+"""Name of the tag family in the messages of apriltag_ros."""
 
 
 def camera_info_message(stamped: Stamped, camera: Pinhole) -> CameraInfo:
-    """The intrinsics of a camera without distortion: its images are rectified as they come."""
+    """The intrinsics of a camera without distortion, whose images count as rectified."""
     projection = np.column_stack([camera.matrix, np.zeros(3)])
     return CameraInfo(
         header=header_message(stamped),

@@ -1,4 +1,4 @@
-"""Stamps and frames of messages; nanoseconds inside."""
+"""Stamps and frames of messages; the library's stamps are integers in nanoseconds."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from contact_curation.stages.records import Stamped as Stamped
 
 
 def check_format(message: Any) -> None:
-    """Refuses a message of a format that is newer than the installed interface package.
+    """Refuses a message whose format is newer than the installed interface package.
 
     Raises:
         InvalidValueError: its `format_version` is above `FORMAT_VERSION`.
@@ -25,21 +25,21 @@ def check_format(message: Any) -> None:
 
 
 def time_message(stamp_ns: int) -> Time:
-    """A stamp as a message."""
+    """Converts a stamp [ns] to a message."""
     seconds, nanoseconds = divmod(int(stamp_ns), NANOSECONDS)
     return Time(sec=seconds, nanosec=nanoseconds)
 
 
 def nanoseconds_of(time: Any) -> int:
-    """A message's stamp."""
+    """The stamp of a message [ns]."""
     return int(time.sec) * NANOSECONDS + int(time.nanosec)
 
 
 def header_message(stamped: Stamped) -> Header:
-    """A header."""
+    """Makes a header from stamp and frame."""
     return Header(stamp=time_message(stamped.stamp_ns), frame_id=stamped.frame_id)
 
 
 def stamped_of(header: Any) -> Stamped:
-    """Stamp and frame of a message's header."""
+    """Reads stamp and frame of a message's header."""
     return Stamped(nanoseconds_of(header.stamp), str(header.frame_id))

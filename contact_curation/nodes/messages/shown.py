@@ -1,4 +1,4 @@
-"""Translation of messages to the records that the dashboard shows."""
+"""Translates messages to the records that the dashboard shows."""
 
 from pathlib import Path
 from typing import Any
@@ -23,10 +23,10 @@ from contact_curation.stages.scored_theta import read_scored_theta
 
 
 def first_theta(parameters: str, body: Body) -> tuple[ShownTheta, Body]:
-    """Theta before any was published, and the body that it is for.
+    """The initial theta, before any is published, and its body.
 
     Raises:
-        UnreadableInputError, InvalidValueError: the file holds no theta.
+        UnreadableInputError, InvalidValueError: the file contains no theta.
     """
     if not parameters:
         return ShownTheta("", ContactGeometry.of_body(body)), body
@@ -35,10 +35,10 @@ def first_theta(parameters: str, body: Body) -> tuple[ShownTheta, Body]:
 
 
 def theta_of(message: Any, body: Body) -> ShownTheta:
-    """The theta that a ModelParameters carries.
+    """Reads the theta of a ModelParameters message.
 
     Raises:
-        InvalidValueError, UnreadableInputError: a newer format, it is for another body, or bytes that are no theta.
+        InvalidValueError, UnreadableInputError: the format is newer, the body is another one, or the bytes are not a theta.
     """
     check_format(message)
     if message.body != body.name:
@@ -59,10 +59,10 @@ def _shown(version: str, model: str, data: bytes, body: Body) -> ShownTheta:
 
 
 def selected_set_of(message: Any) -> SelectedSet:
-    """The selected set that a CuratedBuffer carries.
+    """Reads the selected set of a CuratedBuffer message.
 
     Raises:
-        InvalidValueError: a newer format, or more tosses than a buffer can have.
+        InvalidValueError: the format is newer, or there are too many tosses.
     """
     check_format(message)
     check_size("toss_ids of the buffer", message.toss_ids, MOST_IDS)
@@ -78,10 +78,10 @@ def selected_set_of(message: Any) -> SelectedSet:
 
 
 def training_of(message: Any) -> TrainingMoment:
-    """The state of the training in a TrainingStatus.
+    """Reads the state of the training from a TrainingStatus message.
 
     Raises:
-        InvalidValueError: a newer format.
+        InvalidValueError: the format is newer.
     """
     check_format(message)
     return TrainingMoment(
@@ -95,10 +95,10 @@ def training_of(message: Any) -> TrainingMoment:
 
 
 def throw_made_of(message: Any) -> ThrowMade:
-    """The throw and its outcome in a ThrowReport.
+    """Reads a throw and its outcome from a ThrowReport message.
 
     Raises:
-        InvalidValueError: a newer format, or its throw is none.
+        InvalidValueError: the format is newer, or the throw is invalid.
     """
     check_format(message)
     return ThrowMade(
@@ -112,7 +112,7 @@ def throw_made_of(message: Any) -> ThrowMade:
 
 
 def healths_of(message: Any, now: float) -> list[NodeHealth]:
-    """The state of each node in a DiagnosticArray that was received at `now` [s]."""
+    """Reads the health of each node from a DiagnosticArray that was received at `now` [s]."""
     return [
         NodeHealth(
             name=node_of(status.name),

@@ -1,4 +1,4 @@
-"""Throw, record and message; what the contract of ExecuteThrow (docs/ros/nodes.md) says of the headers of both ends."""
+"""Translates throws, and checks the headers of ExecuteThrow's goals and results (contract: docs/ros/nodes.md)."""
 
 from typing import Any
 
@@ -13,11 +13,11 @@ from contact_curation.nodes.messages.headers import Stamped, check_format, heade
 
 
 def throw_message(throw: Throw, stamped: Stamped) -> ThrowMessage:
-    """A throw as it is commanded, or as it was executed.
+    """Makes the message of a commanded or executed throw.
 
     Args:
         throw: the record.
-        stamped: time of the release, 0 while nobody knows it; frame of the board.
+        stamped: time of the release, 0 if unknown, and frame of the board.
     """
     w, qx, qy, qz = throw.orientation_wxyz.tolist()
     x, y, z = throw.position.tolist()
@@ -38,10 +38,10 @@ def throw_message(throw: Throw, stamped: Stamped) -> ThrowMessage:
 
 
 def throw_of(message: Any) -> Throw:
-    """The record that a message carries, bit for bit.
+    """Reads the throw of a message, with the same bits.
 
     Raises:
-        InvalidValueError: a newer format, or it is no throw.
+        InvalidValueError: the format is newer, or the throw is invalid.
     """
     check_format(message)
     place, turn = message.release_pose.position, message.release_pose.orientation
@@ -59,16 +59,16 @@ def throw_of(message: Any) -> Throw:
 
 
 def commanded_throw_of(message: Any, board_frame: str, now_ns: int, oldest: float) -> Throw:
-    """The throw of a goal, if it was meant for now and for this board.
+    """Reads the throw of a goal, and refuses stale goals and other frames.
 
     Args:
-        message: as it came; a stamp of 0 says nothing, nor does an empty frame.
-        board_frame: of the thrower.
-        now_ns: by the thrower's ROS clock.
-        oldest: so much may lie between the stamp and now, either way [s]; 0 for any.
+        message: message of the goal's throw; a stamp of 0 and an empty frame are accepted.
+        board_frame: the thrower's frame of the board.
+        now_ns: time of the thrower's ROS clock [ns].
+        oldest: largest accepted difference between stamp and now, in both directions [s]; 0 accepts any.
 
     Raises:
-        InvalidValueError: it is stale, or given in another frame; and as of `throw_of`.
+        InvalidValueError: the goal is stale, it is given in another frame, or as in `throw_of`.
     """
     _check_frame(message, board_frame)
     stamp_ns = nanoseconds_of(message.header.stamp)
@@ -82,10 +82,10 @@ def commanded_throw_of(message: Any, board_frame: str, now_ns: int, oldest: floa
 
 
 def executed_throw_of(message: Any, board_frame: str) -> tuple[Throw, int]:
-    """The throw of a result, and when the body was released [ns].
+    """Reads the executed throw of a result, and the time of its release [ns].
 
     Raises:
-        InvalidValueError: nobody says when, so that its toss cannot be told from others; another frame; and as of `throw_of`.
+        InvalidValueError: the stamp is 0, so that its toss cannot be identified; the frame is another one; or as in `throw_of`.
     """
     _check_frame(message, board_frame)
     stamp_ns = nanoseconds_of(message.header.stamp)

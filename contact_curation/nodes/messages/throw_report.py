@@ -1,4 +1,4 @@
-"""A throw's report, record and message."""
+"""Translates reports of throws."""
 
 from enum import StrEnum
 from typing import Any
@@ -13,7 +13,7 @@ from contact_curation.nodes.messages.throw import throw_message, throw_of
 
 
 def report_message(report: ThrowReport, board_frame: str) -> ThrowReportMessage:
-    """What is known of a throw; the header's stamp is that of the release, 0 before it."""
+    """Makes the message of a throw's report; the header's stamp is the time of the release, 0 before the release."""
     released = Stamped(report.released_ns, board_frame)
     return ThrowReportMessage(
         format_version=ThrowReportMessage.FORMAT_VERSION,
@@ -30,10 +30,10 @@ def report_message(report: ThrowReport, board_frame: str) -> ThrowReportMessage:
 
 
 def report_of(message: Any) -> ThrowReport:
-    """The record that a message carries, bit for bit.
+    """Reads the report of a message, with the same bits.
 
     Raises:
-        InvalidValueError: a newer format, or it is none.
+        InvalidValueError: the format is newer, or the report is invalid.
     """
     check_format(message)
     return ThrowReport(

@@ -1,4 +1,4 @@
-"""Toss and TossRejected: this is where wxyz becomes xyzw and back."""
+"""Translates tosses and rejected motions; quaternions change from wxyz to xyzw and back here."""
 
 from typing import Any
 
@@ -21,12 +21,12 @@ from contact_curation.nodes.messages.headers import Stamped, check_format, heade
 
 
 def toss_message(toss: Toss, sequence: int, board_frame: str) -> TossMessage:
-    """A toss as it is announced.
+    """Makes the message that announces a toss.
 
     Args:
         toss: the record.
-        sequence: its place in the store, from 1.
-        board_frame: frame that its poses are given in.
+        sequence: its number in the store, from 1.
+        board_frame: frame of its poses.
     """
     poses = zip(toss.positions.tolist(), toss.orientations_wxyz.tolist())
     return TossMessage(
@@ -48,10 +48,11 @@ def toss_message(toss: Toss, sequence: int, board_frame: str) -> TossMessage:
 
 
 def toss_of(message: Any) -> Toss:
-    """The record that a message carries, bit for bit.
+    """Reads the toss of a message, with the same bits.
 
     Raises:
-        InvalidValueError: a newer format, arrays of different lengths or too many frames, or numbers that no toss has.
+        InvalidValueError: the format is newer, arrays have different lengths, there are too many frames, or a number is out of
+            bounds.
     """
     check_format(message)
     for name in ("stamps", "poses", "linear_velocities", "body_angular_velocities"):
@@ -75,7 +76,7 @@ def toss_of(message: Any) -> Toss:
 
 
 def rejected_message(rejected: Rejected, board_frame: str) -> TossRejected:
-    """A rejected motion, as it is announced."""
+    """Makes the message that announces a rejected motion."""
     toss = rejected.toss
     return TossRejected(
         format_version=TossRejected.FORMAT_VERSION,

@@ -1,4 +1,4 @@
-"""TossInformation, record and message."""
+"""Translates the information of tosses."""
 
 from itertools import accumulate, pairwise
 from typing import Any
@@ -14,11 +14,11 @@ from contact_curation.nodes.messages.headers import Stamped, check_format, heade
 
 
 def information_message(information: TossInformation, sequence: int, stamped: Stamped) -> TossInformationMessage:
-    """A scored toss as it is announced.
+    """Makes the message that announces the information of a toss.
 
     Args:
         information: the record.
-        sequence: its place in the scorer's store, from 1.
+        sequence: its number in the scorer's store, from 1.
         stamped: stamp of the toss's last frame, and frame of the board.
     """
     x, y, z = information.centroid.tolist()
@@ -48,10 +48,10 @@ def information_message(information: TossInformation, sequence: int, stamped: St
 
 
 def information_of(message: Any) -> TossInformation:
-    """The record that a message carries, bit for bit.
+    """Reads the information of a message, with the same bits.
 
     Raises:
-        InvalidValueError: a newer format, arrays that do not fit together or are too long, or numbers that no toss has.
+        InvalidValueError: the format is newer, the sizes of arrays are inconsistent or too large, or a number is out of bounds.
     """
     check_format(message)
     sizes, names, rows = list(message.block_sizes), list(message.block_names), int(message.factor_rows)

@@ -1,4 +1,4 @@
-"""Poses of body and board in TagSLAM's messages: Odometry with an empty twist and a covariance, and a static transform."""
+"""Makes TagSLAM's messages for body and board: Odometry with a covariance and without a twist, and a static transform."""
 
 from typing import Any
 
@@ -13,13 +13,13 @@ from contact_curation.nodes.messages.headers import Stamped, header_message
 
 
 def odometry_message(stamped: Stamped, child: str, pose: Pose, deviations: tuple[float, float]) -> Odometry:
-    """A body's pose.
+    """Makes the Odometry message of a body's pose.
 
     Args:
-        stamped: when, and in which frame.
-        child: the body's frame.
+        stamped: stamp, and frame in which the pose is given.
+        child: frame of the body.
         pose: pose of the body.
-        deviations: standard deviations of its position [m] and turn [rad].
+        deviations: standard deviations of position [m] and orientation [rad], per axis.
     """
     x, y, z = pose.position.tolist()
     covariance = np.diag(np.repeat(deviations, 3) ** 2).ravel()
@@ -30,7 +30,7 @@ def odometry_message(stamped: Stamped, child: str, pose: Pose, deviations: tuple
 
 
 def static_transform_message(stamped: Stamped, child: str, pose: Pose) -> TFMessage:
-    """Where a frame always is."""
+    """Makes the static transform of a frame."""
     x, y, z = pose.position.tolist()
     transform = TransformStamped(header=header_message(stamped), child_frame_id=child)
     transform.transform.translation = Vector3(x=x, y=y, z=z)

@@ -1,4 +1,4 @@
-"""ModelParameters of any model."""
+"""Makes ModelParameters messages of any model."""
 
 from contact_curation_msgs.msg import ModelParameters
 

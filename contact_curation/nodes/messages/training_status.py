@@ -1,4 +1,4 @@
-"""TrainingStatus, from a moment of the training and how well its model predicts held-out motions."""
+"""Makes TrainingStatus messages, from the state of the training and the errors of held-out motions."""
 
 from contact_curation_msgs.msg import TrainingStatus
 
@@ -16,7 +16,7 @@ STATES = {
 
 
 def waiting_message(kind: str, revision: int, stamped: Stamped) -> TrainingStatus:
-    """Nothing is trained yet, and nothing is to be done for this buffer.
+    """The status `waiting` before anything is trained: this buffer needs no round.
 
     Args:
         kind: kind of the model.
@@ -37,14 +37,14 @@ def waiting_message(kind: str, revision: int, stamped: Stamped) -> TrainingStatu
 def status_message(
     moment: Moment, version: str, errors: HeldOutErrors, stamped: Stamped, rests_on: int | None
 ) -> TrainingStatus:
-    """Where training stands.
+    """The status of the training at a moment.
 
     Args:
-        moment: at a round's start or end.
-        version: version of the parameters there.
-        errors: errors of the motions that they predict of held-out tosses.
+        moment: state of the training at the start or end of a round.
+        version: version of its parameters.
+        errors: errors of the motions that they predict for held-out tosses.
         stamped: stamp and frame of the newest buffer.
-        rests_on: revision of the buffer for which nothing is left to do; None while something is.
+        rests_on: revision of the buffer for which nothing is left to train; None while a round is needed.
     """
     progress = moment.progress
     state = STATES[progress.state]

@@ -1,8 +1,9 @@
-"""Numbered messages, each once and in order, from a topic and the service behind it.
+"""Receives numbered messages, each once and in order, from a topic and the service that gives them on request.
 
-What a node publishes it has stored, numbered from 1. The topic is quick, the service complete: whoever comes late, was killed,
-or finds a number missing asks the service for what follows the last one it has. Asking once a second as well costs little
-and also finds what was stored and never announced. A re-created store counts from 1 again: then everything is taken.
+A node stores what it publishes, and numbers it from 1. The topic is fast, the service is complete. A listener that starts late,
+was killed, or finds a number missing requests from the service what follows its last message. It also does so once a second,
+which costs little and finds messages that were stored but never announced. If the store was re-created, numbers start from 1
+again, and everything is requested.
 """
 
 import threading
@@ -20,23 +21,23 @@ from contact_curation.nodes.ros.worker import Worker
 from contact_curation.stages.records import Cursor
 
 PERIOD = 1.0
-"""[s] between questions when nothing is missing."""
+"""Time between requests when nothing is missing [s]."""
 
 PATIENCE = 5
-"""Periods until a question without an answer is asked again: the server was killed meanwhile."""
+"""Number of periods after which a request without a response is repeated, because the server was killed."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """Where numbered messages come from.
+    """Topic and service of numbered messages.
 
     Attributes:
-        message: type of the messages; with fields `sequence` and `toss_id`.
+        message: type of the messages, which have the fields `sequence` and `toss_id`.
         topic: topic that announces them.
         service: type of the service; its request has `after_sequence` and `limit`, its response `last_sequence`.
-        service_name: name of the service that gives them on demand.
-        field: field of the response, with the messages.
-        page: how many are asked for at a time.
+        service_name: name of the service.
+        field: field of the response that contains the messages.
+        page: largest number of messages in a response.
     """
 
     message: Any
@@ -51,12 +52,12 @@ class CatchUp:
     """Follows a source from a cursor on.
 
     Args:
-        node: node that listens.
-        worker: worker that handles what comes.
-        source: what to follow.
-        cursor: where an earlier run stopped; checked against the source before it is believed.
-        handle: called on the worker with messages in order, and the cursor behind them.
-        caught_up: called on the worker whenever the source has said that nothing is missing.
+        node: node that subscribes.
+        worker: worker that handles the messages.
+        source: topic and service to follow.
+        cursor: last message that an earlier run handled; it is compared with the source before it is used.
+        handle: called on the worker with messages in order, and the cursor after them.
+        caught_up: called on the worker whenever the source has confirmed that nothing is missing.
     """
 
     def __init__(
@@ -85,16 +86,16 @@ class CatchUp:
 
     @property
     def cursor(self) -> Cursor:
-        """Behind the last message that was given to the worker."""
+        """Position after the last message that was passed to the worker."""
         return self._cursor
 
     @property
     def complete(self) -> bool:
-        """Whether everything that is known to be in the source was handled."""
+        """Whether all messages that the source is known to have were handled."""
         return self._handled.sequence >= self._newest
 
     def restart(self) -> None:
-        """Takes everything once more, from the first message on; what waits for the worker now is forgotten."""
+        """Requests everything again from the first message on, and drops what waits for the worker."""
         with self._lock:
             self._generation += 1
             self._cursor, self._handled, self._confirmed = Cursor(), Cursor(), True
@@ -102,7 +103,7 @@ class CatchUp:
         self._ask()
 
     def _heard(self, message: Any) -> None:
-        """A message of the topic: taken when it is the next one, otherwise a reason to ask."""
+        """Takes a message of the topic if it is the next one; otherwise sends a request."""
         with self._lock:
             self._newest = max(self._newest, message.sequence)
             if self._confirmed and message.sequence == self._cursor.sequence + 1:
@@ -125,7 +126,7 @@ class CatchUp:
         with self._lock:
             if self._asked is not None:
                 return
-            if not self._client.service_is_ready():  # whoever comes back may have lost its last records with its machine
+            if not self._client.service_is_ready():  # after a crash of its machine the server may lack its last records
                 self._confirmed = self._cursor.sequence == 0
                 return
             after = self._cursor.sequence if self._confirmed else self._cursor.sequence - 1
@@ -148,11 +149,11 @@ class CatchUp:
                 fresh = [message for message in messages if message.sequence > self._cursor.sequence]
                 self._take(fresh)
                 more = bool(fresh) and self._cursor.sequence < response.last_sequence
-        # Behind the messages of this page, so that pages do not pile up.
+        # Queued after the messages of this page, so that pages do not accumulate.
         self._worker.do(self._ask if more else self._say_caught_up)
 
     def _same_source(self, messages: Sequence[Any], last_sequence: int) -> bool:
-        """Whether the cursor belongs to this source; a new store holds neither its number nor its toss."""
+        """Whether the cursor belongs to this source; a re-created store has another toss at its number, or none."""
         if not self._confirmed:
             first = messages[0] if messages else None
             self._confirmed = first is not None and Cursor(first.sequence, first.toss_id) == self._cursor

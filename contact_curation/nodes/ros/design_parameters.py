@@ -13,16 +13,16 @@ from contact_curation.design.safety import Feasible
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.stages.throw_loop import LoopConfig
 
-WAITING = "how long to wait after that until the trainer has used all tosses [s]; 0 designs with the theta that is there"
+WAITING = "how long to wait after that until the trainer has used all tosses [s]; 0: design with the present theta"
 
 JUDGED = ("forecast", "safety", "noise", "placement")
 
 
 def declared_thrower(node: Node, body: Body) -> Feasible | None:
-    """Declares `thrower` and gives its judge of throws; None if it is empty or `none`.
+    """Declares `thrower` and returns the function that decides which throws it can make; None if it is empty or `none`.
 
     Raises:
-        InvalidValueError: an arm that there cannot be.
+        InvalidValueError: the arm's parameters are invalid.
     """
     described = "arm: only throws that sim_arm can make, with its parameters arm.*; none or empty: a thrower of your own"
     if declare(node, "thrower", "", described, choices=("", "none", "arm")) != "arm":
@@ -37,11 +37,11 @@ def declared_thrower(node: Node, body: Body) -> Feasible | None:
 
 
 def declared_design(node: Node) -> DesignerConfig:
-    """How throws are designed.
+    """Declares the parameters of the design of throws.
 
     Raises:
-        InvalidValueError: a value that is not accepted.
-        rclpy.exceptions.ParameterException: a value of another type.
+        InvalidValueError: a value is not accepted.
+        rclpy.exceptions.ParameterException: a value has another type.
     """
     default = DesignConfig()
     described = {
@@ -63,7 +63,7 @@ def declared_design(node: Node) -> DesignerConfig:
 
 
 def declared_loop(node: Node) -> LoopConfig:
-    """How long `auto` waits."""
+    """Declares how many throws `auto` makes, and how long it waits."""
     default = LoopConfig()
     return LoopConfig(
         declare(node, "max_throws", default.max_throws, "stop after this many throws in auto; 0: no end", bounds=(0, 1 << 31)),

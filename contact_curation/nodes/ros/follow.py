@@ -1,7 +1,7 @@
-"""Numbered messages of a topic for a node that may miss some: these are requested from the service later.
+"""Receives numbered messages for a node that may miss some, and requests those from the service later.
 
-Unlike `catch_up.CatchUp`, which queues everything in order, nothing is taken here that there is no room for: it is asked for
-again later, so that a listener that cannot keep up holds a bounded number of messages. They may come twice and in any order.
+`catch_up.CatchUp` queues everything in order. Here a message for which the node has no room is dropped and requested later, so
+that a node that cannot keep up holds a bounded number of messages. They may come twice and in any order.
 """
 
 from collections.abc import Callable
@@ -15,18 +15,18 @@ from contact_curation.nodes.ros.catch_up import PATIENCE, PERIOD, Source
 from contact_curation.nodes.ros.qos import latched
 
 HELD = 4096
-"""Messages of a topic that the middleware holds until a callback takes them; far more than nodes keep for late listeners."""
+"""Depth of the subscription's queue; far more than nodes keep for late subscribers."""
 
 
 class Follow:
     """Follows a source.
 
     Args:
-        node: node that listens.
-        source: what to follow.
-        offer: takes a batch of messages, or says that there is no room for it.
-        idle: whether there is time for what was missed.
-        newest: how many messages to look back to; None for all.
+        node: node that subscribes.
+        source: topic and service to follow.
+        offer: takes a batch of messages; returns False if there is no room for it.
+        idle: returns whether there is time to request missed messages.
+        newest: number of earlier messages to request at the start; None for all.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Follow:
 
     def _tick(self) -> None:
         self._silent += 1
-        if self._asked is not None and self._silent > PATIENCE:  # who should answer was killed meanwhile
+        if self._asked is not None and self._silent > PATIENCE:  # the server was killed
             self._client.remove_pending_request(self._asked)
             self._asked = None
         self._ask()

@@ -1,4 +1,4 @@
-"""The parameters that a node was started with: what ROS would pass over in silence is refused."""
+"""Checks the parameters that a node was started with: ROS ignores unknown names silently, here they are refused."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -14,24 +14,24 @@ PARAMS_FILE, PARAMETER = "--params-file", ("-p", "--param")
 
 
 def check_files(words: Sequence[str]) -> None:
-    """Refuses parameter files that are not there, which rcl would do in several lines.
+    """Refuses missing parameter files in one line, where rcl would print several.
 
     Args:
         words: arguments of the command line.
 
     Raises:
-        InvalidValueError: one is not there.
+        InvalidValueError: a file does not exist.
     """
     for word, path in pairwise(words):
         if word == PARAMS_FILE and not Path(path).is_file():
-            raise InvalidValueError(PARAMS_FILE, f"no file {path}", "a file of parameters, such as config/nodes.yaml")
+            raise InvalidValueError(PARAMS_FILE, f"no file {path}", "a parameter file, such as config/nodes.yaml")
 
 
 def take_former_names(node: Node, name: str) -> None:
     """Renames parameters that were given under a former name, and logs a line.
 
     Args:
-        node: before it declares any.
+        node: node that has not declared any parameter yet.
         name: name of the node in config/nodes.yaml.
     """
     given = node._parameter_overrides
@@ -44,10 +44,10 @@ def take_former_names(node: Node, name: str) -> None:
 def check_names(node: Node, name: str, words: Sequence[str]) -> None:
     """Refuses parameters that the node does not have.
 
-    A file may set parameters of all nodes at once, so that a name in a file may also be another node's.
+    A file may set parameters of all nodes at once, so in a file a name may also belong to another node.
 
     Args:
-        node: after it has declared all.
+        node: node that has declared all its parameters.
         name: name of the node in config/nodes.yaml.
         words: arguments of the command line.
 

@@ -1,7 +1,7 @@
-"""A node's state at 1 Hz on /diagnostics, for diagnostic_aggregator, rqt_robot_monitor and the dashboard.
+"""Publishes a node's health at 1 Hz on /diagnostics, for diagnostic_aggregator, rqt_robot_monitor and the dashboard.
 
-A status is named `node: what it reports on`, as diagnostic_updater names it, with the namespace before the node; its keys are
-words that stay the same. What a node waits for is also said in its log: soon after it began to wait, and then ever more seldom.
+A status is named `node: subject`, as by diagnostic_updater, with the namespace before the node; its keys never change. What a
+node waits for is also logged: after a few seconds, and then at growing intervals.
 """
 
 import re
@@ -16,26 +16,26 @@ from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.ros.qos import profile
 
 PERIOD = 1.0
-"""[s] of the steady clock: it also goes on where simulated time stands still."""
+"""Time between two reports on the steady clock, which continues when simulated time stands still [s]."""
 
 FIRST_WORD, LONGEST_PAUSE = 5.0, 600.0
-"""[s] that a node waits before it says so, and between two such lines at most."""
+"""Time before a node logs what it waits for, and longest time between two such lines [s]."""
 
 PACKAGE = KeyValue(key="package", value="contact_curation")
-"""By which statuses of these nodes are told from others'."""
+"""Key that identifies statuses of this package's nodes."""
 
 NO_WORD = re.compile(r"\W+")
-"""What is no part of a key."""
+"""Characters that are not part of a key."""
 
 
 class Health(NamedTuple):
-    """The state of a node.
+    """The health of a node.
 
     Attributes:
-        message: one line.
+        message: summary in one line.
         values: details by name.
-        warning: whether someone should look.
-        waiting_for: what it cannot go on without; empty where nothing is missing.
+        warning: whether the level of the status is WARN.
+        waiting_for: what the node waits for; empty if it waits for nothing.
     """
 
     message: str
@@ -45,7 +45,7 @@ class Health(NamedTuple):
 
 
 class Rate:
-    """Counts what happens, and how often since it was asked last."""
+    """Counts events, and their rate since the last query."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -53,18 +53,18 @@ class Rate:
         self._before = (0, self._clock.now().nanoseconds)
 
     def per_second(self) -> float:
-        """Since the last call, or the start."""
+        """Events per second since the last call, or since the start."""
         (count, then_ns), self._before = self._before, (self.count, self._clock.now().nanoseconds)
         elapsed_ns: int = self._before[1] - then_ns
         return (self.count - count) * NANOSECONDS / max(elapsed_ns, 1)
 
 
 class Waiting:
-    """When a node that waits says so: after a while, and then after pauses that double.
+    """Logs what a node waits for: after a few seconds, and then at intervals that double.
 
     Args:
         say: logs a line.
-        now: steady time [s].
+        now: gives the time of a steady clock [s].
     """
 
     def __init__(self, say: Callable[[str], None], now: Callable[[], float]) -> None:
@@ -73,7 +73,7 @@ class Waiting:
         self._due = self._pause = 0.0
 
     def look(self, what: str) -> None:
-        """Takes what the node waits for now; empty where nothing is missing."""
+        """Updates what the node waits for now; empty for nothing."""
         if what != self._what:
             self._what, self._pause = what, FIRST_WORD
             self._due = self._now() + FIRST_WORD
@@ -84,13 +84,13 @@ class Waiting:
 
 
 class HealthReport:
-    """Publishes what `look` gives, once a second.
+    """Publishes the health that `look` returns once a second.
 
     Args:
-        node: that reports.
-        about: what it reports on, in a word.
-        look: gives its health.
-        body: that the node works on, which stands for the hardware.
+        node: node that reports.
+        about: subject of the report, one word.
+        look: returns the node's health.
+        body: name of the node's body, published as `hardware_id`.
     """
 
     def __init__(self, node: Node, about: str, look: Callable[[], Health], body: str = "none") -> None:
@@ -119,16 +119,16 @@ class HealthReport:
 
 
 def key_of(name: str) -> str:
-    """A key of a status: words, joined by underscores."""
+    """Makes a key of a status from a name: words joined by underscores."""
     return NO_WORD.sub("_", name).strip("_")
 
 
 def node_of(status: str) -> str:
-    """The full name of the node that a status is of."""
+    """The full name of a status's node."""
     return f"/{status.partition(':')[0].lstrip('/')}"
 
 
 def awaited(node: Node, what: str, topic: str) -> str:
-    """What a node waits for, where it comes from, and that nobody is there to send it."""
+    """Says what a node waits for, on which topic, and whether anybody publishes it."""
     name = node.resolve_topic_name(topic)
     return f"{what} on {name}" + ("" if node.count_publishers(name) else ", which nobody publishes")

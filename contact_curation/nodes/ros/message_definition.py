@@ -1,6 +1,6 @@
-"""The definition text of a message type, as bags carry it (`ros2msg`), from its installed class.
+"""Makes the definition text of a message type from its installed class, as recordings contain it (`ros2msg`).
 
-Constants and default values are left out: no byte of a message depends on them.
+Constants and default values are left out, because the serialised messages do not depend on them.
 """
 
 import re
@@ -10,14 +10,14 @@ from contact_curation.nodes.ros.message_types import message_class
 
 SEPARATOR = "=" * 80
 WORDS = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
-"""What a class calls primitive types, and what definitions call them."""
+"""Primitive types by their names in message classes, and their names in definitions."""
 
 FIELD = re.compile(r"(?:sequence<(?P<element>[^,]+?)(?:, (?P<bound>\d+))?>|(?P<item>[^\[]+)\[(?P<size>\d+)\]|(?P<plain>.+))")
 BOUNDED = re.compile(r"(w?string)<(\d+)>")
 
 
 def definition_text(type_name: str) -> str:
-    """The definition of `type_name`, e.g. `nav_msgs/msg/Odometry`, and behind it those of the types it is made of.
+    """The definition of `type_name`, e.g. `nav_msgs/msg/Odometry`, followed by those of the types of its fields.
 
     Raises:
         MissingDependencyError: a type is not installed.
@@ -36,7 +36,7 @@ def definition_text(type_name: str) -> str:
 
 
 def _own_text(kind: Any) -> tuple[str, list[str]]:
-    """A line per field, and the message types among the fields."""
+    """One line per field, and the message types of the fields."""
     lines, parts = [], []
     for field, declared in kind.get_fields_and_field_types().items():
         element, suffix = _split(declared)
@@ -47,9 +47,9 @@ def _own_text(kind: Any) -> tuple[str, list[str]]:
 
 
 def _split(declared: str) -> tuple[str, str]:
-    """A field's element type, and what makes an array of it."""
+    """Splits a field's type into the element type and the array suffix."""
     found = FIELD.fullmatch(declared)
-    assert found is not None  # the last alternative takes anything
+    assert found is not None  # the last alternative of the pattern matches anything
     if found["element"]:
         return found["element"], f"[<={found['bound']}]" if found["bound"] else "[]"
     return (found["item"], f"[{found['size']}]") if found["item"] else (found["plain"], "")

@@ -1,8 +1,8 @@
-"""The entry point of all nodes, from process start to exit status. A configuration error is one line and status 1.
+"""The entry point of all nodes, from process start to exit status. A configuration error gives one line and status 1.
 
-Signals never interrupt what a node is doing. The first SIGINT or SIGTERM ends the spinning; the node then closes its threads,
-files and publishers while the middleware is still there. Further signals change nothing, and closing has a limit: what is not
-finished by then is taken up after the next start, as after a kill.
+Signals never interrupt a callback. The first SIGINT or SIGTERM ends the spinning; the node then closes its threads, files and
+publishers while the middleware still works. Further signals have no effect. Closing has a time limit: unfinished work is
+continued after the next start, as after a kill.
 """
 
 import os
@@ -29,25 +29,25 @@ from contact_curation.nodes.ros.qos import overridable, overrides_checked
 from contact_curation.nodes.ros.security import check_keystore, explained
 
 REFUSED = (ContactCurationError, OSError, ParameterException, RCLError)
-"""Errors that a user can cause before a node is there."""
+"""Errors that a user can cause while a node starts."""
 
 FAILED = (ContactCurationError, OSError)
-"""Errors that can end a node that works: a disk that is full or breaks is no error of the program."""
+"""Errors that can end a running node without being programming errors, for example a full or broken disk."""
 
 OF_RCL = re.compile(r",? at /\S+:\d+")
-"""Place in rcl's sources that its messages end with; it is left out."""
+"""Position in rcl's sources at the end of its messages, which is removed."""
 
 LONGEST_CLOSING = 4.5
-"""[s] from the first signal to the end of the process; launch ends by force what takes over 5 s."""
+"""Longest time from the first signal to the end of the process [s]; launch kills processes after 5 s."""
 
 
 class StageNode(Node):
-    """A node that can stop itself with a reason, and tidies up when it ends."""
+    """A node that can end its process with a reason, and closes its resources at the end."""
 
     failure: BaseException | None = None
     _made = False
     longest_closing = LONGEST_CLOSING
-    """[s]; a node that has more to write at its end may take longer."""
+    """Time limit of closing [s]; nodes with more to write at their end may set a longer one."""
     _at_end = False
     _end_spinning: Callable[[], None] | None = None
 
@@ -57,17 +57,17 @@ class StageNode(Node):
         self._made = True
 
     def create_publisher(self, *what: Any, **how: Any) -> Any:
-        """As rclpy does; parameters `qos_overrides.TOPIC.publisher.*` hold, of history, depth and reliability."""
+        """As in rclpy, with the parameters `qos_overrides.TOPIC.publisher.*` for history, depth and reliability."""
         with overrides_checked():
             return super().create_publisher(*what, **self._overridable(how))
 
     def create_subscription(self, *what: Any, **how: Any) -> Any:
-        """As rclpy does; parameters `qos_overrides.TOPIC.subscription.*` hold, of history, depth and reliability."""
+        """As in rclpy, with the parameters `qos_overrides.TOPIC.subscription.*` for history, depth and reliability."""
         with overrides_checked():
             return super().create_subscription(*what, **self._overridable(how))
 
     def _overridable(self, how: dict[str, Any]) -> dict[str, Any]:
-        """Adds the parameters, but to what rclpy makes for a node that is not there yet."""
+        """Adds these parameters, except while rclpy's own constructor runs."""
         return {"qos_overriding_options": overridable(), **how} if self._made else how
 
     def fail(self, error: BaseException) -> None:
@@ -82,17 +82,17 @@ class StageNode(Node):
             self._end_spinning()
 
     def when_ended(self, end: Callable[[], None]) -> None:
-        """Sets what ends the spinning, and calls it if the node is at its end already."""
+        """Sets the function that ends the spinning, and calls it if the node has ended already."""
         self._end_spinning = end
         if self._at_end:
             end()
 
     def close(self) -> None:
-        """Ends threads and files; called once, before the node is destroyed."""
+        """Ends threads and closes files; called once, before the node is destroyed."""
 
 
 class _Ending:
-    """Whether the process is to end, and the limit of the time that it may take.
+    """The end of the process: whether it was requested, and its time limit.
 
     Args:
         name: name of the node, for the message.
@@ -107,11 +107,11 @@ class _Ending:
 
     @property
     def wanted(self) -> bool:
-        """Whether the process is to end."""
+        """Whether the end was requested."""
         return self._wanted.is_set()
 
     def begin(self) -> None:
-        """Ends the spinning and starts the limit; the first call counts."""
+        """Ends the spinning and starts the time limit; only the first call has an effect."""
         if self.wanted:
             return
         self._wanted.set()
@@ -120,7 +120,7 @@ class _Ending:
             self.executor.wake()
 
     def closed(self) -> None:
-        """The node is closed: the limit has no meaning any more."""
+        """Cancels the time limit, because the node is closed."""
         self._closed.set()
 
     def _limit(self) -> None:
@@ -141,7 +141,7 @@ def run(make: Callable[[], StageNode], name: str) -> int:
             check_files(sys.argv)
             check_keystore(os.environ)
             with warnings.catch_warnings():
-                warnings.filterwarnings("ignore", "Failed to fini", RuntimeWarning)  # rclpy, of a node that there cannot be
+                warnings.filterwarnings("ignore", "Failed to fini", RuntimeWarning)  # from rclpy, when a node cannot be made
                 rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
                 node = make()
         except REFUSED as error:
@@ -165,7 +165,7 @@ def run(make: Callable[[], StageNode], name: str) -> int:
 
 
 def refuse(name: str, error: BaseException) -> int:
-    """Says in one line why the node cannot go on; programming errors keep their traceback."""
+    """Prints in one line why the node cannot continue; programming errors keep their traceback."""
     if isinstance(error, OSError):
         why = f"{error.filename or 'a file'}: found {error.strerror or error}, expected to read and write there"
     elif isinstance(error, REFUSED):
@@ -177,7 +177,7 @@ def refuse(name: str, error: BaseException) -> int:
 
 
 def _spin(node: StageNode, ending: _Ending) -> None:
-    """Does the node's callbacks, one after the other, until the process is to end."""
+    """Runs the node's callbacks, one after the other, until the end is requested."""
     executor = ending.executor = SingleThreadedExecutor()
     executor.add_node(node)
 
@@ -190,13 +190,13 @@ def _spin(node: StageNode, ending: _Ending) -> None:
         except (ConditionReachedException, ShutdownException):
             break
         handler()
-        handler.result()  # raises what the callback raised
+        handler.result()  # raises the callback's exception
     executor.shutdown(0.0)
 
 
 @contextmanager
 def _signals(end: Callable[[], None]) -> Iterator[None]:
-    """Calls `end` on a thread of its own for each SIGINT and SIGTERM, at once, also while the main thread is busy."""
+    """Calls `end` for each SIGINT and SIGTERM, on a separate thread, so at once even while the main thread is busy."""
     heard, told = socket.socketpair()
     told.setblocking(False)
 
@@ -205,7 +205,7 @@ def _signals(end: Callable[[], None]) -> Iterator[None]:
             end()
 
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: None)  # the byte on the socket does it all
+        signal.signal(number, lambda *_: None)  # the thread is woken by the byte that Python writes to the socket
     signal.set_wakeup_fd(told.fileno(), warn_on_full_buffer=False)
     threading.Thread(target=listen, name="signals", daemon=True).start()
     try:

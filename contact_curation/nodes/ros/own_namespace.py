@@ -1,7 +1,7 @@
-"""Which topics are a node's own: those of its namespace, so that two graphs in two namespaces of one domain do not mix.
+"""Decides which topics belong to a node: those of its namespace, so that two graphs in two namespaces of a domain do not mix.
 
-In the root namespace all topics are. What is shared by all namespaces is `/diagnostics`, where each status has the full name of
-its node, and `/clock`, which rclpy listens to by that name: `-r /clock:=clock` gives a namespace a clock of its own.
+For a node in the root namespace these are all topics. All namespaces share `/diagnostics`, where each status has the full name
+of its node, and `/clock`, to which rclpy subscribes by this name: `-r /clock:=clock` gives a namespace its own clock.
 """
 
 from collections.abc import Container
@@ -10,17 +10,17 @@ from rclpy.node import Node
 
 
 def is_own(node: Node, name: str, named: Container[str] = ()) -> bool:
-    """Whether a topic or node is in a node's namespace, or was named by its user.
+    """Whether a topic or node is in a node's namespace, or was named by the user.
 
     Args:
-        node: node that asks.
-        name: absolute.
-        named: absolute names that hold wherever they are.
+        node: node whose namespace counts.
+        name: absolute name of the topic or node.
+        named: absolute names that are accepted in any namespace.
     """
     namespace = node.get_namespace().rstrip("/")
     return name in named or name.startswith(f"{namespace}/")
 
 
 def own_name(node: Node, name: str) -> str:
-    """A recorded absolute name, placed in a node's namespace."""
+    """Moves a recorded absolute name into a node's namespace."""
     return f"{node.get_namespace().rstrip('/')}{name}"

@@ -1,7 +1,8 @@
-"""A config dataclass as ROS parameters: field paths are parameter names, docstrings descriptions, the class judges the values.
+"""Declares the fields of a config dataclass as ROS parameters.
 
-A field that is itself a config gives names with dots (`gates.depth`). A field that may be None takes 0.0 for None, because a
-ROS parameter has one type; its description says so.
+Names of parameters are field paths, descriptions come from the class's docstring, and the class checks the values. A field that
+is itself a config gives names with dots (`gates.depth`). For a field that may be None, 0.0 stands for None, because a ROS
+parameter has one type; its description says so.
 """
 
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ from contact_curation.errors import UnknownNameError
 from contact_curation.stages.parameters import as_parameter, with_parameters
 
 DERIVED = "; 0: this default"
-"""End of the description of a field that is None unless it is set."""
+"""End of the description of a field whose default is None."""
 
 
 def declare(
@@ -29,20 +30,20 @@ def declare(
     choices: Sequence[str] = (),
     fixed: bool = True,
 ) -> Any:
-    """Declares a parameter and gives its value.
+    """Declares a parameter and returns its value.
 
     Args:
         node: node that has the parameter.
         name: name with dots between its parts.
-        default: also says the type.
-        description: for `ros2 param describe`.
+        default: default value, which also determines the type.
+        description: text for `ros2 param describe`.
         bounds: smallest and largest accepted number.
         choices: accepted words; empty for any.
-        fixed: cannot be changed while the node runs.
+        fixed: whether the parameter cannot be changed while the node runs.
 
     Raises:
-        InvalidValueError: a word that is not among the choices.
-        rclpy.exceptions.ParameterException: a value of another type, or out of bounds.
+        InvalidValueError: the value is not among the choices.
+        rclpy.exceptions.ParameterException: the value has another type or is out of bounds.
     """
     descriptor = ParameterDescriptor(description=description, read_only=fixed)
     if choices:
@@ -58,13 +59,13 @@ def declare(
 
 
 def declare_config[Config](node: Node, default: Config, prefix: str = "", *, fixed: bool = True) -> Config:
-    """Declares every field of a config as a parameter and gives the config of their values.
+    """Declares every field of a config as a parameter and returns the config with their values.
 
     Args:
-        node: node whose parameters.
-        default: a frozen dataclass.
-        prefix: what its names begin with, dot included.
-        fixed: the parameters cannot be changed while the node runs.
+        node: node that has the parameters.
+        default: config with the default values, a frozen dataclass.
+        prefix: prefix of the parameters' names, including its dot.
+        fixed: whether the parameters cannot be changed while the node runs.
 
     Raises:
         InvalidValueError: the config does not accept a value.

@@ -1,8 +1,8 @@
-"""Subscriptions to the topics with a body's poses: found in the graph and matched to their publishers.
+"""Finds the topics with a body's poses in the graph, and subscribes with the quality of service of their publishers.
 
-A reliable subscriber hears nothing from a best-effort publisher, and only a transient local one gets what was published before
-it came. So the publishers are looked at again and again, and a topic whose publishers changed is subscribed to again. What a
-publisher then sends a second time is known by its time of publication.
+A reliable subscriber receives nothing from a best-effort publisher, and only a transient local subscriber receives earlier
+messages. So the publishers are checked repeatedly, and a topic whose publishers changed is subscribed to again. Messages that a
+publisher then sends a second time are recognised by their time of publication.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -27,17 +27,17 @@ from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIO
 READ_TYPES = (*POSE_MESSAGES, DETECTIONS, CAMERA_INFO)
 
 LOOKS_FOR_THE_RIG = 10
-"""Looks at the graph for which poses wait for the rig's static transforms: a fast bag would be far ahead of them.
+"""Number of looks at the graph for which poses wait for the rig's static transforms; a fast bag would be far ahead of them.
 
-Discovery may find the publisher of the poses before that of the transforms, so they also wait where none was found yet."""
+Discovery may find the publisher of the poses before that of the transforms, so they also wait if none was found yet."""
 
 
 class Offer(NamedTuple):
-    """What all publishers of a topic offer.
+    """Type and quality of service of a topic's publishers.
 
     Attributes:
         type: ROS type name.
-        qos: how they offer it.
+        qos: quality of service that all of them offer.
     """
 
     type: str
@@ -45,12 +45,12 @@ class Offer(NamedTuple):
 
 
 class Received(NamedTuple):
-    """A message as it came.
+    """A received message.
 
     Attributes:
-        topic: topic that it came on.
-        published_ns: when it was published, by the middleware's clock.
-        message: message of that topic's type.
+        topic: topic of the message.
+        published_ns: time of publication on the middleware's clock [ns].
+        message: the message.
     """
 
     topic: str
@@ -64,18 +64,18 @@ class PoseTopics:
     Args:
         node: node that subscribes.
         body: name of the body.
-        config: which topics; the names of the node's remaps and namespace hold for them. What it leaves open is looked for
-            in the node's namespace only, transforms on its `tf` and `tf_static`.
-        type_name: ROS type of the body's topic, where the graph has several under its name; empty for any.
-        depth: samples kept per topic until they are taken.
-        found: called once, with the body's topic when it is found; gives per topic the time of publication up to which
-            everything is known already [ns].
+        config: names of topics and frames; the node's remaps and namespace apply to them. Topics that it does not name are
+            searched for in the node's namespace only, transforms on its `tf` and `tf_static`.
+        type_name: ROS type of the body's topic, needed if the topic has several types; empty for any.
+        depth: depth of the subscriptions' queues.
+        found: called once with the body's topic when it is found; returns for each topic the time of publication up to which
+            messages are known from an earlier run [ns].
         arrived: called with each message that is not known yet.
 
     Attributes:
-        source: the topics that fit; None until they are there.
+        source: the topics that were found; None until then.
         waiting_for: what is missing until then.
-        known: messages that came once more and were left out.
+        known: number of messages that were received again and ignored.
     """
 
     def __init__(
@@ -111,17 +111,17 @@ class PoseTopics:
 
     @property
     def offers(self) -> dict[str, Offer]:
-        """What is subscribed to, by topic."""
+        """The subscribed topics with their types and quality of service."""
         return {topic: offer for topic, (offer, _) in self._subscriptions.items()}
 
     @property
     def has_publisher(self) -> bool:
-        """Whether the body's topic is followed, and somebody publishes it."""
+        """Whether the body's topic is subscribed to and has a publisher."""
         topic = "" if self.source is None else self.source.body.name
         return topic in self._subscriptions and self._node.count_publishers(topic) > 0
 
     def follow(self) -> None:
-        """Looks at the graph and subscribes to what is new or has changed; cheap, to be called often."""
+        """Looks at the graph and subscribes to topics that are new or have changed; cheap, to be called often."""
         try:
             source = self._fitting()
         except MissingTopicError as error:
@@ -139,7 +139,7 @@ class PoseTopics:
             self._follow_topics([topic for topic in self.source.topics if topic not in rig])
 
     def _past(self, newest: Mapping[str, int]) -> dict[str, int]:
-        """Times of publication before the present one; later ones are from a clock that was set back."""
+        """The times of publication that are not in the future; those in the future are from before a clock was set back."""
         past, warning = published_before(newest, Clock(clock_type=ClockType.SYSTEM_TIME).now().nanoseconds)
         if warning:
             self._node.get_logger().warning(warning)
@@ -153,16 +153,17 @@ class PoseTopics:
                 self._subscribe(topic, offer)
 
     def _rig_is_known(self) -> bool:
-        """Whether the static transforms have come, or their publishers keep none for late subscribers."""
+        """Whether the static transforms were received, or their publishers keep none for late subscribers."""
         if self._tf_static not in self._subscriptions:
             return False
         return self._tf_static in self._heard or not self._subscriptions[self._tf_static][0].qos.latched
 
     def read(self, received: Received) -> tuple[str, int, tuple[Measured, ...]]:
-        """Reads a message: its topic, its time of publication [ns], and its poses.
+        """Reads a message; returns its topic, its time of publication [ns], and its poses.
 
-        To be called on one thread, in the order in which messages came. Images may have waited for a CameraInfo, so what it
-        gives counts as of the newest of them; it itself is needed again after a restart and so is never known.
+        Call it on one thread, in the order in which messages came. Images may have waited for a CameraInfo; the poses that
+        follow from it count as published with the newest of these images. A CameraInfo itself is never ignored as known,
+        because it is needed again after a restart.
         """
         if self.source is None:
             return received.topic, received.published_ns, ()
@@ -175,7 +176,7 @@ class PoseTopics:
         return topic, published_ns, measured
 
     def _fitting(self) -> PoseSource:
-        """The topics that fit; the body's own has to be there, TF is listened to in any case."""
+        """The topics to use: the body's topic must exist; TF is always used."""
         named = {self._config.topic, self._config.camera_info, *(one.name for one in self._rig)}
         present = [
             TypedTopic(name, kind)
@@ -193,7 +194,7 @@ class PoseTopics:
         return not self._type_name or name != self._config.topic or kind == self._type_name
 
     def _offer(self, topic: str) -> Offer | None:
-        """What the publishers of a topic offer; None while there are none of the right type."""
+        """Type and quality of service of a topic's publishers; None while there is none of the right type."""
         wanted = {one.name: one.type for one in (*self._rig, *(self.source.typed if self.source else ()))}[topic]
         profiles = [info.qos_profile for info in self._node.get_publishers_info_by_topic(topic) if info.topic_type == wanted]
         if not profiles:
@@ -222,10 +223,10 @@ class PoseTopics:
 
 
 def _resolved(node: Node, parameter: str, topic: str) -> str:
-    """The name of a topic where the node is, with its remaps.
+    """The full name of a topic in the node's namespace, with the node's remaps.
 
     Raises:
-        InvalidValueError: no topic can be called so.
+        InvalidValueError: the text is not a valid topic name.
     """
     try:
         return str(node.resolve_topic_name(topic))

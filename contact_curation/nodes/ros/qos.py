@@ -1,4 +1,4 @@
-"""The qualities of service of the graph's topics."""
+"""The quality of service (QoS) of the graph's topics."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -12,19 +12,19 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.storage.bags.records import OfferedQos
 
 AS_OFFERED = QoSOverridingOptions([])
-"""Of subscriptions that follow what publishers offer: no parameter overrides them."""
+"""Overrides of subscriptions that follow their publishers: none, because no parameter may change them."""
 
 RESULTS_DEPTH = 256
-"""Results that a late listener still gets from the topic; services give all of them."""
+"""Number of results that a late subscriber receives from the topic; services give all of them."""
 
 
 def latched(depth: int) -> QoSProfile:
-    """Reliable and transient local: late subscribers receive the last `depth` messages."""
+    """A reliable and transient local profile: late subscribers receive the last `depth` messages."""
     return profile(depth, reliable=True, latched=True)
 
 
 def profile(depth: int, *, reliable: bool, latched: bool) -> QoSProfile:
-    """A profile of the last `depth` messages."""
+    """A profile that keeps the last `depth` messages."""
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
         depth=depth,
@@ -34,7 +34,7 @@ def profile(depth: int, *, reliable: bool, latched: bool) -> QoSProfile:
 
 
 def offered(profiles: Iterable[QoSProfile]) -> OfferedQos:
-    """What all publishers of a topic offer: reliable if all are, latched if all keep messages for late subscribers."""
+    """The QoS that all publishers of a topic offer: reliable if all are, latched if all are transient local."""
     known = list(profiles)
     return OfferedQos(
         latched=all(one.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in known),
@@ -43,16 +43,16 @@ def offered(profiles: Iterable[QoSProfile]) -> OfferedQos:
 
 
 def overridable() -> QoSOverridingOptions:
-    """History, depth and reliability by the parameters that ROS has for them: `qos_overrides.TOPIC.publisher.depth`."""
+    """Lets ROS parameters such as `qos_overrides.TOPIC.publisher.depth` override history, depth and reliability."""
     return QoSOverridingOptions.with_default_policies(callback=_judged)
 
 
 @contextmanager
 def overrides_checked() -> Iterator[None]:
-    """Makes overrides that are none one line.
+    """Refuses invalid QoS overrides in one line.
 
     Raises:
-        InvalidValueError: there is one.
+        InvalidValueError: an override has an invalid value.
     """
     try:
         yield

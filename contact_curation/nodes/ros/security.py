@@ -1,7 +1,7 @@
-"""SROS2, as the environment asks for it: what it lacks is one line with the remedy.
+"""Checks what SROS2 needs when the environment enables it; what is missing gives one line with the remedy.
 
-Authentication and encryption are in Fast DDS, built with its security plugins: ROS from a system's packages has them, the
-Python packages have not (docs/explanation/security.md).
+Authentication and encryption need a Fast DDS with its security plugins. ROS 2 from system packages has them, the Python
+packages do not (docs/explanation/security.md).
 """
 
 from collections.abc import Mapping
@@ -12,14 +12,14 @@ from contact_curation.errors import InvalidValueError
 ENABLE, KEYSTORE = "ROS_SECURITY_ENABLE", "ROS_SECURITY_KEYSTORE"
 
 WITHOUT_PLUGINS = "doesn't have the security libraries"
-"""In the error of a Fast DDS without its plugins."""
+"""Part of the error message of a Fast DDS without its security plugins."""
 
 
 def check_keystore(environment: Mapping[str, str]) -> None:
-    """Refuses to start a node that is to be secured without keys; rcl gives no reason in one case, and others in several lines.
+    """Refuses to start a secured node without keys, in one line; rcl prints several lines, and in one case no reason.
 
     Raises:
-        InvalidValueError: there is no keystore.
+        InvalidValueError: security is enabled and there is no keystore.
     """
     if environment.get(ENABLE) != "true":
         return
@@ -30,7 +30,7 @@ def check_keystore(environment: Mapping[str, str]) -> None:
 
 
 def explained(error: BaseException) -> BaseException:
-    """The error of a middleware that cannot be secured, as one that says what to do; any other error as it is."""
+    """Replaces the error of a middleware without security plugins by one with the remedy; returns other errors unchanged."""
     if WITHOUT_PLUGINS not in str(error):
         return error
     expected = f"one with them: ROS 2 from your system's packages, not from Python's; or {ENABLE}=false"

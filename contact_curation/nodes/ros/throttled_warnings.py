@@ -1,4 +1,4 @@
-"""Warnings of single messages: counted, and logged once per kind and period."""
+"""Counts faulty messages by kind, and logs each kind at most once per period."""
 
 from collections import Counter
 
@@ -8,11 +8,11 @@ from rclpy.node import Node
 from contact_curation.motion.toss import NANOSECONDS
 
 PAUSE = 30.0
-"""[s] of the steady clock until the same kind of fault is logged again."""
+"""Time until the same kind of fault is logged again, on the steady clock [s]."""
 
 
 class ThrottledWarnings:
-    """Counts faults by kind; `node` logs them."""
+    """Counts faults by kind, and logs them through `node`."""
 
     def __init__(self, node: Node) -> None:
         self._logger = node.get_logger()
@@ -22,11 +22,11 @@ class ThrottledWarnings:
 
     @property
     def counts(self) -> dict[str, int]:
-        """How often each kind was seen."""
+        """Number of faults of each kind."""
         return dict(self._counts)
 
     def note(self, kind: str, what: str) -> None:
-        """Counts a fault, and logs it unless its kind was logged lately."""
+        """Counts a fault, and logs it unless its kind was logged within the last period."""
         self._counts[kind] += 1
         last, now = self._said.get(kind), self._clock.now().nanoseconds
         if last is None or now - last >= PAUSE * NANOSECONDS:

@@ -1,4 +1,4 @@
-"""The parameters of the trainer: model, first parameters, protocol, recordings to evaluate on."""
+"""Declares the parameters of the trainer: model, initial parameters, protocol, recordings to evaluate on."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,7 +22,7 @@ from contact_curation.stages.held_out_tosses import HeldOutConfig, HeldOutTosses
 from contact_curation.storage.parameters_file import Parameters, read_theta
 
 ROUND_STEPS = 400
-"""A round begins where the last one ended, so that it needs fewer steps than a training of its own."""
+"""Default number of steps of a round; it continues the last round, so it needs fewer steps than a separate training."""
 
 
 PROTOCOLS = ("auto", "exact", "budgeted")
@@ -33,10 +33,10 @@ PROTOCOLS_EXPLAINED = (
 
 
 def declared_protocol(node: Node, kind: str) -> TrainingConfig:
-    """The protocol of a round: ours for this kind of model, with what the parameters change.
+    """Declares the parameters of a round's protocol; defaults are our protocol for this kind of model.
 
     Raises:
-        InvalidValueError: an exact one for what has none.
+        InvalidValueError: the exact protocol is asked for a model that does not have it.
     """
     ours = budgeted(kind)
     protocol = declare(node, "protocol", PROTOCOLS[0], PROTOCOLS_EXPLAINED, choices=PROTOCOLS)
@@ -69,10 +69,10 @@ def declared_protocol(node: Node, kind: str) -> TrainingConfig:
 
 
 def declared_first_model(node: Node, kind: str, body: Body, form: Form, seed: int) -> Callable[[Rows], Model]:
-    """What gives the model before the first round: a file, or the published random initialisation.
+    """Returns a function that makes the initial model: from a file, or by the published random initialisation.
 
     Raises:
-        ContactCurationError: the file holds no such model.
+        ContactCurationError: the file contains no model of this kind.
     """
     path = declare(node, "params", "", "theta to begin with: a JSON file or a checkpoint; empty: the random initialisation")
     if not path:
@@ -84,10 +84,10 @@ def declared_first_model(node: Node, kind: str, body: Body, form: Form, seed: in
 
 
 def declared_held_out(node: Node, body: Body) -> HeldOutTosses:
-    """The tosses of the recordings that a node's parameters name.
+    """Declares the recordings to evaluate on, and reads their tosses.
 
     Raises:
-        InvalidValueError: there is no toss in them.
+        InvalidValueError: the recordings contain no toss.
     """
     paths = declare(node, "evaluate_on", [""], "recordings on which training_status reports errors; they are never trained on")
     config = declare_config(node, HeldOutConfig())

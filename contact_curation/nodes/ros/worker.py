@@ -1,4 +1,4 @@
-"""One thread for the heavy work of a node, so that its callbacks return at once and no pose is dropped."""
+"""One thread for the long computations of a node, so that its callbacks return at once and no pose is dropped."""
 
 import threading
 from collections import deque
@@ -6,14 +6,14 @@ from collections.abc import Callable
 from queue import SimpleQueue
 
 PATIENCE = 0.5
-"""[s] between looks whether waiting for room in an inbox still makes sense."""
+"""Time between checks whether an inbox that is full will still be emptied [s]."""
 
 
 class Worker:
-    """Does jobs one after the other, in the order they came, on a thread of its own.
+    """Runs jobs one after the other, in the order in which they were queued, on a thread of its own.
 
     Args:
-        fail: called on the worker's thread with what a job raised; the worker then ends, because its state is not known.
+        fail: called on the worker's thread with the exception of a job; the worker then ends, because its state is not known.
     """
 
     def __init__(self, fail: Callable[[BaseException], None]) -> None:
@@ -23,16 +23,16 @@ class Worker:
         self._thread.start()
 
     def do(self, job: Callable[[], None]) -> None:
-        """Puts a job in the queue."""
+        """Queues a job."""
         self._jobs.put(job)
 
     @property
     def waiting(self) -> int:
-        """How many jobs are in the queue."""
+        """Number of jobs in the queue."""
         return self._jobs.qsize()
 
     def stop(self) -> None:
-        """Lets the worker finish the jobs it has, and waits for that."""
+        """Waits until the worker has finished all queued jobs, and ends it."""
         self._jobs.put(None)
         self._thread.join()
 
@@ -46,11 +46,11 @@ class Worker:
 
 
 class Latest:
-    """A job that always works on the newest state: asked for again while it waits, it is done once.
+    """A job that works on the newest state: however often it is requested while it waits in the queue, it runs once.
 
     Args:
-        worker: worker that does it.
-        job: what to do.
+        worker: worker that runs the job.
+        job: the job.
     """
 
     def __init__(self, worker: Worker, job: Callable[[], None]) -> None:
@@ -59,7 +59,7 @@ class Latest:
         self._wanted = threading.Event()
 
     def want(self) -> None:
-        """Has the job done after everything that is in the queue now."""
+        """Queues the job after all present jobs, unless it waits in the queue already."""
         if not self._wanted.is_set():
             self._wanted.set()
             self._worker.do(self._do)
@@ -70,11 +70,11 @@ class Latest:
 
 
 class Inbox[Item]:
-    """A bounded queue of what waits for the worker: a callback that brings more waits, and nothing is lost.
+    """A bounded queue of items for the worker. If it is full, the callback that adds an item waits, so that nothing is lost.
 
     Args:
-        limit: largest number of items that wait.
-        goes_on: says whether anything will be taken any more.
+        limit: largest number of waiting items.
+        goes_on: returns whether items will still be taken.
     """
 
     def __init__(self, limit: int, goes_on: Callable[[], bool]) -> None:
@@ -86,14 +86,14 @@ class Inbox[Item]:
         return len(self._items)
 
     def put(self, item: Item) -> None:
-        """Adds an item; waits for room as long as things go on."""
+        """Adds an item; waits for room as long as items are still taken."""
         while not self._room.acquire(timeout=PATIENCE):
             if not self._goes_on():
                 return
         self._items.append(item)
 
     def take(self, most: int) -> list[Item]:
-        """The oldest items, up to `most`."""
+        """Removes and returns the oldest items, up to `most`."""
         taken = [self._items.popleft() for _ in range(min(most, len(self._items)))]
         if taken:
             self._room.release(len(taken))

@@ -1,7 +1,7 @@
-"""A body leaves the gripper, flies, lands and bounces while the arm slows down behind it: whether the two would meet.
+"""Checks that a released body does not hit the arm while it flies, lands and bounces, and the arm slows down behind it.
 
-The planned release is simulated without the arm, in the world that throws land in, until the body rests. Along that motion the
-arm is put where its plan has it: slowing down, then waiting. The gap between the two has to open and to stay open.
+The planned release is simulated without the arm, in the world in which throws land, until the body rests. Along this motion the
+arm takes the planned postures: slowing down, then waiting. The gap between body and arm must grow and then stay large.
 """
 
 from dataclasses import dataclass
@@ -19,15 +19,15 @@ from contact_curation.simulation.world import world_of
 
 @dataclass(frozen=True)
 class DepartureConfig:
-    """How far arm and body stay apart.
+    """Required distance between arm and body after the release.
 
     Attributes:
-        at_first: gap that the release begins with at least; the pad is soft [m].
-        opening: smallest rate at which the gap grows [m/s].
-        apart: gap that is enough at any time; the body's bounces are not known better [m].
-        longest: a body that does not rest by then is not followed further [s].
-        rest_speed: a body slower than this rests [m/s].
-        rest_spin: and turning slower than this [rad/s].
+        at_first: required gap at the release [m].
+        opening: rate at which the required gap grows [m/s].
+        apart: largest required gap [m]; about the accuracy to which bounces are predicted.
+        longest: largest simulated time [s].
+        rest_speed: largest speed of a body at rest [m/s].
+        rest_spin: largest angular speed of a body at rest [rad/s].
         rest_frames: number of successive frames at rest.
     """
 
@@ -44,21 +44,21 @@ DEFAULT_DEPARTURE = DepartureConfig()
 
 
 class Gap(NamedTuple):
-    """Where arm and body come too near: the gap that is found and the one that is wanted [m]."""
+    """A violation of the required distance: the gap that was found and the one that is required [m]."""
 
     found: float
     wanted: float
 
 
 class Departure:
-    """Says of planned motions whether the arm meets the body it has released.
+    """Checks whether the arm would hit the body that it released.
 
     Args:
         body: body that is thrown.
-        arm: arm that throws it.
-        step: between samples of a motion, and of the simulation [s].
-        every: samples from one look to the next.
-        config: how far they stay apart.
+        arm: configuration of the arm.
+        step: time between samples of a motion, and time step of the simulation [s].
+        every: number of samples between two checks.
+        config: required distances.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class Departure:
         self._joints = np.array([self._model.joint(name).qposadr[0] for name in JOINT_NAMES])
 
     def flight(self, release: Array) -> Array:
-        """The body's states (T, 13), one every so many samples, from its release (13,) to its rest."""
+        """Simulates the body's states (T, 13), one for each check, from its release (13,) to rest."""
         model, data, config = self._flight, self._flight_data, self._config
         mujoco.mj_resetData(model, data)
         data.qpos[:], data.qvel[:] = release[:7], release[7:]
@@ -90,14 +90,14 @@ class Departure:
         return np.array(states)
 
     def too_near(self, flight: Array, stopping: JointPath) -> Gap | None:
-        """Finds where the arm comes too near to the body after the release.
+        """Finds the largest violation of the required distance after the release.
 
         Args:
             flight: (N, 13) states of the body from the release on, in SI units.
             stopping: path of the arm from the release to rest, where it waits.
 
         Returns:
-            The largest violation of the wanted distance; None if there is none.
+            The largest violation; None if there is none.
         """
         worst: Gap | None = None
         for frame, state in enumerate(flight):
@@ -108,7 +108,7 @@ class Departure:
         return worst
 
     def _gap(self, state: Array, posture: Array) -> float:
-        """Distance between body and arm [m], or the largest that matters."""
+        """Distance between body and arm [m], at most `apart`."""
         model, data = self._model, self._data
         data.qpos[self._place : self._place + 7], data.qpos[self._joints] = state[:7], posture
         mujoco.mj_kinematics(model, data)

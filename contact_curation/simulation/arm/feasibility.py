@@ -1,4 +1,4 @@
-"""Which throws the arm can make, and the nearest one that it can instead."""
+"""Which throws the arm can make, and for the others the nearest feasible throw."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -13,15 +13,15 @@ from contact_curation.simulation.arm.safety import GateConfig, out_of_limits
 from contact_curation.simulation.arm.throw_motion import Refused, ThrowMotion, ThrowPlanner
 
 HALVINGS = 7
-"""Halvings of the way to a feasible throw: the nearest one is found within a hundredth of that way."""
+"""Number of bisection steps towards a feasible throw: the result is accurate to 1 % of the distance to it."""
 
 EASY_PLACE, EASY_VELOCITY = (-0.307, 0.0, 0.17), (0.6, 0.0, 0.0)
-"""A throw in the middle of what the arm can do: where [m] and how fast [m/s], without spin."""
+"""A throw in the middle of the feasible ones: position [m] and velocity [m/s] of the release, without spin."""
 
 
 @dataclass(frozen=True, eq=False)
 class ArmFeasibility:
-    """Answers for throws, as the safety set of a design asks; an object of it is such a function.
+    """Decides which throws of one body the arm can make. The object can be called as the safety set of a design requires.
 
     Attributes:
         planner: planner of the arm's motions.
@@ -32,16 +32,16 @@ class ArmFeasibility:
     gate: GateConfig
 
     def __call__(self, throws: Sequence[Throw]) -> tuple[str | None, ...]:
-        """None for each throw that can be made, else one line that names the limit."""
+        """For each throw None if it can be made, else one line that names the violated limit."""
         return tuple(self.refusal(throw) for throw in throws)
 
     def refusal(self, throw: Throw) -> str | None:
-        """Why a throw cannot be made."""
+        """One line that says why a throw cannot be made; None if it can."""
         answer = self.motion(throw)
         return None if isinstance(answer, ThrowMotion) else answer
 
     def motion(self, throw: Throw) -> ThrowMotion | str:
-        """How a throw is made, or why it cannot be."""
+        """The arm's motion for a throw, or one line that says why there is none."""
         if throw.body != self.planner.body.name:
             return f"body: found {throw.body}, expected {self.planner.body.name}"
         line = out_of_limits(throw, self.gate)
@@ -51,10 +51,10 @@ class ArmFeasibility:
         return str(answer) if isinstance(answer, Refused) else answer
 
     def nearest(self, throw: Throw) -> Throw | None:
-        """The feasible throw nearest to one that is not, on a line to one that is; None if nothing is found.
+        """The nearest feasible throw on a line from an infeasible one to a feasible one; None if none is found.
 
-        The line first keeps the pose and takes the twist down to nothing; where the pose itself is out of reach, it goes to a
-        throw in the middle of what the arm can do.
+        The first line keeps the pose and reduces the twist to zero. If the pose itself is out of reach, the second line leads
+        to a throw in the middle of the feasible ones.
         """
         still = replace(throw, linear_velocity=np.zeros(3), angular_velocity=np.zeros(3))
         easy = replace(still, position=np.array(EASY_PLACE), linear_velocity=np.array(EASY_VELOCITY))
@@ -66,16 +66,16 @@ class ArmFeasibility:
 
 
 def feasible(throws: Sequence[Throw], body: Body) -> tuple[str | None, ...]:
-    """Judges throws of a body by an arm with default settings; `ArmFeasibility` is faster for more than one call.
+    """Decides which throws of a body the arm can make with default settings; `ArmFeasibility` is faster for more than one call.
 
     Returns:
-        For each throw None, or in one line why the arm cannot make it.
+        For each throw None, or one line that says why the arm cannot make it.
     """
     return ArmFeasibility(ThrowPlanner(body), GateConfig())(throws)
 
 
 def nearest_on_line(known: Throw, wanted: Throw, refusal: Callable[[Throw], str | None]) -> Throw:
-    """The last feasible throw that halving finds on the way from one that is feasible to one that is not."""
+    """The last feasible throw on the line from a feasible throw to an infeasible one, found by bisection."""
     low, high, found = 0.0, 1.0, known
     for _ in range(HALVINGS):
         share = 0.5 * (low + high)
@@ -88,7 +88,7 @@ def nearest_on_line(known: Throw, wanted: Throw, refusal: Callable[[Throw], str 
 
 
 def blended(one: Throw, other: Throw, share: float) -> Throw:
-    """The throw that has gone a share of the way from one to another."""
+    """Interpolates between two throws; 0 is the first one, 1 the second."""
     turn = quaternions.log(quaternions.multiply(quaternions.conjugate(one.orientation_wxyz), other.orientation_wxyz))
     return replace(
         other,
@@ -100,7 +100,7 @@ def blended(one: Throw, other: Throw, share: float) -> Throw:
 
 
 def described(throw: Throw) -> str:
-    """A throw in one line, for who asked for another."""
+    """Describes a throw in one line."""
     place = np.array2string(throw.position, precision=3)
     velocity = np.array2string(throw.linear_velocity, precision=3)
     spin = np.array2string(throw.angular_velocity, precision=2)

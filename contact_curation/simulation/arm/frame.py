@@ -1,4 +1,4 @@
-"""The simulated arm and body once per frame, and what the arm is doing."""
+"""The state of the simulated arm and body at a frame, and the phase of the arm's motion."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -10,7 +10,7 @@ from contact_curation.geometry.quaternions import Array
 
 
 class Phase(StrEnum):
-    """What the arm is doing."""
+    """Phase of the arm's motion."""
 
     RESTING = "resting"
     MOVING = "moving"
@@ -23,15 +23,15 @@ class Phase(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class ArmFrame:
-    """The world once per frame.
+    """The state of arm and body at one frame.
 
     Attributes:
-        time: simulated [s].
-        phase: phase of the arm.
+        time: simulated time [s].
+        phase: phase of the arm's motion.
         progress: progress of the motion, 0 to 1.
-        joints: (7,) [rad].
-        speeds: (7,) [rad/s].
-        torques: (7,) that the motors gave [N m].
+        joints: (7,) joint angles [rad].
+        speeds: (7,) joint speeds [rad/s].
+        torques: (7,) motor torques [N m].
         body: (13,) state in SI units, in the board's frame.
         free: whether the body has left the gripper.
     """
@@ -47,6 +47,6 @@ class ArmFrame:
 
     @property
     def twist_in_body(self) -> Array:
-        """(6,) velocity and angular velocity in the body's own frame."""
+        """Velocity [m/s] and angular velocity [rad/s] (6,) in the body's frame."""
         back = quaternions.conjugate(self.body[3:7])
         return np.concatenate([quaternions.rotate(back, self.body[7:10]), self.body[10:]])

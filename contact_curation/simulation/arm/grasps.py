@@ -1,4 +1,4 @@
-"""Where a vacuum gripper may hold a body: the middle of each flat face that its pad fits on, at any turn about the normal."""
+"""Grasps of a vacuum gripper: the middle of each flat face on which its pad fits, at any angle about the face's normal."""
 
 from dataclasses import dataclass
 
@@ -13,16 +13,16 @@ PAD_RADIUS = 0.015
 """Radius of the pad's sealing lip [m]."""
 
 SAME_PLANE = 1e-6
-"""Facets whose planes differ by no more are one face."""
+"""Facets whose planes differ by at most this are one face."""
 
 
 @dataclass(frozen=True, eq=False)
 class Grasps:
-    """The faces that the pad fits on, in the body's frame.
+    """The G faces on which the pad fits, in the body's frame.
 
     Attributes:
-        places: (G, 3) where the pad is put [m].
-        normals: (G, 3) out of the body.
+        places: (G, 3) positions of the pad's centre [m].
+        normals: (G, 3) outward unit normals.
     """
 
     places: Array
@@ -33,7 +33,11 @@ class Grasps:
 
 
 def grasps_of(body: Body, pad_radius: float = PAD_RADIUS) -> Grasps:
-    """The grasps of a body.
+    """Finds the grasps of a body.
+
+    Args:
+        body: body to hold.
+        pad_radius: radius of the pad [m].
 
     Raises:
         InvalidValueError: no face is large enough for the pad.
@@ -44,7 +48,7 @@ def grasps_of(body: Body, pad_radius: float = PAD_RADIUS) -> Grasps:
     for plane in planes:
         facets = hull.simplices[np.abs(hull.equations - plane).max(axis=1) <= SAME_PLANE]
         place = _centroid(body.vertices, facets)
-        edges = np.abs(planes[:, :3] @ place + planes[:, 3])  # distances to all planes, its own is 0
+        edges = np.abs(planes[:, :3] @ place + planes[:, 3])  # distances to all planes; 0 for the face's own
         slopes = np.linalg.norm(np.cross(planes[:, :3], plane[:3]), axis=1)
         apart = slopes > 1e-3
         places.append(place)
@@ -59,7 +63,7 @@ def grasps_of(body: Body, pad_radius: float = PAD_RADIUS) -> Grasps:
 
 
 def _distinct(planes: Array) -> Array:
-    """One of each set of equal planes, normals and offsets (F, 4)."""
+    """Removes repeated planes (normal, offset) (F, 4)."""
     kept: list[Array] = []
     for plane in planes:
         if all(np.abs(plane - one).max() > SAME_PLANE for one in kept):

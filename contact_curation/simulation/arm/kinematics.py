@@ -1,8 +1,8 @@
-"""Where the pad of the arm is, for many postures at once, from the published Denavit-Hartenberg parameters.
+"""Forward kinematics of the arm's pad for many postures at once, from the published Denavit-Hartenberg parameters.
 
-Craig's form: joint i stands at Rx(alpha) Tx(a) Rz(q) Tz(d) of the one before. Sources: Franka's control interface documentation
-("Denavit-Hartenberg parameters"; the same for Emika Panda and Research 3) and franka_description, robots/fer/kinematics.yaml.
-The MuJoCo model is built from the same numbers in another way, and a test holds both together.
+Craig's form: joint i is at Rx(alpha) Tx(a) Rz(q) Tz(d) relative to the previous joint. Sources: Franka's control interface
+documentation ("Denavit-Hartenberg parameters"; the same for Emika Panda and Research 3) and franka_description,
+robots/fer/kinematics.yaml. The MuJoCo model is built from the same numbers in another way; a test compares the two.
 """
 
 from dataclasses import dataclass
@@ -13,13 +13,13 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.simulation.arm.limits import JOINTS
 
 LINK_OFFSETS = np.array([0.0, 0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088])
-"""a [m]: along the x axis of the joint before."""
+"""a [m]: distance along the x axis of the previous joint."""
 
 LINK_TWISTS = np.pi / 2.0 * np.array([0.0, -1.0, 1.0, 1.0, -1.0, 1.0, 1.0])
-"""alpha [rad]: about the x axis of the joint before."""
+"""alpha [rad]: angle about the x axis of the previous joint."""
 
 LINK_LENGTHS = np.array([0.333, 0.0, 0.316, 0.0, 0.384, 0.0, 0.0])
-"""d [m]: along the joint's own z axis."""
+"""d [m]: distance along the joint's own z axis."""
 
 FLANGE = 0.107
 """Distance from the last joint to the flange, along its z axis [m]."""
@@ -27,13 +27,13 @@ FLANGE = 0.107
 
 @dataclass(frozen=True, eq=False)
 class Postures:
-    """Postures with what they give, in the frame of the arm's base.
+    """Postures with poses and Jacobians of the pad, in the frame of the arm's base.
 
     Attributes:
-        joints: (N, 7) [rad].
-        places: (N, 3) of the pad [m].
-        frames: (N, 3, 3) axes of the pad as columns; the last points away from the arm.
-        jacobians: (N, 6, 7) velocity [m/s] and angular velocity [rad/s] of the pad per joint speed.
+        joints: (N, 7) joint angles [rad].
+        places: (N, 3) positions of the pad [m].
+        frames: (N, 3, 3) axes of the pad as columns; the last one points away from the arm.
+        jacobians: (N, 6, 7) velocity [m/s] and angular velocity [rad/s] of the pad per joint speed [rad/s].
     """
 
     joints: Array
@@ -46,7 +46,7 @@ class Postures:
 
 
 def postures_of(joints: Array, tool_length: float) -> Postures:
-    """What postures (N, 7) give, with a tool of a length [m] on the flange."""
+    """Computes poses and Jacobians of the pad for postures (N, 7) [rad], with a tool of `tool_length` [m] on the flange."""
     count = len(joints)
     frame, place = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
     axes, origins = np.empty((count, JOINTS, 3)), np.empty((count, JOINTS, 3))
@@ -62,7 +62,7 @@ def postures_of(joints: Array, tool_length: float) -> Postures:
 
 
 def about_z(angles: Array) -> Array:
-    """Rotations (N, 3, 3) about z by angles (N,)."""
+    """Rotation matrices (N, 3, 3) about z by angles (N,) [rad]."""
     cos, sin = np.cos(angles), np.sin(angles)
     zero, one = np.zeros_like(cos), np.ones_like(cos)
     return np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, one], axis=-1).reshape(*cos.shape, 3, 3)

@@ -1,16 +1,16 @@
-"""What a Franka Research 3 may do: the published limits of its joints, how much of them a motion uses, and when it gives way.
+"""Published joint limits of a Franka Research 3, the shares of them that a motion uses, and the reaction to a collision.
 
-Sources: positions, speeds and torques from franka_description (robots/fr3/joint_limits.yaml); accelerations, the torques' rate,
-and speeds that fall towards the ends of a joint's range, from libfranka for the FR3 (include/franka/rate_limiting.h of 2023:
+Sources: positions, speeds and torques from franka_description (robots/fr3/joint_limits.yaml); accelerations, rates of torques,
+and the speed limits near the ends of a joint's range from libfranka for the FR3 (include/franka/rate_limiting.h of 2023:
 kMaxJointAcceleration, kMaxTorqueRate, computeUpperLimitsJointVelocity) and "Limits for Franka Research 3" of Franka's control
-interface documentation. Jerk (5000 rad/s^3) is far from being reached by ramps that take tens of milliseconds.
+interface documentation. The limit of the jerk (5000 rad/s^3) is not checked: our ramps of tens of milliseconds stay far below.
 
 An external torque is one that the arm's model does not explain. With the measured speeds q', it is
 
     outside = M dq'/dt + bias - motors
 
-averaged over a few milliseconds; the joints' friction is part of it. An arm that feels too much of it has to give way; on its
-path it would push with all that its motors have (Haddadin, De Luca, Albu-Schaeffer, Robot Collisions: A Survey on Detection,
+averaged over a few milliseconds; it includes the joints' friction. If it is too large, the arm gives way: an arm that kept
+following its path would push with its full torque (Haddadin, De Luca, Albu-Schaeffer, Robot Collisions: A Survey on Detection,
 Isolation, and Identification, IEEE T-RO 33(6), 2017).
 """
 
@@ -28,7 +28,7 @@ JOINTS = 7
 class JointLimits:
     """Limits of the seven joints, each (7,).
 
-    A joint may move towards an end of its range no faster than it could brake before it: sqrt(2 * braking * way) - slack.
+    Near an end of its range a joint must be able to brake before that end: speed <= sqrt(2 * braking * distance) - slack.
 
     Attributes:
         lowest: position [rad].
@@ -37,10 +37,10 @@ class JointLimits:
         acceleration: [rad/s^2].
         torque: [N m].
         torque_rate: how fast torques may change [N m/s].
-        braking: deceleration that the speed limit near an end reckons with [rad/s^2].
-        slack: what it takes off that speed [rad/s].
-        brake_end_low: where that speed would be minus the slack at the lower end [rad].
-        brake_end_high: and at the upper [rad].
+        braking: deceleration assumed by the speed limit near an end [rad/s^2].
+        slack: speed that is subtracted from that limit [rad/s].
+        brake_end_low: position near the lower end from which the braking distance is measured [rad].
+        brake_end_high: position near the upper end from which the braking distance is measured [rad].
     """
 
     lowest: Array
@@ -62,13 +62,13 @@ class JointLimits:
             object.__setattr__(self, name, values)
 
     def fastest(self, positions: Array) -> tuple[Array, Array]:
-        """The lowest and the highest speed (..., 7) [rad/s] that may be had at positions (..., 7)."""
+        """The lowest and the highest allowed speeds (..., 7) [rad/s] at positions (..., 7) [rad]."""
         down = np.sqrt(np.maximum(2.0 * self.braking * (positions - self.brake_end_low), 0.0)) - self.slack
         up = np.sqrt(np.maximum(2.0 * self.braking * (self.brake_end_high - positions), 0.0)) - self.slack
         return -np.clip(down, 0.0, self.speed), np.clip(up, 0.0, self.speed)
 
     def speed_use(self, positions: Array, speeds: Array) -> Array:
-        """What share of the speed limit is used, (..., 7); more than 1 breaks it, infinite where no speed is allowed."""
+        """The used shares (..., 7) of the speed limits; above 1 the limit is violated, infinite where no speed is allowed."""
         low, high = self.fastest(positions)
         allowed = np.where(speeds < 0.0, -low, high)
         idle = np.abs(speeds) < 1e-9
@@ -93,7 +93,7 @@ FR3_LIMITS = JointLimits(
 
 @dataclass(frozen=True, eq=False)
 class Peaks:
-    """The largest shares of the joints' limits that were used, (7,) each."""
+    """The largest used shares of the joints' limits, (7,) each."""
 
     torque: Array
     speed: Array
@@ -101,7 +101,7 @@ class Peaks:
 
 
 class LimitUse:
-    """Remembers the largest shares that were used.
+    """Records the largest used shares of the limits.
 
     Args:
         limits: limits of the joints.
@@ -117,7 +117,7 @@ class LimitUse:
         self._torque, self._speed, self._position = np.zeros((3, JOINTS))
 
     def note(self, torques: Array, joints: Array, speeds: Array) -> None:
-        """Takes in torques [N m], places [rad] and speeds [rad/s] (7,) of a step."""
+        """Records the torques [N m], positions [rad] and speeds [rad/s], each (7,), of a step."""
         self._torque = np.maximum(self._torque, np.abs(torques) / self._limits.torque)
         self._speed = np.maximum(self._speed, self._limits.speed_use(joints, speeds))
         self._position = np.maximum(self._position, np.abs(joints - self._middle) / self._half)
@@ -148,11 +148,11 @@ class ReflexConfig:
 
 
 class CollisionReflex:
-    """Feels, step by step, what pushes against an arm.
+    """Detects collisions of an arm from its external torques, step by step.
 
     Args:
-        limits: (J,) of its motors [N m].
-        config: when it gives way.
+        limits: (J,) torque limits of the motors [N m].
+        config: when the arm gives way.
     """
 
     def __init__(self, limits: Array, config: ReflexConfig) -> None:
@@ -160,7 +160,7 @@ class CollisionReflex:
         self._outside = np.zeros_like(limits)
 
     def feels(self, outside: Array, step: float) -> bool:
-        """Takes in the torque (J,) [N m] of a step [s]; whether it has become too much."""
+        """Averages the external torques (J,) [N m] of a step [s]; returns whether the average has become too large."""
         self._outside = self._outside + step / (self._config.time + step) * (outside - self._outside)
         return bool((np.abs(self._outside) > self._largest).any())
 

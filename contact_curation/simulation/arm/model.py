@@ -7,9 +7,9 @@ The numbers are published, the shapes are our own (capsules):
     friction      Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca, Dynamic identification of the Franka Emika Panda robot with
                   retrieval of feasible parameters using penalty-based optimization, IEEE RA-L 4(4), 4147-4154, 2019
 
-A vacuum gripper holds any convex body that has a flat spot, and does so rigidly. There are therefore two simulated worlds: in
-one the body is part of the arm, in the other it is free. Opening the gripper hands the state of the one to the other, so the
-body leaves with exactly the pose and twist that the pad's motion gave it, and no spring of a soft weld adds to them.
+The vacuum gripper holds a convex body rigidly by a flat face. There are therefore two simulated worlds: in one the body is part
+of the arm, in the other it is free. When the gripper opens, the state is copied from the first to the second. So the body is
+released with exactly the pose and twist of the pad's motion; a soft weld constraint would disturb them.
 """
 
 from dataclasses import dataclass
@@ -33,8 +33,8 @@ ROTOR_INERTIA = (0.605721456, 0.605721456, 0.462474144, 0.462474144, 0.205544064
 """[kg m^2], seen at the joints."""
 
 JOINT_FRICTION = (0.273, 0.436, 0.320, 0.640, 0.420, 0.152, 0.282)
-"""[N m], dry: half of phi_1, the height of the sigmoid over the speed that Gaz et al. fitted to the FR3's predecessor; its
-small offset is left out. The controller does not know it."""
+"""Dry friction [N m]: half of phi_1, the height of the sigmoid over the speed that Gaz et al. fitted to the FR3's predecessor,
+without its small offset. The controller does not compensate for it."""
 
 GRIPPER_LENGTH = 0.105
 """Distance from the flange to the pad [m]."""
@@ -110,15 +110,15 @@ SHAPES: tuple[tuple[int, tuple[float, ...], float], ...] = (
 
 BOARD_BIT, LOWER_BIT, BODY_BIT, ARM_BIT = 1, 2, 4, 8
 MEETS = {5: LOWER_BIT | BODY_BIT, 6: LOWER_BIT, 7: LOWER_BIT, 4: BODY_BIT}
-"""What links may hit beside the board; links up to 3 are the lower ones."""
+"""What links 4 to 7 can collide with besides the board (MuJoCo's collision bits); the lower links are those up to 3."""
 
 
 @dataclass(frozen=True)
 class ArmConfig:
-    """Where the arm stands, and how it is held to its limits.
+    """Where the arm stands, and the margins that its motions keep.
 
-    The robot stands on the floor beside the table that carries the board; by default so that throws that start before the
-    board's middle and go along x are made sideways, which the arm is best at.
+    The robot stands on the floor beside the table with the board. By default it stands so that throws along the board's x axis
+    are made sideways, which the arm does best.
 
     Attributes:
         base: position of the arm's base in the board's frame [m].
@@ -156,7 +156,7 @@ class ArmConfig:
 
     @property
     def home_posture(self) -> Array:
-        """(7,) [rad]."""
+        """Joint angles (7,) of the home posture [rad]."""
         return np.array(self.home)
 
 
@@ -164,7 +164,7 @@ DEFAULT_ARM = ArmConfig()
 
 
 def planning_model(body: Body | None, config: ArmConfig) -> mujoco.MjModel:
-    """The arm over a table of its true size, with the body in its gripper or with nothing; contacts come with the clearance."""
+    """The arm with a body in its gripper, or with none, and the table; distances below the clearance count as contacts."""
     spec = mujoco.MjSpec()
     spec.option.gravity = [0.0, 0.0, -(body.gravity if body else STANDARD_GRAVITY)]
     _add_table(spec, config, margin=config.clearance)
@@ -179,14 +179,14 @@ def holding_model(body: Body, config: ArmConfig, step: float) -> mujoco.MjModel:
     spec = world_of(body, step)
     spec.delete(spec.body(body.name))
     spec.delete(spec.geom("board"))
-    _add_table(spec, config, margin=0.0)  # beside the table there is nothing that a wind-up could hit
+    _add_table(spec, config, margin=0.0)
     last = add_arm(spec, config, meets_itself=False, friction=config.friction)
     _hold(spec, last, body, contype=BOARD_BIT, conaffinity=BOARD_BIT)
     return spec.compile()
 
 
 def free_model(body: Body, config: ArmConfig, step: float) -> mujoco.MjModel:
-    """The simulated world while the body is free; it may hit the arm."""
+    """The simulated world while the body is free; the body can collide with the arm."""
     spec = world_of(body, step)
     spec.geom(body.name).conaffinity = BOARD_BIT | ARM_BIT
     add_arm(spec, config, meets_itself=False, friction=config.friction)
@@ -207,12 +207,13 @@ def _add_table(spec: mujoco.MjSpec, config: ArmConfig, *, margin: float) -> None
 
 
 def add_arm(spec: mujoco.MjSpec, config: ArmConfig, *, meets_itself: bool, friction: float) -> Any:
-    """Adds the arm to a world and gives its last link.
+    """Adds the arm to a world and returns its last link.
 
     Args:
         spec: specification of the world.
-        config: where it stands.
-        meets_itself: whether its links hit each other and the board; in simulation the plan has seen to it.
+        config: configuration of the arm.
+        meets_itself: whether its links collide with each other and the board; not needed in simulation, where the plan has
+            been checked for collisions.
         friction: factor on the joints' dry friction.
     """
     spec.compiler.degree = False
@@ -271,7 +272,7 @@ def _add_shapes(link: Any, number: int, meets_itself: bool) -> None:
 
 
 def _hold(spec: mujoco.MjSpec, link: Any, body: Body, *, contype: int, conaffinity: int) -> None:
-    """The body as a part of the last link; where exactly is set for each throw, see `put_into_gripper`."""
+    """Adds the body to the last link; `put_into_gripper` sets its pose for each throw."""
     xx, xy, xz, _, yy, yz, _, _, zz = body.inertia.ravel()
     held = link.add_body(
         name=HELD, mass=body.mass, ipos=[0.0, 0.0, 0.0], fullinertia=[xx, yy, zz, xy, xz, yz], explicitinertial=True
@@ -285,7 +286,7 @@ def _hold(spec: mujoco.MjSpec, link: Any, body: Body, *, contype: int, conaffini
 
 
 def put_into_gripper(model: mujoco.MjModel, place: Array, orientation_wxyz: Array) -> None:
-    """Sets where the held body stands in the last link's frame, (3,) and (4,)."""
+    """Sets the held body's position (3,) [m] and orientation wxyz (4,) in the last link's frame."""
     held = model.body(HELD)
     held.pos[:], held.quat[:] = place, orientation_wxyz
     mujoco.mj_setConst(model, mujoco.MjData(model))

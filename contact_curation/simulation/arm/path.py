@@ -1,8 +1,8 @@
 """Motions of the joints as samples, one per control step, made of ramps whose acceleration is bounded and has no jumps.
 
-A ramp takes a joint from rest to a speed v (backwards in time: from v to rest) with a trapezoid of acceleration a that rises in
-the time r: it takes v/a + r and half that times v of way. Each joint ramps for itself and is done at the instant of release, so
-every joint takes the shortest way there is.
+A ramp accelerates a joint from rest to a speed v (backwards in time: from v to rest). Its acceleration is a trapezoid of height
+a that rises within the time r. The ramp lasts T = v/a + r and covers the distance v T / 2. Each joint has its own ramp, and all
+ramps end at the release, so every joint covers the shortest possible distance.
 """
 
 from dataclasses import dataclass
@@ -14,13 +14,13 @@ from contact_curation.geometry.quaternions import Array
 
 @dataclass(frozen=True)
 class RampConfig:
-    """How hard joints speed up.
+    """How joints accelerate.
 
     Attributes:
         acceleration: acceleration of a ramp [rad/s^2].
-        rise: time in which the acceleration gets there [s].
-        moving: largest speed between postures, as a share of what a joint may do.
-        moving_acceleration: and largest acceleration; there has to be room for braking in a stop [rad/s^2].
+        rise: time in which the acceleration rises to this value [s].
+        moving: largest speed between postures, as a share of a joint's speed limit.
+        moving_acceleration: largest acceleration between postures [rad/s^2]; it leaves a reserve for braking in a stop.
     """
 
     acceleration: float = 9.0
@@ -51,7 +51,7 @@ class JointPath:
 
     @staticmethod
     def joined(*parts: "JointPath") -> "JointPath":
-        """One after the other; the last sample of each is the first of the next, and is there once."""
+        """Joins paths; the last sample of each must be the first of the next, and is kept once."""
         rest = parts[1:]
         return JointPath(
             np.concatenate([parts[0].positions, *(part.positions[1:] for part in rest)]),
@@ -60,17 +60,17 @@ class JointPath:
         )
 
     def after(self, first: int) -> "JointPath":
-        """The samples from one on."""
+        """The samples from index `first` on."""
         return JointPath(self.positions[first:], self.speeds[first:], self.accelerations[first:])
 
     def thinned(self, every: int) -> "JointPath":
-        """Every so many samples, and the last."""
+        """Every `every`-th sample, and the last one."""
         kept = np.unique(np.append(np.arange(0, len(self), every), len(self) - 1))
         return JointPath(self.positions[kept], self.speeds[kept], self.accelerations[kept])
 
 
 def ramp_way(speeds: Array, config: RampConfig) -> Array:
-    """The way (...) [rad] in which speeds (...) are reached from rest, with their sign."""
+    """Distances (...) [rad] in which speeds (...) [rad/s] are reached from rest, with the sign of the speeds."""
     return 0.5 * speeds * _duration(speeds, config)
 
 
@@ -89,7 +89,7 @@ def slowing_down(posture: Array, speeds: Array, step: float, config: RampConfig)
     rise = config.rise
     gone = [np.clip(times - start, 0.0, None) for start in (np.zeros(7), np.full(7, rise), durations - rise, durations)]
     signs = np.array([-1.0, 1.0, 1.0, -1.0])
-    slope = plateau / rise  # of the acceleration
+    slope = plateau / rise  # rate of the acceleration
     accelerations = slope * sum(sign * time for sign, time in zip(signs, gone))
     lost = slope * sum(sign * time**2 / 2.0 for sign, time in zip(signs, gone))
     fallen = slope * sum(sign * time**3 / 6.0 for sign, time in zip(signs, gone))
@@ -100,11 +100,11 @@ def moving(start: Array, end: Array, fastest: Array, step: float, config: RampCo
     """Path from rest at one posture (7,) to rest at another, straight in joint space, with a quintic time law.
 
     Args:
-        start: first posture.
-        end: last posture.
-        fastest: speeds (7,) that the joints may have [rad/s].
-        step: between samples [s].
-        config: how fast and how hard.
+        start: (7,) first posture [rad].
+        end: (7,) last posture [rad].
+        fastest: (7,) speed limits of the joints [rad/s].
+        step: time between samples [s].
+        config: shares of speed and acceleration.
     """
     way = end - start
     by_speed = (15.0 / 8.0 * np.abs(way) / (config.moving * fastest)).max()

@@ -1,9 +1,9 @@
-"""Postures to release a body in: the pad on one of its faces, and joint speeds that give it the wanted twist.
+"""Searches for release postures: the pad on a face of the body, and joint speeds that give the body the commanded twist.
 
-The pad's place and axis are five conditions on seven joints, and the face is free too: a large family. It is searched through a
-table of postures (which is as good at every turn of the first joint, so it only has to cover a slice), the best few are brought
-onto the release pose by differential inverse kinematics (mink), and joint speeds are found on the line of those that give the
-twist, so that the largest share of a limit is the smallest.
+Position and axis of the pad are five conditions on seven joints, and the face can be chosen, so there are many solutions. A
+table of postures gives starting points. (It is symmetric under the first joint, so it covers one angle of that joint only.)
+Differential inverse kinematics (mink) moves the best ones to the release pose. Of the joint speeds that give the twist, which
+form a line, those are taken whose largest share of a speed limit is smallest.
 """
 
 from dataclasses import dataclass
@@ -25,20 +25,20 @@ from contact_curation.simulation.arm.path import RampConfig, ramp_way
 Indices = NDArray[np.int64]
 
 REACHED = 1e-6
-"""A posture is on the release pose within this [m, rad]."""
+"""Largest accepted distance of a posture from the release pose [m, rad]."""
 
 
 @dataclass(frozen=True)
 class SearchConfig:
-    """How hard postures are looked for.
+    """Size of the search for postures.
 
     Attributes:
-        table: postures that are tried for the table.
-        neighbours: taken from the table for each face.
-        refined: how many of them are brought onto the pose.
+        table: number of random postures that are drawn for the table.
+        neighbours: number of starting points from the table for each face.
+        refined: number of starting points that are moved to the release pose.
         iterations: largest number of iterations of the inverse kinematics.
-        place_scale: a difference in place that counts like a turn by `turn_scale` [m].
-        turn_scale: [rad].
+        place_scale: difference in position that counts as much as a rotation by `turn_scale` [m].
+        turn_scale: rotation that counts as much as a difference in position by `place_scale` [rad].
         seed: random seed of the table.
     """
 
@@ -59,12 +59,12 @@ class Candidate:
     """One way to release a body.
 
     Attributes:
-        joints: (7,) posture [rad].
-        speeds: (7,) [rad/s].
+        joints: (7,) joint angles [rad].
+        speeds: (7,) joint speeds [rad/s].
         grasp: index of the face that is held.
-        miss: how far the pad is from its place and axis [m + rad].
-        speed_use: (7,) share of the joints' speed limits.
-        range_use: (7,) share of the joints' ranges that is used on the way from rest to release and to rest again.
+        miss: distance of the pad from its position plus angle from its axis [m + rad].
+        speed_use: (7,) used shares of the joints' speed limits.
+        range_use: (7,) used shares of the joints' ranges, on the way from rest to release and to rest again.
     """
 
     joints: Array
@@ -76,19 +76,19 @@ class Candidate:
 
     @property
     def cost(self) -> float:
-        """The largest share of any limit; at most 1 if there is nothing against it."""
+        """The largest used share of any limit; at most 1 for a feasible candidate."""
         return float(max(self.speed_use.max(), self.range_use.max()))
 
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """The pad at release, in the frame of the arm's base, for each of G faces.
+    """Pose and twist of the pad at the release, in the frame of the arm's base, for each of G faces.
 
     Attributes:
-        grasps: (G,) indices of faces, integers.
-        places: (G, 3) [m].
-        axes: (G, 3) into the body.
-        twists: (G, 6) velocity [m/s] and angular velocity [rad/s].
+        grasps: (G,) indices of the faces.
+        places: (G, 3) positions of the pad [m].
+        axes: (G, 3) unit vectors of the pad's axis, into the body.
+        twists: (G, 6) velocities [m/s] and angular velocities [rad/s] of the pad.
     """
 
     grasps: Indices
@@ -98,7 +98,7 @@ class Target:
 
 
 def pad_targets(release: Array, grasps: Grasps, config: ArmConfig) -> Target:
-    """Where the pad has to be, and how it has to move, to release a body in state (13,)."""
+    """Computes where the pad must be and how it must move to release a body in state (13,)."""
     turned = Rotation.from_quat(release[3:7], scalar_first=True)
     home = Rotation.from_euler("z", -config.yaw)
     arms, axes = turned.apply(grasps.places), -turned.apply(grasps.normals)
@@ -109,13 +109,13 @@ def pad_targets(release: Array, grasps: Grasps, config: ArmConfig) -> Target:
 
 
 class PostureSearch:
-    """Finds release postures of an arm; made once, for the table takes a while.
+    """Finds release postures of an arm. Make it once: computing the table takes a while.
 
     Args:
-        model: the arm with a body in its gripper, see `arm.planning_model`.
+        model: the arm with a body in its gripper, see `model.planning_model`.
         config: configuration of the arm.
-        ramp: how its joints speed up.
-        search: how hard to look.
+        ramp: how the joints accelerate.
+        search: size of the search.
     """
 
     def __init__(
@@ -134,7 +134,7 @@ class PostureSearch:
         self._tree = cKDTree(self._features(radii, self._table.places[:, 2], axes))
 
     def candidates(self, target: Target) -> list[Candidate]:
-        """Ways to release, the best first; of those that reach the pose, or of the nearest where none does."""
+        """Ways to release, best first: those that reach the release pose, or the nearest if none does."""
         seeds, faces = self._seeds(target)
         refined = np.array([self._refined(seed, target.places[face], target.axes[face]) for seed, face in zip(seeds, faces)])
         exact = postures_of(refined, GRIPPER_LENGTH)
@@ -150,7 +150,7 @@ class PostureSearch:
         return sorted(reached, key=lambda one: one.cost) or sorted(found, key=lambda one: one.miss)[:1]
 
     def _seeds(self, target: Target) -> tuple[Array, Indices]:
-        """Postures (R, 7) from the table that promise most, and for which face each (R,)."""
+        """The most promising postures (R, 7) of the table, and the face that each is for (R,)."""
         azimuths = np.arctan2(target.places[:, 1], target.places[:, 0])
         back = about_z(-azimuths)
         axes = np.einsum("gij,gj->gi", back, target.axes)
@@ -168,7 +168,7 @@ class PostureSearch:
         return np.clip(joints[best], self._limits.lowest + 1e-3, self._limits.highest - 1e-3), faces[best]
 
     def _refined(self, seed: Array, place: Array, axis: Array) -> Array:
-        """The posture (7,) near `seed` that has the pad at `place` along `axis` (base frame), as far as limits let it."""
+        """The posture (7,) near `seed` with the pad at `place` along `axis` (base frame), within the joints' ranges."""
         configuration = self._configuration
         configuration.update(seed)
         turn = Rotation.from_euler("z", self._yaw)
@@ -186,7 +186,7 @@ class PostureSearch:
         return np.array(configuration.q)
 
     def _use(self, joints: Array, speeds: Array) -> tuple[Array, Array]:
-        """Shares of the speed limits and of the ranges (N, 7), for postures passed at speeds."""
+        """Used shares of the speed limits and of the ranges, (N, 7) each, for postures (N, 7) passed at speeds (N, 7)."""
         limits = self._limits
         use = limits.speed_use(joints, speeds) / self._margin
         way = np.abs(ramp_way(speeds, self._ramp))
@@ -199,10 +199,10 @@ class PostureSearch:
 
 
 def least_speeds(jacobians: Array, twists: Array, limits: JointLimits) -> Array:
-    """Joint speeds (N, 7) that give twists (N, 6), the largest share of a speed limit as small as possible.
+    """Joint speeds (N, 7) that give twists (N, 6) with the smallest possible largest share of a speed limit.
 
-    They lie on a line, the least one plus any multiple of the motion that leaves the pad where it is; along it the largest
-    share is convex.
+    The solutions form a line: the least-squares one plus any multiple of the motion that does not move the pad. Along it the
+    largest share is a convex function.
     """
     scaled = jacobians * limits.speed  # (N, 6, 7)
     transposed = scaled.transpose(0, 2, 1)
@@ -214,7 +214,7 @@ def least_speeds(jacobians: Array, twists: Array, limits: JointLimits) -> Array:
     idle /= np.maximum(np.linalg.norm(idle, axis=1, keepdims=True), 1e-12)
     low = -np.full(len(least), 2.0) * (1.0 + np.abs(least).max(axis=1))
     high = -low
-    for _ in range(40):  # by thirds
+    for _ in range(40):  # ternary search
         third = (high - low) / 3.0
         left = np.abs(least + (low + third)[:, None] * idle).max(axis=1)
         right = np.abs(least + (high - third)[:, None] * idle).max(axis=1)
@@ -223,7 +223,7 @@ def least_speeds(jacobians: Array, twists: Array, limits: JointLimits) -> Array:
 
 
 def _table(config: ArmConfig, search: SearchConfig) -> Postures:
-    """Postures with the pad over the board, the first joint at 0."""
+    """Draws postures with the pad over the board, with the first joint at 0."""
     rng = np.random.default_rng(search.seed)
     joints = rng.uniform(config.limits.lowest, config.limits.highest, (search.table, JOINTS))
     joints[:, 0] = 0.0

@@ -1,6 +1,6 @@
-"""A throw and its toss in one process: the simulated arm throws, a tracker looks on, and its poses become a toss.
+"""Throws and their tosses in one process: the simulated arm throws, a simulated tracker measures poses, which become tosses.
 
-The tracker has the real rig's noise, and the tosses pass the segmenter and the gates of `pose_ingest`.
+The tracker has the noise of the real rig, and the poses pass the segmenter and the quality checks of `pose_ingest`.
 """
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ PAUSE_NS = 10 * NANOSECONDS
 
 
 class Seen(NamedTuple):
-    """A throw as it was made, and its toss; None where the tracker's poses made none."""
+    """A throw as it was executed, and its toss; None if the poses gave no accepted toss."""
 
     commanded: Throw
     executed: Throw
@@ -42,7 +42,7 @@ class ArmRig:
     Args:
         body: body that is thrown.
         seed: random seed of the gripper's delays and the tracker's noise.
-        tracker: its faults.
+        tracker: noise and faults of the tracker.
     """
 
     def __init__(self, body: Body, seed: int, tracker: TrackerNoiseConfig | None = None) -> None:
@@ -53,10 +53,10 @@ class ArmRig:
         self._now_ns = PAUSE_NS
 
     def throw(self, throw: Throw) -> Seen:
-        """Makes a throw.
+        """Executes a throw and tracks it.
 
         Raises:
-            InvalidValueError: the arm cannot.
+            InvalidValueError: the arm cannot make the throw.
         """
         made = self._thrower.execute(throw)
         executed = throw_of_state(
@@ -65,7 +65,7 @@ class ArmRig:
         return Seen(throw, executed, self._toss(made))
 
     def random_throws(self, planner: Planner, count: int, seed: int, name: str) -> list[Throw]:
-        """Throws at random from a planner's prior that are safe by themselves and that the arm can make."""
+        """Draws throws from a planner's prior that are within the safety limits and that the arm can make."""
         rng, throws = np.random.default_rng([seed, 7]), list[Throw]()
         while len(throws) < count:
             for state in planner.evaluator.draw_safe(planner.prior, 32, rng).states(planner.config.candidates.placement):
@@ -75,7 +75,7 @@ class ArmRig:
         return throws
 
     def _toss(self, made: ExecutedThrow) -> Toss | None:
-        """What the segmenter and the gates make of the poses that the tracker saw."""
+        """The toss that segmenter and quality checks accept from the tracked poses; None if there is none."""
         config = IngestConfig(TrackerConfig(body_frame=f"body_{self.body.name}", board_frame=BOARD))
         ingest = TossIngest(config, self.body, source=made.throw.throw_id)
         events = [event for frame in self._frames(made) for event in ingest.push(frame)]

@@ -1,8 +1,8 @@
-"""The gate that every command to an arm passes, and the watchdog beside it. What is not known to be good is refused (FIELD 6).
+"""The safety gate of an arm: checks every command, and stops the arm when a heartbeat is missing. It denies by default.
 
-A gate begins disarmed. It is armed by hand, and disarmed by a stop or by a watchdog that heard no heartbeat for a while; then
-it stays so until it is armed again. Each arming has a number, so that what was allowed before a stop can be told from what is
-allowed now: nothing that waited resumes. The gate owns no clock: every call is given the time of one that never jumps.
+The gate begins disarmed. A person arms it. A stop disarms it, and so does a missing heartbeat; it then stays disarmed until it
+is armed again. Each arming has a number, so that motions that were allowed before a stop do not resume after it. The gate owns
+no clock: every call gets the time of a steady clock.
 """
 
 import threading
@@ -19,14 +19,14 @@ from contact_curation.simulation.arm.path import JointPath
 
 @dataclass(frozen=True)
 class GateConfig:
-    """Limits of commands; the defaults are those of throws that were made (method.md 5).
+    """Limits of commands; the defaults follow from throws that were made (method.md 5).
 
     Attributes:
         largest_speed: largest speed of a release [m/s].
         largest_spin: largest angular speed of a release [rad/s].
         lowest_release: smallest height of the body's centre at release [m].
         highest_release: largest height of the body's centre at release [m].
-        workspace: releases lie within this of the board's middle, in x and y [m].
+        workspace: largest distance of a release from the board's middle, in x and in y [m].
         keep_out_place: x and y of the axis of a cylinder around the arm's base [m].
         keep_out_radius: radius of that cylinder; releases lie outside of it [m].
         least_pause: shortest time between the starts of two throws, on a steady clock [s]; 0 for none.
@@ -59,7 +59,7 @@ class GateConfig:
 
 
 def out_of_limits(throw: Throw, config: GateConfig) -> str | None:
-    """The limit of commands that a throw breaks, in one line; None if it breaks none."""
+    """One line that names the limit of commands that a throw violates; None if it violates none."""
     if not np.isfinite(throw.release).all():
         return "throw: found a number that is not finite, expected finite numbers"
     away = float(np.linalg.norm(throw.position[:2] - np.asarray(config.keep_out_place)))
@@ -78,7 +78,7 @@ def out_of_limits(throw: Throw, config: GateConfig) -> str | None:
 
 
 def path_out_of_limits(path: JointPath, limits: JointLimits) -> str | None:
-    """Why a motion may not be sent to the joints; None if it may. The planner has checked it: this is the second time."""
+    """One line that says why a motion must not be sent to the joints; None if it may. Repeats the planner's check."""
     if not all(np.isfinite(part).all() for part in (path.positions, path.speeds, path.accelerations)):
         return "path: found a number that is not finite, expected finite numbers"
     outside = np.maximum(path.positions - limits.highest, limits.lowest - path.positions)
@@ -95,10 +95,10 @@ def path_out_of_limits(path: JointPath, limits: JointLimits) -> str | None:
 
 
 class SafetyGate:
-    """Says whether the arm may move; its methods may be called from any thread.
+    """Decides whether the arm may move. Its methods may be called from any thread.
 
     Args:
-        config: limits.
+        config: limits of commands.
     """
 
     def __init__(self, config: GateConfig) -> None:
@@ -112,7 +112,7 @@ class SafetyGate:
 
     @property
     def arming(self) -> int:
-        """Number of the present arming; 0 while the gate is disarmed."""
+        """Number of the present arming, from 1; 0 while the gate is disarmed."""
         with self._lock:
             return self._arming if self._armed else 0
 
@@ -124,30 +124,37 @@ class SafetyGate:
 
     @property
     def was_stopped(self) -> bool:
-        """Whether somebody stopped it since it was armed; a heartbeat that failed did not."""
+        """Whether `stop` was called since the gate was armed; a missing heartbeat does not count."""
         with self._lock:
             return self._stopped
 
     def arm(self, now: float) -> int:
-        """Allows motion from now on, and gives the arming's number; counts as a heartbeat."""
+        """Arms the gate; counts as a heartbeat.
+
+        Args:
+            now: time of the steady clock [s].
+
+        Returns:
+            The number of this arming.
+        """
         with self._lock:
             self._arming += 0 if self._armed else 1
             self._armed, self._stopped, self._heard = True, False, now
             return self._arming
 
     def stop(self, reason: str) -> None:
-        """Forbids motion until the next arming. The first reason since then is kept."""
+        """Disarms the gate until it is armed again. Of several reasons the first one is kept."""
         with self._lock:
             self._disarm(reason)
             self._stopped = True
 
     def heartbeat(self, now: float) -> None:
-        """Someone who could stop the arm is there."""
+        """Records a heartbeat at time `now` [s]: the sender is there and could stop the arm."""
         with self._lock:
             self._heard = max(self._heard, now)
 
     def watch(self, now: float) -> bool:
-        """Whether the arm may move now; forbids it if the heartbeat has failed."""
+        """Whether the arm may move at time `now` [s]; disarms the gate if the heartbeat is missing."""
         silent = self.silence(now)
         if silent > self.config.heartbeat_timeout:
             with self._lock:
@@ -160,7 +167,7 @@ class SafetyGate:
             return now - self._heard
 
     def admits(self, throw: Throw, now: float) -> str | None:
-        """Why a throw may not begin now; None if it may, and then its beginning is noted."""
+        """One line that says why a throw may not begin at time `now` [s]; None if it may, whose start is then recorded."""
         if not self.watch(now):
             return f"the arm is disarmed ({self.reason}); arm it first"
         line = out_of_limits(throw, self.config)
@@ -174,6 +181,6 @@ class SafetyGate:
         return None
 
     def _disarm(self, reason: str) -> None:
-        """Disarms; the caller holds the lock."""
+        """Disarms the gate; the caller holds the lock."""
         if self._armed:
             self._armed, self._reason = False, reason

@@ -1,12 +1,12 @@
-"""The arm at work in MuJoCo: a torque-limited controller follows a planned motion, the gripper opens, the body flies and rests.
+"""Simulates a throw in MuJoCo: a controller follows the planned motion, the gripper opens, the body flies and comes to rest.
 
-The whole motion is one path with a parameter that advances one sample per control step. A stop lets it advance ever slower, so
-the arm brakes on the path that was found to be free; re-arming runs it back home, or forward if the body is gone. Control is by
-computed torque, tau = M (a + Kp e + Kd e') + bias, clipped to the motors' limits and to how fast they may change; the joints'
-dry friction is not known to it.
+The whole motion is one path whose parameter advances by one sample per control step. A stop slows the parameter down, so that
+the arm brakes on the path that was checked for collisions. Re-arming runs the path back to the home posture, or forward if the
+body has been released. The controller is computed torque, tau = M (a + Kp e + Kd e') + bias, clipped to the motors' torque
+limits and torque rates; it does not compensate for the joints' dry friction.
 
-After the release the arm waits until the body rests and was taken away. An arm that feels a push meanwhile grows soft: it slows
-down as planned but no longer holds its place, and goes home from where it then stands.
+After the release the arm waits until the body rests and has been taken away. If it detects a collision meanwhile, it gives way:
+it slows down as planned without stiffness, and then goes home from where it stands.
 """
 
 from dataclasses import dataclass, field
@@ -28,12 +28,12 @@ from contact_curation.simulation.arm.worlds import ArmWorlds
 PER_FRAME = STEP * STEPS_PER_FRAME
 
 SOFT_DAMPING = 10.0
-"""Kd of an arm that gives way; it has no stiffness [1/s]."""
+"""Kd of an arm that gives way, whose Kp is 0 [1/s]."""
 
 
 @dataclass(frozen=True)
 class ControlConfig:
-    """How motions are followed.
+    """Configuration of the arm's controller and of a throw's end.
 
     Attributes:
         stiffness: proportional gain Kp [1/s^2].
@@ -72,13 +72,13 @@ DEFAULT_CONTROL = ControlConfig()
 
 
 class ArmSimulation:
-    """Arm, body and board, moved on frame by frame.
+    """Simulates arm, body and board frame by frame.
 
     Args:
         body: body that is thrown.
         config: configuration of the arm.
-        control: control of its motions.
-        seed: random seed of the gripper's delay, with the throw's name.
+        control: configuration of the controller.
+        seed: random seed; together with a throw's name it determines the gripper's delay.
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class ArmSimulation:
         self._release_row, self._swing_row, self._stopped_row, self._opens_at = -1, -1, -1, -1.0
         self._still_for, self._free_for = 0.0, 0.0
         self._used = LimitUse(config.limits)
-        self._torques = self._worlds.now.data.qfrc_bias.copy()  # it stands at home and bears its weight
+        self._torques = self._worlds.now.data.qfrc_bias.copy()  # the torques that hold the arm's weight at home
 
     @property
     def holding(self) -> bool:
@@ -116,9 +116,9 @@ class ArmSimulation:
         return self._used.peaks
 
     def begin(self, motion: ThrowMotion) -> None:
-        """Begins a throw: the body is put into the gripper the way the throw wants it.
+        """Begins a throw: puts the body into the gripper in the grip of the throw.
 
-        The motion follows from the throw alone, whatever was thrown before.
+        The simulated motion depends on the throw alone, not on earlier throws.
 
         Raises:
             InvalidValueError: the arm is not at rest at home.
@@ -149,19 +149,19 @@ class ArmSimulation:
             self.phase, self._wanted = Phase.STOPPING, 0.0
 
     def rearm(self) -> None:
-        """Goes home after a stop: back along the way it came, or forward when the body is gone."""
+        """Goes home after a stop: back along its path, or forward if the body has been released."""
         if self.phase is Phase.STOPPED:
             self.phase, self._wanted = Phase.RETURNING, -self.control.return_rate if self._worlds.held else 1.0
 
     def advance(self) -> ArmFrame:
-        """The next frame."""
+        """Simulates one frame and returns it."""
         for _ in range(STEPS_PER_FRAME):
             self._step()
         self._after_frame()
         return self.frame()
 
     def frame(self) -> ArmFrame:
-        """The world as it is now."""
+        """The present state as a frame."""
         world = self._worlds.now
         return ArmFrame(
             self.time,
@@ -175,7 +175,7 @@ class ArmSimulation:
         )
 
     def _step(self) -> None:
-        """One control step: along the path, torques, physics, and the gripper when it is time."""
+        """One control step: path parameter, torques, physics, and the gripper if it is time."""
         before, rate = self._at, self._rate
         self._at, self._rate = self._ahead()
         posture, speed = self._reference(before, rate)
@@ -200,24 +200,24 @@ class ArmSimulation:
             self._open()
 
     def _pull(self, off: Array, slow: Array) -> Array:
-        """Accelerations (7,) against errors of place (7,) and speed (7,)."""
+        """The feedback accelerations (7,) for errors of position (7,) and speed (7,)."""
         if self._yields:
             return SOFT_DAMPING * slow
         return self.control.stiffness * off + self.control.damping * slow
 
     def _feel(self, outside: Array) -> None:
-        """Notes what touches, and gives way to torques from outside (7,) that are too large."""
+        """Notes whether the body touches the arm, and gives way if the external torques (7,) are too large."""
         self.touched |= self._worlds.body_touches_arm()
         if self._reflex.feels(outside, STEP) and not self._gone:
             self._yields = self.gave_way = True
 
     def _ahead(self) -> tuple[float, float]:
-        """The path's parameter and its rate after the next step."""
+        """The path parameter and its rate after the next step."""
         rate, change = self._rate, self._slowing * STEP
         past_release = self._release_row < self._at < self._stopped_row
-        if not (past_release and self._wanted == 0.0):  # there the path slows down by itself, as hard as it may
+        if not (past_release and self._wanted == 0.0):  # after the release the path itself slows down at the limit
             rate += float(np.clip(self._wanted - rate, -change, change))
-        # The arm goes home when the body rests, so that it does not meet it on the way.
+        # The arm waits until the body rests, so that it does not hit it on the way home.
         waits = not self._worlds.held and self._at <= self._stopped_row and (self._yields or not self._gone)
         return float(np.clip(self._at + rate, 0.0, self._stopped_row if waits else len(self._path) - 1)), rate
 
@@ -230,7 +230,7 @@ class ArmSimulation:
         return posture, rate * speed
 
     def _after_frame(self) -> None:
-        """What follows from where everything is."""
+        """Changes the phase if the state of arm and body calls for it."""
         if self.phase is Phase.MOVING and self._at >= self._swing_row:
             self.phase = Phase.THROWING
         if not self._worlds.held:
@@ -248,7 +248,7 @@ class ArmSimulation:
             self._home()
 
     def _stands(self) -> bool:
-        """Whether the path is followed no further, and an arm that gives way stands still."""
+        """Whether the path parameter stands still, and also the joints of an arm that gives way."""
         world = self._worlds.now
         if self._yields and np.abs(world.data.qvel[world.dofs]).max() > self.control.still:
             return False
@@ -257,7 +257,7 @@ class ArmSimulation:
         return slowed or abs(self._rate) < 1e-9 or self._at >= len(self._path) - 1
 
     def _go_on(self) -> None:
-        """Back to its path, from where an arm stands that gave way, and home."""
+        """Leads an arm that gave way from where it stands back to the path and home."""
         world, rest = self._worlds.now, self._path.after(self._stopped_row)
         here = world.data.qpos[world.joints]
         back = moving(here, rest.positions[0], self.config.limits.speed, STEP, DEFAULT_RAMP)
@@ -282,7 +282,7 @@ class ArmSimulation:
             self._worlds.take_away()
 
     def _open(self) -> None:
-        """The gripper lets go."""
+        """Opens the gripper: the body becomes free."""
         self.release = self._worlds.open()
         self._still_for, self._free_for = 0.0, 0.0
         self._yields = self._gone = False

@@ -1,4 +1,4 @@
-"""One throw by the simulated arm from beginning to end, without ROS: for the command line, benchmarks and tests."""
+"""Executes throws with the simulated arm from home to home, without ROS: for the command line, benchmarks and tests."""
 
 from dataclasses import dataclass
 
@@ -17,18 +17,18 @@ from contact_curation.simulation.arm.throw_motion import FRAME_PERIOD, Refused, 
 
 @dataclass(frozen=True, eq=False)
 class ExecutedThrow:
-    """What really happened.
+    """A throw as it was executed.
 
     Attributes:
         throw: throw as commanded.
-        release: (13,) state of the body in the instant it was released, SI units.
-        states: (T, 13) the body's states from the release on, one each `frame_period`, until it rests.
-        frame_period: [s].
-        rested: whether it came to rest.
-        touched: whether the flying or sliding body touched the arm.
-        gave_way: whether the arm felt it as a push and gave way.
-        peaks: shares of the joints' limits that were used.
-        duration: simulated time from the arm's beginning to the body's rest [s].
+        release: (13,) state of the body at the release, in SI units.
+        states: (T, 13) states of the body from the release until it rests, one per `frame_period`.
+        frame_period: time between states [s].
+        rested: whether the body came to rest.
+        touched: whether the body touched the arm after the release.
+        gave_way: whether the arm detected this as a collision and gave way.
+        peaks: largest used shares of the joints' limits.
+        duration: simulated time from the start of the arm's motion until the body rests [s].
     """
 
     throw: Throw
@@ -43,20 +43,20 @@ class ExecutedThrow:
 
     @property
     def errors(self) -> "ReleaseErrors":
-        """Errors of the release against the commanded throw."""
+        """The errors of the release relative to the commanded throw."""
         return release_errors(self.throw, self.release)
 
 
 @dataclass(frozen=True)
 class ReleaseErrors:
-    """How far an executed release is from the commanded one.
+    """Errors of an executed release relative to the commanded one.
 
     Attributes:
-        position: [m].
+        position: error of the position [m].
         turn: error of the orientation [rad].
-        speed: relative, of the velocity's size.
+        speed: relative error of the speed.
         direction: error of the direction of the velocity [rad].
-        spin: size of the difference of the angular velocities, in the board's frame [rad/s].
+        spin: norm of the error of the angular velocity in the board's frame [rad/s].
     """
 
     position: float
@@ -67,7 +67,7 @@ class ReleaseErrors:
 
 
 def release_errors(throw: Throw, release: Array) -> ReleaseErrors:
-    """Compares a release (13,) with the command."""
+    """Compares the state at a release (13,) with the command."""
     wanted, given = throw.linear_velocity, release[7:10]
     sizes = float(np.linalg.norm(wanted)), float(np.linalg.norm(given))
     cosine = float(wanted @ given) / max(sizes[0] * sizes[1], 1e-12)
@@ -82,11 +82,11 @@ def release_errors(throw: Throw, release: Array) -> ReleaseErrors:
 
 
 class ArmThrower:
-    """Throws a body, one throw after the other; made once per body.
+    """Executes throws of one body, one after the other. Make it once per body.
 
     Args:
-        planner: planner of its motions.
-        control: how they are followed.
+        planner: planner of the arm's motions.
+        control: configuration of the controller.
         seed: random seed of the gripper's delays.
     """
 
@@ -96,14 +96,14 @@ class ArmThrower:
 
     @property
     def time(self) -> float:
-        """Simulated, since it was made [s]."""
+        """Simulated time since this object was made [s]."""
         return self._simulation.time
 
     def execute(self, throw: Throw) -> ExecutedThrow:
-        """Throws, and waits for the body to rest and for the arm to be home again.
+        """Plans and executes a throw until the body rests and the arm is home again.
 
         Raises:
-            InvalidValueError: the arm cannot make the throw; the message says which limit it breaks.
+            InvalidValueError: the arm cannot make the throw; the message names the violated limit.
         """
         motion = self.planner.plan(throw)
         if isinstance(motion, Refused):
@@ -111,7 +111,7 @@ class ArmThrower:
         return self.carry_out(motion)
 
     def carry_out(self, motion: ThrowMotion) -> ExecutedThrow:
-        """Throws as planned."""
+        """Executes a planned motion until the body rests and the arm is home again."""
         simulation, states = self._simulation, []
         began, rested, rested_at = simulation.time, False, 0.0
         simulation.begin(motion)
@@ -128,5 +128,5 @@ class ArmThrower:
 
 
 def execute(throw: Throw, body: Body, control: ControlConfig = DEFAULT_CONTROL, seed: int = 0) -> ExecutedThrow:
-    """One throw by an arm of its own; for more than one make an `ArmThrower`. Errors as there."""
+    """Executes one throw with a new arm; for several throws use `ArmThrower`, which raises the same errors."""
     return ArmThrower(ThrowPlanner(body), control, seed).execute(throw)

@@ -1,10 +1,10 @@
-"""A throw becomes a motion of the arm: from its home to the wind-up, through the release, to rest, and home again.
+"""Plans the motion of the arm for a throw: from home to the wind-up, through the release, to rest, and home again.
 
-For each way to hold the body that promises to work (`arm_postures`), joints ramp up so that all of them reach the release
-posture at the release speeds in the same instant, and ramp down from there. A motion is accepted when every sample keeps
-positions, speeds, accelerations and torques (inverse dynamics) inside the limits, nothing comes near the table or the arm
-itself, and the body that flies off does not meet the arm (`arm_departure`). Otherwise the throw is refused with the limit that
-the best attempt breaks.
+For each promising grasp and posture (`postures`) the joints accelerate so that all of them reach the release posture with the
+release speeds at the same instant, and then decelerate. A motion is accepted if every sample keeps positions, speeds,
+accelerations and torques (by inverse dynamics) within the limits, no moving part comes near the table or the arm itself, and
+the released body does not hit the arm (`departure`). Otherwise the throw is refused; the refusal names the limit that the best
+attempt violates.
 """
 
 from dataclasses import dataclass, field, replace
@@ -32,20 +32,20 @@ STEP = FRAME_PERIOD / STEPS_PER_FRAME
 """Step of control and simulation [s]: 1036 Hz; the real arm is commanded at 1 kHz."""
 
 CHECKED_EVERY = 8
-"""Samples between those that are checked for collisions and torques."""
+"""Every so many samples one is checked for collisions and torques."""
 
 FROM_BELOW = 0.3
-"""A pad that points up more than this would carry the body along; such faces are not tried (vertical part of its axis)."""
+"""Largest vertical part of the pad's axis. A pad that points further up would carry the body along; its face is not tried."""
 
 
 class Refused(NamedTuple):
     """Why the arm cannot make a throw.
 
     Attributes:
-        limit: what is broken.
-        found: what the best attempt needs.
-        allowed: what there is.
-        unit: unit of both.
+        limit: name of the violated limit.
+        found: value that the best attempt needs.
+        allowed: allowed value.
+        unit: unit of both values.
     """
 
     limit: str
@@ -60,7 +60,7 @@ class Refused(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ThrowMotion:
-    """A throw that the arm can make. The last sample of each path is the first of the next.
+    """The arm's motion for a throw. The last sample of each path is the first of the next.
 
     Attributes:
         throw: throw as commanded.
@@ -83,14 +83,14 @@ class ThrowMotion:
 
 @dataclass
 class ThrowPlanner:
-    """Plans throws of one body; made once, for its table of postures takes a while.
+    """Plans throws of one body. Make it once: computing its table of postures takes a while.
 
     Attributes:
         body: body that is thrown.
         config: configuration of the arm.
-        ramp: how its joints speed up.
-        search: how hard postures are looked for.
-        departure: how far arm and thrown body stay apart.
+        ramp: how the joints accelerate.
+        search: size of the search for postures.
+        departure: required distance between arm and released body.
     """
 
     body: Body
@@ -108,7 +108,7 @@ class ThrowPlanner:
         self._departure = Departure(self.body, self.config, STEP, STEPS_PER_FRAME, self.departure)
 
     def plan(self, throw: Throw) -> ThrowMotion | Refused:
-        """The motion of a throw, or why there is none."""
+        """The motion for a throw, or the reason why there is none."""
         target = self._reachable(pad_targets(throw.release, self.grasps, self.config))
         if not len(target.grasps):
             return Refused("tilt of the gripper", 1.0, FROM_BELOW, "upwards")
@@ -117,7 +117,7 @@ class ThrowPlanner:
         for candidate in self._postures.candidates(target):
             refused = self._use(candidate)
             if refused is not None:
-                return worst or refused  # they are in order: no later one is better
+                return worst or refused  # candidates are sorted: no later one is better
             flight = self._departure.flight(throw.release) if flight is None else flight
             motion = self._motion(throw, candidate, flight)
             if isinstance(motion, ThrowMotion):
@@ -131,7 +131,7 @@ class ThrowPlanner:
         return Target(target.grasps[kept], target.places[kept], target.axes[kept], target.twists[kept])
 
     def _use(self, candidate: Candidate) -> Refused | None:
-        """What the release posture and its speeds break."""
+        """The limit that the release posture or its speeds violate; None if they violate none."""
         limits, margin = self.config.limits, self.config.margin
         if candidate.miss > 1e-3:
             return Refused("reach", candidate.miss, 1e-3, "m from the release pose")
@@ -169,7 +169,7 @@ class ThrowPlanner:
         return refused or ThrowMotion(throw, candidate, grip, approach, swing, stopping, returning)
 
     def _moving(self, start: Array, end: Array) -> JointPath:
-        """Path between two postures, slower where an end of a range is near, as the speed limits there require."""
+        """Path between two postures; slower near the ends of a joint's range, where speed limits are lower."""
         for share in (1.0, 0.5, 0.25):
             ramp = replace(self.ramp, moving=share * self.ramp.moving)
             path = moving(start, end, self.config.limits.speed, STEP, ramp)
@@ -184,12 +184,12 @@ class ThrowPlanner:
         return Pose(link.xpos.copy(), link.xquat.copy()).inverse().compose(Pose(throw.position, throw.orientation_wxyz))
 
     def _departing(self, flight: Array, stopping: JointPath) -> Refused | None:
-        """Whether the body that flies off, lands and bounces would meet the arm that slows down and waits."""
+        """Checks that the released body does not hit the arm, which slows down and waits."""
         gap = self._departure.too_near(flight, stopping)
         return None if gap is None else Refused("distance of the thrown body to the arm", gap.found, gap.wanted, "m")
 
     def _within(self, path: JointPath) -> Refused | None:
-        """Whether a path keeps positions, speeds and accelerations inside the limits."""
+        """Checks that a path keeps positions, speeds and accelerations within the limits."""
         limits = self.config.limits
         use = limits.speed_use(path.positions, path.speeds) / self.config.margin
         row, joint = np.unravel_index(int(use.argmax()), use.shape)
@@ -204,7 +204,7 @@ class ThrowPlanner:
         return None
 
     def _clear(self, model: mujoco.MjModel, data: mujoco.MjData, path: JointPath) -> Refused | None:
-        """Whether nothing comes near the table or the arm itself on a path."""
+        """Checks that no moving part comes near the table or the arm itself on a path."""
         for posture in path.thinned(CHECKED_EVERY).positions:
             data.qpos[:] = posture
             mujoco.mj_kinematics(model, data)
@@ -217,7 +217,7 @@ class ThrowPlanner:
         return None
 
     def _strong(self, model: mujoco.MjModel, data: mujoco.MjData, path: JointPath) -> Refused | None:
-        """Whether the torques of a path are there, and change no faster than they may, by inverse dynamics."""
+        """Checks by inverse dynamics that the torques of a path, and their rates, are within the limits."""
         part, limits = path.thinned(CHECKED_EVERY), self.config.limits
         torques = np.empty_like(part.positions)
         for row, (posture, speed, acceleration) in enumerate(zip(part.positions, part.speeds, part.accelerations)):

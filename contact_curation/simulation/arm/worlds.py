@@ -1,7 +1,7 @@
 """The two worlds of a simulated arm, and how the body passes from one to the other (`arm.model` gives the reason).
 
-In one the body is part of the arm, in the other it is free. Opening the gripper hands the state of the one to the other; taking
-the body puts it into the gripper without simulating how it was picked up.
+In one the body is part of the arm, in the other it is free. Opening the gripper copies the state from the first to the second.
+Taking the body puts it into the gripper; picking it up is not simulated.
 """
 
 from typing import NamedTuple
@@ -32,10 +32,10 @@ class World(NamedTuple):
     """A simulated world.
 
     Attributes:
-        model: model of the world.
+        model: MuJoCo model.
         data: its state.
-        joints: (7,) where the arm's joints are among the state's positions.
-        dofs: (7,) and among its speeds.
+        joints: (7,) indices of the arm's joints in the state's positions (qpos).
+        dofs: (7,) indices of the arm's joints in the state's speeds (qvel).
     """
 
     model: mujoco.MjModel
@@ -45,11 +45,11 @@ class World(NamedTuple):
 
 
 class ArmWorlds:
-    """Arm, body and board, with the body in the gripper at first, by the first face that it can be held by.
+    """Arm, body and board. At first the arm is at home and holds the body by the first face on which the pad fits.
 
     Args:
         body: body that is thrown.
-        config: configuration of the arm, which stands at home.
+        config: configuration of the arm.
         step: step of the simulation [s].
     """
 
@@ -65,22 +65,22 @@ class ArmWorlds:
 
     @property
     def now(self) -> World:
-        """The world that is simulated."""
+        """The world that is simulated at present."""
         return self._holding if self.held else self._free
 
     def take_body(self) -> None:
-        """Puts the body into the gripper by the first face that it can be held by."""
+        """Puts the body into the gripper by the first face on which the pad fits."""
         self._take(_first_grip(self._body))
 
     def begin(self, grip: Pose) -> None:
-        """The arm stands still at home, exactly, with the body in the gripper: what follows depends on nothing before."""
+        """Resets the arm to rest at home with the body in the gripper, so that the motion depends on nothing before."""
         self.held = True
         mujoco.mj_resetData(self._holding.model, self._holding.data)
         self._holding.data.qpos[:] = self._home
         self._take(grip)
 
     def _take(self, grip: Pose) -> None:
-        """Puts the body into the gripper, in the last link's frame; picking it up is not simulated."""
+        """Puts the body into the gripper at a pose in the last link's frame."""
         put_into_gripper(self._holding.model, grip.position, grip.orientation_wxyz)
         holding = self._holding.data
         if not self.held:
@@ -89,7 +89,7 @@ class ArmWorlds:
         mujoco.mj_forward(self._holding.model, holding)
 
     def open(self) -> Array:
-        """Hands arm and body to the world in which the body is free, and gives the body's state (13,) then."""
+        """Passes to the world in which the body is free; returns the body's state (13,) at that moment."""
         mujoco.mj_forward(self._holding.model, self._holding.data)
         release = self.body_state()
         free = self._free.data
@@ -102,17 +102,17 @@ class ArmWorlds:
         return release
 
     def take_away(self) -> None:
-        """The free body is gone: an arm on its way home passes where it lay."""
+        """Lets the arm move through the free body, as if the body had been removed."""
         self._let_meet(BOARD_BIT)
 
     def body_touches_arm(self) -> bool:
-        """Whether the free body meets anything but the board."""
+        """Whether the free body touches anything but the board."""
         pairs, model = self._free.data.contact.geom, self._free.model
         ours = (pairs == model.geom(self._body.name).id).any(axis=1) & (pairs != model.geom("board").id).all(axis=1)
         return bool(ours.any())
 
     def body_state(self) -> Array:
-        """(13,) in SI units, in the board's frame."""
+        """The body's state (13,) in SI units, in the board's frame."""
         model, data = self.now.model, self.now.data
         if not self.held:
             return np.concatenate([data.qpos[self._place : self._place + 7], data.qvel[self._motion : self._motion + 6]])
@@ -125,7 +125,7 @@ class ArmWorlds:
         return np.concatenate([held.xpos, held.xquat, twist[3:], spin])
 
     def _let_meet(self, others: int) -> None:
-        """What the free body can hit."""
+        """Sets the collision groups that the free body collides with."""
         self._free.model.geom(self._body.name).conaffinity[:] = others
 
 
@@ -136,10 +136,10 @@ def _world(model: mujoco.MjModel) -> World:
 
 
 def _first_grip(body: Body) -> Pose:
-    """The body on the pad by the first face it can be held by, in the last link's frame."""
+    """Pose of the body in the last link's frame when it is held by the first face on which the pad fits."""
     grasps = grasps_of(body)
     down = np.array([0.0, 0.0, 1.0])
-    normal = -grasps.normals[0]  # of the face, into the body; it goes along the pad's axis
+    normal = -grasps.normals[0]  # the face's inward normal, which the pad's axis is parallel to
     half = np.concatenate([[1.0 + normal @ down], np.cross(normal, down)])
     turn = half / np.linalg.norm(half) if np.linalg.norm(half) > 1e-9 else np.array([0.0, 1.0, 0.0, 0.0])
     pad = Pose(np.array([0.0, 0.0, FLANGE + GRIPPER_LENGTH]), IDENTITY)

@@ -1,4 +1,4 @@
-"""A camera that looks at the board, and the world with tags as it sees it, rendered without a screen through EGL."""
+"""Renders the world with its tags as seen by a camera that looks at the board, through EGL without a screen."""
 
 from dataclasses import dataclass
 from types import TracebackType
@@ -21,14 +21,14 @@ from contact_curation.simulation.world import world_of
 CAMERA = "camera"
 
 STEP = 1e-3
-"""The rendered world never moves by itself, but a world has a time step [s]."""
+"""Time step [s] of the rendered world; MuJoCo needs one, although this world is never simulated."""
 
 UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
 class CameraConfig:
-    """Where the camera is, in the board's frame, and what it sees.
+    """Position of the camera in the board's frame, and properties of its images.
 
     Attributes:
         position: position of the pinhole [m].
@@ -60,7 +60,7 @@ class CameraConfig:
 
     @property
     def pose(self) -> Pose:
-        """The camera in the board's frame: x to the right, y down, z forward."""
+        """Pose of the camera in the board's frame: x to the right, y down, z forward."""
         forward = np.subtract(self.target, self.position)
         forward /= np.linalg.norm(forward)
         right = np.cross(forward, UP)
@@ -74,7 +74,7 @@ class CameraConfig:
 
 
 def add_camera(spec: mujoco.MjSpec, config: CameraConfig) -> None:
-    """Adds the camera to a world; MuJoCo's look along their -z, with y up."""
+    """Adds the camera to a world. MuJoCo's cameras look along their -z axis, with y up."""
     turned = quaternions.multiply(config.pose.orientation_wxyz, HALF_TURN_ABOUT_X)
     spec.worldbody.add_camera(name=CAMERA, pos=config.position, quat=turned, fovy=np.degrees(config.vertical_view))
     spec.visual.global_.offwidth, spec.visual.global_.offheight = config.width, config.height
@@ -82,17 +82,17 @@ def add_camera(spec: mujoco.MjSpec, config: CameraConfig) -> None:
 
 
 class CameraView:
-    """A world of its own, that is put where the true one is and rendered.
+    """Renders images of the body and the board.
 
-    A context of OpenGL belongs to the thread that made it current: make, use and close a view in one thread.
+    An OpenGL context belongs to the thread that made it current: make, use and close a view in one thread.
 
     Args:
-        body: what is tossed.
-        rig: the tags on it and on the board.
+        body: body that is tossed.
+        rig: tags on the body and on the board.
         config: configuration of the camera.
 
     Raises:
-        MissingDependencyError: there is no EGL to render with.
+        MissingDependencyError: EGL, or a driver for it, is not installed.
     """
 
     def __init__(self, body: Body, rig: TagRig, config: CameraConfig) -> None:
@@ -117,11 +117,11 @@ class CameraView:
         self._camera.type, self._camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, self.model.camera(CAMERA).id
 
     def image(self, pose: Pose, rng: np.random.Generator | None = None) -> Image:
-        """What the camera sees, (height, width) of grey values.
+        """Renders an image (height, width) of grey values.
 
         Args:
             pose: pose of the body in the board's frame.
-            rng: random generator of the pixels' noise; None for none.
+            rng: random generator of the pixels' noise; None for no noise.
         """
         self.data.qpos[self._joint : self._joint + 7] = [*pose.position, *pose.orientation_wxyz]
         mujoco.mj_kinematics(self.model, self.data)
@@ -132,11 +132,11 @@ class CameraView:
         colours = np.empty((self.config.height, self.config.width, 3), dtype=np.uint8)
         mujoco.mjr_render(area, self._scene, self._drawing)
         mujoco.mjr_readPixels(colours, None, area, self._drawing)
-        grey = colours[::-1, :, 1]  # everything here is white, grey or black, and the first row is the lowest
+        grey = colours[::-1, :, 1]  # all colours are greys, and OpenGL's first row is the lowest
         return np.ascontiguousarray(grey) if rng is None else _noisy(grey, self.config.grey_noise, rng)
 
     def close(self) -> None:
-        """Gives back what EGL gave."""
+        """Frees the OpenGL context."""
         self._drawing.free()
         self._context.free()
 
@@ -148,7 +148,7 @@ class CameraView:
 
 
 def egl_context(width: int, height: int) -> Any:
-    """A context of OpenGL without a screen.
+    """Makes an OpenGL context without a screen.
 
     Raises:
         MissingDependencyError: EGL, or a driver for it, is not installed.
@@ -171,7 +171,7 @@ def _noisy(grey: Image, deviation: float, rng: np.random.Generator) -> Image:
 
 
 def _light(spec: mujoco.MjSpec) -> None:
-    """Even light, so that white is white on every face; a grey board and body, so that tags have an edge."""
+    """Sets even light, so that white is white on every face, and a grey board and body, so that tags have an edge."""
     spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.7] * 3, [0.3] * 3
     spec.visual.headlight.specular = [0.0] * 3
     spec.visual.map.znear = 0.01

@@ -1,9 +1,9 @@
-"""Corners of a tag to a few hundredths of a pixel: where straight lines through all pixels of its edges meet.
+"""Refines the corners of a tag to a few hundredths of a pixel: intersections of lines that are fitted to all edge pixels.
 
-The AprilTag library moves each edge by few samples in steps of a quarter pixel, which leaves more noise than the image has.
-Here each edge of the black square is crossed once per pixel of its length. The step from black to white in a crossing is where
-the grey value rises on average, sum_k x_k g_k / sum_k g_k with the rises g_k at x_k; a line is fitted to the steps. Falls
-count as they are: were they left out, noise would rise on average, and more so on the white side, where there is more of it.
+The AprilTag library places each edge by few samples in steps of a quarter pixel, which adds more noise than the image has. Here
+the edges of the black square are sampled along cross-sections, one per pixel of an edge's length. In a cross-section the edge
+is at the mean position of the rises in grey value, sum_k x_k g_k / sum_k g_k with the rise g_k at x_k. A line is fitted to
+these positions. Negative rises count, too: leaving them out would bias the edge towards the white side, which is noisier.
 """
 
 from typing import NamedTuple
@@ -16,26 +16,26 @@ from contact_curation.geometry.tags import BLACK_CELLS
 from contact_curation.simulation.camera.tag_textures import Image
 
 INNER = 0.1
-"""Share of an edge that is left out at both of its ends, where the next edge is near."""
+"""Share of an edge that is left out at each end, where the next edge is near."""
 
 REACH = 0.45
-"""How far a crossing goes to both sides, in cells of the tag: there is one cell without another step on either side."""
+"""Half length of a cross-section in cells of the tag: on each side of the edge one cell has no other edge."""
 
 REACHES = (3.0, 1.5)
-"""[px] At most, in one round after the other: the further a crossing goes, the more noise is in it."""
+"""Largest half length of a cross-section in each of the successive rounds [px]; a longer one contains more noise."""
 
 SPACING = 0.5
-"""[px] of the samples of a crossing."""
+"""Distance between the samples of a cross-section [px]."""
 
 SMALLEST_RISE = 10.0
-"""Grey values that an edge rises by at least."""
+"""Smallest rise in grey value of an edge."""
 
 FEWEST_CROSSINGS = 4
 MIDDLE_OF_FIRST_PIXEL = 0.5
 
 
 class Line(NamedTuple):
-    """Points x with `normal . x = offset` [px].
+    """A line in the image: the points x with `normal . x = offset` [px].
 
     Attributes:
         normal: (2,) unit vector.
@@ -47,11 +47,11 @@ class Line(NamedTuple):
 
 
 def refined_corners(image: Image, corners: Array) -> Array:
-    """Corners (4, 2) [px] nearer to where they are; as given where the image does not show them.
+    """Refines the corners (4, 2) [px] of a tag; returns them unchanged if an edge is not found in the image.
 
     Args:
-        image: grey.
-        corners: in order round the tag, as the AprilTag library gives them.
+        image: grey values (height, width).
+        corners: (4, 2) corners [px] in order around the tag, as the AprilTag library gives them.
     """
     given = corners
     for reach in REACHES:
@@ -67,14 +67,14 @@ def refined_corners(image: Image, corners: Array) -> Array:
 
 
 def edge_line(image: Image, start: Array, end: Array, middle: Array, longest: float) -> Line | None:
-    """The line along an edge of a tag; None where the tag is too small or there is no step from black to white.
+    """Fits a line to an edge of a tag; None if the tag is too small or there is no rise from black to white.
 
     Args:
-        image: grey.
+        image: grey values (height, width).
         start: (2,) one end of the edge [px].
-        end: (2,) the other.
-        middle: (2,) of the tag: its inside is black.
-        longest: how far a crossing goes to both sides at most [px].
+        end: (2,) other end of the edge [px].
+        middle: (2,) centre of the tag [px], on the black side of the edge.
+        longest: largest half length of a cross-section [px].
     """
     length = float(np.linalg.norm(end - start))
     along = (end - start) / max(length, SPACING)
@@ -102,7 +102,7 @@ def edge_line(image: Image, start: Array, end: Array, middle: Array, longest: fl
 
 
 def _fitted(at: Array, steps: Array) -> tuple[float, float]:
-    """Slope and first value of a line through (at, steps) that outliers pull at only as much as a typical residual."""
+    """Robust fit of a line to (at, steps): slope and intercept; an outlier weighs only as much as a typical residual."""
     weights = np.ones_like(steps)
     for _ in range(3):
         slope, first = np.polynomial.polynomial.polyfit(at, steps, 1, w=weights)[::-1]
@@ -113,7 +113,7 @@ def _fitted(at: Array, steps: Array) -> tuple[float, float]:
 
 
 def _meeting(one: Line, other: Line) -> Array:
-    """Where two lines meet (2,); not finite where they do not."""
+    """Intersection of two lines (2,) [px]; not finite if they are parallel."""
     (a, b), (c, d) = one.normal, other.normal
     area = a * d - b * c
     if abs(area) < 1e-6:

@@ -1,4 +1,4 @@
-"""Tags in images, found by the AprilTag library (pupil-apriltags); corners are in its order and with its pixels."""
+"""Detects tags in images with the AprilTag library (pupil-apriltags); corners have its order and its pixel coordinates."""
 
 from dataclasses import dataclass
 
@@ -40,11 +40,11 @@ class Detection:
 
     Attributes:
         tag_id: id in the family 36h11.
-        hamming: corrected bits.
-        margin: by how much its bits differ from the threshold; the greater the surer.
-        centre: (2,) [px].
-        corners: (4, 2) [px] in the library's order.
-        homography: (3, 3) from the square from -1 to 1 to pixels.
+        hamming: number of corrected bits.
+        margin: mean difference of the bits' grey values from the threshold; larger means more reliable.
+        centre: (2,) centre [px].
+        corners: (4, 2) corners [px] in the library's order.
+        homography: (3, 3) homography from the square [-1, 1] x [-1, 1] to pixels.
     """
 
     tag_id: int
@@ -56,11 +56,11 @@ class Detection:
 
 
 SMALLEST_IMAGE = 16
-"""Pixels, of the shorter side: a tag has 10 cells a side with its border."""
+"""Smallest shorter side of an image [px]: a tag with its border has 10 x 10 cells."""
 
 
 class TagDetector:
-    """Looks for tags of the family 36h11.
+    """Detects tags of the family 36h11.
 
     Raises:
         MissingDependencyError: the library is not installed.
@@ -76,8 +76,8 @@ class TagDetector:
         ).detector
 
     def detect(self, image: Image) -> tuple[Detection, ...]:
-        """The tags in a grey image (height, width), in order of their ids; none in one that is too small for a tag."""
-        if min(image.shape) < SMALLEST_IMAGE:  # the library reads beyond the ends of images of 3 rows and fewer
+        """Detects the tags in a grey image (height, width), sorted by id; none if the image is too small for a tag."""
+        if min(image.shape) < SMALLEST_IMAGE:  # the library reads beyond the end of images with at most 3 rows
             return ()
         found = [
             Detection(

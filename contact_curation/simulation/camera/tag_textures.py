@@ -27,8 +27,8 @@ class TagLibrary(NamedTuple):
 def tag_library(**options: Any) -> TagLibrary:
     """A detector for the family 36h11.
 
-    The wrapper (1.0.4) frees a detector's families before the detector, which then reads them: a crash now and then
-    (pupil-labs/apriltags, issues 34 and 46). So the family is taken out of its hands, and never freed.
+    The wrapper (1.0.4) frees a detector's families before the detector, which then reads them and sometimes crashes
+    (pupil-labs/apriltags, issues 34 and 46). So the family is removed from the wrapper's list and never freed.
 
     Args:
         options: options of the wrapper's Detector.
@@ -53,7 +53,7 @@ TEXELS_PER_CELL = 32
 WHITE, BLACK = 255, 0
 
 PRINT_WHITE, PRINT_BLACK = 230, 20
-"""Grey values of paper and ink. Noise about 0 or 255 would be clipped on one side, and edges would seem to be elsewhere."""
+"""Grey values of paper and ink. Noise at 0 or 255 would be clipped on one side, which would displace the edges."""
 
 CORNER_SIGNS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 TEXTURE_PLACES = np.array([[0, 1], [1, 1], [1, 0], [0, 0]])
@@ -61,7 +61,7 @@ TEXTURE_PLACES = np.array([[0, 1], [1, 1], [1, 0], [0, 0]])
 
 
 def tag_image(tag_id: int) -> Image:
-    """The tag as one reads it, one pixel per cell, first row on top, with its white rim: (10, 10)."""
+    """The image (10, 10) of a tag, one pixel per cell, first row at the top, with its white border."""
     code, columns, rows = _code_table(tag_id)
     cells = np.full((CELLS, CELLS), WHITE, dtype=np.uint8)
     black = cells[1:-1, 1:-1]
@@ -73,12 +73,12 @@ def tag_image(tag_id: int) -> Image:
 
 
 def add_tags(spec: mujoco.MjSpec, tags: TagMap, body: str = "") -> None:
-    """Adds tags to a world as squares that are seen and touch nothing.
+    """Adds tags to a world as visible squares without collisions.
 
     Args:
-        spec: the world, before it is compiled.
-        tags: in the frame of the body, or in that of the world.
-        body: its name; empty for the world.
+        spec: specification of the world.
+        tags: tags in the frame of the body or of the world.
+        body: name of the body; empty for the world.
     """
     holder = spec.body(body) if body else spec.worldbody
     for tag in tags.tags:
@@ -120,12 +120,12 @@ def _add_tag(spec: mujoco.MjSpec, holder: Any, tag: Tag) -> None:
 
 
 def _code_table(tag_id: int) -> tuple[int, list[int], list[int]]:
-    """A tag's code, and per bit, the first one being the highest, its column and row in the black square."""
+    """A tag's code, and columns and rows of its bits in the black square, highest bit first."""
     family = _family()
     return int(family.codes[tag_id]), list(family.bit_x[: family.nbits]), list(family.bit_y[: family.nbits])
 
 
 @cache
 def _family() -> Any:
-    """The library's table; getting it takes a while."""
+    """The library's code table of the family; reading it takes a while, so it is cached."""
     return tag_library().family.contents

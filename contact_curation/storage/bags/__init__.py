@@ -1,1 +1,1 @@
-"""Recordings in and out: MCAP, sqlite3 and ROS 1 bags, whole or damaged."""
+"""Reads recordings (MCAP, sqlite3 and ROS 1 bags, also damaged ones) and writes MCAP."""

@@ -1,8 +1,8 @@
-"""Decoding of stored messages to objects or CDR, by the definitions that the bag itself carries.
+"""Decodes stored messages to objects or CDR, with the message definitions that the bag itself contains.
 
-Every type gets a type store of its own: a definition that cannot be read, or that contradicts another topic's, costs only
-its own topic. Names are brought to ROS 2's form: fields of ROS 1 messages become lower case (`K` of CameraInfo is `k`).
-Messages that cannot be converted are left out, counted and said.
+Every type has its own type store, so a definition that cannot be parsed, or that contradicts another topic's, affects only its
+own topic. Names get ROS 2's form: fields of ROS 1 messages become lower case (`K` of CameraInfo becomes `k`). Messages that
+cannot be converted are left out, counted and reported.
 """
 
 import struct
@@ -31,23 +31,23 @@ from contact_curation.storage.bags.records import BagMessage, Channel, RawMessag
 HEADER = "std_msgs/msg/Header"
 IDL_SEPARATOR = "=" * 80 + "\n"
 LONGEST_SCHEMA = 1 << 20
-"""Characters; the parser is slow on longer ones, and real ones have some kB."""
+"""Longest accepted definition [characters]; the parser is slow on longer ones, and real ones have a few kB."""
 TYPE_ERRORS = (TypesysError, SerdeError, LookupError, ValueError, TypeError, AssertionError, SyntaxError, RecursionError)
-"""What rosbags raises on definitions that it cannot make a decoder from."""
+"""Errors of rosbags for definitions from which it cannot make a decoder."""
 DECODE_ERRORS = (SerdeError, struct.error, LookupError, ValueError, TypeError, OverflowError, RecursionError)
-"""What rosbags raises on bytes that are no message of the type."""
+"""Errors of rosbags for bytes that are not a message of the type."""
 DECODERS = 64
-"""Kept for the next bag; making one takes some 20 ms, and a set of bags has a few types."""
+"""Number of decoders that are cached for the next bags; making one takes about 20 ms, and bags have few types."""
 
 
 class Definition(NamedTuple):
-    """What the messages of a channel are made of.
+    """Type, encoding and definition of a channel's messages.
 
     Attributes:
         type: ROS 2 type name.
         encoding: encoding of the messages, `cdr` or `ros1`.
-        schema: definition text; empty where the bag carries none.
-        schema_encoding: encoding of it.
+        schema: definition text; empty if the bag contains none.
+        schema_encoding: encoding of the definition text.
     """
 
     type: str
@@ -61,10 +61,10 @@ class TypeDecoder:
     """Decodes messages of one definition.
 
     Attributes:
-        decode: bytes to message object; raises one of DECODE_ERRORS.
-        to_cdr: bytes to CDR of the ROS 2 type; raises one of DECODE_ERRORS.
+        decode: converts bytes to a message object; raises one of DECODE_ERRORS.
+        to_cdr: converts bytes to CDR of the ROS 2 type; raises one of DECODE_ERRORS.
         schema: ROS 2 definition text.
-        schema_encoding: encoding of it.
+        schema_encoding: encoding of the definition text.
         type_hash: `RIHS01_...` of the definition.
     """
 
@@ -77,10 +77,10 @@ class TypeDecoder:
 
 @lru_cache(DECODERS)
 def decoder_for(definition: Definition, limits: BagLimits) -> TypeDecoder:
-    """A decoder made from a definition, or ROS 2 Jazzy's where the bag carries none.
+    """Makes a decoder from a definition, or from ROS 2 Jazzy's if the bag contains none.
 
     Raises:
-        UndecodableTypeError: the encoding, the definition or the type is not understood.
+        UndecodableTypeError: the encoding, the definition or the type is not supported.
     """
     if definition.encoding not in ("cdr", "ros1"):
         raise UndecodableTypeError(f"messages are encoded as {definition.encoding!r}; only cdr and ros1 are understood")
@@ -143,7 +143,7 @@ def _types(definition: Definition) -> Typesdict:
 
 
 def _types_from_idl(schema: str) -> Typesdict:
-    """rosbag2 puts one IDL file per type into a schema, each behind a separator and a line with its name."""
+    """Parses a schema of rosbag2 in IDL: one file per type, each after a separator and a line with its name."""
     if not schema.startswith(IDL_SEPARATOR):
         return get_types_from_idl(schema)
     types: Typesdict = {}
@@ -153,7 +153,7 @@ def _types_from_idl(schema: str) -> Typesdict:
 
 
 def _in_lower_case(types: Typesdict) -> Typesdict:
-    """ROS 2 allows only lower case in names of fields; the order of the fields, and so the bytes, stay as they are."""
+    """Makes the names of fields lower case, as ROS 2 requires; the order of the fields, and so the bytes, stay the same."""
     return {
         name: (constants, [(field.lower(), kind) for field, kind in fields] if _stay_apart(fields) else fields)
         for name, (constants, fields) in types.items()
@@ -165,7 +165,7 @@ def _stay_apart(fields: list[tuple[str, FieldDesc]]) -> bool:
 
 
 def _refuse_long_arrays(types: Typesdict, limits: BagLimits) -> None:
-    """Refuses what no message has: rosbags writes a line of code per element of a fixed-size array."""
+    """Refuses very long fixed-size arrays, which no message has: rosbags generates a line of code per element."""
     for name, (_, fields) in types.items():
         for field, (kind, detail) in fields:
             if kind == Nodetype.ARRAY and int(detail[1]) > limits.fixed_array_length:
@@ -180,7 +180,7 @@ CONVERT_ERRORS = (*DECODE_ERRORS, DamagedBagError, UndecodableTypeError)
 
 
 class MessageConverter:
-    """Converts the messages of one bag, making decoders when they are first needed."""
+    """Converts the messages of one bag; makes each decoder when it is first needed."""
 
     def __init__(self, limits: BagLimits, losses: Losses) -> None:
         self._limits = limits
@@ -189,15 +189,15 @@ class MessageConverter:
 
     @property
     def longest(self) -> int:
-        """Largest size of a message that is accepted [B]."""
+        """Largest accepted size of a message [bytes]."""
         return self._limits.message_bytes
 
     def reading(self) -> "Reading":
-        """One reading of the bag's messages."""
+        """A decoder for one pass over the messages."""
         return Reading(self, _Failures(self._losses))
 
     def raw(self, stored: Iterable[StoredMessage]) -> Iterator[RawMessage]:
-        """CDR bytes with their schema; CDR passes as it is, whether or not it can be decoded."""
+        """Converts messages to CDR bytes with their schema; messages in CDR pass unchanged, even if they cannot be decoded."""
         failures = _Failures(self._losses)
         for log_time, publish_time, channel, data in stored:
             try:
@@ -205,7 +205,7 @@ class MessageConverter:
                 if channel.encoding == "cdr":
                     cdr, described = checked, (channel.schema, channel.schema_encoding, channel.type_hash)
                 else:
-                    decoder = self.decoder_that_tells(channel)
+                    decoder = self.compared_decoder(channel)
                     cdr, described = decoder.to_cdr(checked), (decoder.schema, decoder.schema_encoding, decoder.type_hash)
             except CONVERT_ERRORS as error:
                 failures.add(channel, error)
@@ -213,7 +213,7 @@ class MessageConverter:
             yield RawMessage(channel.topic, channel.type, log_time, cdr, publish_time, *described)
 
     def checked(self, channel: Channel, data: bytes) -> bytes:
-        """A message of an acceptable size, unpacked if rosbag2 compressed it on its own: CDR begins with a zero byte.
+        """Checks a message's size, and unpacks it if rosbag2 compressed it (CDR begins with a zero byte).
 
         Raises:
             DamagedBagError: it is larger, or its compressed frame is damaged.
@@ -225,7 +225,7 @@ class MessageConverter:
         return data
 
     def decoder(self, channel: Channel) -> TypeDecoder:
-        """The channel's decoder; those of one definition share it, and why there is none is found out only once.
+        """The channel's decoder; channels of one definition share it, also the reason why there is none.
 
         Raises:
             UndecodableTypeError: there is none.
@@ -238,8 +238,8 @@ class MessageConverter:
             raise decoder
         return decoder
 
-    def decoder_that_tells(self, channel: Channel) -> TypeDecoder:
-        """The same; it is said where the channel's hash is another one than its definition's."""
+    def compared_decoder(self, channel: Channel) -> TypeDecoder:
+        """The same; a loss is noted if the channel's type hash is not that of its definition."""
         decoder = self.decoder(channel)
         if channel.type_hash and channel.type_hash != decoder.type_hash:
             line = f"its type hash is not that of its definition of {channel.type}, which was used"
@@ -248,7 +248,7 @@ class MessageConverter:
 
 
 class Reading:
-    """Decodes messages that are given one by one or together, and counts those that cannot be decoded."""
+    """Decodes messages in one pass, in several calls, and counts those that cannot be decoded."""
 
     def __init__(self, converter: MessageConverter, failures: "_Failures") -> None:
         self._converter = converter
@@ -256,13 +256,13 @@ class Reading:
         self._decoders: dict[Channel, Callable[[bytes], object]] = {}
 
     def decoded(self, stored: Iterable[StoredMessage]) -> Iterator[BagMessage]:
-        """Message objects."""
+        """Converts messages to objects."""
         decoders, checked = self._decoders, self._converter.checked
         for log_time, _, channel, data in stored:  # runs once per message
             try:
                 decode = decoders.get(channel)
                 if decode is None:
-                    decode = decoders[channel] = self._converter.decoder_that_tells(channel).decode
+                    decode = decoders[channel] = self._converter.compared_decoder(channel).decode
                 message = decode(checked(channel, data))
             except CONVERT_ERRORS as error:
                 self._failures.add(channel, error)
@@ -271,15 +271,15 @@ class Reading:
 
     @property
     def longest(self) -> int:
-        """Largest size of a message that is accepted [B]."""
+        """Largest accepted size of a message [bytes]."""
         return self._converter.longest
 
     def has_decoded(self, channel: Channel) -> bool:
-        """Whether a message of the channel was decoded here, so that all is said about its definition."""
+        """Whether a message of the channel was decoded before, so that its definition was compared."""
         return channel in self._decoders
 
     def type_hash(self, channel: Channel) -> str:
-        """`RIHS01_...` of the definition that the channel's CDR messages are decoded by; empty where there is none."""
+        """`RIHS01_...` of the definition of the channel's CDR messages; empty if they cannot be decoded or are not CDR."""
         try:
             return self._converter.decoder(channel).type_hash if channel.encoding == "cdr" else ""
         except UndecodableTypeError:
@@ -294,7 +294,7 @@ def _decoder_or_reason(definition: Definition, limits: BagLimits) -> TypeDecoder
 
 
 class _Failures:
-    """Messages that could not be converted, in one line per channel: how many, and why the first."""
+    """Reports messages that could not be converted, one line per channel: how many, and the reason for the first."""
 
     def __init__(self, losses: Losses) -> None:
         self._losses = losses

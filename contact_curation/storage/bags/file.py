@@ -1,8 +1,8 @@
-"""Safe reading of an input file: no more than a bound, never beyond the end; damage is an error.
+"""Reads an input file safely: within bounds, never beyond its end; damage raises an error.
 
-A damaged part is a `DamagedBagError`, which the readers catch; they go on behind it and say in `Losses` what was lost. Every
-size that a file declares is held against `BagLimits` before anything is allocated. A compressed frame of a few bytes can
-declare any size, and the one-call functions of zstd and lz4 allocate what it declares; here they unpack in steps.
+A damaged part raises `DamagedBagError`. The readers catch it, continue after the damage, and report in `Losses` what was lost.
+Every size that a file declares is compared with `BagLimits` before memory is allocated. A compressed frame of a few bytes can
+declare any size, and the one-call functions of zstd and lz4 allocate it; so data are unpacked in steps here.
 """
 
 import bz2
@@ -25,7 +25,7 @@ MEBIBYTE = 1 << 20
 
 @dataclass(frozen=True)
 class BagLimits:
-    """Bounds on what reading a bag takes; far above what recorders write, far below what a machine has.
+    """Bounds on the memory and disk space for reading a bag; far above what recorders write, far below what a machine has.
 
     Attributes:
         chunk_bytes: largest size of a chunk or record, stored and unpacked [B].
@@ -56,7 +56,7 @@ class UndecodableTypeError(ContactCurationError):
 
 
 class Losses:
-    """What was lost while reading, one line per cause; saying the same cause again replaces its line."""
+    """What was lost while reading, one line per cause; reporting a cause again replaces its line."""
 
     def __init__(self) -> None:
         self._lines: dict[Hashable, str] = {}
@@ -70,7 +70,7 @@ class Losses:
 
 
 READ_AHEAD = 1 << 16
-"""Bytes; one read then serves many small records."""
+"""Size of a read [bytes]; one read then serves many small records."""
 
 
 class BagFile:
@@ -78,10 +78,10 @@ class BagFile:
 
     Attributes:
         path: path of the file.
-        size: in bytes, when it was opened.
+        size: size of the file when it was opened [bytes].
 
     Raises:
-        UnreadableInputError: there is no such file, it is not a regular file, or it may not be read.
+        UnreadableInputError: the file does not exist, is not a regular file, or may not be read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -93,14 +93,14 @@ class BagFile:
         except OSError as error:
             raise UnreadableInputError(path, f"cannot be opened: {why_unreadable(path, error)}") from error
         self.size = path.stat().st_size
-        with suppress(OSError):  # a file system without locks only loses the warning
+        with suppress(OSError):  # without locks of the file system only this protection is missing
             fcntl.flock(self._file, fcntl.LOCK_SH | fcntl.LOCK_NB)
 
     def read(self, offset: int, length: int) -> bytes:
-        """`length` bytes from `offset` on.
+        """Reads `length` bytes from `offset` on.
 
         Raises:
-            DamagedBagError: the file does not hold that many, which is known before anything is allocated.
+            DamagedBagError: the file has fewer bytes; this is checked before memory is allocated.
         """
         rest = self.size - offset
         if length > rest:
@@ -119,7 +119,7 @@ class BagFile:
 
 
 def file_sha256(path: Path) -> str:
-    """SHA-256 of a file's bytes, in hexadecimal; of one on a server, of what the server says of them."""
+    """SHA-256 of a file's bytes, in hexadecimal; for a file on a server its `fingerprint`."""
     if isinstance(path, Address):
         return path.fingerprint()
     with path.open("rb") as file:
@@ -128,11 +128,11 @@ def file_sha256(path: Path) -> str:
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 STEP = 1 << 22
-"""Bytes unpacked at a time."""
+"""Number of bytes that are unpacked at a time."""
 
 
 def _in_steps(read: Callable[[int], bytes], most: int) -> bytes:
-    """Reads at most `most` bytes of a stream; memory follows what is there, not what is asked for."""
+    """Reads at most `most` bytes of a stream; memory grows with the bytes that exist, not with `most`."""
     parts: list[bytes] = []
     while most > 0 and (part := read(min(most, STEP))):
         parts.append(part)
@@ -164,10 +164,10 @@ UNPACKERS: dict[str, Callable[[bytes, int], bytes]] = {"": _plain, "none": _plai
 
 
 def unpack(compression: str, data: bytes, size: int, limit: int) -> bytes:
-    """The `size` bytes that `data` holds.
+    """Unpacks `data` to `size` bytes.
 
     Raises:
-        DamagedBagError: they are more than `limit`, or `data` holds another number of bytes, or is damaged.
+        DamagedBagError: `size` is above `limit`, `data` contains another number of bytes, or it is damaged.
     """
     if size > limit:
         raise DamagedBagError(f"{size} bytes are declared where at most {limit} are accepted")
@@ -178,7 +178,7 @@ def unpack(compression: str, data: bytes, size: int, limit: int) -> bytes:
 
 
 def unpack_some(compression: str, data: bytes, most: int) -> bytes:
-    """What can be had of `data`, which may end too early; at most `most` bytes.
+    """Unpacks as much of `data` as possible, at most `most` bytes; `data` may be cut off.
 
     Raises:
         DamagedBagError: the compression is unknown, or `data` is damaged.
@@ -192,10 +192,10 @@ def unpack_some(compression: str, data: bytes, most: int) -> bytes:
 
 
 def unpack_message(data: bytes, limit: int) -> bytes:
-    """A message of a bag that was recorded with compression per message (a zstd frame each).
+    """Unpacks a message of a bag that was recorded with compression per message (a zstd frame each).
 
     Raises:
-        DamagedBagError: it is damaged, or larger than `limit`.
+        DamagedBagError: the message is damaged, or larger than `limit`.
     """
     unpacked = unpack_some("zstd", data, limit + 1)
     if len(unpacked) > limit:
@@ -204,10 +204,10 @@ def unpack_message(data: bytes, limit: int) -> bytes:
 
 
 def unpack_file(source: Path, target: Path, limit: int) -> None:
-    """Writes what the zstd file `source` holds to `target`, up to where it is damaged.
+    """Unpacks the zstd file `source` to `target`, up to the first damage.
 
     Raises:
-        DamagedBagError: the source is damaged or holds more than `limit` bytes; `target` has what came before.
+        DamagedBagError: the source is damaged or has more than `limit` bytes; `target` then contains what came before.
     """
     written = 0
     unpacker = zstandard.ZstdDecompressor()

@@ -1,6 +1,6 @@
-"""rosbag2 folders: metadata.yaml, and which storage files make up the bag, with it, without it, or in spite of it.
+"""rosbag2 folders: metadata.yaml, and the storage files of the bag, with or without a correct metadata.yaml.
 
-metadata.yaml is written as Jazzy does, and read for what it says without being believed: the storage files are what is read.
+metadata.yaml is written as ROS 2 Jazzy does. When it is read, it is compared with the storage files, and these count.
 """
 
 import re
@@ -19,12 +19,12 @@ from contact_curation.storage.bags.records import Channel, OfferedQos, profiles_
 METADATA_NAME = "metadata.yaml"
 METADATA_VERSION = 9
 LARGEST_METADATA = 16 << 20
-"""Bytes; real ones have a few kB."""
+"""Largest accepted metadata.yaml [bytes]; real ones have a few kB."""
 
 
 @dataclass(frozen=True)
 class TopicMetadata:
-    """A topic in metadata.yaml: `count` in messages, `qos` None if it cannot be read."""
+    """A topic in metadata.yaml: `count` is the number of messages, `qos` is None if it cannot be read."""
 
     name: str
     type: str
@@ -42,7 +42,7 @@ class BagMetadata:
 
 
 def metadata_text(file_name: str, topics: Sequence[TopicMetadata], first_ns: int, last_ns: int) -> str:
-    """metadata.yaml of a bag of one MCAP file whose log times go from `first_ns` to `last_ns`."""
+    """The text of metadata.yaml for a bag of one MCAP file with log times from `first_ns` to `last_ns` [ns]."""
     count = sum(topic.count for topic in topics)
     information = {
         "version": METADATA_VERSION,
@@ -66,7 +66,7 @@ def read_metadata(path: Path) -> BagMetadata:
         DamagedBagError: the file cannot be read as metadata.
     """
     try:
-        if not path.is_file():  # a pipe would be waited for
+        if not path.is_file():  # reading a pipe would block
             raise DamagedBagError("is no regular file")
         if path.stat().st_size > LARGEST_METADATA:
             raise DamagedBagError(f"holds more than {LARGEST_METADATA} bytes")
@@ -117,7 +117,7 @@ EXPECTED = "expected .mcap or .db3 files directly in it, or .pt files of Contact
 
 
 class BagFolder(NamedTuple):
-    """Storage files in their order, and the content of metadata.yaml; None without one."""
+    """Storage files in their order, and the content of metadata.yaml; None if there is none."""
 
     files: tuple[Path, ...]
     metadata: BagMetadata | None
@@ -145,13 +145,13 @@ def storage_files(path: Path, losses: Losses) -> BagFolder:
 
 
 def compare(metadata: BagMetadata, counts: Mapping[Channel, int] | None, channels: Sequence[Channel], losses: Losses) -> None:
-    """Says where metadata.yaml and the storage files disagree; the storage files are what is read.
+    """Reports where metadata.yaml and the storage files disagree; the storage files count.
 
     Args:
-        metadata: what metadata.yaml says.
-        counts: messages per channel in the storage files; None when not known.
+        metadata: content of metadata.yaml.
+        counts: messages per channel in the storage files; None if not known.
         channels: channels of all storage files.
-        losses: where it is said.
+        losses: receives the report.
     """
     declared = {topic.name: topic for topic in metadata.topics}
     for topic in sorted({channel.topic for channel in channels} | set(declared)):
@@ -179,7 +179,7 @@ def _differences(declared: TopicMetadata | None, stored: Sequence[Channel], coun
 
 
 def _contradicts(said: object, held: set[object]) -> bool:
-    """Whether a declared value differs from all values that are there; empty values differ from none."""
+    """Whether a declared value differs from all stored values; an empty value never does."""
     known = {value for value in held if value}
     return bool(said) and bool(known) and said not in known
 
@@ -189,7 +189,7 @@ def _listed(held: set[object]) -> str:
 
 
 def _chosen(found: list[Path], metadata: BagMetadata, losses: Losses) -> tuple[Path, ...]:
-    """The files that metadata.yaml names; all that are there when it names one that is not."""
+    """The files that metadata.yaml names; if one of them is missing, all storage files of the folder."""
     by_name = {file.name: file for file in found}
     missing = [name for name in metadata.files if name not in by_name]
     if missing or not metadata.files:
@@ -220,6 +220,6 @@ def _format(path: Path) -> str:
 
 
 def _natural(path: Path) -> list[tuple[bool, int | str]]:
-    """Sorts `bag_10` behind `bag_9`."""
+    """Sort key that puts `bag_10` after `bag_9`."""
     parts = re.split(r"(\d+)", path.name)
     return [(part.isdigit(), int(part) if part.isdigit() else part) for part in parts if part]

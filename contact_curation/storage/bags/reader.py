@@ -1,7 +1,7 @@
-"""Bags in: any format, whole or damaged. Whole ones fast; damaged ones as far as they go, saying what was lost.
+"""Reads bags of any format; damaged ones as far as possible, with a report of what was lost.
 
-The way of a message: the bytes of a file (`bags.file`) -> its records (`bags.formats`, chosen by the first bytes, not by the
-name) -> merged in order of log time (here) -> an object (`bags.decoding`) -> a pose (`inputs.pose_messages`).
+A message passes these steps: bytes of a file (`bags.file`), records (`bags.formats`, chosen by the first bytes, not by the
+name), merging in order of log time (here), decoding to an object (`bags.decoding`), and the pose (`inputs.pose_messages`).
 """
 
 import hashlib
@@ -36,7 +36,7 @@ KINDS = "an MCAP file, a rosbag2 database (.db3) or a ROS 1 bag (version 2.0)"
 
 
 class BagStorage(Protocol):
-    """What the reader needs of a storage file."""
+    """Interface of a storage file for the reader."""
 
     @property
     def name(self) -> str:
@@ -44,29 +44,29 @@ class BagStorage(Protocol):
 
     @property
     def channels(self) -> tuple[Channel, ...]:
-        """The channels that are declared so far."""
+        """The channels that have been declared so far."""
 
     @property
     def extent_ns(self) -> tuple[int, int]:
-        """First and last log time, as declared."""
+        """First and last log time, as declared [ns]."""
 
     def counts(self) -> Mapping[Channel, int] | None:
-        """Messages per channel; None when only reading everything would show them."""
+        """Messages per channel; None if they are only known after reading everything."""
 
     def runs(self, topics: Collection[str] | None) -> Iterator[list[StoredMessage]]:
-        """Messages of `topics` (None: all) in order of log time, as many at a time as the file gives at once."""
+        """Messages of `topics` (None: all) in order of log time, in lists."""
 
     def close(self) -> None:
-        """Lets go of the file."""
+        """Closes the file."""
 
 
 def open_storage(path: Path, limits: BagLimits, losses: Losses, stack: ExitStack) -> BagStorage:
     """Opens a storage file; `stack` closes it.
 
-    Of a file on a server that is no MCAP file with an index, a temporary copy is read.
+    A file on a server is copied to a temporary file first, unless it is MCAP with a complete index.
 
     Raises:
-        UnreadableInputError: it cannot be opened, or it is none of the kinds that are understood.
+        UnreadableInputError: the file cannot be opened, or has none of the supported formats.
     """
     file = BagFile(path)
     stack.callback(file.close)
@@ -82,12 +82,12 @@ def open_storage(path: Path, limits: BagLimits, losses: Losses, stack: ExitStack
 
 
 def merged(storages: Sequence[BagStorage], topics: Collection[str] | None) -> Iterator[StoredMessage]:
-    """Messages of several files in order of log time; only files whose times overlap are read side by side."""
+    """Messages of several files in order of log time; only files whose times overlap are read at the same time."""
     return chain.from_iterable(merged_runs(storages, topics))
 
 
 def merged_runs(storages: Sequence[BagStorage], topics: Collection[str] | None) -> Iterator[list[StoredMessage]]:
-    """The same in runs, one message each of files that are read side by side."""
+    """The same in lists, of one message each where several files are read at the same time."""
     for together in _overlapping(storages):
         if len(together) == 1:
             yield from together[0].runs(topics)
@@ -97,7 +97,7 @@ def merged_runs(storages: Sequence[BagStorage], topics: Collection[str] | None) 
 
 
 def _overlapping(storages: Sequence[BagStorage]) -> list[list[BagStorage]]:
-    """Runs of files, each after the one before."""
+    """Groups of files with overlapping times, in order of time."""
     runs: list[list[BagStorage]] = []
     end = -1
     for storage in sorted(storages, key=lambda storage: storage.extent_ns[0]):
@@ -144,11 +144,11 @@ def _copied(address: Address, limits: BagLimits, stack: ExitStack) -> Path:
 
 
 DAMAGED = (McapError, StructError, OSError, EOFError, KeyError, ValueError)
-"""Errors that the readers raise on files that were cut off or changed."""
+"""Errors of the readers for files that were cut off or changed."""
 
 
 def recorded_notes(path: Path) -> dict[str, dict[str, str]]:
-    """The notes of an MCAP file by their names; none for other files, or where the file's index is damaged."""
+    """The notes of an MCAP file by their names; none for other files, or if the file's index is damaged."""
     if isinstance(path, Address):
         return notes_at_address(path)
     if path.suffix != ".mcap":
@@ -164,14 +164,14 @@ class BagReader:
     """Reads one bag; use it as a context manager.
 
     Accepts an MCAP file, a rosbag2 folder (MCAP or sqlite3, one or several files, with or without metadata.yaml), one of its
-    storage files, or a ROS 1 bag. The bag is never written to. Memory stays flat: a chunk, or a row, at a time.
+    storage files, or a ROS 1 bag. The bag is never written to. One chunk or one row is in memory at a time.
 
     Args:
         path: file or folder.
-        limits: bounds on what a bag may ask for.
+        limits: bounds on memory and disk space.
 
     Raises:
-        UnreadableInputError: `path` is not a bag, or may not be read. A damaged bag is read as far as it goes.
+        UnreadableInputError: `path` is not a bag, or may not be read. A damaged bag is read as far as possible.
     """
 
     def __init__(self, path: Path, limits: BagLimits | None = None) -> None:
@@ -187,7 +187,7 @@ class BagReader:
             compare(self._folder.metadata, self._counts(), self._channels, self._losses)
 
     def _opened_files(self, limits: BagLimits, stack: ExitStack) -> list[BagStorage]:
-        """Opens the storage files; of several, those that cannot be read are noted and left out, while one can be read.
+        """Opens the storage files. Of several files those that cannot be read are reported and left out.
 
         Raises:
             UnreadableInputError: none of them can be read.
@@ -207,7 +207,7 @@ class BagReader:
 
     @cached_property
     def topics(self) -> tuple[TopicInfo, ...]:
-        """The topics, by name; one entry per type where a topic has several."""
+        """The topics, sorted by name; a topic with several types has one entry per type."""
         counts = self._counts()
         totals: dict[tuple[str, str], int] = {}
         for channel in self._channels:
@@ -216,10 +216,10 @@ class BagReader:
         return tuple(TopicInfo(*key, None if counts is None else total) for key, total in sorted(totals.items()))
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
-        """Decoded messages in order of log time; what cannot be decoded is left out and noted in `losses`.
+        """Decoded messages in order of log time; messages that cannot be decoded are left out and reported in `losses`.
 
         Args:
-            topics: which; None for all.
+            topics: topics to read; None for all.
 
         Raises:
             MissingTopicError: the bag lacks one of `topics`.
@@ -228,7 +228,7 @@ class BagReader:
         return self._converter.reading().decoded(merged(self._storages, topics))
 
     def runs(self, topics: Collection[str] | None = None) -> tuple[Reading, Iterator[list[StoredMessage]]]:
-        """The same messages as they are stored, as many at a time as the files give at once, and what decodes them.
+        """The same messages as they are stored, in lists, and their decoder.
 
         Args:
             topics: which; None for all.
@@ -243,7 +243,7 @@ class BagReader:
         """Messages as CDR bytes with their schema, in order of log time, also those of types that cannot be decoded.
 
         Args:
-            topics: which; None for all.
+            topics: topics to read; None for all.
 
         Raises:
             MissingTopicError: the bag lacks one of `topics`.
@@ -252,7 +252,7 @@ class BagReader:
         return self._converter.raw(merged(self._storages, topics))
 
     def qos(self, topic: str) -> OfferedQos:
-        """Quality of service of the topic's publishers; the defaults of `OfferedQos` if the bag does not hold it.
+        """Quality of service of the topic's publishers; the defaults of `OfferedQos` if the bag does not contain it.
 
         Raises:
             MissingTopicError: the bag lacks the topic.
@@ -270,12 +270,12 @@ class BagReader:
         )
 
     def note(self, name: str) -> dict[str, str]:
-        """A note about the whole recording that `BagWriter.note` left; empty where there is none or its place was cut off."""
+        """A note about the recording that `BagWriter.note` wrote; empty if there is none, or it was cut off."""
         return dict(self.notes.get(name, {}))
 
     @cached_property
     def notes(self) -> dict[str, dict[str, str]]:
-        """All notes about the recording by their names, those of rosbag2 itself too."""
+        """All notes about the recording by their names, including those of rosbag2."""
         notes: dict[str, dict[str, str]] = {}
         for file in self._folder.files:
             for name, values in recorded_notes(file).items():
@@ -284,19 +284,19 @@ class BagReader:
 
     @property
     def losses(self) -> tuple[str, ...]:
-        """What was lost, and where the bag contradicts itself; one line each, complete once the messages were read."""
+        """What was lost, and contradictions within the bag, one line each; complete after the messages were read."""
         return self._losses.lines
 
     @cached_property
     def sha256(self) -> str:
-        """SHA-256 of the storage file; of several files, of what sha256sum prints for them (`<sha256>  <name>` per line)."""
+        """SHA-256 of the storage file; for several files that of sha256sum's output (`<sha256>  <name>` per line)."""
         digests = [(file_sha256(file), file.name) for file in self._folder.files]
         if len(digests) == 1:
             return digests[0][0]
         return hashlib.sha256("".join(f"{digest}  {name}\n" for digest, name in digests).encode()).hexdigest()
 
     def close(self) -> None:
-        """Lets go of the files."""
+        """Closes the files."""
         self._stack.close()
 
     def __enter__(self) -> Self:

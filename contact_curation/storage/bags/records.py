@@ -1,7 +1,7 @@
 """Records of bags of all file formats: topics, messages, and the QoS of their publishers.
 
-rosbag2 keeps QoS profiles as YAML: written here as Jazzy does, read in the forms of every release. Up to metadata version 8 the
-policies are numbers, from version 9 (Jazzy) on they are names.
+rosbag2 stores QoS profiles as YAML. They are written here as in Jazzy, and read in the forms of every release: up to metadata
+version 8 the policies are numbers, from version 9 (Jazzy) on names.
 """
 
 from dataclasses import dataclass
@@ -14,12 +14,12 @@ from contact_curation.files import parse_yaml
 
 @dataclass(frozen=True)
 class OfferedQos:
-    """The quality of service a topic was published with, as far as a player needs it.
+    """The quality of service of a topic's publishers, as far as a player needs it.
 
     Attributes:
-        latched: durability is transient local: who subscribes late still gets the last messages.
+        latched: durability is transient local: late subscribers receive the last messages.
         reliable: reliability is reliable, not best effort.
-        depth: how many messages the publisher kept.
+        depth: number of messages that the publisher keeps.
     """
 
     latched: bool = False
@@ -34,7 +34,7 @@ class TopicInfo:
     Attributes:
         name: name with its leading slash.
         type: ROS 2 type name, e.g. `nav_msgs/msg/Odometry`.
-        count: number of messages the bag holds; None when only reading the whole bag would show it.
+        count: number of messages; None if it is only known after reading the whole bag.
     """
 
     name: str
@@ -45,7 +45,7 @@ class TopicInfo:
 class BagMessage(NamedTuple):
     """A decoded message: `message` has the attributes of its ROS 2 type.
 
-    Messages of ROS 1 bags carry one attribute more: `header.seq`.
+    Messages of ROS 1 bags have one more attribute, `header.seq`.
     """
 
     topic: str
@@ -55,17 +55,17 @@ class BagMessage(NamedTuple):
 
 
 class RawMessage(NamedTuple):
-    """A message as it is on the wire: CDR bytes and the schema that explains them.
+    """A serialised message: CDR bytes with their schema.
 
     Attributes:
-        topic: name.
+        topic: name of the topic.
         type: ROS 2 type name.
-        log_time_ns: when it was recorded.
-        data: CDR with its four bytes of encapsulation header; of a ROS 1 bag: translated to CDR.
-        publish_time_ns: when it was sent; the log time where the format does not say.
-        schema: definition text; empty where the bag carries none.
+        log_time_ns: time at which it was recorded [ns].
+        data: CDR with its four bytes of encapsulation header; messages of a ROS 1 bag are converted to CDR.
+        publish_time_ns: time at which it was sent [ns]; the log time if the format does not contain it.
+        schema: definition text; empty if the bag contains none.
         schema_encoding: `ros2msg`, `ros2idl` or empty.
-        type_hash: `RIHS01_...` as the bag says; empty where it does not.
+        type_hash: `RIHS01_...`; empty if the bag contains none.
     """
 
     topic: str
@@ -83,13 +83,13 @@ class Channel:
     """A stream of messages of one type on one topic, as a storage file declares it; compared by identity.
 
     Attributes:
-        topic: name.
-        type: ROS 2 type name; empty where the file does not say.
-        encoding: encoding of the messages: `cdr`, `ros1`, or something this package cannot decode.
-        schema: definition text; empty where the file carries none.
-        schema_encoding: `ros2msg`, `ros2idl`, `ros1msg`, something this package cannot read, or empty.
-        type_hash: `RIHS01_...`; empty where the file carries none.
-        qos: quality of service as recorded; None where the file does not say.
+        topic: name of the topic.
+        type: ROS 2 type name; empty if the file does not contain it.
+        encoding: encoding of the messages: `cdr`, `ros1`, or one that this package cannot decode.
+        schema: definition text; empty if the file contains none.
+        schema_encoding: `ros2msg`, `ros2idl`, `ros1msg`, one that this package cannot read, or empty.
+        type_hash: `RIHS01_...`; empty if the file contains none.
+        qos: quality of service as recorded; None if the file does not contain it.
     """
 
     topic: str
@@ -102,7 +102,7 @@ class Channel:
 
 
 class StoredMessage(NamedTuple):
-    """A message in its storage's own encoding."""
+    """A message in the encoding of its storage."""
 
     log_time_ns: int
     publish_time_ns: int
@@ -113,16 +113,16 @@ class StoredMessage(NamedTuple):
 TRANSIENT_LOCAL = ("transient_local", 1)
 BEST_EFFORT = ("best_effort", 2)
 DEEPEST = 10_000
-"""Messages; more than any publisher keeps, and few enough for a player to keep."""
+"""Largest accepted depth [messages]; more than publishers keep, and few enough for a player."""
 LARGEST_PROFILE = 1 << 16
-"""Characters; longer texts are no QoS profiles, and YAML is slow."""
+"""Longest accepted text of QoS profiles [characters], because parsing YAML is slow."""
 
 FOREVER = {"sec": 9223372036, "nsec": 854775807}
-"""rmw's infinite duration, which stands for "not set"."""
+"""The infinite duration of rmw, which means "not set"."""
 
 
 def profiles_of(qos: OfferedQos) -> list[dict[str, object]]:
-    """The list that goes into metadata.yaml."""
+    """The list of profiles for metadata.yaml."""
     return [
         {
             "history": "keep_last",
@@ -139,18 +139,18 @@ def profiles_of(qos: OfferedQos) -> list[dict[str, object]]:
 
 
 def profiles_text(qos: OfferedQos) -> str:
-    """The text that goes into a channel's metadata."""
+    """The text of the profiles for a channel's metadata."""
     return str(yaml.safe_dump(profiles_of(qos), sort_keys=False)).strip()
 
 
 def qos_from(profiles: object) -> OfferedQos | None:
-    """The QoS a topic was offered with: latched and reliable when any of its publishers was.
+    """Reads the QoS of a topic: latched and reliable if any of its publishers was.
 
     Args:
         profiles: a list of profiles or YAML text of one.
 
     Returns:
-        None where nothing can be read from `profiles`: QoS only guides a player, so bad QoS must not cost any messages.
+        None if `profiles` cannot be read. QoS is only needed by the player, so an error here must not lose messages.
     """
     if isinstance(profiles, str):
         profiles = _parsed(profiles)

@@ -1,8 +1,8 @@
-"""The bag of a running session: readable at any time, and gone on with after its writer was killed.
+"""The bag of a running session: can be read at any time, and continued after its writer was killed.
 
-MCAP is written from front to back, so that a file that was cut cannot be gone on with in place. What it holds is
-copied into a new file, which then takes its name; until then the old one stays. Messages of latched topics come again then,
-because their publishers keep them: they are known by their time of publication.
+MCAP is written from front to back, so a file that was cut cannot be continued in place. Its content is copied into a new file,
+which then takes its name; until then the old file stays. Publishers of latched topics then send their messages again; these are
+recognised by their time of publication.
 """
 
 from array import array
@@ -16,18 +16,18 @@ from contact_curation.storage.bags.records import OfferedQos, RawMessage
 from contact_curation.storage.bags.writer import BagWriter
 
 REMEMBERED = 1 << 20
-"""Times of publication that are remembered per latched topic: no publisher keeps more."""
+"""Number of times of publication that are remembered per latched topic; publishers keep fewer messages."""
 
 
 class SessionBag:
-    """Takes messages as they come; use it as a context manager.
+    """Records messages; use it as a context manager.
 
     Args:
-        path: `*.mcap`; what is there already is gone on with.
+        path: `*.mcap`; an existing bag is continued.
 
     Raises:
-        InvalidValueError: `path` cannot be written, or someone writes it.
-        UnreadableInputError: what is there is no bag.
+        InvalidValueError: `path` cannot be written, or another process writes it.
+        UnreadableInputError: the existing file is not a bag.
     """
 
     def __init__(self, path: Path) -> None:
@@ -44,7 +44,7 @@ class SessionBag:
             raise
 
     def write(self, message: RawMessage, qos: OfferedQos) -> bool:
-        """Adds a message byte for byte; False for one of a latched topic that is there already."""
+        """Adds a message byte for byte; returns False for a message of a latched topic that the bag contains already."""
         if qos.latched and not self._known.setdefault(message.topic, _Recent()).add(message.publish_time_ns):
             return False
         self._writer.write_raw(
@@ -62,7 +62,7 @@ class SessionBag:
         return True
 
     def flush(self) -> None:
-        """What was written outlives this process."""
+        """Passes what was written to the operating system, so that it survives a kill of this process."""
         self._writer.flush()
 
     def close(self) -> None:
@@ -84,13 +84,13 @@ class SessionBag:
 
 
 class _Recent:
-    """The newest times of publication on a topic, sorted; eight bytes each, for a session may go on for days."""
+    """The newest times of publication on a topic, sorted; eight bytes each, because a session may run for days."""
 
     def __init__(self) -> None:
         self._times = array("q")
 
     def add(self, time_ns: int) -> bool:
-        """Whether it is new."""
+        """Adds a time [ns]; returns whether it is new."""
         place = bisect_left(self._times, time_ns)
         if self._times[place : place + 1] == array("q", (time_ns,)):
             return False

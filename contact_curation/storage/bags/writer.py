@@ -1,4 +1,4 @@
-"""Bags out: MCAP as rosbag2 writes it (ros2 profile, CDR, schemas, offered QoS), with checksums and whole or not at all."""
+"""Writes MCAP bags as rosbag2 does (ros2 profile, CDR, schemas, offered QoS), with checksums, whole or not at all."""
 
 import errno
 import fcntl
@@ -22,7 +22,7 @@ from contact_curation.storage.bags.folder import METADATA_NAME, TopicMetadata, m
 from contact_curation.storage.bags.records import OfferedQos, profiles_text
 
 LARGEST_LOG_TIME = 2**63 - 1
-"""rosbag2 keeps log times in signed 64 bits."""
+"""Largest log time [ns]: rosbag2 stores log times as signed 64-bit integers."""
 
 
 class _StreamKey(NamedTuple):
@@ -44,17 +44,17 @@ class _Stream:
 class BagWriter:
     """Writes one bag; use it as a context manager.
 
-    Messages go to a hidden file beside the target, which takes the target's name when the `with` block ends well and is
-    removed when it ends with an error. A process that is killed leaves the hidden file, which `BagReader` can read. Its name
-    follows from the target's, so that it is found again; a link of that name is refused.
+    Messages go to a hidden file beside the target. It gets the target's name when the `with` block ends without an error, and
+    is removed otherwise. A process that is killed leaves the hidden file, which `BagReader` can read. Its name follows from the
+    target's name, so that it is found again; a link of that name is refused.
 
     Args:
         path: `*.mcap` for a storage file; any other name for a rosbag2 folder (storage file and metadata.yaml).
-        typestore: where types of messages are looked up; ROS 2 Jazzy's by default.
+        typestore: definitions of message types; ROS 2 Jazzy's by default.
         over_readers: whether a bag that is being read may be replaced; its readers keep the old one.
 
     Raises:
-        InvalidValueError: `path` cannot be written, is a bag being written or read, or is a folder that is there already.
+        InvalidValueError: `path` cannot be written, is a bag that is being written or read, or is an existing folder.
     """
 
     def __init__(self, path: Path, typestore: Typestore | None = None, *, over_readers: bool = False) -> None:
@@ -78,9 +78,9 @@ class BagWriter:
         """Adds a message object of the typestore.
 
         Args:
-            topic: name.
-            message: made from one of the typestore's classes (`typestore.types[...]`).
-            log_time_ns: when it was recorded.
+            topic: name of the topic.
+            message: object of one of the typestore's classes (`typestore.types[...]`).
+            log_time_ns: time at which it was recorded [ns].
             latched: whether the topic is published transient local.
         """
         type_name: str = message.__msgtype__
@@ -101,21 +101,21 @@ class BagWriter:
         type_hash: str = "",
         publish_time_ns: int | None = None,
     ) -> None:
-        """Adds a message that is CDR already, byte for byte.
+        """Adds a serialised message (CDR), byte for byte.
 
         Args:
-            topic: name.
+            topic: name of the topic.
             type_name: ROS 2 type name.
-            schema: definition text of the type and those it is made of.
+            schema: definition text of the type and of the types of its fields.
             data: CDR with its encapsulation header.
-            log_time_ns: when it was recorded.
-            qos: what the topic was offered with.
+            log_time_ns: time at which it was recorded [ns].
+            qos: quality of service of the topic's publishers.
             schema_encoding: `ros2msg` or `ros2idl`.
             type_hash: `RIHS01_...`, if known.
-            publish_time_ns: when it was sent; the log time by default.
+            publish_time_ns: time at which it was sent [ns]; the log time by default.
 
         Raises:
-            InvalidValueError: the log time does not fit a bag.
+            InvalidValueError: the log time is negative or too large for a bag.
         """
         if not 0 <= log_time_ns <= LARGEST_LOG_TIME:
             raise InvalidValueError(f"log time of a message on {topic}", log_time_ns, "nanoseconds in [0, 2^63)")
@@ -128,19 +128,19 @@ class BagWriter:
             self._writer.add_message(stream.channel, log_time=log_time_ns, data=data, publish_time=published)
 
     def note(self, name: str, values: Mapping[str, str]) -> None:
-        """Adds a named note about the whole recording, as MCAP metadata; `BagReader.note` gives it back."""
+        """Adds a named note about the whole recording, as MCAP metadata; `BagReader.note` reads it."""
         self._writer.add_metadata(name, dict(values))
 
     def flush(self) -> None:
-        """Hands everything written so far to the system: from now on it outlives this process."""
+        """Passes everything written so far to the operating system, so that it survives a kill of this process."""
         with writing(self.path):
             self._writer.flush()  # type: ignore[no-untyped-call]
 
     def appear(self) -> None:
-        """Gives the storage file its name before it is complete: it can be read, and stays if the program is killed.
+        """Gives the storage file its final name before it is complete, so that it can be read and survives a kill.
 
         Raises:
-            InvalidValueError: the bag is to be a folder, or another of its name is being read.
+            InvalidValueError: the bag is a folder, or another bag of this name is being read.
         """
         if self._as_folder:
             raise InvalidValueError("output", self.path, "a name ending in .mcap: a folder appears when it is complete")
@@ -151,7 +151,7 @@ class BagWriter:
         self._appeared = True
 
     def close(self) -> None:
-        """Completes the bag and gives it its name.
+        """Completes the bag and gives it its final name.
 
         Raises:
             InvalidValueError: it cannot be written there.
@@ -170,8 +170,8 @@ class BagWriter:
             self._file.close()
 
     def discard(self) -> None:
-        """Removes what was written so far, unless it has its name already."""
-        with suppress(OSError):  # of a full disk, which could not take the rest
+        """Removes what was written so far, unless it has its final name already."""
+        with suppress(OSError):  # on a full disk, which could not take the rest
             self._file.close()
         if not self._appeared:
             self._remove()
@@ -197,7 +197,7 @@ class BagWriter:
             raise
 
     def _check_target(self) -> None:
-        """A bag that someone reads must stay what it is: readers hold a shared lock (`BagFile`)."""
+        """Refuses to replace a bag that is being read: its readers hold a shared lock (`BagFile`)."""
         if self.path.is_dir() or (self._as_folder and self.path.exists()):
             raise InvalidValueError("output", self.path, "a name that is not taken yet")
         with suppress(FileNotFoundError, NotADirectoryError), self.path.open("rb") as file:
@@ -248,7 +248,7 @@ def _make_folder(path: Path) -> None:
 
 
 def _lock(file: BinaryIO, path: Path, expected: str, kind: int = fcntl.LOCK_EX) -> None:
-    """An advisory lock until `file` is closed; file systems without locks are taken as they are."""
+    """Takes an advisory lock until `file` is closed; on file systems without locks nothing happens."""
     try:
         fcntl.flock(file, kind | fcntl.LOCK_NB)
     except BlockingIOError as error:

@@ -1,1 +1,1 @@
-"""Public datasets in and out."""
+"""Reads public datasets, and writes them as recordings."""

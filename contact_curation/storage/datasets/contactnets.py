@@ -1,7 +1,7 @@
 """ContactNets' public tosses: one PyTorch file each, a float64 tensor (1, T, 19) (arXiv 2009.11193, DAIRLab/contact-nets).
 
-A row is position (3), orientation wxyz (4), linear velocity (3), angular velocity in the body's frame (3), control (6); lengths
-are in half widths of the cube, frames 1/148 s apart. Files are read as plain tensors: nothing in them is ever unpickled.
+A row is position (3), orientation wxyz (4), linear velocity (3), angular velocity in the body's frame (3), control (6). Lengths
+are in half widths of the cube; frames are 1/148 s apart. Files are read as plain tensors; pickled objects are never unpickled.
 """
 
 import re
@@ -30,15 +30,15 @@ from contact_curation.storage.inputs.records import Found, InputReading, InputsC
 from contact_curation.storage.provenance import TossProvenance
 
 FRAME_RATE = 148.0
-"""Frames a second of the public data."""
+"""Frame rate of the public data [Hz]."""
 
 COLUMNS = 19
 CONTROL = slice(13, 19)
 LARGEST_FILE = 64 * 2**20
-"""Bytes, unpacked; a minute of toss is 1.3 MB."""
+"""Largest accepted file after unpacking [bytes]; a minute of frames has 1.3 MB."""
 
 LARGEST_VALUE = 1e6
-"""Largest accepted number in the files' units: far over what any tracker measures, far under what would overflow."""
+"""Largest accepted number in the files' units: far above any measurement, and far below an overflow in computations."""
 
 NO_TENSOR = (
     AssertionError,
@@ -55,17 +55,17 @@ NO_TENSOR = (
     ValueError,
     zipfile.BadZipFile,
 )
-"""Errors that torch's reader of plain tensors and zipfile raise on other bytes."""
+"""Errors of torch's reader of plain tensors and of zipfile for other files."""
 
 SUBFOLDER = "tosses_processed"
-"""Where the public repository keeps the files."""
+"""Folder of the files in the public repository."""
 
 
 def contactnets_files(path: Path) -> list[Path]:
     """The `.pt` files of a folder in the order of their numbers, or the file itself.
 
     Raises:
-        UnreadableInputError: there is none.
+        UnreadableInputError: there is no such file.
     """
     if path.is_file():
         return [path]
@@ -79,11 +79,11 @@ def contactnets_files(path: Path) -> list[Path]:
 
 
 def read_contactnets(path: Path, body: Body = CONTACTNETS_CUBE) -> Iterator[Toss | UnreadableInputError]:
-    """The tosses of a folder or file, one after the other; in place of a file that is none, why not.
+    """The tosses of a folder or file, one after the other; for a file that is no toss, the error.
 
     Args:
         path: a `.pt` file or a folder of them.
-        body: what was tossed; its length scale is the files' unit of length.
+        body: tossed body; its length scale is the files' unit of length.
 
     Raises:
         UnreadableInputError: there are no files.
@@ -96,10 +96,10 @@ def read_contactnets(path: Path, body: Body = CONTACTNETS_CUBE) -> Iterator[Toss
 
 
 def read_contactnets_toss(file: Path, body: Body = CONTACTNETS_CUBE) -> Toss:
-    """One toss in SI units, named after its file; stamps count from zero.
+    """Reads one toss in SI units; its id follows from the file's name, and its stamps begin at zero.
 
     Raises:
-        UnreadableInputError: the file is no such tensor, or no toss.
+        UnreadableInputError: the file does not contain such a tensor, or its numbers are not a toss.
     """
     rows = _rows(file)
     try:
@@ -119,17 +119,17 @@ def read_contactnets_toss(file: Path, body: Body = CONTACTNETS_CUBE) -> Toss:
 
 
 def _natural(file: Path) -> list[tuple[int, str]]:
-    """Sorts 2.pt before 10.pt."""
+    """Sort key that puts 2.pt before 10.pt."""
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", file.stem)]
 
 
 def _rows(file: Path) -> Array:
     """The rows (T, 19) of a file."""
-    import torch  # here, for it takes over a second and bags do not need it
+    import torch  # here, because it takes over a second and bags do not need it
 
     try:
         _check_size(file)
-        with warnings.catch_warnings(action="error"):  # a pickle of a version that torch does not know
+        with warnings.catch_warnings(action="error"):  # torch warns of pickles of unknown versions
             content = torch.load(_opened(file), map_location="cpu", weights_only=True)
     except NO_TENSOR as error:
         raise UnreadableInputError(file, f"found no plain tensor ({_first_sentence(error)}), expected {_EXPECTED}") from error
@@ -151,12 +151,12 @@ _EXPECTED = f"one float64 tensor of shape (1, T, {COLUMNS}) with T >= 2"
 
 
 def _opened(file: Path) -> Path | BytesIO:
-    """What torch and zipfile can open: a path of this machine, or the bytes of a file on a server."""
+    """A file that torch and zipfile can open: a path on this machine, or the bytes of a file on a server."""
     return BytesIO(file.read_bytes()) if isinstance(file, Address) else file
 
 
 def _check_size(file: Path) -> None:
-    """Refuses what would unpack to more than any toss."""
+    """Refuses a file that would unpack to more than any toss."""
     size = file.stat().st_size
     if zipfile.is_zipfile(_opened(file)):
         with zipfile.ZipFile(_opened(file)) as archive:
@@ -180,7 +180,7 @@ def read_contactnets_tosses(path: Path, body: Body, config: InputsConfig) -> Inp
     files = contactnets_files(path)
     digests = [file_sha256(file) for file in files]
     counts: Counter[str] = Counter()
-    unreadable: list[UnreadableInputError] = []  # said once there is a toss; else the whole folder is something else
+    unreadable: list[UnreadableInputError] = []  # reported if there is a toss; otherwise the whole folder is refused
     for file, digest in zip(files, digests):
         try:
             found = _gated(file, digest, body, config)

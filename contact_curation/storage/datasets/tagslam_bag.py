@@ -1,14 +1,13 @@
-"""Stored tosses as the bag that a TagSLAM rig would have recorded of them (FIELD 1).
+"""Writes stored tosses as the bag that a TagSLAM rig would have recorded.
 
-    /tagslam/odom/body_<name>   nav_msgs/Odometry in `map` at the tosses' frame rate: empty twist, filled covariance
-    /tf_static                  the board `body_surface` in `map`, latched; it has no odometry, for it stands still
+    /tagslam/odom/body_<name>   nav_msgs/Odometry in `map` at the tosses' frame rate, with covariance and without twist
+    /tf_static                  the board `body_surface` in `map`, latched; it has no odometry, because it does not move
 
-The board stands somewhere in the map and not level, so that whoever reads the bag has to go through the frames. Stamps are
-those of the tracker, recovered from the velocities, and each toss is turned back onto the board that it was tracked on
-(`motion.restored_toss`): who takes the bag's differences and medians finds the files' velocities. The day is made up, and
-log times equal the stamps. Tosses follow each other, in their order, with a time without poses in between, as if the tracker
-had been stopped; the frames just before and after each are made up (`motion.lead_in`), for ContactNets' files begin at the
-detected release.
+The board has an arbitrary tilted pose in the map, so that readers must use the frames. Stamps are the tracker's, recovered from
+the velocities, and each toss is rotated back to the rig's board (`motion.restored_toss`). So the bag's median-filtered
+differences are the velocities of the files. The date is made up, and log times equal the stamps. Between successive tosses
+there is a time without poses, as if the tracker had been stopped. The frames just before and after each toss are made up
+(`motion.lead_in`), because ContactNets' files begin at the detected release.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -39,29 +38,29 @@ from contact_curation.storage.inputs.recording_notes import (
 )
 
 EXACT = 1e-5
-"""Velocities that differ by no more are equal [m/s, rad/s]."""
+"""Largest difference of velocities that count as equal [m/s, rad/s]."""
 
 YAW, TILT = 40.0 * pi / 180.0, 3.0 * pi / 180.0
 TURNED = multiply((cos(YAW / 2.0), 0.0, 0.0, sin(YAW / 2.0)), (cos(TILT / 2.0), sin(TILT / 2.0), 0.0, 0.0))
 SLANTED = ScalarPose((0.42, -0.31, 0.27), TURNED)
-"""A board in a map that begins at a camera or somewhere else, and is not level."""
+"""Pose of the board in the map: an arbitrary place, and tilted."""
 
 
 @dataclass(frozen=True)
 class TagslamRig:
-    """A rig as TagSLAM records it.
+    """A rig with the frames of TagSLAM's recordings.
 
     Attributes:
         map_frame: frame of all measurements.
-        board_frame: the board's.
-        board: the board in the map [m].
+        board_frame: frame of the board.
+        board: pose of the board in the map [m].
         epoch_ns: stamp of the board and, 1 s later, of the first frame; by default 13 September 2020, 12:26:40 UTC.
         pause: time without poses between tosses [s].
-        lead_in: made-up frames before each toss.
-        lead_out: and after it.
-        position_deviation: standard deviation of the covariance [m].
-        turn_deviation: standard deviation of the covariance [rad].
-        rules: what the tosses were cut by; the made-up frames are fitted to them, and the bag says them.
+        lead_in: number of made-up frames before each toss.
+        lead_out: number of made-up frames after each toss.
+        position_deviation: standard deviation of positions in the covariance [m].
+        turn_deviation: standard deviation of orientations in the covariance [rad].
+        rules: rules by which the tosses were cut; the made-up frames follow them, and the bag contains them.
     """
 
     map_frame: str = "map"
@@ -81,12 +80,12 @@ class ImportReport:
     """The content of a bag that was written.
 
     Attributes:
-        tosses: how many.
-        frames: number of frames of the tosses themselves.
-        steps: between them.
-        timed_steps: steps whose time is the tracker's for certain; the others' is within the bounds that the velocities set.
-        inexact: files whose velocities no stamps give, one line each.
-        skipped: why other files did not go in, one line each.
+        tosses: number of tosses.
+        frames: number of frames of the tosses, without the made-up ones.
+        steps: number of steps between these frames.
+        timed_steps: steps whose period was recovered exactly; the others' periods are within bounds from the velocities.
+        inexact: files for which no stamps reproduce the velocities, one line each.
+        skipped: files that were left out, with the reasons, one line each.
     """
 
     tosses: int
@@ -108,15 +107,15 @@ def import_contactnets(
     """Writes ContactNets' tosses as a bag, one after the other.
 
     Args:
-        source: a folder of `N.pt` files, or one.
-        out: the bag, `*.mcap` or a folder to be.
-        body: what was tossed.
-        rig: what it was tossed over.
-        chosen: says of a file's number whether its toss goes in; None for all files, also those without a number.
-        advance: told which share of the files is done.
+        source: a folder of `N.pt` files, or one file.
+        out: bag to write, `*.mcap` or a new folder.
+        body: tossed body.
+        rig: rig that would have recorded the tosses.
+        chosen: decides by a file's number whether its toss is written; None for all files, also those without a number.
+        advance: called with the share of the files that is done.
 
     Raises:
-        UnreadableInputError: there is no toss in `source`; no bag is written then.
+        UnreadableInputError: `source` contains no toss; no bag is written then.
         InvalidValueError: `out` cannot be written, or no file is chosen.
     """
     present = contactnets_files(source)
@@ -148,7 +147,7 @@ def import_contactnets(
 
 
 def _read(files: Iterable[Path], body: Body) -> Iterator[Toss | UnreadableInputError]:
-    """Tosses; in place of a file that is none, why not."""
+    """Reads tosses; for a file that is no toss, the error."""
     for file in files:
         yield from read_contactnets(file, body)
 
@@ -159,7 +158,7 @@ def _is_chosen(file: Path, chosen: Callable[[int], bool]) -> bool:
 
 
 def _misfit(original: RestoredToss) -> list[str]:
-    """A line if no stamps give a toss's velocities."""
+    """A line if no stamps reproduce a toss's velocities."""
     if original.timing is None:
         return [f"{original.toss.source}: found {original.toss.frames} frames, expected more to recover stamps from"]
     linear, angular = original.timing.linear_residuals.max(), original.timing.angular_residuals.max()
@@ -169,10 +168,10 @@ def _misfit(original: RestoredToss) -> list[str]:
 
 
 def record(bag: BagWriter, body: Body, tosses: Iterable[Toss], rig: TagslamRig) -> tuple[int, int]:
-    """Writes tosses of one body to an open bag as the rig would have; returns how many, and their frames.
+    """Writes tosses of one body to an open bag; returns the numbers of tosses and of frames.
 
     Raises:
-        InvalidValueError: a toss of another body.
+        InvalidValueError: a toss is of another body.
     """
     messages = _Messages(rig, f"body_{body.name}")
     x, y, z = (-body.center_of_mass).tolist()
@@ -199,7 +198,7 @@ def record(bag: BagWriter, body: Body, tosses: Iterable[Toss], rig: TagslamRig) 
 
 
 def _frames(toss: Toss, start_ns: int, rig: TagslamRig) -> Iterator[tuple[int, ScalarPose]]:
-    """Stamps and poses on the board of a toss with its surroundings."""
+    """Stamps [ns] and poses on the board of a toss, with the made-up frames before and after it."""
     made = surrounded(toss, rig.lead_in, rig.lead_out, rig.rules)
     rows = zip(made.stamps_ns.tolist(), made.positions.tolist(), made.orientations_wxyz.tolist())
     for stamp_ns, (x, y, z), (w, qx, qy, qz) in rows:
@@ -207,7 +206,7 @@ def _frames(toss: Toss, start_ns: int, rig: TagslamRig) -> Iterator[tuple[int, S
 
 
 class _Messages:
-    """Makes the rig's messages from the types of ROS 2 Jazzy."""
+    """Makes the rig's messages with the types of ROS 2 Jazzy."""
 
     def __init__(self, rig: TagslamRig, body_frame: str) -> None:
         self._rig = rig

@@ -1,1 +1,1 @@
-"""Selected tosses for other tools."""
+"""Exports selected tosses for other tools."""

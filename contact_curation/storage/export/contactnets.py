@@ -1,8 +1,8 @@
-"""Selected tosses as ContactNets' public ones lie in their repository: tosses_processed/N.pt, here in the order of the ranking.
+"""Exports selected tosses in the format of ContactNets' repository: tosses_processed/N.pt, in the order of the ranking.
 
-A file is one float64 tensor (1, T, 19) with the row of `storage.datasets.contactnets`. A toss that came from such a file is
-that file, byte for byte, unless its rig's calibration was applied. Any other is written in the frame that it was tracked on: no
-random heading is added to it.
+A file is one float64 tensor (1, T, 19) with the columns of `storage.datasets.contactnets`. A toss that came from such a file is
+copied byte for byte, unless a rig calibration was applied. Any other toss is written in the frame in which it was tracked,
+without a random heading.
 """
 
 import shutil
@@ -21,20 +21,20 @@ from contact_curation.storage.datasets.contactnets import COLUMNS, CONTROL, FRAM
 from contact_curation.storage.export.selected import SelectedToss
 
 LARGEST_RATE_ERROR = 0.01
-"""Largest relative error of a toss's frame rate: files are read with one rate, since they do not hold their own."""
+"""Largest relative error of a toss's frame rate; the files do not contain their rate, so all are read with the same one."""
 
 
 def write_contactnets(tosses: Sequence[SelectedToss], body: Body, folder: Path, *, copied: bool = True) -> None:
     """Writes N.pt for the N-th toss, from 0.
 
     Args:
-        tosses: best first.
-        body: what was tossed; its length scale is the files' unit of length.
-        folder: to be filled.
-        copied: tosses of such files are those files; not where a calibration was applied.
+        tosses: tosses, best first.
+        body: tossed body; its length scale is the files' unit of length.
+        folder: folder to write to.
+        copied: whether tosses that came from such files are copied; False if a calibration was applied.
 
     Raises:
-        InvalidValueError: a toss has another frame rate than ContactNets'.
+        InvalidValueError: a toss has another frame rate than ContactNets' files.
     """
     target = folder / SUBFOLDER
     target.mkdir()
@@ -47,10 +47,10 @@ def write_contactnets(tosses: Sequence[SelectedToss], body: Body, folder: Path, 
 
 
 def contactnets_rows(toss: Toss, body: Body) -> Array:
-    """The rows of a toss, (T, 19).
+    """The rows (T, 19) of a toss, with lengths in the body's length scale.
 
     Raises:
-        InvalidValueError: its frame rate is not ContactNets'.
+        InvalidValueError: the toss has another frame rate than ContactNets' files.
     """
     rate = 1.0 / toss.frame_period
     if abs(rate / FRAME_RATE - 1.0) > LARGEST_RATE_ERROR:
@@ -62,8 +62,8 @@ def contactnets_rows(toss: Toss, body: Body) -> Array:
 
 
 def _write_rows(rows: Array, file: Path) -> None:
-    import torch  # here, for it takes over a second and other exports do not need it
+    import torch  # here, because it takes over a second and other exports do not need it
 
-    content = BytesIO()  # torch does not say what the system says of a full disk
+    content = BytesIO()  # torch hides the system's error for a full disk
     torch.save(torch.from_numpy(rows[np.newaxis].copy()), content)
     file.write_bytes(content.getvalue())

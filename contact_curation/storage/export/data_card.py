@@ -1,7 +1,7 @@
-"""The data card of an export (README.md): what the tosses are, where they come from and how they were selected.
+"""Writes the data card of an export (README.md): what the tosses are, where they come from and how they were selected.
 
-Data cards follow Pushkarna et al., "Data Cards" (FAccT 2022), shortened to what the manifest knows. The front matter is what
-dataset hosts read. Licence and contact are left for the user to fill in: nobody else can know them.
+Data cards follow Pushkarna et al., "Data Cards" (FAccT 2022), shortened to the content of the manifest. Hosts of datasets read
+the front matter. Licence and contact are left for the user to fill in.
 """
 
 import shlex
@@ -13,24 +13,24 @@ from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 from contact_curation.version import __version__
 
 CARD = "README.md"
-"""The name under which dataset hosts show it."""
+"""Name of the file, which hosts of datasets show."""
 
 LAYOUTS = {
     "mcap": "MCAP recordings with the recorded messages of the selected tosses; `manifest.json` has a row per toss.",
     "contactnets": "ContactNets' files: `tosses_processed/0.pt` is the best toss; row N of `manifest.json` describes N.pt.",
     "lerobot": "A LeRobot dataset v3.0 with an episode per toss, best first; the manifest is `meta/curation.json`.",
 }
-"""What an export holds, by its format."""
+"""Content of an export, by its format."""
 
 FILL_IN = "TO BE FILLED IN by whoever publishes this folder"
 
 
 def data_card(form: str, body: Body, manifest: Manifest) -> str:
-    """The card as Markdown.
+    """Makes the card as Markdown.
 
     Args:
         form: format of the export, one of `LAYOUTS`.
-        body: the object that was tossed.
+        body: tossed body.
         manifest: manifest of the whole ranking, of which the selected tosses are exported.
     """
     return "\n".join(_lines(form, body, manifest)) + "\n"

@@ -1,13 +1,13 @@
-"""Selected tosses as a LeRobot dataset, format v3.0, written with pyarrow; LeRobot itself is not needed.
+"""Exports selected tosses as a LeRobot dataset, format v3.0, with pyarrow; LeRobot itself is not needed.
 
     meta/info.json                              features, frame rate, counts, where the files are
-    meta/stats.json                             of each feature over all frames, which LeRobot normalises data by
+    meta/stats.json                             statistics of each feature over all frames, by which LeRobot normalises data
     meta/tasks.parquet                          one task
     meta/episodes/chunk-000/file-000.parquet    an episode per toss, best first, with its row of the ranking
     meta/curation.json                          the ranking itself: the manifest of these tosses
     data/chunk-000/file-000.parquet             frames, a row group per episode
 
-Columns of a frame, beside those of every dataset of LeRobot's:
+Columns of a frame, in addition to those of every LeRobot dataset:
 
     observation.state   position (3) [m], orientation wxyz (4), linear velocity (3) [m/s] in the board's frame, angular velocity
                         (3) [rad/s] in the body's, all of the body on the board
@@ -47,19 +47,19 @@ FEATURES: dict[str, dict[str, Any]] = {
     "index": {"dtype": "int64", "shape": [1], "names": None},
     "task_index": {"dtype": "int64", "shape": [1], "names": None},
 }
-"""Features as in meta/info.json; the last five are in every LeRobot dataset."""
+"""Features as in meta/info.json; every LeRobot dataset has the last five."""
 
 Columns = dict[str, NDArray[Any]]
 
 
 def episode_columns(toss: Toss, episode: int, first_index: int, fps: int) -> Columns:
-    """The frames of a toss, (T,) or (T, 13) each.
+    """The columns of a toss's frames, each (T,) or (T, 13).
 
     Args:
-        toss: T frames.
-        episode: its number.
+        toss: toss of T frames.
+        episode: number of its episode.
         first_index: index of its first frame among all frames.
-        fps: frame rate of the dataset.
+        fps: frame rate of the dataset [Hz].
     """
     frames = np.arange(toss.frames, dtype=np.int64)
     return {
@@ -74,7 +74,7 @@ def episode_columns(toss: Toss, episode: int, first_index: int, fps: int) -> Col
 
 
 def frames_table(columns: Mapping[str, NDArray[Any]]) -> pa.Table:
-    """The same as a table whose types are those of `FEATURES`."""
+    """Makes a table of the columns, with the types of `FEATURES`."""
     return pa.table([_array(columns[name], about) for name, about in FEATURES.items()], names=list(FEATURES))
 
 
@@ -93,10 +93,10 @@ def feature_stats(values: NDArray[Any]) -> Stats:
     """Computes the statistics of one feature over its frames.
 
     Args:
-        values: (N,) or (N, D).
+        values: (N,) or (N, D) values of N frames.
 
     Returns:
-        Lists of D numbers by the statistic's name (D is 1 for a scalar); `count` has one number.
+        Lists of D numbers (one for a scalar feature) by the name of the statistic; `count` has one number.
     """
     rows = np.asarray(values, dtype=float).reshape(len(values), -1)
     plain = {"min": rows.min(axis=0), "max": rows.max(axis=0), "mean": rows.mean(axis=0), "std": rows.std(axis=0)}
@@ -106,7 +106,7 @@ def feature_stats(values: NDArray[Any]) -> Stats:
 
 
 def dataset_stats(columns: Mapping[str, NDArray[Any]]) -> dict[str, Stats]:
-    """Statistics of all features, by their names."""
+    """Computes the statistics of all features, by their names."""
     return {name: feature_stats(values) for name, values in columns.items()}
 
 
@@ -114,13 +114,13 @@ VERSION = "v3.0"
 FILE = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 FIRST_FILE = FILE.format(chunk_index=0, file_index=0)
 CHUNKS_SIZE, DATA_FILES_MB, VIDEO_FILES_MB = 1000, 100, 200
-"""LeRobot's own limits, for those who append; here all tosses are in the first file, at some 11 kB each."""
+"""LeRobot's limits for appending to a dataset; this export writes one file, with about 11 kB per toss."""
 
 LARGEST_RATE_ERROR = 0.01
 
 PREFIX = "curation/"
 SAID_OTHERWISE = ("selected", "rejected", "reasons", "frames")
-"""Columns of a manifest's row that are left out: equal for all selected tosses, or LeRobot's `length`."""
+"""Columns of the manifest that are left out: those with one value for all selected tosses, and LeRobot's `length`."""
 
 EVIDENCE = tuple(field for field in fields(ManifestRow) if field.name not in SAID_OTHERWISE)
 
@@ -129,12 +129,12 @@ def write_lerobot(tosses: Sequence[SelectedToss], body: str, folder: Path) -> No
     """Writes the dataset.
 
     Args:
-        tosses: best first, at least one.
-        body: what was tossed.
-        folder: to be filled.
+        tosses: at least one toss, best first.
+        body: name of the tossed body.
+        folder: folder to write to.
 
     Raises:
-        InvalidValueError: the tosses differ in their frame rates.
+        InvalidValueError: the tosses have different frame rates.
     """
     fps = common_rate([selected.toss for selected in tosses])
     task = f"toss the {body}"
@@ -153,10 +153,10 @@ def write_lerobot(tosses: Sequence[SelectedToss], body: str, folder: Path) -> No
 
 
 def common_rate(tosses: Sequence[Toss]) -> int:
-    """Frames a second.
+    """The frame rate of all tosses [Hz], a whole number.
 
     Raises:
-        InvalidValueError: the tosses differ, or it is no whole number.
+        InvalidValueError: the tosses have different frame rates, or the rate is not close to a whole number.
     """
     fps = round(1.0 / tosses[0].frame_period)
     for toss in tosses:
@@ -192,7 +192,7 @@ def _episodes_table(episodes: Sequence[dict[str, Any]]) -> pa.Table:
 
 
 def _tasks_table(task: str) -> pa.Table:
-    """The table of tasks as pandas writes a frame whose index is the task: LeRobot looks names up there."""
+    """The table of tasks, as pandas writes a data frame whose index is the task, in which LeRobot looks up names."""
     table = pa.table({"task_index": pa.array([0], pa.int64()), "task": pa.array([task])})
     columns = [("task_index", "int64", "int64"), ("task", "unicode", "object")]
     about = {

@@ -1,11 +1,11 @@
-"""Recordings as MCAP files of their selected tosses alone: the same bytes, and the same tosses when they are read again.
+"""Exports the selected tosses of recordings as MCAP files, with the same messages, which give the same tosses again.
 
-What was written is read back, and each toss must be the one of the whole recording, bit for bit; where it is not, more of what
-is around it is taken. A part is the messages of some times, byte for byte, and what must be known before them.
+A part of a recording consists of the messages of some windows of time, byte for byte, and of the older messages that they need.
+What was written is read back: each toss must be the one of the whole recording, bit for bit; if it is not, a larger window is
+taken.
 
-Before the first message of a window come those that hold for it though they are older: all of /tf_static, the newest of every
-other latched topic, and of the camera. A pose is no such thing, latched or not. Images may have waited for the first
-CameraInfo, so that goes along even if it came behind them.
+The older messages of a window are all of /tf_static, and the newest of every other latched topic and of the camera; latched
+poses are not among them. Images may have waited for the first CameraInfo, so this is taken even if it came after them.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -29,21 +29,21 @@ from contact_curation.storage.inputs.records import InputsConfig
 from contact_curation.storage.provenance import TossProvenance
 
 RIG_MARGIN_NS = 600_000_000
-"""Poses of a moving board or camera are interpolated over at most half a second, so more of these is taken."""
+"""Additional time for poses of a moving board or camera, which are interpolated over at most half a second."""
 
 EXPORT_NOTE = "contact_curation.export"
 NOTES_OF_OTHERS = ("rosbag2",)
-"""Notes that describe the whole recording's messages, and so not a part of it."""
+"""Notes about all messages of the recording, which do not apply to a part of it."""
 
 
 class SubsetFile:
-    """One bag to be, opened when its first message comes; use it as a context manager.
+    """Writes one part of a bag, opened at its first message; use it as a context manager.
 
     Args:
         path: path of the file.
-        windows: log times.
+        windows: windows of log times.
         source: the topics with the body's poses.
-        qos: what a topic was offered with.
+        qos: gives the quality of service of a topic's publishers.
     """
 
     def __init__(self, path: Path, windows: Iterable[Window], source: PoseSource, qos: Callable[[str], OfferedQos]) -> None:
@@ -60,7 +60,7 @@ class SubsetFile:
         self._bag: BagWriter | None = None
 
     def offer(self, message: RawMessage) -> None:
-        """Takes in the next message of the bag."""
+        """Takes the next message of the bag, and writes it if it belongs to the part."""
         windows = self._rig_windows if message.topic in self._rig else self._windows
         late_camera = message.topic == self._camera and self._bag is not None and not self._calibrated
         if late_camera or windows.holds(message.log_time_ns):
@@ -74,7 +74,7 @@ class SubsetFile:
                 self._pending[message.topic] = [*earlier, message]
 
     def over(self, log_time_ns: int) -> bool:
-        """Whether nothing from this time on can belong to it."""
+        """Whether no message from this time on can belong to the part."""
         return self._calibrated and self._rig_windows.over(log_time_ns)
 
     def note(self, name: str, values: dict[str, str]) -> None:
@@ -121,7 +121,7 @@ def write_subsets(reader: BagReader, parts: dict[Path, tuple[Window, ...]], sour
 
     Args:
         reader: reader of the bag.
-        parts: log times by the file that they go to.
+        parts: windows of log times, by the file that they are written to.
         source: the topics with the body's poses.
 
     Raises:
@@ -157,7 +157,7 @@ def _is_static(topic: str) -> bool:
 
 @cache
 def _known_definition(type_name: str) -> str:
-    """What ROS 2 Jazzy defines a type as, for bags that carry no definitions; empty for other types."""
+    """ROS 2 Jazzy's definition of a type, for bags without definitions; empty for other types."""
     store = get_typestore(Stores.ROS2_JAZZY)
     return store.generate_msgdef(type_name, ros_version=2)[0] if type_name in store.fielddefs else ""
 
@@ -171,8 +171,8 @@ class BagExport:
 
     Attributes:
         origin: the recording.
-        files: where each toss went, by its id; none where no toss was wanted.
-        warnings: what could not be read of it, and motions that were not wanted but are in the files; one line each.
+        files: file of each exported toss, by its id; empty if no toss of the recording was selected.
+        warnings: what could not be read, and motions in the files that were not selected; one line each.
     """
 
     origin: TossProvenance
@@ -187,18 +187,18 @@ def export_bag(
     config: InputsConfig,
     advance: Callable[[int], None],
 ) -> BagExport:
-    """Writes what a bag holds of some tosses.
+    """Exports the selected tosses of a bag.
 
     Args:
         path: path of the bag.
-        files: where each toss goes that is wanted, by its id; several may go to one file.
-        body: what was tossed.
+        files: file of each selected toss, by its id; several may go to one file.
+        body: tossed body.
         config: how the bag is read.
-        advance: called with how many more motions were read.
+        advance: called with the number of further motions that were read.
 
     Raises:
-        UnreadableInputError: it is no bag, or a toss does not come out of a part of it as it comes out of the whole.
-        MissingTopicError: no topic, or several, may hold the body's poses.
+        UnreadableInputError: the file is no bag, or a toss read from the part differs from that of the whole recording.
+        MissingTopicError: no topic, or more than one, may contain the body's poses.
         InvalidValueError: a file cannot be written.
     """
     with BagReader(path) as reader:
@@ -231,7 +231,7 @@ def _parts(found: Survey, motions: Sequence[Motion], surroundings: Surroundings,
 
 
 def _read_again(files: Iterable[Path], body: Body, config: InputsConfig) -> dict[str, str]:
-    """The digests of all motions in some bags."""
+    """Reads the digests of all motions in some bags."""
     digests: dict[str, str] = {}
     for file in files:
         with BagReader(file) as reader:

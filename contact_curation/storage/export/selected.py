@@ -1,4 +1,4 @@
-"""The tosses that a manifest selected, and whether the recordings at hand are those that it was made of."""
+"""The selected tosses of a manifest, and checks that the given recordings are those that were ranked."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 from contact_curation.storage.provenance import TossProvenance
 
 MOST_LISTED = 3
-"""Ids in one message."""
+"""Largest number of ids in one message."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,8 +19,8 @@ class SelectedToss:
 
     Attributes:
         toss: toss as it was cut from its recording.
-        row: row of the manifest.
-        origin: the recording.
+        row: its row of the manifest.
+        origin: its recording.
     """
 
     toss: Toss
@@ -30,11 +30,11 @@ class SelectedToss:
 
 @dataclass(frozen=True, eq=False)
 class SelectedTosses:
-    """All that were selected.
+    """All selected tosses of a manifest.
 
     Attributes:
-        tosses: best first.
-        warnings: what is wrong with the inputs, one line each.
+        tosses: tosses, best first.
+        warnings: problems of the inputs, one line each.
     """
 
     tosses: tuple[SelectedToss, ...]
@@ -45,7 +45,7 @@ def selected_rows(manifest: Manifest, path: Path) -> dict[str, ManifestRow]:
     """The rows of the selected tosses by their ids, best first.
 
     Raises:
-        InvalidValueError: nothing was.
+        InvalidValueError: the manifest selected nothing.
     """
     if not manifest.selected:
         raise InvalidValueError(
@@ -55,7 +55,11 @@ def selected_rows(manifest: Manifest, path: Path) -> dict[str, ManifestRow]:
 
 
 def check_all_found(rows: Mapping[str, ManifestRow], found: Collection[str], manifest: Path, problems: Sequence[str]) -> None:
-    """InvalidValueError, if a selected toss was not found; with what is wrong with the inputs, if anything is."""
+    """Checks that all selected tosses were found.
+
+    Raises:
+        InvalidValueError: a selected toss was not found; the message contains the problems of the inputs.
+    """
     missing = [row for toss_id, row in rows.items() if toss_id not in found]
     if not missing:
         return
@@ -69,7 +73,7 @@ def check_all_found(rows: Mapping[str, ManifestRow], found: Collection[str], man
 
 
 def changed_inputs(selected: Iterable[tuple[ManifestRow, TossProvenance]]) -> tuple[str, ...]:
-    """A line for each recording that holds a selected toss, but not the bytes that were ranked."""
+    """A line for each recording that contains a selected toss, but has other bytes than the ranked one."""
     paths = dict.fromkeys(
         origin.input for row, origin in selected if row.input_sha256 and row.input_sha256 != origin.input_sha256
     )

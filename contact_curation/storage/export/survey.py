@@ -1,11 +1,12 @@
-"""Where in a bag the selected tosses are: its motions with the log times that they and their surroundings were recorded in.
+"""Finds the selected tosses in a bag: the log times of its motions and of their surroundings.
 
-Tosses are known by header stamps, messages are recorded by log times, and the two may be years apart. So the log times of the
-poses are noted with their stamps while the recording is read, and a toss's stamps are looked up there.
+Tosses have header stamps, messages are recorded with log times, and the two may differ by years. So stamps and log times of the
+poses are noted while the recording is read, and the stamps of a toss are looked up there.
 
-A toss must come out of a part of the recording as it came out of the whole. What came before it matters to how it is cut: a
-motion that is not over, the period of the frames, on a bounded board that the body was away from it. `NEAR` takes somewhat
-less than the time that separates two motions, so that nothing of another one is in it; `FAR` takes all up to the next motion.
+A toss must be the same whether it is cut from the part or from the whole recording. How it is cut depends on what came before:
+an unfinished motion, the frame period, and on a bounded board whether the body was away from it. `Surroundings.NEAR` takes
+somewhat less than the time that separates two motions, so that it contains no part of another one; `FAR` takes everything up
+to the next motion.
 """
 
 from array import array
@@ -29,7 +30,7 @@ from contact_curation.storage.provenance import TossProvenance
 
 
 class Window(NamedTuple):
-    """Log times, both ends included [ns]."""
+    """A range of log times [ns], including both ends."""
 
     first_ns: int
     last_ns: int
@@ -39,14 +40,14 @@ class Window(NamedTuple):
 
 
 class Places(NamedTuple):
-    """Messages by their place among those of the body's topic, both ends included."""
+    """A range of messages by their index among those of the body's topic, including both ends."""
 
     low: int
     high: int
 
 
 class Windows:
-    """Windows, joined where they overlap."""
+    """Windows of log times; overlapping ones are joined."""
 
     def __init__(self, windows: Iterable[Window]) -> None:
         self._joined: list[Window] = []
@@ -58,12 +59,12 @@ class Windows:
         self._starts = [one.first_ns for one in self._joined]
 
     def holds(self, log_time_ns: int) -> bool:
-        """Whether a time is in one of them."""
+        """Whether a time is in one of the windows."""
         place = bisect_right(self._starts, log_time_ns) - 1
         return place >= 0 and log_time_ns <= self._joined[place].last_ns
 
     def over(self, log_time_ns: int) -> bool:
-        """Whether all of them end before a time."""
+        """Whether all windows end before a time."""
         return not self._joined or self._joined[-1].last_ns < log_time_ns
 
 
@@ -77,26 +78,26 @@ class PoseTimes:
         return len(self._stamps)
 
     def note(self, message: BagMessage) -> None:
-        """Takes in a message; one without a stamp is passed over."""
+        """Notes a message; one without a stamp is ignored."""
         stamp_ns = _stamp_of(message.message)
         if stamp_ns is not None:
             self._stamps.append(stamp_ns)
             self._logs.append(message.log_time_ns)
 
     def places(self, first_ns: int, last_ns: int, end: int) -> Places | None:
-        """Where the poses of a toss are.
+        """Finds the messages with the poses of a toss.
 
         Args:
-            first_ns: its first stamp.
-            last_ns: its last stamp.
-            end: how many messages had been read when it was complete.
+            first_ns: its first stamp [ns].
+            last_ns: its last stamp [ns].
+            end: number of messages that had been read when the toss was complete.
 
         Returns:
-            None where no message has such stamps.
+            The range of messages; None if no message has such stamps.
         """
         stamps = np.frombuffer(self._stamps, dtype=np.int64)[:end]
         starts = np.flatnonzero(stamps == first_ns)
-        if not len(starts):  # of a message with several transforms only the first one's stamp is noted
+        if not len(starts):  # only the first stamp is noted of a message with several transforms
             starts = np.flatnonzero(stamps <= first_ns)
         if not len(starts):
             return None
@@ -105,7 +106,7 @@ class PoseTimes:
         return Places(low, low + int(inside.max(initial=0)))
 
     def with_margins(self, places: Places, before_ns: int, after_ns: int) -> Places:
-        """The places with as much around them, by the stamps."""
+        """Extends a range of messages by times before and after it [ns], by the stamps."""
         stamps = np.frombuffer(self._stamps, dtype=np.int64)
         low, high = places
         first_ns, last_ns = int(stamps[low]), int(stamps[high])
@@ -116,13 +117,13 @@ class PoseTimes:
         return Places(low, high)
 
     def window(self, places: Places) -> Window:
-        """The log times of some messages."""
+        """The window of log times of a range of messages."""
         logs = np.frombuffer(self._logs, dtype=np.int64)[places.low : places.high + 1]
         return Window(int(logs.min()), int(logs.max()))
 
 
 def _stamp_of(message: Any) -> int | None:
-    """Stamp of the header, or of the first transform."""
+    """Stamp of the header, or of the first transform [ns]."""
     try:
         return stamp_ns_of(message.header if hasattr(message, "header") else message.transforms[0].header)
     except (AttributeError, IndexError, TypeError, ValueError):
@@ -133,7 +134,7 @@ SHARE_OF_SETTLE_TIME = 0.8
 
 
 class Surroundings(Enum):
-    """How much around a toss is taken."""
+    """How much of the recording around a toss is taken."""
 
     NEAR = "near"
     FAR = "far"
@@ -141,12 +142,12 @@ class Surroundings(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A toss or a motion that was rejected; what stays of it.
+    """A toss or a rejected motion, without its poses.
 
     Attributes:
         toss_id: id of the toss.
         digest: digest of its content.
-        places: places of its poses.
+        places: range of its messages.
     """
 
     toss_id: str
@@ -156,15 +157,15 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """What is known of a bag once it was read.
+    """The motions of a bag.
 
     Attributes:
         origin: the bag.
         source: the topics with the body's poses.
-        motions: in their order.
-        settle_ns: time that separates two motions.
-        times: times of the poses.
-        left_out: what could not be used of it, one line each.
+        motions: motions in their order.
+        settle_ns: time that separates two motions [ns].
+        times: stamps and log times of the poses.
+        left_out: what could not be used of the bag, one line each.
     """
 
     origin: TossProvenance
@@ -175,11 +176,11 @@ class Survey:
     left_out: tuple[str, ...]
 
     def wanted(self, wanted: Mapping[str, object]) -> tuple[Motion, ...]:
-        """Those whose ids are wanted; of two with one id the last, which is whole if one of them is."""
+        """The motions with the given ids; of two with the same id the last one, which is whole if one of them is."""
         return tuple({motion.toss_id: motion for motion in self.motions if motion.toss_id in wanted}.values())
 
     def window(self, motion: Motion, surroundings: Surroundings) -> Window:
-        """The log times of a motion with its surroundings."""
+        """The window of log times of a motion with its surroundings."""
         if surroundings is Surroundings.NEAR:
             margin_ns = int(SHARE_OF_SETTLE_TIME * self.settle_ns)
             return self.times.window(self.times.with_margins(motion.places, margin_ns, margin_ns))
@@ -190,10 +191,10 @@ class Survey:
 
 
 def survey(reader: BagReader, body: Body, config: InputsConfig, advance: Callable[[int], None]) -> Survey:
-    """Reads a bag's poses.
+    """Reads a bag's poses and finds its motions.
 
     Raises:
-        MissingTopicError: no topic, or several, may hold the body's poses.
+        MissingTopicError: no topic, or more than one, may contain the body's poses.
     """
     tosses = bag_tosses(reader, body, config)
     times, motions = PoseTimes(), list[Motion]()

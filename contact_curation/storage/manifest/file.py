@@ -6,7 +6,7 @@
               while both are replaced, also the head of the table before
     Parquet   a row per toss; the head as JSON in the schema's metadata
 
-The head is all that is not about one toss. The same manifest always gives the same bytes.
+The head is everything that is not about a single toss. The same manifest always gives the same bytes.
 """
 
 import csv
@@ -30,30 +30,30 @@ from contact_curation.storage.provenance import InputProvenance, RunProvenance
 FORMAT = "contact_curation_manifest"
 VERSION = 2
 FIRST_NAMES = {"kept": "selected", "gated": "rejected", "kept_gram": "selected_gram", "answer": "optimum_shift"}
-"""What version 1 called columns and diagnostics, and their names now."""
+"""Names of columns and diagnostics in version 1, and their present names."""
 
 FIRST_SHIFT_NAMES = {"off": "distance", "by_chance": "at_random"}
-"""The same for what it called `answer`."""
+"""Names in version 1's `answer`, and their present names."""
 
 ROWS = "tosses"
 NOT_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
-"""JSON has no such numbers: they are written as these strings."""
+"""Numbers that JSON does not have, and the strings that stand for them."""
 FLOATS = {field.name for field in fields(ManifestRow) if field.type in (float, float | None)}
 
 
 type Parsed = tuple[Mapping[str, Any], Iterator[ManifestRow]]
-"""The head of a manifest and its rows, which are read when the version of the head is known. Bytes that are no manifest end in
+"""The head of a manifest and its rows, which are read after the head's version was checked. Bytes that are no manifest raise
 ValueError, LookupError or TypeError."""
 
 
 def head_of(manifest: Manifest) -> dict[str, Any]:
-    """Everything but the rows, as JSON values."""
+    """Everything in a manifest but the rows, as JSON values."""
     head = {FORMAT: VERSION, **asdict(manifest.run), "diagnostics": dict(manifest.diagnostics)}
     return {name: _with_strings(value) for name, value in head.items()}
 
 
 def to_json(manifest: Manifest) -> bytes:
-    """The same manifest always gives the same bytes."""
+    """Writes a manifest as JSON; the same manifest always gives the same bytes."""
     head = json.dumps(head_of(manifest), indent=2, ensure_ascii=False, allow_nan=False)
     rows = [json.dumps(_with_strings(asdict(row)), ensure_ascii=False, allow_nan=False) for row in manifest.rows]
     listed = ",\n    ".join(rows)
@@ -67,7 +67,7 @@ def from_json(data: bytes) -> Parsed:
 
 
 def row_of(values: Mapping[str, Any]) -> ManifestRow:
-    """A row of its values by name, or by the names of version 1."""
+    """Makes a row from its values by name; the names of version 1 are accepted, too."""
     return ManifestRow(**{**_renamed(values, FIRST_NAMES), "reasons": tuple(values["reasons"])})
 
 
@@ -93,7 +93,7 @@ def _with_numbers(value: Any) -> Any:
 
 
 def _mapped(value: Any, leaf: Callable[[Any], Any]) -> Any:
-    """`value` with `leaf` applied to all that is neither list nor dict in it."""
+    """`value` with `leaf` applied to everything in it that is neither a list nor a dict."""
     if isinstance(value, Mapping):
         return {name: _mapped(part, leaf) for name, part in value.items()}
     if isinstance(value, list | tuple):
@@ -118,29 +118,29 @@ READERS: dict[object, Callable[[str], Any]] = {
 
 
 def to_csv(manifest: Manifest) -> bytes:
-    """The table alone; the same manifest always gives the same bytes."""
+    """Writes the table of a manifest as CSV, without the head; the same manifest always gives the same bytes."""
     rows = [COLUMNS, *([_cell(getattr(row, name)) for name in COLUMNS] for row in manifest.rows)]
     return "".join(f"{_line(row)}\n" for row in rows).encode()
 
 
 def _line(cells: Sequence[str]) -> str:
-    """Cells with either character of a line's end in them are quoted, which csv does only for those of its own line end."""
+    """Writes a line. Cells with any line-end character are quoted; csv would quote only those with its own line end."""
     out = StringIO(newline="")
     csv.writer(out, lineterminator="\r\n").writerow(cells)
     return out.getvalue().removesuffix("\r\n")
 
 
 def provenance_of(path: Path) -> Path:
-    """The file beside a CSV manifest that holds all that is not about one toss."""
+    """The file beside a CSV manifest that contains its head."""
     return path.with_suffix(PROVENANCE)
 
 
 TABLE, REPLACED = "table_sha256", "replaced"
-"""In the provenance of a table: its digest; and while both are replaced, the provenance of the table before."""
+"""Keys in the provenance of a table: its digest, and, while both files are replaced, the provenance of the previous table."""
 
 
 def provenance_bytes(manifest: Manifest, table: bytes, replaced: Mapping[str, Any] | None = None) -> bytes:
-    """What stands in that file, with the number of tosses, by which a table that was cut is known."""
+    """The content of the provenance file; it contains the number of tosses, so that a table that was cut is noticed."""
     head = {**head_of(manifest), ROWS: len(manifest.rows), TABLE: sha256(table).hexdigest()}
     if replaced:
         head[REPLACED] = dict(replaced)
@@ -148,24 +148,24 @@ def provenance_bytes(manifest: Manifest, table: bytes, replaced: Mapping[str, An
 
 
 def joined_csv(provenance: bytes, table: bytes) -> bytes:
-    """A table behind comment lines with its head, as version 1 of the format had both in one file."""
+    """Joins head and table in one text, the head in comment lines before the table, as in version 1 of the format."""
     lines = [f"{COMMENT}{name}: {json.dumps(value)}\n" for name, value in _head_of_table(provenance, table).items()]
     return "".join(lines).encode() + table
 
 
 def _head_of_table(provenance: bytes, table: bytes) -> dict[str, Any]:
-    """The newer head of a provenance file, unless a writer died before it replaced the table."""
+    """The head of the table in a provenance file: the newer one, unless a writer died before it replaced the table."""
     head = dict(json.loads(provenance))
     replaced = head.pop(REPLACED, None)
     return head if replaced is None or head[TABLE] == sha256(table).hexdigest() else dict(replaced)
 
 
 def _write_csv(manifest: Manifest, path: Path, table: bytes) -> None:
-    """Two files cannot be replaced at once: while the table is, the provenance knows both."""
+    """Replaces both files. This cannot happen at once, so meanwhile the provenance contains the heads of both tables."""
     beside = provenance_of(path)
     try:
         before = _head_of_table(beside.read_bytes(), path.read_bytes())
-    except (OSError, ValueError, LookupError, TypeError, RecursionError):  # there is no pair
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):  # there is no valid pair of files
         before = None
     write_atomically(beside, provenance_bytes(manifest, table, before))
     write_atomically(path, table)
@@ -174,7 +174,7 @@ def _write_csv(manifest: Manifest, path: Path, table: bytes) -> None:
 
 
 def _whole(path: Path, data: bytes) -> bytes:
-    """A CSV manifest with its head, which is beside it or in it."""
+    """The text of a CSV manifest with its head, which is in the file beside it, or (version 1) in the table's file."""
     if data.startswith(COMMENT.encode()):
         return data
     beside = provenance_of(path)
@@ -184,7 +184,7 @@ def _whole(path: Path, data: bytes) -> bytes:
 
 
 def from_csv(data: bytes) -> Parsed:
-    """Reads a table behind comment lines with its head."""
+    """Reads a table after comment lines with its head."""
     lines = data.decode().split("\n")
     comments = 0
     while lines[comments].startswith(COMMENT):
@@ -234,7 +234,7 @@ OPTIONAL = (int | None, float | None)
 
 
 def to_parquet(manifest: Manifest) -> bytes:
-    """The same manifest always gives the same bytes."""
+    """Writes a manifest as Parquet; the same manifest always gives the same bytes."""
     head = json.dumps(head_of(manifest), ensure_ascii=False).encode()
     columns = [pa.field(field.name, TYPES[field.type], field.type in OPTIONAL) for field in fields(ManifestRow)]
     schema = pa.schema(columns, metadata={METADATA_KEY: head})
@@ -250,8 +250,8 @@ def from_parquet(data: bytes) -> Parsed:
     Raises:
         ValueError: there are more rows than a manifest may have.
     """
-    rows = pq.read_metadata(BytesIO(data)).num_rows  # a few kB can claim any number
-    most = min(MOST_ROWS, 2 * len(data))  # each row has a name and times of its own, however well they are packed
+    rows = pq.read_metadata(BytesIO(data)).num_rows  # a small file can declare any number of rows
+    most = min(MOST_ROWS, 2 * len(data))  # each row has its own name and times, even if compressed
     if rows > most:
         raise ValueError(f"found {rows} rows, expected at most {most} in {len(data)} bytes")
     table = pq.read_table(BytesIO(data), page_checksum_verification=True)
@@ -262,9 +262,9 @@ def from_parquet(data: bytes) -> Parsed:
 LARGEST_BYTES = 1 << 31
 """Largest manifest file [bytes]."""
 MOST_ROWS = 10_000_000
-"""Most rows of a manifest."""
+"""Largest number of rows of a manifest."""
 AROUND = 20
-"""Characters on each side of one that cannot be written, in the message."""
+"""Number of characters that an error message shows on each side of one that cannot be written."""
 
 
 class _Format(NamedTuple):
@@ -303,7 +303,7 @@ def read_manifest(path: Path) -> Manifest:
     Raises:
         InvalidValueError: the ending of `path` is not one of `FORMATS`.
         UnreadableInputError: the file is no manifest.
-        NewerVersionError: it is one of a newer version.
+        NewerVersionError: the manifest has a newer format version.
     """
     read = _format(path).read
     try:
@@ -318,7 +318,7 @@ def read_manifest(path: Path) -> Manifest:
 
 
 def manifest_of(head: Mapping[str, Any], rows: Iterable[ManifestRow]) -> Manifest:
-    """The manifest of a head and its rows, as the readers of the formats give them."""
+    """Makes a manifest from a head and rows, as the readers of the formats return them."""
     run = {field.name: head[field.name] for field in fields(RunProvenance) if field.name != "body"}
     inputs = tuple(InputProvenance(**{**entry, "losses": tuple(entry["losses"])}) for entry in head["inputs"])
     run["body"] = head.get("body")  # older manifests have none
@@ -330,7 +330,7 @@ def manifest_of(head: Mapping[str, Any], rows: Iterable[ManifestRow]) -> Manifes
 
 
 def _why(error: Exception) -> str:
-    """What one of our readers, or one of Python's, found."""
+    """Says in words what a reader's error means."""
     if isinstance(error, KeyError):
         return f"found no key {error.args[0]!r}"
     if isinstance(error, IndexError):

@@ -1,4 +1,4 @@
-"""The outcome of a ranking: every toss with its place and the evidence for it; what was rejected, and why."""
+"""The manifest of a ranking: every toss with its rank and the evidence for it, or with the reason why it has none."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,24 +15,24 @@ class ManifestRow:
     """One toss.
 
     Attributes:
-        toss_id: unique in the manifest.
-        selected: whether it is one of the top k.
-        rejected: whether a gate rejected it, before it was scored.
+        toss_id: id, unique in the manifest.
+        selected: whether it is one of the best k.
+        rejected: whether a quality check rejected it, so that it was not scored.
         reasons: why it was rejected or not scored, one line each.
-        rank: place in the ranking, from 1; None when it was not ranked.
-        score: score of the toss alone, by the criterion; None when it was not ranked.
-        marginal_gain: what it added when it was picked, or would add to the selected ones; None when it was not ranked.
-        trace: trace of its Fisher sum; None when it was not scored.
-        mean_loss: mean loss of its scored transitions; None when it was not scored.
-        transitions: how many it has; None when it was not scored.
-        not_scored: how many of them have no certified impulse; None when it was not scored.
-        frames: how many poses.
-        duration: time from first to last frame [s].
-        input: path of the recording it was cut from.
+        rank: place in the ranking, from 1; None if it was not ranked.
+        score: score of the toss alone, by the criterion; None if it was not ranked.
+        marginal_gain: gain when it was picked, or the gain of adding it to the selected ones; None if it was not ranked.
+        trace: trace of its Fisher matrix; None if it was not scored.
+        mean_loss: mean loss of its scored transitions; None if it was not scored.
+        transitions: number of its transitions; None if it was not scored.
+        not_scored: number of its transitions without a certified impulse; None if it was not scored.
+        frames: number of its poses.
+        duration: time from the first to the last frame [s].
+        input: path of its recording.
         input_sha256: SHA-256 digest of the recording.
-        topic: its pose topic; empty where the input has none.
-        first_stamp_ns: header stamp of its first frame.
-        last_stamp_ns: header stamp of its last frame.
+        topic: its pose topic; empty if the input has none.
+        first_stamp_ns: header stamp of its first frame [ns].
+        last_stamp_ns: header stamp of its last frame [ns].
     """
 
     toss_id: str
@@ -65,12 +65,12 @@ class ManifestRow:
 
 @dataclass(frozen=True)
 class Manifest:
-    """All tosses of the inputs, none left out.
+    """All tosses of the inputs, also those that were rejected.
 
     Attributes:
-        run: how it was made.
-        rows: one per toss, in the order they are to be listed.
-        diagnostics: findings about the whole by name: epsilon, smallest sufficient k, efficiency certificate, block shares.
+        run: how the ranking was made.
+        rows: one row per toss, in the order in which they are listed.
+        diagnostics: properties of the selection by name: epsilon, smallest sufficient k, efficiency certificate, block shares.
     """
 
     run: RunProvenance

@@ -1,4 +1,4 @@
-"""A ranking becomes a manifest: one factory for recordings that were ranked and for buffers that were chosen live."""
+"""Makes the manifest of a ranking, of recordings as well as of a live buffer."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -13,11 +13,11 @@ from contact_curation.storage.provenance import RunProvenance, SeenToss
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PoolToss:
-    """A toss of the pool.
+    """A toss that was read, and its information.
 
     Attributes:
-        seen: what was seen of it.
-        scores: its information, once per theta; empty when it was rejected.
+        seen: id, times, origin and reasons of the toss.
+        scores: its information at each theta; empty if it was rejected.
     """
 
     seen: SeenToss
@@ -25,26 +25,26 @@ class PoolToss:
 
     @property
     def informations(self) -> tuple[TossInformation, ...]:
-        """One per theta; empty unless it was scored at every theta."""
+        """Its information at each theta; empty unless it was scored at every theta."""
         known = tuple(one for one in self.scores if isinstance(one, TossInformation))
         return known if len(known) == len(self.scores) else ()
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why it cannot be ranked."""
+        """Why it cannot be ranked, one line each."""
         return self.seen.reasons + tuple(f"not scored: {one.reason}" for one in self.scores if isinstance(one, NotScored))
 
 
 def ranked_manifest(
     run: RunProvenance, tosses: Sequence[PoolToss], curation: Curation | None, others: Mapping[str, Diagnostic]
 ) -> Manifest:
-    """All tosses: the ranked ones, best first, then the others in their order.
+    """Makes a manifest of all tosses: the ranked ones, best first, then the others in their order.
 
     Args:
         run: how the ranking was made.
-        tosses: each once.
-        curation: the ranking and its evidence; None where no toss could be ranked.
-        others: findings beside that evidence, by name.
+        tosses: all tosses, each once.
+        curation: the ranking and its evidence; None if no toss could be ranked.
+        others: further diagnostics by name.
     """
     by_id = {toss.seen.toss_id: toss for toss in tosses}
     entries = curation.ranking.entries if curation else ()
@@ -55,7 +55,7 @@ def ranked_manifest(
 
 
 def evidence_of(curation: Curation) -> dict[str, Diagnostic]:
-    """The diagnostics of the ranking, as the manifest has them."""
+    """The diagnostics of a ranking for the manifest."""
     certificate = curation.ranking.certificate
     return {
         "dimension": curation.dimension,
@@ -75,7 +75,7 @@ def evidence_of(curation: Curation) -> dict[str, Diagnostic]:
 
 
 def _row(toss: PoolToss, entry: RankedToss | None) -> ManifestRow:
-    """Makes a row; its information is that at the first theta."""
+    """Makes a row with the information at the first theta."""
     seen, origin = toss.seen, toss.seen.origin
     information = next((one for one in toss.scores if isinstance(one, TossInformation)), None)
     return ManifestRow(

@@ -1,7 +1,7 @@
-"""Factors wait on disk: of what stays of a scored toss they are by far the most, and a ranking reads them a handful at a time.
+"""Keeps factors on disk until they are ranked: they are most of a scored toss's data, and a ranking reads a few at a time.
 
-The file has no name, so nothing is left of it however the process ends; it is read past Python's buffers and never mapped, so
-its pages are the system's to drop.
+The file has no name, so it disappears however the process ends. It is read without Python's buffers and is not memory-mapped,
+so the operating system can free its pages.
 """
 
 import os
@@ -17,14 +17,14 @@ from contact_curation.information.record import Rows, TossInformation
 
 
 class FactorSpool:
-    """A file of factors, open until `close`; use it as a context manager around all that ranks."""
+    """A temporary file of factors, open until `close`; use it as a context manager around the ranking."""
 
     def __init__(self) -> None:
         self._file = TemporaryFile(prefix="contact-curation-", buffering=0)  # noqa: SIM115 - open until `close`
         self._end = 0
 
     def with_factor_on_disk(self, info: TossInformation) -> TossInformation:
-        """The same information; its factor is read from the file whenever it is computed with.
+        """The same information with its factor on disk, which is read from the file whenever it is used.
 
         Raises:
             OSError: the disk is full.
@@ -35,7 +35,7 @@ class FactorSpool:
             written = os.pwrite(self._file.fileno(), view, self._end)
             self._end, view = self._end + written, view[written:]
         kept = _RowsOnDisk(self._file, begin, rows.shape, rows.dtype)
-        return replace(info, factor=cast("Rows", kept))  # NumPy takes whatever has a shape and can become an array
+        return replace(info, factor=cast("Rows", kept))  # NumPy accepts any object with a shape and __array__
 
     def close(self) -> None:
         self._file.close()
@@ -49,13 +49,13 @@ class FactorSpool:
 
 @dataclass(frozen=True, slots=True)
 class _RowsOnDisk:
-    """Rows of a spooled factor: an array to NumPy, a place in a file to everyone else.
+    """Rows of a factor in the file, which NumPy can use as an array.
 
     Attributes:
-        file: while it is open; its number alone could be another file's by now.
-        begin: where the rows are in it [bytes].
+        file: the open file.
+        begin: position of the rows in the file [bytes].
         shape: (R, P).
-        dtype: dtype of their numbers.
+        dtype: dtype of the numbers.
     """
 
     file: IO[bytes]
@@ -68,7 +68,7 @@ class _RowsOnDisk:
         return len(self.shape)
 
     def __array__(self, dtype: np.dtype[Any] | None = None, copy: bool | None = None) -> NDArray[Any]:
-        """The rows, read again; ValueError once the file is closed."""
+        """Reads the rows; raises ValueError if the file is closed."""
         size = int(np.prod(self.shape)) * self.dtype.itemsize
         data = os.pread(self.file.fileno(), size, self.begin)
         rows = np.frombuffer(data, self.dtype).reshape(self.shape)

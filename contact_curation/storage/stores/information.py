@@ -1,4 +1,4 @@
-"""What is known of every toss at the newest parameters: the scorer keeps it before it announces it."""
+"""The scorer's store: the information of every toss at the newest parameters, stored before it is announced."""
 
 import json
 import sqlite3
@@ -17,7 +17,7 @@ from contact_curation.storage.stores.state import SEAL_STATES, STATES_TABLE, Sta
 
 
 def _with_states(connection: sqlite3.Connection, path: Path) -> None:
-    """Version 1 had its states in a second file, and lost tosses where the two disagreed."""
+    """Moves the states of version 1, which were in a second file, into the store."""
     connection.execute(STATES_TABLE)
     beside = path.with_name(f"{path.name}.state")
     if beside.exists():
@@ -41,13 +41,13 @@ SCHEMA = StoreSchema(
     upgrades={1: _with_states, 2: _with_checksums},
 )
 METHOD = ("model", "estimator", "influence_bound", "blocks")
-"""What must agree for two records at the same parameters to be comparable."""
+"""Fields that must agree between records at the same parameters, so that they can be compared."""
 PAGE = 256
-"""Records read at a time."""
+"""Number of records that are read at a time."""
 
 
 class StoredInformation(NamedTuple):
-    """A record of the store and its place in the order, from 1."""
+    """A record of the store with its sequence number, from 1."""
 
     sequence: int
     information: TossInformation
@@ -57,13 +57,13 @@ class InformationStore(Store):
     """TossInformation by toss and parameters version, in one SQLite file. Use it as a context manager.
 
     Args:
-        path: path of the file; made when there is none.
+        path: path of the file; it is made if it does not exist.
 
     Attributes:
-        states: what its node must remember beside the records.
+        states: further values that its node stores.
 
     Raises:
-        UnreadableInputError: the file is no information store, or one of a newer version.
+        UnreadableInputError: the file is no information store, or has a newer version.
     """
 
     def __init__(self, path: Path) -> None:
@@ -72,12 +72,12 @@ class InformationStore(Store):
         self.states = States(self._store)
 
     def add(self, information: TossInformation) -> Added:
-        """Stores a record; one of the same toss and parameters that is stored already stays as it is.
+        """Stores a record; a stored record of the same toss and parameters stays as it is.
 
-        The numbers of a second scoring may differ in their last digits; the first ones count, because they were announced.
+        A second scoring may differ in the last digits; the first one counts, because it was announced.
 
         Raises:
-            InvalidValueError: what is stored was scored at these parameters in another way (model, estimator, bound, blocks).
+            InvalidValueError: stored records at these parameters were scored in another way (model, estimator, bound, blocks).
         """
         toss_id, version = information.toss_id, information.parameters_version
         text, arrays = packed_information(information)
@@ -94,42 +94,42 @@ class InformationStore(Store):
         return None if row is None else _stored(row)
 
     def after(self, sequence: int, limit: int) -> tuple[StoredInformation, ...]:
-        """The next `limit` records behind `sequence`, of all versions."""
+        """The next `limit` records after the number `sequence`, of all versions."""
         return tuple(_stored(row) for row in self._table.after(sequence, limit))
 
     def all_of(self, parameters_version: str) -> Iterator[StoredInformation]:
-        """Every record of a version, in the order of their sequence, a page in memory at a time."""
+        """All records of a version in the order of their numbers, one page in memory at a time."""
         sequence = 0
         while rows := self._table.after(sequence, PAGE, parameters_version):
             yield from (_stored(row) for row in rows)
             sequence = rows[-1].sequence
 
     def count(self, parameters_version: str) -> int:
-        """How many records of a version there are."""
+        """Number of records of a version."""
         return self._table.count(parameters_version)
 
     @property
     def last_sequence(self) -> int:
-        """The newest sequence number; 0 while there is none."""
+        """The newest sequence number; 0 if there is none."""
         return self._table.last_sequence
 
     @property
     def versions(self) -> tuple[str, ...]:
-        """The parameters versions, in the order they came."""
+        """The versions of the parameters, in the order of their first record."""
         return tuple(self._table.versions())
 
     def drop_version(self, parameters_version: str) -> None:
-        """Drops the records of a version, which can be scored again."""
+        """Deletes the records of a version, which can be scored again."""
         self._table.drop_version(parameters_version)
 
     def keep_newest_versions(self, count: int = 2) -> tuple[str, ...]:
-        """Drops the records of all but the newest versions, which can be scored again.
+        """Deletes the records of all but the newest `count` versions; they can be scored again.
 
         Returns:
-            The versions dropped.
+            The deleted versions.
 
         Raises:
-            InvalidValueError: no version would be left.
+            InvalidValueError: `count` is below 1.
         """
         if count < 1:
             raise InvalidValueError("versions to keep", count, "at least 1")
@@ -148,7 +148,7 @@ class InformationStore(Store):
 
 
 def packed_information(information: TossInformation) -> tuple[str, bytes]:
-    """A record without its key, the toss and the version: its plain fields as JSON, its arrays as a blob."""
+    """Packs a record without toss id and version: its plain fields as JSON, its arrays as a blob."""
     values = {field.name: getattr(information, field.name) for field in fields(information)}
     arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
     head = {name: value for name, value in values.items() if name not in (*arrays, "toss_id", "parameters_version")}
@@ -157,14 +157,14 @@ def packed_information(information: TossInformation) -> tuple[str, bytes]:
 
 
 def unpacked_information(toss_id: str, version: str, head: str, arrays: bytes) -> TossInformation:
-    """The record that `packed_information` packed."""
+    """Restores the record that `packed_information` packed."""
     known = json.loads(head)
     known["blocks"] = tuple(ParameterBlock(**block) for block in known["blocks"])
     return TossInformation(toss_id=toss_id, parameters_version=version, **known, **arrays_from_blob(arrays))
 
 
 def _number(value: object) -> object:
-    """NumPy's scalars as JSON's numbers."""
+    """Converts NumPy's scalars to numbers for JSON."""
     if isinstance(value, np.generic):
         return value.item()
     raise TypeError(f"{value!r} is no number")

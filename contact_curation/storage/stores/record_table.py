@@ -1,6 +1,6 @@
-"""A table of records in the order they came, one per key, and arrays as blobs: the core of the toss and information stores.
+"""A table of numbered records, one per key, with arrays as blobs: the core of the toss and information stores.
 
-A blob is a JSON list of what is in it, then the raw little-endian numbers. Nothing is ever executed.
+A blob is a JSON list of its content, followed by the raw little-endian numbers. Reading it executes no code.
 
     uint32 length of the list | [[name, dtype, shape], ...] as JSON | the arrays, one behind the other
 """
@@ -20,14 +20,14 @@ from contact_curation.storage.stores.sqlite import SqliteStore
 
 LENGTH = struct.Struct("<I")
 DTYPES = ("<f8", "<i8", "<f4")
-"""float64, int64 and float32: all that records hold."""
+"""The accepted dtypes: float64, int64 and float32."""
 
 
 def arrays_to_blob(arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """The blob of `arrays`; equal arrays in equal order give equal bytes.
+    """Packs arrays into a blob; equal arrays in equal order give equal bytes.
 
     Raises:
-        InvalidValueError: an array is of another dtype than `DTYPES`.
+        InvalidValueError: an array has a dtype that is not in `DTYPES`.
     """
     listed, parts = [], []
     for name, array in arrays.items():
@@ -41,10 +41,10 @@ def arrays_to_blob(arrays: Mapping[str, NDArray[Any]]) -> bytes:
 
 
 def arrays_from_blob(blob: bytes) -> dict[str, Any]:
-    """The arrays of a blob, writable and in the machine's byte order.
+    """Unpacks the arrays of a blob, writable and in the machine's byte order.
 
     Raises:
-        InvalidValueError: `blob` is not what `arrays_to_blob` gave.
+        InvalidValueError: `blob` was not made by `arrays_to_blob`.
     """
     arrays: dict[str, Any] = {}
     try:
@@ -66,14 +66,14 @@ def arrays_from_blob(blob: bytes) -> dict[str, Any]:
 
 COLUMNS = "sequence, id, version, head, arrays, extra"
 MOST_VALUES = 500
-"""Values in one query; SQLite's own bound was 999 for long."""
+"""Largest number of values in one query; older releases of SQLite accept 999."""
 
 LARGEST_SEQUENCE = (1 << 63) - 1
-"""That SQLite can count to; a message can ask for what follows a larger one."""
+"""Largest number in SQLite; a request may contain a larger one."""
 
 
 class Added(NamedTuple):
-    """What `add` did: the record's sequence number, from 1, and whether it is new."""
+    """Result of `add`: the record's sequence number, from 1, and whether the record is new."""
 
     sequence: int
     added: bool
@@ -83,12 +83,12 @@ class Row(NamedTuple):
     """One record.
 
     Attributes:
-        sequence: its place in the order, from 1.
+        sequence: its number, from 1.
         id: first part of its key.
-        version: second part; empty where one part is enough.
+        version: second part of its key; empty if one part is enough.
         head: its plain fields as JSON.
         arrays: its arrays as a blob.
-        extra: what was noted beside it, as JSON.
+        extra: additional notes as JSON.
     """
 
     sequence: int
@@ -100,7 +100,7 @@ class Row(NamedTuple):
 
 
 class SequencedTable:
-    """Records of one kind in `store`; `name` is the table's name."""
+    """Records of one kind in the table `name` of `store`."""
 
     def __init__(self, store: SqliteStore, name: str) -> None:
         self._store = store
@@ -108,7 +108,7 @@ class SequencedTable:
 
     @staticmethod
     def statement(name: str) -> str:
-        """Creates the table. AUTOINCREMENT: a sequence number is never used twice, so that no follower misses a record."""
+        """The statement that creates the table; AUTOINCREMENT never uses a number twice, so that followers miss no record."""
         return (
             f"CREATE TABLE {name} (sequence INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL, version TEXT NOT NULL,"
             " head TEXT NOT NULL, arrays BLOB NOT NULL, extra TEXT NOT NULL, UNIQUE (id, version))"
@@ -116,12 +116,12 @@ class SequencedTable:
 
     @staticmethod
     def sealing(name: str) -> str:
-        """Gives the rows of an older release their checksums."""
+        """The statement that adds checksums to rows of an older release."""
         return f"UPDATE {name} SET arrays = seal(arrays, id, version, head, extra)"
 
     @property
     def last_sequence(self) -> int:
-        """The newest sequence number; 0 while there is none."""
+        """The newest sequence number; 0 if there is none."""
         return self._store.last_sequence(self._name)
 
     def find(self, key: str, version: str = "") -> Row | None:
@@ -134,7 +134,7 @@ class SequencedTable:
         return self._store.execute(statement, (key, version, head, seal(arrays, key, version, head, extra), extra))
 
     def get(self, keys: Sequence[str]) -> list[Row]:
-        """The records of these ids that there are, in the order of their sequence."""
+        """The stored records with these ids, in the order of their numbers."""
         unique = list(dict.fromkeys(keys))
         rows: list[Row] = []
         for start in range(0, len(unique), MOST_VALUES):
@@ -143,7 +143,7 @@ class SequencedTable:
         return sorted(rows, key=lambda row: row.sequence)
 
     def after(self, sequence: int, limit: int, version: str | None = None) -> list[Row]:
-        """The next `limit` records behind `sequence`, of `version` or of all."""
+        """The next `limit` records after the number `sequence`, of `version` or of all versions."""
         sequence = min(sequence, LARGEST_SEQUENCE)
         if version is None:
             return self._select("WHERE sequence > ? ORDER BY sequence LIMIT ?", (sequence, limit))
@@ -155,7 +155,7 @@ class SequencedTable:
         return [version for (version,) in self._store.rows(query)]
 
     def count(self, version: str) -> int:
-        """How many records of a version there are."""
+        """Number of records of a version."""
         return int(self._store.rows(f"SELECT count(*) FROM {self._name} WHERE version = ?", (version,))[0][0])
 
     def drop_version(self, version: str) -> None:

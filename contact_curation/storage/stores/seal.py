@@ -1,4 +1,4 @@
-"""A checksum behind each blob of a store, over all columns of its row: SQLite does not notice a bit that flips on a disk."""
+"""A checksum after each blob of a store, over all columns of its row, because SQLite does not notice flipped bits on a disk."""
 
 import struct
 from pathlib import Path
@@ -10,26 +10,26 @@ CHECKSUM = struct.Struct("<I")
 
 
 def seal(blob: bytes, *beside: object) -> bytes:
-    """The blob with its checksum.
+    """Appends the checksum to a blob.
 
     Args:
-        blob: as it is.
-        beside: the other columns of its row, whose texts belong to the checksum.
+        blob: blob without checksum.
+        beside: the other columns of its row, which the checksum covers, too.
     """
     return blob + CHECKSUM.pack(_checksum(blob, beside))
 
 
 def unsealed(path: Path, where: str, sealed: bytes, *beside: object) -> bytes:
-    """The blob without its checksum.
+    """Checks and removes the checksum of a blob.
 
     Args:
-        path: of the store, for the message.
-        where: which row it is of, for the message.
-        sealed: what `seal` gave.
+        path: path of the store, for the message.
+        where: name of the row, for the message.
+        sealed: blob with checksum, as `seal` returned it.
         beside: the other columns of its row.
 
     Raises:
-        UnreadableInputError: something in the row is not what was stored.
+        UnreadableInputError: the row is damaged.
     """
     blob, checksum = bytes(sealed[: -CHECKSUM.size]), bytes(sealed[-CHECKSUM.size :])
     if checksum != CHECKSUM.pack(_checksum(blob, beside)):

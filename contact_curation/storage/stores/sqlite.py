@@ -1,9 +1,9 @@
-"""A SQLite file that outlives its writer's sudden death and lets other processes read while it is written.
+"""A SQLite file that survives a kill of its writer, and that other processes can read while it is written.
 
-Write-ahead log, one transaction per change. With synchronous=NORMAL a commit hands its bytes to the operating system without
-waiting for the disk: the death of a process loses nothing that was committed, because the system has it; only the
-death of the machine can take the last commits, and it leaves the file consistent (sqlite.org/pragma.html#pragma_synchronous).
-What cannot be made again is followed by `reach_disk`, and survives that, too.
+It uses a write-ahead log and one transaction per change. With synchronous=NORMAL a commit passes its bytes to the operating
+system without waiting for the disk. So a killed process loses no commit; only a crash of the machine can lose the last commits,
+and it leaves the file consistent (sqlite.org/pragma.html#pragma_synchronous). Data that cannot be made again are followed by
+`reach_disk`, and survive that, too.
 """
 
 import fcntl
@@ -21,19 +21,19 @@ from contact_curation.files import check_version
 from contact_curation.storage.stores.seal import seal
 
 WAIT_FOR_WRITERS = 30.0
-"""[s] until another process's transaction is over."""
+"""Longest wait for another process's transaction [s]."""
 
 
 @dataclass(frozen=True)
 class StoreSchema:
-    """What a store file looks like.
+    """Format of a store file.
 
     Attributes:
-        what: its name in errors, e.g. "a toss store".
-        application_id: marks files of this kind, 31 bits.
-        version: version of the tables; a file with a higher one is refused.
+        what: name in error messages, e.g. "a toss store".
+        application_id: number that marks files of this kind, 31 bits.
+        version: version of the tables; files with a higher one are refused.
         statements: SQL statements that create the tables.
-        upgrades: by version, what brings a file of that version to the next one, given its connection and path.
+        upgrades: by version, the function that upgrades a file to the next version, given its connection and path.
     """
 
     what: str
@@ -51,14 +51,14 @@ def sealed_by(connection: sqlite3.Connection, *statements: str) -> None:
 
 
 class SqliteStore:
-    """The file under a store; may be used from several threads, one at a time in a transaction.
+    """The file of a store. Several threads may use it; transactions of different threads do not overlap.
 
     Args:
-        path: path of the file; made when there is none.
-        schema: what it must look like.
+        path: path of the file; it is made if it does not exist.
+        schema: its format.
 
     Raises:
-        UnreadableInputError: the file is something else, is of a newer version, or cannot be opened.
+        UnreadableInputError: the file has another format or a newer version, or cannot be opened.
     """
 
     def __init__(self, path: Path, schema: StoreSchema) -> None:
@@ -80,7 +80,7 @@ class SqliteStore:
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """Everything done inside becomes permanent together, or not at all; may be nested."""
+        """All changes in the block are committed together or not at all; blocks may be nested."""
         with self._lock, self._clear_errors():
             outermost = self._depth == 0
             self._depth += 1
@@ -98,20 +98,20 @@ class SqliteStore:
                 self._depth -= 1
 
     def reach_disk(self) -> None:
-        """Waits until the disk has what was committed: then the death of the machine does not take it either.
+        """Waits until all commits are on the disk, so that they survive a crash of the machine, too.
 
-        A checkpoint writes the log to the disk before it takes anything out of it (sqlite.org/wal.html, "Checkpointing").
+        A checkpoint writes the log to the disk before it removes anything from it (sqlite.org/wal.html, "Checkpointing").
         """
         with self._lock, self._clear_errors():
             self._connection.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchall()
 
     def execute(self, statement: str, values: Sequence[Any] = ()) -> int:
-        """Runs a change in a transaction; returns the id of the row it added, if it added one."""
+        """Runs a statement in a transaction; returns the id of the row that it added, if any."""
         with self.transaction():
             return self._connection.execute(statement, values).lastrowid or 0
 
     def execute_many(self, statement: str, rows: Sequence[Sequence[Any]]) -> None:
-        """Runs a change for every row, in one transaction."""
+        """Runs a statement for every row, in one transaction."""
         with self.transaction():
             self._connection.executemany(statement, rows)
 
@@ -121,15 +121,15 @@ class SqliteStore:
             return self._connection.execute(query, values).fetchall()
 
     def last_sequence(self, table: str) -> int:
-        """The highest sequence number that `table` ever gave out; deleting rows does not take it back."""
+        """The highest sequence number that `table` has ever used, also of deleted rows."""
         rows = self.rows("SELECT seq FROM sqlite_sequence WHERE name = ?", (table,))
         return int(rows[0][0]) if rows else 0
 
     def claim(self) -> None:
-        """Takes the file for this process alone, until `close`; others may read. Looks through all of it.
+        """Makes this process the only writer until `close`; others may read. Checks the structure of the whole file.
 
         Raises:
-            UnreadableInputError: another process has taken it, or its structure is damaged.
+            UnreadableInputError: another process writes the file, or its structure is damaged.
         """
         self._claimed = self.path.open("rb")
         try:
@@ -146,7 +146,7 @@ class SqliteStore:
 
     def close(self) -> None:
         self._connection.close()
-        if self._claimed is not None:  # not before: closing a file frees the locks that SQLite has on it, too
+        if self._claimed is not None:  # last, because closing a file also frees SQLite's locks on it
             self._claimed.close()
 
     def __enter__(self) -> Self:
@@ -157,14 +157,14 @@ class SqliteStore:
 
     @contextmanager
     def _clear_errors(self) -> Iterator[None]:
-        """SQLite's errors (no database, disk full, locked for too long) as ours, which name the file."""
+        """Turns SQLite's errors (no database, disk full, locked for too long) into ours, which name the file."""
         try:
             yield
         except sqlite3.Error as error:
             raise UnreadableInputError(self.path, f"cannot be used as {self._what}: {error}") from error
 
     def _prepare(self, schema: StoreSchema) -> None:
-        """Checks the file before anything in it is changed, and makes the tables of a new one."""
+        """Checks the file before anything in it is changed, and creates the tables of a new one."""
         if self._is_new():
             with self.transaction():
                 if self._is_new():  # no other process was faster
@@ -186,7 +186,7 @@ class SqliteStore:
         return int(tables) == 0
 
     def _checked_version(self, schema: StoreSchema) -> int:
-        """The version of the file's tables, which are of this kind and not newer than this release."""
+        """The version of the file's tables, after checking that the file is of this kind and not newer than this release."""
         (application_id,) = self._connection.execute("PRAGMA application_id").fetchone()
         (version,) = self._connection.execute("PRAGMA user_version").fetchone()
         if application_id != schema.application_id:
@@ -197,21 +197,21 @@ class SqliteStore:
 
 
 class Store:
-    """What all stores are: one SQLite file that is closed in the end. Use them as context managers.
+    """Base class of the stores, which have one SQLite file each; use them as context managers.
 
     Args:
-        path: path of the file; made when there is none.
-        schema: what it must look like.
+        path: path of the file; it is made if it does not exist.
+        schema: its format.
 
     Raises:
-        UnreadableInputError: the file is something else, is of a newer version, or cannot be opened.
+        UnreadableInputError: the file has another format or a newer version, or cannot be opened.
     """
 
     def __init__(self, path: Path, schema: StoreSchema) -> None:
         self._store = SqliteStore(path, schema)
 
     def claim(self) -> None:
-        """Takes the file for this process alone, as the node whose store it is; see `SqliteStore.claim`."""
+        """Makes this process the only writer, as the node that owns the store; see `SqliteStore.claim`."""
         self._store.claim()
 
     def close(self) -> None:

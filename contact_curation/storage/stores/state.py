@@ -1,4 +1,4 @@
-"""What a node must remember beside its records: small values by name, in the file of its records or in one of its own."""
+"""Further state of a node: small values by name, in the store of its records or in a file of their own."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,7 +8,7 @@ from contact_curation.storage.stores.sqlite import SqliteStore, Store, StoreSche
 
 STATES_TABLE = "CREATE TABLE states (key TEXT PRIMARY KEY, value BLOB NOT NULL)"
 SEAL_STATES = "UPDATE states SET value = seal(value, key)"
-"""Gives the values of an older release their checksums."""
+"""Adds checksums to values of an older release."""
 
 SCHEMA = StoreSchema(
     what="a state store",
@@ -30,7 +30,7 @@ class States:
         self._states = store
 
     def save(self, values: Mapping[str, bytes]) -> None:
-        """Stores all of `values`, or none, in place of what was there under their names."""
+        """Stores all of `values` or none; earlier values of the same names are replaced."""
         rows = [(key, seal(value, key)) for key, value in values.items()]
         self._states.execute_many("INSERT OR REPLACE INTO states (key, value) VALUES (?, ?)", rows)
 
@@ -39,7 +39,7 @@ class States:
         return self._value(key, rows[0][0]) if rows else None
 
     def all(self) -> list[tuple[str, bytes]]:
-        """Every name with its value."""
+        """All names with their values."""
         return [
             (key, self._value(key, value)) for key, value in self._states.rows("SELECT key, value FROM states ORDER BY key")
         ]
@@ -52,10 +52,10 @@ class StateStore(Store, States):
     """Bytes by name in a SQLite file of their own, which survives a kill; use it as a context manager.
 
     Args:
-        path: path of the file; made when there is none.
+        path: path of the file; it is made if it does not exist.
 
     Raises:
-        UnreadableInputError: the file is no state store, or one of a newer version.
+        UnreadableInputError: the file is no state store, or has a newer version.
     """
 
     def __init__(self, path: Path) -> None:

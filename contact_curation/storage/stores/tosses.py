@@ -1,6 +1,6 @@
-"""Every toss that was ever cut, in the order it came: stored before it is announced, never deleted.
+"""The store of `pose_ingest`: every toss that was cut, stored before it is announced, never deleted.
 
-Beside them the poses since the last complete toss, so that a node that is killed takes up the toss in progress where it was.
+It also contains the poses since the last complete toss, so that a node that was killed continues the toss in progress.
 """
 
 import json
@@ -22,7 +22,7 @@ from contact_curation.storage.stores.state import SEAL_STATES, STATES_TABLE, Sta
 
 ARRAYS = ("stamps_ns", "positions", "orientations_wxyz", "linear_velocities", "angular_velocities")
 NUMBERS = struct.Struct("<7d")
-"""Position and orientation of a pose."""
+"""Number of values of a pose: position and orientation."""
 
 
 def _with_checksums(connection: sqlite3.Connection, _: Path) -> None:
@@ -48,15 +48,15 @@ SCHEMA = StoreSchema(
 
 
 class JournalPose(NamedTuple):
-    """Where `child` stood in `parent`.
+    """Pose of the frame `child` in the frame `parent`.
 
     Attributes:
-        stamp_ns: header stamp.
-        parent: frame the pose is given in.
-        child: frame the pose is of.
+        stamp_ns: header stamp [ns].
+        parent: frame in which the pose is given.
+        child: frame whose pose it is.
         position: (3,) [m].
-        orientation_wxyz: (4,) as it came.
-        static: holds for all times.
+        orientation_wxyz: (4,) as received.
+        static: whether the pose holds for all times.
     """
 
     stamp_ns: int
@@ -68,7 +68,7 @@ class JournalPose(NamedTuple):
 
 
 class StoredToss(NamedTuple):
-    """A toss of the store: its place in the order, from 1, and where it came from."""
+    """A toss of the store with its sequence number, from 1, and its provenance."""
 
     sequence: int
     toss: Toss
@@ -76,7 +76,7 @@ class StoredToss(NamedTuple):
 
 
 class StoredRejected(NamedTuple):
-    """A rejected motion of the store: its place among the rejected ones, from 1, and where it came from."""
+    """A rejected motion of the store with its number among the rejected ones, from 1, and its provenance."""
 
     sequence: int
     rejected: Rejected
@@ -86,16 +86,16 @@ class StoredRejected(NamedTuple):
 class TossStore(Store):
     """Tosses, rejected motions, and the working state of the node that cuts them, in one SQLite file.
 
-    Each method is one transaction; `transaction()` makes several one. Use it as a context manager.
+    Each method is one transaction; `transaction()` joins several. Use it as a context manager.
 
     Args:
-        path: path of the file; made when there is none.
+        path: path of the file; it is made if it does not exist.
 
     Attributes:
-        states: what the node must remember beside them.
+        states: further values that the node stores.
 
     Raises:
-        UnreadableInputError: the file is no toss store, or one of a newer version.
+        UnreadableInputError: the file is no toss store, or has a newer version.
     """
 
     def __init__(self, path: Path) -> None:
@@ -105,10 +105,10 @@ class TossStore(Store):
         self.states = States(self._store)
 
     def add(self, toss: Toss, *, provenance: TossProvenance | None = None) -> Added:
-        """Stores a toss; one that is stored already stays as it is.
+        """Stores a toss; if it is stored already, nothing changes.
 
         Raises:
-            InvalidValueError: another toss is stored under its id.
+            InvalidValueError: another toss is stored under the same id.
         """
         return self._add(self._tosses, toss, {}, provenance or TossProvenance())
 
@@ -116,49 +116,49 @@ class TossStore(Store):
         """Stores a rejected motion, with the reasons.
 
         Raises:
-            InvalidValueError: another motion, or the same for other reasons, is stored under its id.
+            InvalidValueError: another motion, or the same one with other reasons, is stored under the same id.
         """
         more = {"reasons": list(rejected.reasons)}
         return self._add(self._rejected, rejected.toss, more, provenance or TossProvenance())
 
     def get(self, toss_ids: Sequence[str]) -> tuple[StoredToss, ...]:
-        """The tosses of these ids that there are, in the order of their sequence."""
+        """The stored tosses with these ids, in the order of their numbers."""
         return tuple(_stored(row) for row in self._tosses.get(toss_ids))
 
     def after(self, sequence: int, limit: int) -> tuple[StoredToss, ...]:
-        """The next `limit` tosses behind `sequence`."""
+        """The next `limit` tosses after the number `sequence`."""
         return tuple(_stored(row) for row in self._tosses.after(sequence, limit))
 
     def rejected_after(self, sequence: int, limit: int) -> tuple[StoredRejected, ...]:
-        """The next `limit` rejected motions behind `sequence`."""
+        """The next `limit` rejected motions after the number `sequence`."""
         return tuple(_stored_rejected(row) for row in self._rejected.after(sequence, limit))
 
     def contains(self, toss_id: str) -> bool:
-        """Whether a toss of this id is stored; rejected ones do not count."""
+        """Whether a toss with this id is stored; rejected motions do not count."""
         return self._tosses.find(toss_id) is not None
 
     @property
     def last_sequence(self) -> int:
-        """Sequence number of the newest toss; 0 while there is none."""
+        """Sequence number of the newest toss; 0 if there is none."""
         return self._tosses.last_sequence
 
     @property
     def last_rejected_sequence(self) -> int:
-        """Sequence number of the newest rejected motion; 0 while there is none."""
+        """Sequence number of the newest rejected motion; 0 if there is none."""
         return self._rejected.last_sequence
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """Everything done inside becomes permanent together, or not at all."""
+        """All changes in the block are committed together or not at all."""
         with self._store.transaction():
             yield
 
     def reach_disk(self) -> None:
-        """Waits until the disk has what was stored; not inside a transaction."""
+        """Waits until everything stored is on the disk; must not be called inside a transaction."""
         self._store.reach_disk()
 
     def append_poses(self, poses: Sequence[JournalPose]) -> int:
-        """Adds poses to the journal, every number bit for bit; returns the sequence number of the last pose ever added."""
+        """Adds poses to the journal with all bits; returns the sequence number of the last pose that was ever added."""
         rows = [_row(pose) for pose in poses]
         with self._store.transaction():
             statement = "INSERT INTO poses (stamp_ns, parent, child, static, numbers) VALUES (?, ?, ?, ?, ?)"
@@ -166,7 +166,7 @@ class TossStore(Store):
             return self._store.last_sequence("poses")
 
     def poses_since(self, sequence: int = 0) -> list[tuple[int, JournalPose]]:
-        """Poses of the journal behind `sequence`, each with its own sequence number, in the order they were added."""
+        """The poses of the journal after the number `sequence`, with their numbers, in the order in which they were added."""
         query = "SELECT sequence, stamp_ns, parent, child, static, numbers FROM poses WHERE sequence > ? ORDER BY sequence"
         return [
             (number, self._pose(number, stamp_ns, parent, child, static, numbers))
@@ -174,7 +174,7 @@ class TossStore(Store):
         ]
 
     def trim_poses(self, sequence: int) -> None:
-        """Forgets the poses of the journal up to and including `sequence`."""
+        """Deletes the poses of the journal up to and including the number `sequence`."""
         self._store.execute("DELETE FROM poses WHERE sequence <= ?", (sequence,))
 
     def _pose(self, number: int, stamp_ns: int, parent: str, child: str, static: int, sealed: bytes) -> JournalPose:
@@ -183,7 +183,7 @@ class TossStore(Store):
         return JournalPose(stamp_ns, parent, child, (x, y, z), (qw, qx, qy, qz), bool(static))
 
     def _add(self, table: SequencedTable, toss: Toss, more: dict[str, Any], provenance: TossProvenance) -> Added:
-        """The first provenance stays: the same toss may be in several recordings."""
+        """Adds a toss to a table. The first provenance stays, because the same toss may be in several recordings."""
         head, arrays = packed_toss(toss, more)
         with self._store.transaction():
             known = table.find(toss.toss_id)
@@ -200,13 +200,13 @@ PLAIN = ("body", "source", "frame_period")
 
 
 def packed_toss(toss: Toss, more: Mapping[str, Any]) -> tuple[str, bytes]:
-    """A toss without its id: its plain fields, and `more`, as JSON; its arrays as a blob."""
+    """Packs a toss without its id: its plain fields and `more` as JSON, its arrays as a blob."""
     plain = {name: getattr(toss, name) for name in PLAIN}
     return json.dumps({**plain, **more}), arrays_to_blob({name: getattr(toss, name) for name in ARRAYS})
 
 
 def unpacked_toss(toss_id: str, head: str, arrays: bytes) -> Toss:
-    """The toss that `packed_toss` packed."""
+    """Restores the toss that `packed_toss` packed."""
     known = json.loads(head)
     return Toss(toss_id=toss_id, **{name: known[name] for name in PLAIN}, **arrays_from_blob(arrays))
 

@@ -1,1 +1,1 @@
-"""Readers of the file formats of bags, a file each."""
+"""Readers of the file formats of bags, one module each."""

@@ -1,4 +1,4 @@
-"""Bags made of chunks (MCAP, ROS 1): one chunk in memory at a time, messages in order of log time, damage skipped."""
+"""Reads bags made of chunks (MCAP, ROS 1): one chunk in memory at a time, messages in order of log time, damage skipped."""
 
 import zlib
 from bisect import bisect_left
@@ -12,18 +12,18 @@ from contact_curation.storage.bags.records import Channel, StoredMessage
 
 @dataclass(frozen=True)
 class Chunk:
-    """Where a run of records lies in a file.
+    """The position of a chunk in a file, and what the file says about it.
 
     Attributes:
         offset: offset of its stored bytes in the file.
         stored: number of stored bytes.
-        compression: name, empty for none.
-        unpacked: number of bytes once decompressed, as declared.
-        crc: CRC-32 of the unpacked bytes; 0 where there is none.
-        start_ns: earliest log time in it.
-        end_ns: latest log time in it.
-        counts: messages per channel id, from the index behind it; None where there is no index.
-        whole: False when the file ends within it.
+        compression: name of the compression, empty for none.
+        unpacked: declared number of bytes after unpacking.
+        crc: CRC-32 of the unpacked bytes; 0 if there is none.
+        start_ns: earliest log time in it [ns].
+        end_ns: latest log time in it [ns].
+        counts: messages per channel id, from the index after it; None if there is no index.
+        whole: False if the file ends within it.
     """
 
     offset: int
@@ -42,9 +42,9 @@ class ParsedChunk:
     """Records of a chunk.
 
     Attributes:
-        messages: messages of the wanted channels, in the order of the file.
+        messages: messages of the requested channels, in the order of the file.
         undeclared: number of messages whose channel is declared nowhere.
-        damage: why the rest could not be parsed; empty when all was.
+        damage: why the rest could not be parsed; empty if everything was.
     """
 
     messages: list[StoredMessage]
@@ -59,7 +59,7 @@ class Declarations:
         self.channels: dict[int, Channel] = {}
 
     def wanted(self, topics: Collection[str] | None) -> dict[int, Channel | None]:
-        """Channel per id, None for those that are not of `topics` (None: all are)."""
+        """The channels by id; None for channels whose topic is not in `topics` (None for all topics)."""
         return {
             number: channel if topics is None or channel.topic in topics else None for number, channel in self.channels.items()
         }
@@ -73,12 +73,12 @@ class ChunkedStorage:
 
     Args:
         file: the open file.
-        chunks: in any order.
-        declarations: channels, as far as they are known without unpacking the chunks.
-        parse: gives the messages of an unpacked chunk, and declares the channels in it.
-        counts: messages per channel id where the chunks do not say.
-        limits: bounds.
-        losses: where damage is said.
+        chunks: its chunks in any order.
+        declarations: the channels that are known without unpacking chunks.
+        parse: parses an unpacked chunk and declares its channels.
+        counts: messages per channel id, used if the chunks do not say.
+        limits: bounds of sizes.
+        losses: receives reports of damage.
     """
 
     def __init__(
@@ -109,11 +109,11 @@ class ChunkedStorage:
 
     @property
     def extent_ns(self) -> tuple[int, int]:
-        """First and last log time."""
+        """First and last log time [ns]."""
         return min((c.start_ns for c in self._chunks), default=0), max((c.end_ns for c in self._chunks), default=0)
 
     def counts(self) -> Mapping[Channel, int] | None:
-        """Messages per channel; None when only reading everything would show them."""
+        """Messages per channel; None if they are only known after reading everything."""
         known = [chunk.counts for chunk in self._chunks if chunk.counts is not None]
         by_id: Mapping[int, int] | None = self._declared_counts
         if len(known) == len(self._chunks):
@@ -123,7 +123,7 @@ class ChunkedStorage:
         return {channel: by_id.get(number, 0) for number, channel in self._declarations.channels.items()}
 
     def runs(self, topics: Collection[str] | None) -> Iterator[list[StoredMessage]]:
-        """Messages of `topics` (None: all) in order of log time, those of one time in the order of the file; by chunks."""
+        """Messages of `topics` (None: all) in order of log time, then in the order of the file; a list per chunk."""
         held: list[StoredMessage] = []
         for index, chunk in enumerate(self._chunks):
             held += self._load(chunk, topics)
@@ -138,7 +138,7 @@ class ChunkedStorage:
         self._file.close()
 
     def _load(self, chunk: Chunk, topics: Collection[str] | None) -> list[StoredMessage]:
-        """Messages of a chunk, as many as its damage leaves."""
+        """The messages of a chunk, up to its first damage."""
         try:
             parsed = self._parse(chunk_data(self._file, chunk, self._limits), topics)
         except DamagedBagError as error:
@@ -164,7 +164,7 @@ class ChunkedStorage:
         return channel.topic if channel else f"undeclared channel {number}"
 
     def _overflow(self, held: list[StoredMessage]) -> int:
-        """How many messages to let go although an overlapping chunk may still precede them."""
+        """How many messages to yield to stay within the memory bound, although a later chunk may contain earlier ones."""
         if sum(len(message.data) for message in held) <= self._limits.reorder_bytes:
             return 0
         line = f"log times of chunks overlap by more than {self._limits.reorder_bytes} bytes: messages may come out of order"
@@ -173,10 +173,10 @@ class ChunkedStorage:
 
 
 def chunk_data(file: BagFile, chunk: Chunk, limits: BagLimits) -> bytes:
-    """The unpacked bytes of a chunk; of one that the file ends in, what is there.
+    """The unpacked bytes of a chunk; if the file ends within it, those that exist.
 
     Raises:
-        DamagedBagError: a size is beyond the limits, or the bytes are not what was recorded.
+        DamagedBagError: a size exceeds the limits, or the checksum does not match.
     """
     if chunk.stored > limits.chunk_bytes:
         raise DamagedBagError(f"{chunk.stored} bytes are declared where at most {limits.chunk_bytes} are accepted")

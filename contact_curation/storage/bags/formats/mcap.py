@@ -1,8 +1,8 @@
-"""MCAP in, whole or damaged (https://mcap.dev/spec).
+"""Reads MCAP files, whole or damaged (https://mcap.dev/spec).
 
-A reader that trusts the index at the end of the file loses everything when a recording is killed. Here the records of the
-file are followed from the front, reading only their heads: that gives the chunks that are really there, and where the file is
-cut. The index is used for what it adds: the channels without unpacking any chunk, and where to go on behind damage.
+A reader that relies on the index at the end of the file loses everything if the recorder was killed. Here the records are
+followed from the front, reading only their heads. This finds the chunks that exist, and where the file is cut. The index is
+used only for the channels, so that no chunk must be unpacked for them, and for finding the next chunk after damage.
 """
 
 import struct
@@ -26,9 +26,9 @@ from contact_curation.storage.bags.formats.mcap_records import (
 )
 
 CHUNK_HEAD = struct.Struct("<QQQII")
-"""First and last log time, unpacked size, CRC, length of the compression's name."""
+"""Head of a chunk: first and last log time, unpacked size, CRC, length of the compression's name."""
 INDEX_HEAD = struct.Struct("<HI")
-"""Channel id, size of the entries behind it."""
+"""Head of an index record: channel id, size of the entries after it."""
 INDEX_ENTRY = 16
 SIZE = struct.Struct("<Q")
 LONGEST_COMPRESSION_NAME = 32
@@ -39,17 +39,17 @@ DECLARATIONS = (Opcode.SCHEMA, Opcode.CHANNEL)
 
 
 class Stop(NamedTuple):
-    """Where following the records ended, and why; `why` is empty at a proper end."""
+    """Where following the records ended, and why; `why` is empty at the proper end of the data."""
 
     offset: int
     why: str
 
 
 def chunk_at(file: BagFile, offset: int) -> Chunk:
-    """The chunk whose record begins at `offset`, or what the file holds of it.
+    """Reads the head of the chunk record at `offset`; the chunk itself may be cut off.
 
     Raises:
-        DamagedBagError: its head is damaged or cut off.
+        DamagedBagError: the head is damaged or cut off.
     """
     start = offset + RECORD_HEAD.size
     first, last, unpacked, crc, name_length = CHUNK_HEAD.unpack(file.read(start, CHUNK_HEAD.size))
@@ -64,11 +64,11 @@ def chunk_at(file: BagFile, offset: int) -> Chunk:
 
 
 class McapWalk:
-    """Collects the chunks of a file, and the messages outside of chunks as chunks of their own.
+    """Collects the chunks of a file; runs of messages outside chunks count as chunks, too.
 
     Attributes:
-        chunks: in the order they were met.
-        heads: offsets of the chunk records met.
+        chunks: chunks in the order in which they were found.
+        heads: offsets of the chunk records that were found.
     """
 
     def __init__(self, file: BagFile, declarations: McapDeclarations) -> None:
@@ -79,7 +79,7 @@ class McapWalk:
         self._loose: Chunk | None = None
 
     def follow(self, offset: int) -> Stop:
-        """Follows the records from `offset` on, to the end of the data, to a chunk already met, or to damage."""
+        """Follows the records from `offset` on, to the end of the data, to a chunk that is known already, or to damage."""
         why = ""
         try:
             while offset not in self.heads:
@@ -120,13 +120,13 @@ class McapWalk:
         self.chunks.append(chunk)
 
     def _take_index(self, start: int) -> None:
-        """Messages per channel of the chunk before it."""
+        """Reads from an index record the messages per channel of the chunk before it."""
         channel, size = INDEX_HEAD.unpack(self._file.read(start, INDEX_HEAD.size))
         counts = {**(self.chunks[-1].counts or {}), channel: size // INDEX_ENTRY}
         self.chunks[-1] = replace(self.chunks[-1], counts=counts)
 
     def _take_message(self, start: int, length: int) -> None:
-        """A message outside of chunks: one more of the run before it, or the first of a new one."""
+        """Adds a message outside chunks to the present run, or starts a new run with it."""
         channel, _, log_time, _ = MESSAGE_HEAD.unpack(self._file.read(start, MESSAGE_HEAD.size))
         begin, end = start - RECORD_HEAD.size, start + length
         run = self._loose
@@ -145,7 +145,7 @@ class McapWalk:
         self._loose = None
 
     def _doubt_last_index(self) -> None:
-        """Distrusts the index of the last chunk before a cut, which may be incomplete."""
+        """Drops the index of the last chunk before a cut, because it may be incomplete."""
         if self.chunks and self._loose is None:
             self.chunks[-1] = replace(self.chunks[-1], counts=None)
 
@@ -180,7 +180,7 @@ def _summary_if_sound(file: BagFile, declarations: McapDeclarations, limits: Bag
 
 
 def _gone_on(walk: McapWalk, stop: Stop, summary: McapSummary, name: str, losses: Losses) -> Stop:
-    """Follows the records again from every chunk that the index names and damage kept from being met."""
+    """Continues after damage, from each chunk that the index names and that was not found yet."""
     for offset in summary.chunk_offsets:
         if offset in walk.heads:
             continue
@@ -194,14 +194,14 @@ def _gone_on(walk: McapWalk, stop: Stop, summary: McapSummary, name: str, losses
 
 
 def _surveyed(file: BagFile, chunk: Chunk, declarations: McapDeclarations, limits: BagLimits, count: bool) -> Chunk:
-    """The chunk, unpacked once if only that shows its channels and, when those count, how many messages it has."""
+    """The chunk with its channels and, if `count`, its numbers of messages; it is unpacked for them if necessary."""
     uncounted = chunk.counts is None and count
     if not uncounted and all(number in declarations.channels for number in chunk.counts or {}):
         return chunk
     try:
         found = parse_chunk(chunk_data(file, chunk, limits), None if uncounted else (), declarations)
     except DamagedBagError:
-        return chunk  # said when its messages are asked for
+        return chunk  # reported when its messages are read
     if not uncounted:
         return chunk
     numbers = {channel: number for number, channel in declarations.channels.items()}
@@ -209,7 +209,7 @@ def _surveyed(file: BagFile, chunk: Chunk, declarations: McapDeclarations, limit
 
 
 def _compare(chunks: Sequence[Chunk], stop: Stop, summary: McapSummary | None, file: BagFile, losses: Losses) -> None:
-    """Notes where the file is cut, and a number of messages that differs from that of its index."""
+    """Reports where the file is cut, and a number of messages that differs from the index."""
     name = file.path.name
     held = sum(sum((chunk.counts or {}).values()) for chunk in chunks)
     if stop.why:

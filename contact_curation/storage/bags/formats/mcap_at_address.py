@@ -1,8 +1,8 @@
-"""MCAP on a server: the index at its end, then only the chunks that hold wanted topics.
+"""Reads MCAP files on a server: the index at the end, then only the chunks with requested topics.
 
-On a disk the records are followed from the front, whatever the index says (`formats.mcap`); over a network that would be the
-whole file. Here the index is believed where it is complete: then a chunk that is not as it says is lost like a damaged one. A
-file without a complete index is refused, and read as a whole elsewhere.
+On a disk the records are followed from the front (`formats.mcap`); over a network this would transfer the whole file. Here a
+complete index is trusted, and a chunk that differs from it is lost like a damaged one. A file without a complete index is
+refused here; the caller then reads a copy of the whole file.
 """
 
 from collections.abc import Collection, Iterator
@@ -25,7 +25,7 @@ from contact_curation.storage.bags.records import StoredMessage
 
 
 def open_mcap_at_address(file: BagFile, limits: BagLimits, losses: Losses) -> ChunkedStorage | None:
-    """Opens an MCAP file on a server; None where it is none, or its index is not complete."""
+    """Opens an MCAP file on a server; None if it is no MCAP file, or its index is not complete."""
     declarations = McapDeclarations()
     try:
         summary = read_summary(file, declarations, limits)
@@ -40,7 +40,7 @@ def open_mcap_at_address(file: BagFile, limits: BagLimits, losses: Losses) -> Ch
 
 
 def notes_at_address(path: Address) -> dict[str, dict[str, str]]:
-    """The notes of an MCAP file on a server by their names; none where it has no sound index."""
+    """The notes of an MCAP file on a server by their names; none if it has no intact index."""
     file, limits = BagFile(path), BagLimits()
     try:
         summary = read_summary(file, McapDeclarations(), limits)
@@ -54,7 +54,7 @@ def notes_at_address(path: Address) -> dict[str, dict[str, str]]:
 
 
 class _IndexedMcap(ChunkedStorage):
-    """Messages of a file, of which no chunk without wanted channels is read. Its chunks are their records, heads included."""
+    """Messages of a file; chunks without requested channels are not read. Here a `Chunk` includes the head of its record."""
 
     def __init__(
         self, file: BagFile, summary: McapSummary, declarations: McapDeclarations, limits: BagLimits, losses: Losses
@@ -67,7 +67,7 @@ class _IndexedMcap(ChunkedStorage):
         self._channels = {index.chunk_start_offset: frozenset(index.message_index_offsets) for index in summary.chunks}
 
     def runs(self, topics: Collection[str] | None) -> Iterator[list[StoredMessage]]:
-        """Messages of `topics` (None: all) in order of log time; their chunks are asked for in few requests."""
+        """Messages of `topics` (None: all) in order of log time; their chunks are read with few requests."""
         held = [chunk for chunk in self._chunks if self._holds(chunk, topics)]
         if isinstance(self._file.path, Address):
             self._file.path.plan((chunk.offset, chunk.offset + chunk.stored) for chunk in held)
@@ -83,13 +83,13 @@ class _IndexedMcap(ChunkedStorage):
             return []
 
     def _holds(self, chunk: Chunk, topics: Collection[str] | None) -> bool:
-        """Whether a chunk may hold wanted messages; one whose channels the index does not say may."""
+        """Whether a chunk may contain requested messages; without channels in the index it may."""
         channels, wanted = self._channels[chunk.offset], self._declarations.wanted(topics)
         return not channels or any(wanted.get(number) for number in channels)
 
 
 def _record_of(index: ChunkIndex) -> Chunk:
-    """A chunk's record, as the index says."""
+    """The record of a chunk, as the index describes it."""
     offset, stored = index.chunk_start_offset, index.chunk_length
     unpacked, first, last = index.uncompressed_size, index.message_start_time, index.message_end_time
     return Chunk(offset, stored, index.compression, unpacked, 0, first, last, None)

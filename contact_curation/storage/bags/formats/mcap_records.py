@@ -1,4 +1,4 @@
-"""The records of MCAP (https://mcap.dev/spec): those of a chunk, what they declare, and the index at the end of the file."""
+"""Parses the records of MCAP (https://mcap.dev/spec): messages, schemas and channels, and the index at the end of the file."""
 
 import struct
 import zlib
@@ -22,12 +22,12 @@ from contact_curation.storage.bags.records import Channel, StoredMessage, qos_fr
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 RECORD_HEAD = struct.Struct("<BQ")
-"""Opcode and length of what follows."""
+"""Head of a record: opcode and length of the body."""
 MESSAGE_HEAD = struct.Struct("<HIQQ")
-"""Channel id, sequence, log time, publish time."""
+"""Head of a message: channel id, sequence, log time, publish time."""
 NO_SCHEMA = 0
 PARSE_ERRORS = (McapError, struct.error, UnicodeDecodeError, OverflowError)
-"""What mcap's record classes raise on bytes that are no such record."""
+"""Errors of mcap's record classes for bytes that are no such record."""
 
 
 class McapDeclarations(Declarations):
@@ -38,10 +38,10 @@ class McapDeclarations(Declarations):
         self._schemas: dict[int, Schema] = {}
 
     def declare(self, opcode: int, body: bytes) -> None:
-        """Takes in a Schema or Channel record.
+        """Adds the schema or channel of a record.
 
         Raises:
-            DamagedBagError: `body` is no such record.
+            DamagedBagError: `body` is no Schema or Channel record.
         """
         if opcode == Opcode.SCHEMA:
             self.declare_schema(parsed(Schema, body))
@@ -52,7 +52,7 @@ class McapDeclarations(Declarations):
         self._schemas.setdefault(schema.id, schema)
 
     def declare_channel(self, record: ChannelRecord) -> None:
-        """Takes in a channel; its first declaration counts, for an id must not change its meaning within a file."""
+        """Adds a channel; the first declaration of an id counts, because ids must not change their meaning within a file."""
         if record.id not in self.channels:
             self.channels[record.id] = _channel(record, self._schemas.get(record.schema_id))
 
@@ -62,10 +62,10 @@ class McapDeclarations(Declarations):
 
 
 def parsed(record: Any, body: bytes) -> Any:
-    """`body` as one of mcap's record classes; reads no more than `body` holds.
+    """Parses `body` as one of mcap's record classes, without reading beyond its end.
 
     Raises:
-        DamagedBagError: it is no such record.
+        DamagedBagError: `body` is no such record.
     """
     try:
         return record.read(ReadDataStream(BytesIO(body)))
@@ -109,7 +109,7 @@ def parse_chunk(data: bytes, topics: Collection[str] | None, declarations: McapD
 def _channel(record: ChannelRecord, schema: Schema | None) -> Channel:
     name = schema.name if schema else ""
     encoding = schema.encoding if schema else SchemaEncoding.SelfDescribing
-    two_parts = name.count("/") == 1  # as ROS 1 writes it, and some recorders still do
+    two_parts = name.count("/") == 1  # as in ROS 1, and from some recorders of ROS 2
     return Channel(
         topic=record.topic,
         type=normalize_msgtype(name) if encoding == SchemaEncoding.ROS1 or two_parts else name,
@@ -122,7 +122,7 @@ def _channel(record: ChannelRecord, schema: Schema | None) -> Channel:
 
 
 FOOTER = struct.Struct("<BQQQI8s")
-"""Opcode, length, start of the summary, start of its offsets, CRC, magic."""
+"""Footer: opcode, length, start of the summary, start of its offsets, CRC, magic."""
 FOOTER_LENGTH = 20
 FOOTER_OPCODE = 2
 CRC_SIZE = 4
@@ -134,11 +134,11 @@ class McapSummary:
 
     Attributes:
         chunk_offsets: offsets of the chunk records.
-        counts: messages per channel id; None when it does not say.
-        total: messages in the file; None when it does not say.
-        chunks: where each chunk is, and its channels, as the index says.
-        notes: where each metadata record is, by its name.
-        counted: numbers of channels and chunks that the statistics say; None without them.
+        counts: messages per channel id; None if the index does not contain them.
+        total: number of messages in the file; None if the index does not contain it.
+        chunks: position and channels of each chunk.
+        notes: position of each metadata record, by its name.
+        counted: numbers of channels and chunks in the statistics; None if there are none.
     """
 
     chunk_offsets: tuple[int, ...]
@@ -150,10 +150,10 @@ class McapSummary:
 
 
 def read_summary(file: BagFile, declarations: McapDeclarations, limits: BagLimits) -> McapSummary | None:
-    """Reads the index and declares the channels that it names together with their schemas.
+    """Reads the index and declares its channels and schemas.
 
     Returns:
-        None when the file has no index: it was written without, or it is cut.
+        The index; None if the file was written without one, or is cut.
 
     Raises:
         DamagedBagError: there is an index, and it is damaged.
@@ -170,7 +170,7 @@ def read_summary(file: BagFile, declarations: McapDeclarations, limits: BagLimit
 
 
 def _summary_start(file: BagFile) -> tuple[int, int]:
-    """Offset and CRC of the summary, from the footer; zeros when there is none."""
+    """Offset and CRC of the summary, from the footer; zeros if there is none."""
     if file.size < FOOTER.size:
         return 0, 0
     opcode, length, start, _, crc, magic = FOOTER.unpack(file.read(file.size - FOOTER.size, FOOTER.size))
@@ -180,7 +180,7 @@ def _summary_start(file: BagFile) -> tuple[int, int]:
 
 
 def _records(data: bytes) -> Iterator[McapRecord]:
-    """The records of a summary, footer and magic included."""
+    """The records of a summary, including footer and magic."""
     try:
         yield from StreamReader(BytesIO(data), skip_magic=True).records
     except PARSE_ERRORS as error:

@@ -1,8 +1,8 @@
-"""ROS 1 bags in, version 2.0, whole or damaged (http://wiki.ros.org/Bags/Format/2.0): TagSLAM records them still.
+"""Reads ROS 1 bags, version 2.0, whole or damaged (http://wiki.ros.org/Bags/Format/2.0). TagSLAM's recordings have this format.
 
-A record is a head of named fields, then data. As for MCAP, the records are followed from the front. The index entries behind
-each chunk say what it holds; where they are missing (recording killed) the chunk is unpacked once to see. The recorder writes
-the length of a chunk, and the place of the bag's index, only when they are complete: until then both are zero.
+A record consists of a head with named fields, and data. As for MCAP, the records are followed from the front. The index entries
+after each chunk describe its content; if they are missing, because the recorder was killed, the chunk is unpacked once for it.
+The recorder writes the length of a chunk, and the position of the bag's index, only at their end; until then both are zero.
 """
 
 import struct
@@ -22,17 +22,17 @@ from contact_curation.storage.bags.records import Channel, OfferedQos, StoredMes
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
 LENGTH = struct.Struct("<I")
 STAMP = struct.Struct("<II")
-"""Seconds and nanoseconds."""
+"""A time: seconds and nanoseconds."""
 NANOSECONDS = 1_000_000_000
 LARGEST_HEAD = 1 << 20
 MESSAGE, BAG_HEADER, INDEX, CHUNK, CHUNK_INFO, CONNECTION = 2, 3, 4, 5, 6, 7
 """Values of the field `op`."""
 RENAMED_TYPES = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}
-"""Types whose ROS 2 name is another one."""
+"""ROS 2 names of types that ROS 2 has renamed."""
 
 
 class Record(NamedTuple):
-    """Where a record's data lie, and its fields; the next record is at `data_at + size`."""
+    """The fields of a record, and the position of its data; the next record is at `data_at + size`."""
 
     fields: Mapping[bytes, bytes]
     data_at: int
@@ -46,7 +46,7 @@ class Record(NamedTuple):
         """The field `name` as a number.
 
         Raises:
-            DamagedBagError: it is missing or of another size.
+            DamagedBagError: the field is missing or has another size.
         """
         try:
             return int(struct.unpack(form, self.fields[name])[0])
@@ -58,7 +58,7 @@ class Record(NamedTuple):
 
 
 def read_record(read: Callable[[int, int], bytes], offset: int) -> Record:
-    """The record at `offset`; `read(offset, length)` gives bytes or raises DamagedBagError.
+    """Reads the record at `offset`; `read(offset, length)` returns bytes or raises DamagedBagError.
 
     Raises:
         DamagedBagError: no record begins there.
@@ -73,10 +73,10 @@ def read_record(read: Callable[[int, int], bytes], offset: int) -> Record:
 
 
 def declare_connection(record: Record, data: bytes, declarations: Declarations) -> None:
-    """Takes in a connection record, whose data are fields again; its first declaration counts.
+    """Declares the channel of a connection record, whose data are fields again; the first declaration of an id counts.
 
     Raises:
-        DamagedBagError: it is malformed.
+        DamagedBagError: the record is malformed.
     """
     number = record.number(b"conn")
     if number in declarations.channels:
@@ -153,14 +153,14 @@ def _time_ns(record: Record) -> int:
 
 
 def _normalized(topic: str) -> str:
-    """ROS 1 lets topics come without their slash, and with doubled ones."""
+    """Normalises the name of a topic: ROS 1 accepts names without their leading slash, and with double slashes."""
     return "/" + "/".join(part for part in topic.split("/") if part)
 
 
 UNTIL_THE_END = 1 << 32
-"""Unpacked size of a chunk whose length was never written: the rest of the file."""
+"""Declared unpacked size that stands for a chunk whose length was never written, which is the rest of the file."""
 ENTRY = np.dtype([("seconds", "<u4"), ("nanoseconds", "<u4"), ("offset", "<u4")])
-"""One index entry: a message's time and where it lies in its chunk."""
+"""An index entry: a message's time and its position in the chunk."""
 
 
 def open_ros1(file: BagFile, limits: BagLimits, losses: Losses) -> ChunkedStorage:
@@ -186,7 +186,7 @@ def open_ros1(file: BagFile, limits: BagLimits, losses: Losses) -> ChunkedStorag
 
 
 class _Ros1Walk:
-    """Follows the records of a bag; `offset` is where it has got to."""
+    """Follows the records of a bag; `offset` is the present position."""
 
     def __init__(self, file: BagFile, declarations: Declarations) -> None:
         self._file = file
@@ -196,7 +196,7 @@ class _Ros1Walk:
         self._finished = True
 
     def follow(self) -> str:
-        """Goes to the end; returns why it could not, or nothing."""
+        """Follows the records to the end; returns why this failed, or an empty text."""
         try:
             while self.offset < self._file.size:
                 record = read_record(self._file.read, self.offset)
@@ -228,7 +228,7 @@ class _Ros1Walk:
         self._finished = record.number(b"index_pos", "<Q") != 0
 
     def _take_chunk(self, record: Record, held: int) -> None:
-        """A chunk, or what the file holds of it."""
+        """Adds a chunk, which may be cut off."""
         unpacked, whole = record.number(b"size"), held == record.size
         unfinished = record.size == 0 and not self._finished
         if unfinished:
@@ -238,7 +238,7 @@ class _Ros1Walk:
             raise DamagedBagError("the recording was not finished, nor was its last chunk")
 
     def _take_index(self, record: Record) -> None:
-        """Times and number of the messages that one connection has in the chunk before."""
+        """Reads times and number of one connection's messages in the previous chunk."""
         data = self._file.read(record.data_at, record.size)
         entries = np.frombuffer(data[: len(data) // ENTRY.itemsize * ENTRY.itemsize], ENTRY)
         if not entries.size:
@@ -253,14 +253,14 @@ class _Ros1Walk:
 
 
 def _surveyed(file: BagFile, chunk: Chunk, declarations: Declarations, limits: BagLimits) -> Chunk:
-    """The chunk, unpacked once if there is no index behind it or it has connections declared nowhere else."""
+    """The chunk with its content; it is unpacked once if it has no index, or connections that are declared nowhere else."""
     uncounted = chunk.counts is None
     if not uncounted and all(number in declarations.channels for number in chunk.counts or {}):
         return chunk
     try:
         found = parse_chunk(chunk_data(file, chunk, limits), None if uncounted else (), declarations).messages
     except DamagedBagError:
-        return chunk  # said when its messages are asked for
+        return chunk  # reported when its messages are read
     if not (uncounted and found):
         return chunk
     times = [message.log_time_ns for message in found]

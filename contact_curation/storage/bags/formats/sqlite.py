@@ -1,4 +1,4 @@
-"""rosbag2's sqlite3 storage in: one table of topics, one of messages, read by cursor."""
+"""Reads rosbag2's sqlite3 storage: one table of topics, one of messages, read by a cursor."""
 
 import shutil
 import sqlite3
@@ -16,14 +16,14 @@ from contact_curation.storage.bags.records import Channel, StoredMessage, qos_fr
 
 SQLITE_MAGIC = b"SQLite format 3\0"
 LARGEST_ROW = 1_000_000_000
-"""SQLite's own bound."""
+"""Largest row that SQLite supports [bytes]."""
 ROWS = 512
-"""Messages given at a time."""
+"""Messages returned at a time."""
 TABLES = ("topics", "messages")
 SQLITE_ERRORS = (sqlite3.Error, UnicodeDecodeError, MemoryError)
-"""Errors of damaged files: even SQLite's messages can be no text, and a row can claim to be larger than it is."""
+"""Errors of damaged files: even SQLite's error messages may not be valid text, and a row may declare a wrong size."""
 UNFINISHED = ("-wal", "-journal")
-"""What SQLite leaves beside a database whose writer was killed: part of the messages is still in there."""
+"""Endings of files that SQLite leaves beside a database whose writer was killed; they contain part of the messages."""
 
 
 class SqliteStorage:
@@ -31,10 +31,10 @@ class SqliteStorage:
 
     Args:
         file: the open file.
-        losses: where damage is said.
+        losses: receives reports of damage.
 
     Raises:
-        UnreadableInputError: it is a database, but not a bag, or its table of topics is damaged.
+        UnreadableInputError: the database is not a bag, or its table of topics is damaged.
     """
 
     def __init__(self, file: BagFile, losses: Losses) -> None:
@@ -59,7 +59,7 @@ class SqliteStorage:
 
     @property
     def extent_ns(self) -> tuple[int, int]:
-        """First and last log time; zeros when the table is damaged."""
+        """First and last log time [ns]; zeros if the table is damaged."""
         try:
             first, last = self._connection.execute("SELECT min(timestamp), max(timestamp) FROM messages").fetchone()
         except SQLITE_ERRORS:
@@ -67,7 +67,7 @@ class SqliteStorage:
         return (first, last) if isinstance(first, int) and isinstance(last, int) else (0, 0)
 
     def counts(self) -> Mapping[Channel, int] | None:
-        """Messages per channel; None when the table is damaged."""
+        """Messages per channel; None if the table is damaged."""
         try:
             rows = dict(self._connection.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id").fetchall())
         except SQLITE_ERRORS:
@@ -103,7 +103,7 @@ class SqliteStorage:
         self._file.close()
 
     def _opened(self, path: Path) -> sqlite3.Connection:
-        """A connection that leaves the folder as it is; a database with unfinished business is copied first."""
+        """A connection that does not change the folder; a database with an unfinished transaction is copied first."""
         immutable = "?immutable=1"
         if any(_has_bytes(_beside(path, ending)) for ending in UNFINISHED):
             path = self._copy(path)
@@ -116,9 +116,9 @@ class SqliteStorage:
         return connection
 
     def _check_tables(self) -> None:
-        """Makes sure that topics and messages are plain tables; a database that is cut short is opened nevertheless.
+        """Checks that topics and messages are plain tables; a database that is cut short is opened, too.
 
-        SQLite refuses a file that is shorter than it should be, unless it was told to repair it (writable_schema).
+        SQLite refuses a file that is too short, unless writable_schema is set.
         """
         query = "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name IN (?, ?)"
         self._connection.execute("PRAGMA trusted_schema = OFF")
@@ -166,7 +166,7 @@ class SqliteStorage:
 
 
 def _type_name(kind: str) -> str:
-    """`nav_msgs/msg/Odometry`, also where the recorder left out `/msg/`."""
+    """The full type name, such as `nav_msgs/msg/Odometry`; some recorders leave out `/msg/`."""
     return str(normalize_msgtype(kind)) if kind.count("/") == 1 else kind
 
 
