@@ -242,3 +242,26 @@ def test_the_tables_of_one_set_of_vertices_are_medians_of_their_rows() -> None:
                     ), (line, name)
                     counted += 1
     assert counted > 100
+
+
+def test_the_tables_of_bodies_that_bounce_are_medians_of_their_rows() -> None:
+    found, counted = rows("bounce"), 0
+    fits = {"two sets": "two sets", "one set, noise learned": "plain", "and restitution, merged": "bounce-merged"}
+    columns = {
+        "cube": ("position", "rotation", "penetration", "vertices", "friction", "restitution"),
+        "square": ("position", "rotation", "friction", "restitution"),
+    }
+    tables = re.findall(r"^\| selected \| fit \|.*?\n\n", section("Bodies that bounce"), re.DOTALL | re.MULTILINE)
+    for (body, names), table in zip(columns.items(), tables, strict=True):
+        for line in table.strip().splitlines()[2:]:
+            size, fit, *numbers = (cell.strip() for cell in line.strip("|").split("|"))
+            key = (body, fits[fit], "0" if size == "all" else size)
+            own = [row for row in found if (row["body"], row["arm"], row["size"]) == key]
+            assert len(own) == (1 if size == "all" else 10), line
+            for name, number in zip(names, numbers, strict=True):
+                if number:
+                    digits = len(number.partition(".")[2])
+                    median = float(np.median([float(row[name]) for row in own]))
+                    assert median == pytest.approx(float(number), abs=0.51 * 10.0**-digits), (line, name)
+                    counted += 1
+    assert counted > 80
