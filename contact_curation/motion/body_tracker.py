@@ -11,7 +11,7 @@ from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import dist, inf
-from typing import Any
+from typing import Any, NamedTuple
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.scalars import IDENTITY, ScalarPose, Vector, angle_between, compose, inverse
@@ -92,6 +92,29 @@ class ClockJump:
 TrackerEvent = BodyPose | BadPose | ClockJump
 
 
+class _Way(NamedTuple):
+    """How a measurement leads to the board; `static` holds where none of the links moves.
+
+    Attributes:
+        on_body: links from the body up to the measured frame.
+        above: links from the measurement's parent up to the nearest frame above it and the board.
+        board: links from the board up to that frame.
+        static: poses of the three; the last one is that of the frame in the board.
+    """
+
+    on_body: list[Link]
+    above: list[Link]
+    board: list[Link]
+    static: tuple[ScalarPose, ScalarPose, ScalarPose] | None
+
+    def at(self, stamp_ns: int, gap_ns: float) -> tuple[ScalarPose, ScalarPose, ScalarPose] | None:
+        """Its poses at a time; None where a link does not know that time."""
+        if self.static is not None:
+            return self.static
+        body, above, board = (composed(links, stamp_ns, gap_ns) for links in self[:3])
+        return None if body is None or above is None or board is None else (body, above, inverse(board))
+
+
 class BodyTracker:
     """Follows one body; remembers the rig's frames and the body poses that wait for them.
 
@@ -111,6 +134,8 @@ class BodyTracker:
         self._needed: tuple[tuple[int, tuple[str, ...]], frozenset[str]] = ((-1, ()), frozenset())
         self._last_ns: int | None = None
         self._last_pose: BodyPose | None = None
+        self._limited = min(config.largest_speed, config.largest_spin) < inf
+        self._ways: tuple[int, dict[tuple[str, str], _Way | None]] = (-1, {})
 
     @property
     def needed_frames(self) -> frozenset[str]:
@@ -212,7 +237,7 @@ class BodyTracker:
     def _without_jump(self, found: BodyPose) -> TrackerEvent:
         """The pose, if the body can have come there from where it was last."""
         last = self._last_pose
-        if last is not None:
+        if last is not None and self._limited:
             seconds = max(abs(found.stamp_ns - last.stamp_ns), 1) / NANOSECONDS
             speed = dist(found.pose.position, last.pose.position) / seconds
             spin = angle_between(found.pose.orientation_wxyz, last.pose.orientation_wxyz) / seconds
@@ -225,16 +250,33 @@ class BodyTracker:
 
     def _in_board(self, measured: FramePose) -> ScalarPose | None:
         """The body in the board's frame by a measurement; None as long as the rig's poses do not determine it."""
-        stamp_ns, gap_ns = measured.stamp_ns, self.config.largest_rig_gap * NANOSECONDS
-        on_body = self._tree.path(self.config.body_frame, measured.child)
-        paths = self._paths_to_common(measured.parent)
+        way = self._way(measured.parent, measured.child)
+        poses = None if way is None else way.at(measured.stamp_ns, self.config.largest_rig_gap * NANOSECONDS)
+        if poses is None:
+            return None
+        body, above, to_board = poses
+        pose = measured.pose
+        if body is not IDENTITY or above is not IDENTITY or 0.0 in pose.position or 0.0 in pose.orientation_wxyz:
+            pose = compose(above, compose(pose, body))  # with two identities it changes nothing but signs of zeros
+        tracked = compose(to_board, pose)
+        return compose(tracked, self._center) if any(self._center.position) else tracked
+
+    def _way(self, parent: str, child: str) -> _Way | None:
+        """How a measurement of these frames leads to the board, looked up once while the tree keeps its shape."""
+        shape, ways = self._ways
+        if shape != self._tree.shape or len(ways) > MOST_PARENTS:
+            self._ways = self._tree.shape, (ways := {})
+        if (parent, child) not in ways:
+            ways[parent, child] = self._looked_up(parent, child)
+        return ways[parent, child]
+
+    def _looked_up(self, parent: str, child: str) -> _Way | None:
+        on_body, paths = self._tree.path(self.config.body_frame, child), self._paths_to_common(parent)
         if on_body is None or paths is None:
             return None
-        body, above, board = (composed(links, stamp_ns, gap_ns) for links in (on_body, *paths))
-        if body is None or above is None or board is None:
-            return None
-        tracked = compose(inverse(board), compose(above, compose(measured.pose, body)))
-        return compose(tracked, self._center) if any(self._center.position) else tracked
+        way = _Way(on_body, *paths, None)
+        moves = any(not link.static for links in way[:3] for link in links)
+        return way if moves else way._replace(static=way.at(0, 0.0))
 
     def _paths_to_common(self, parent: str) -> tuple[list[Link], list[Link]] | None:
         """The links from the measurement's parent, and from the board, up to the nearest frame above both."""

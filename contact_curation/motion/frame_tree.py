@@ -57,7 +57,7 @@ class FrameTree:
 
     Attributes:
         links: by child frame.
-        shape: changes whenever a frame gets another parent, or one at all.
+        shape: changes whenever a frame gets another link, or one at all; a moving link that gets poses stays the same.
     """
 
     def __init__(self) -> None:
@@ -81,13 +81,12 @@ class FrameTree:
         link = self.links.get(frame_pose.child)
         if link is None and len(self.links) >= MOST_FRAMES:
             return False
-        self.shape += link is None or link.parent != frame_pose.parent
         pose = ScalarPose(frame_pose.pose.position, unit(frame_pose.pose.orientation_wxyz))
         if frame_pose.static:
-            self.links[frame_pose.child] = Link(frame_pose.parent, True, poses=[pose])
+            self._put(frame_pose.child, Link(frame_pose.parent, True, poses=[pose]))
             return True
         if link is None or link.static or link.parent != frame_pose.parent:
-            link = self.links[frame_pose.child] = Link(frame_pose.parent, False)
+            link = self._put(frame_pose.child, Link(frame_pose.parent, False))
         if link.stamps_ns and frame_pose.stamp_ns <= link.newest_ns:
             return False
         if len(link.stamps_ns) >= history:
@@ -95,6 +94,11 @@ class FrameTree:
         link.stamps_ns.append(frame_pose.stamp_ns)
         link.poses.append(pose)
         return True
+
+    def _put(self, child: str, link: Link) -> Link:
+        self.links[child] = link
+        self.shape += 1
+        return link
 
     def forget_after(self, stamp_ns: int) -> None:
         """Drops the moving links that know times after `stamp_ns`: the clock has jumped back."""

@@ -23,9 +23,10 @@ from contact_curation.motion.survey.series import PoseSeries, series_of
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.storage.bags.reader import BagReader
-from contact_curation.storage.bags.records import BagMessage, TopicInfo
+from contact_curation.storage.bags.records import TopicInfo
 from contact_curation.storage.inputs.bag_tosses import BagTosses, bag_tosses
 from contact_curation.storage.inputs.inputs import is_contactnets, open_inputs
+from contact_curation.storage.inputs.pose_runs import MeasuredMessage
 from contact_curation.storage.inputs.pose_source import PoseSource
 from contact_curation.storage.inputs.records import Found, Problem
 
@@ -146,11 +147,7 @@ def _of_bag(path: Path, reader: BagReader, config: ReadingConfig, most_messages:
     except MissingTopicError as error:
         return Recording(str(path), no_topic=str(error).removeprefix(f"{path}: "), topics=reader.topics, losses=reader.losses)
     watched = _Watched(tosses)
-    outcomes = [
-        found.outcome
-        for message in islice(reader.messages(tosses.source.topics), most_messages)
-        for found in watched.of(message)
-    ]
+    outcomes = [found.outcome for message in islice(tosses.messages(reader), most_messages) for found in watched.of(message)]
     whole = sum(watched.counted.values()) < most_messages
     if whole:  # else the motion in progress is cut here, not in the recording
         outcomes += [found.outcome for found in tosses.rest()]
@@ -198,12 +195,11 @@ class _Watched:
         self.parents: Counter[str] = Counter()
         self.frames: set[str] = set()
 
-    def of(self, message: BagMessage) -> list[Found]:
+    def of(self, message: MeasuredMessage) -> list[Found]:
         """What became complete with a message."""
         self.counted[message.topic] += 1
         source = self._tosses.source
-        measured = self._tosses.measured(message)
-        for one in measured:
+        for one in message.measured:
             if isinstance(one, FramePose):
                 self.frames.update((one.parent, one.child))
             if one.child != source.body_frame or (message.topic != source.body.name):
@@ -213,7 +209,7 @@ class _Watched:
                 self._rows.append((one.stamp_ns, message.log_time_ns, *one.pose.position, *one.pose.orientation_wxyz))
             elif isinstance(one, BadPose):
                 self._rows.append((one.stamp_ns, message.log_time_ns, *(float("nan"),) * 7))
-        return list(self._tosses.taken(measured, message.topic))
+        return list(self._tosses.taken(message.measured, message.topic))
 
     def measurements(self) -> Measurements:
         """All that was measured of the body."""

@@ -187,57 +187,103 @@ class MessageConverter:
         self._losses = losses
         self._decoders: dict[Definition, TypeDecoder | UndecodableTypeError] = {}
 
-    def decoded(self, stored: Iterable[StoredMessage]) -> Iterator[BagMessage]:
-        """Converts messages to objects."""
-        decoders: dict[Channel, Callable[[bytes], object]] = {}
-        failures = _Failures(self._losses)
-        for log_time, _, channel, data in stored:  # runs once per message
-            try:
-                decode = decoders.get(channel)
-                if decode is None:
-                    decode = decoders[channel] = self._decoder(channel).decode
-                message = decode(self._checked(channel, data))
-            except CONVERT_ERRORS as error:
-                failures.add(channel, error)
-                continue
-            yield BagMessage(channel.topic, channel.type, log_time, message)
+    @property
+    def longest(self) -> int:
+        """Largest accepted size of a message [bytes]."""
+        return self._limits.message_bytes
+
+    def reading(self) -> "Reading":
+        """A decoder for one pass over the messages."""
+        return Reading(self, _Failures(self._losses))
 
     def raw(self, stored: Iterable[StoredMessage]) -> Iterator[RawMessage]:
         """Converts messages to CDR bytes with their schema; messages in CDR pass unchanged, even if they cannot be decoded."""
         failures = _Failures(self._losses)
         for log_time, publish_time, channel, data in stored:
             try:
-                checked = self._checked(channel, data)
+                checked = self.checked(channel, data)
                 if channel.encoding == "cdr":
                     cdr, described = checked, (channel.schema, channel.schema_encoding, channel.type_hash)
                 else:
-                    decoder = self._decoder(channel)
+                    decoder = self.compared_decoder(channel)
                     cdr, described = decoder.to_cdr(checked), (decoder.schema, decoder.schema_encoding, decoder.type_hash)
             except CONVERT_ERRORS as error:
                 failures.add(channel, error)
                 continue
             yield RawMessage(channel.topic, channel.type, log_time, cdr, publish_time, *described)
 
-    def _checked(self, channel: Channel, data: bytes) -> bytes:
-        """Checks a message's size, and unpacks it if rosbag2 compressed it (CDR begins with a zero byte)."""
+    def checked(self, channel: Channel, data: bytes) -> bytes:
+        """Checks a message's size, and unpacks it if rosbag2 compressed it (CDR begins with a zero byte).
+
+        Raises:
+            DamagedBagError: it is larger, or its compressed frame is damaged.
+        """
         if len(data) > self._limits.message_bytes:
             raise DamagedBagError(f"{len(data)} bytes where at most {self._limits.message_bytes} are accepted")
         if channel.encoding == "cdr" and data.startswith(ZSTD_MAGIC):
             return unpack_message(data, self._limits.message_bytes)
         return data
 
-    def _decoder(self, channel: Channel) -> TypeDecoder:
-        """The channel's decoder; channels of one definition share it, also the reason why there is none."""
+    def decoder(self, channel: Channel) -> TypeDecoder:
+        """The channel's decoder; channels of one definition share it, also the reason why there is none.
+
+        Raises:
+            UndecodableTypeError: there is none.
+        """
         definition = Definition(channel.type, channel.encoding, channel.schema, channel.schema_encoding)
         if definition not in self._decoders:
             self._decoders[definition] = _decoder_or_reason(definition, self._limits)
         decoder = self._decoders[definition]
         if isinstance(decoder, UndecodableTypeError):
             raise decoder
+        return decoder
+
+    def compared_decoder(self, channel: Channel) -> TypeDecoder:
+        """The same; a loss is noted if the channel's type hash is not that of its definition."""
+        decoder = self.decoder(channel)
         if channel.type_hash and channel.type_hash != decoder.type_hash:
             line = f"its type hash is not that of its definition of {channel.type}, which was used"
             self._losses.say((channel, "hash"), f"{channel.topic}: {line}")
         return decoder
+
+
+class Reading:
+    """Decodes messages in one pass, in several calls, and counts those that cannot be decoded."""
+
+    def __init__(self, converter: MessageConverter, failures: "_Failures") -> None:
+        self._converter = converter
+        self._failures = failures
+        self._decoders: dict[Channel, Callable[[bytes], object]] = {}
+
+    def decoded(self, stored: Iterable[StoredMessage]) -> Iterator[BagMessage]:
+        """Converts messages to objects."""
+        decoders, checked = self._decoders, self._converter.checked
+        for log_time, _, channel, data in stored:  # runs once per message
+            try:
+                decode = decoders.get(channel)
+                if decode is None:
+                    decode = decoders[channel] = self._converter.compared_decoder(channel).decode
+                message = decode(checked(channel, data))
+            except CONVERT_ERRORS as error:
+                self._failures.add(channel, error)
+                continue
+            yield BagMessage(channel.topic, channel.type, log_time, message)
+
+    @property
+    def longest(self) -> int:
+        """Largest accepted size of a message [bytes]."""
+        return self._converter.longest
+
+    def has_decoded(self, channel: Channel) -> bool:
+        """Whether a message of the channel was decoded before, so that its definition was compared."""
+        return channel in self._decoders
+
+    def type_hash(self, channel: Channel) -> str:
+        """`RIHS01_...` of the definition of the channel's CDR messages; empty if they cannot be decoded or are not CDR."""
+        try:
+            return self._converter.decoder(channel).type_hash if channel.encoding == "cdr" else ""
+        except UndecodableTypeError:
+            return ""
 
 
 def _decoder_or_reason(definition: Definition, limits: BagLimits) -> TypeDecoder | UndecodableTypeError:

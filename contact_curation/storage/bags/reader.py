@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from struct import error as StructError
 from types import TracebackType
@@ -20,7 +21,7 @@ from mcap.reader import SeekingReader
 
 from contact_curation.errors import MissingTopicError, UnreadableInputError
 from contact_curation.storage.addresses import Address
-from contact_curation.storage.bags.decoding import MessageConverter
+from contact_curation.storage.bags.decoding import MessageConverter, Reading
 from contact_curation.storage.bags.file import ZSTD_MAGIC, BagFile, BagLimits, DamagedBagError, Losses, file_sha256, unpack_file
 from contact_curation.storage.bags.folder import compare, storage_files
 from contact_curation.storage.bags.formats.mcap import open_mcap
@@ -52,8 +53,8 @@ class BagStorage(Protocol):
     def counts(self) -> Mapping[Channel, int] | None:
         """Messages per channel; None if they are only known after reading everything."""
 
-    def messages(self, topics: Collection[str] | None) -> Iterator[StoredMessage]:
-        """Messages of `topics` (None: all) in order of log time."""
+    def runs(self, topics: Collection[str] | None) -> Iterator[list[StoredMessage]]:
+        """Messages of `topics` (None: all) in order of log time, in lists."""
 
     def close(self) -> None:
         """Closes the file."""
@@ -82,8 +83,17 @@ def open_storage(path: Path, limits: BagLimits, losses: Losses, stack: ExitStack
 
 def merged(storages: Sequence[BagStorage], topics: Collection[str] | None) -> Iterator[StoredMessage]:
     """Messages of several files in order of log time; only files whose times overlap are read at the same time."""
+    return chain.from_iterable(merged_runs(storages, topics))
+
+
+def merged_runs(storages: Sequence[BagStorage], topics: Collection[str] | None) -> Iterator[list[StoredMessage]]:
+    """The same in lists, of one message each where several files are read at the same time."""
     for together in _overlapping(storages):
-        yield from heapq.merge(*(storage.messages(topics) for storage in together), key=_log_time)
+        if len(together) == 1:
+            yield from together[0].runs(topics)
+        else:
+            by_file = (chain.from_iterable(storage.runs(topics)) for storage in together)
+            yield from ([message] for message in heapq.merge(*by_file, key=_log_time))
 
 
 def _overlapping(storages: Sequence[BagStorage]) -> list[list[BagStorage]]:
@@ -215,7 +225,19 @@ class BagReader:
             MissingTopicError: the bag lacks one of `topics`.
         """
         self._check_topics(topics)
-        return self._converter.decoded(merged(self._storages, topics))
+        return self._converter.reading().decoded(merged(self._storages, topics))
+
+    def runs(self, topics: Collection[str] | None = None) -> tuple[Reading, Iterator[list[StoredMessage]]]:
+        """The same messages as they are stored, in lists, and their decoder.
+
+        Args:
+            topics: which; None for all.
+
+        Raises:
+            MissingTopicError: the bag lacks one of `topics`.
+        """
+        self._check_topics(topics)
+        return self._converter.reading(), merged_runs(self._storages, topics)
 
     def raw_messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
         """Messages as CDR bytes with their schema, in order of log time, also those of types that cannot be decoded.

@@ -213,7 +213,7 @@ def survey(reader: BagReader, body: Body, config: InputsConfig, advance: Callabl
 def digests_in(reader: BagReader, body: Body, config: InputsConfig) -> dict[str, str]:
     """The digests of all motions of a bag, by their ids."""
     tosses: BagTosses = bag_tosses(reader, body, config)
-    found = [one for message in reader.messages(tosses.source.topics) for one in tosses.of(message)]
+    found = [one for message in tosses.messages(reader) for one in tosses.taken(message.measured, message.topic)]
     return {one.toss.toss_id: one.toss.digest() for one in (*found, *tosses.rest())}
 
 

@@ -15,6 +15,7 @@ from contact_curation.motion.toss import NANOSECONDS, Rejected
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.bags.records import BagMessage
 from contact_curation.storage.inputs.pose_messages import Measured
+from contact_curation.storage.inputs.pose_runs import MeasuredMessage, measured_messages
 from contact_curation.storage.inputs.pose_source import BODY_PREFIX, PoseSource, TypedTopic, find_pose_source, is_of_another
 from contact_curation.storage.inputs.recording_notes import (
     NUMBERS_NOTE,
@@ -46,8 +47,8 @@ def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReadin
     """
     with BagReader(path) as reader:
         tosses = bag_tosses(reader, body, config)
-        for message in reader.messages(tosses.source.topics):
-            yield from tosses.of(message)
+        for message in tosses.messages(reader):
+            yield from tosses.taken(message.measured, message.topic)
         yield from tosses.rest()
         yield from (Problem(str(path), line) for line in tosses.left_out())
         return tosses.summary(reader.losses)
@@ -110,6 +111,10 @@ class BagTosses:
         self._steps, self._stepped = 0, 0.0
         self._bad: dict[str, BadPose] = {}
         self._bad_counts: dict[str, int] = {}
+
+    def messages(self, reader: BagReader) -> Iterator[MeasuredMessage]:
+        """The poses in a bag's messages, in order of log time; nothing takes note of them."""
+        return measured_messages(reader, self.source, self.measured)
 
     def of(self, message: BagMessage) -> Iterator[Found]:
         """Yields the tosses and rejected motions that a message completes."""

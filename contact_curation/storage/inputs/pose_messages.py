@@ -82,7 +82,7 @@ def measured_transforms(message: Any, *, static: bool) -> tuple[Measured, ...]:
         static: whether it came on /tf_static.
     """
     return tuple(
-        on_header(one.header, _frame(one.child_frame_id), one.transform.translation, one.transform.rotation, static=static)
+        on_header(one.header, frame_name(one.child_frame_id), one.transform.translation, one.transform.rotation, static=static)
         for one in message.transforms
     )
 
@@ -91,8 +91,9 @@ def on_header(header: Any, child: str, place: Any, turn: Any, *, static: bool = 
     """The pose of a frame in the header's frame, at the header's stamp, from messages with x, y, z and x, y, z, w."""
     position = (float(place.x), float(place.y), float(place.z))
     orientation_wxyz = (float(turn.w), float(turn.x), float(turn.y), float(turn.z))
-    return checked_pose(stamp_ns_of(header), _frame(header.frame_id), child, position, orientation_wxyz, static=static)
+    return checked_pose(stamp_ns_of(header), frame_name(header.frame_id), child, position, orientation_wxyz, static=static)
 
 
-def _frame(name: str) -> str:
+def frame_name(name: str) -> str:
+    """A frame's name without the leading slash of ROS 1."""
     return name.lstrip("/")

@@ -10,7 +10,14 @@ from contact_curation.errors import InvalidValueError, MissingTopicError, near_n
 from contact_curation.motion.body_tracker import TrackerConfig
 from contact_curation.motion.pose_stream import BadPose
 from contact_curation.motion.tags.pose import TagPoseConfig
-from contact_curation.storage.inputs.pose_messages import POSE_MESSAGES, TF, Measured, measured_pose, measured_transforms
+from contact_curation.storage.inputs.pose_messages import (
+    POSE_MESSAGES,
+    TF,
+    Measured,
+    frame_name,
+    measured_pose,
+    measured_transforms,
+)
 from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIONS, TagDetections
 from contact_curation.storage.tag_map_file import read_tag_rig
 
@@ -129,23 +136,48 @@ class PoseSource:
         if detections is not None and self.camera is not None and topic in (self.camera.name, self.body.name):
             return detections.calibrated(message) if topic == self.camera.name else detections.detected(message)
         if topic in self.transforms:
-            transforms = measured_transforms(message, static=_last_part(topic) == TF_STATIC_NAME)
-            found = tuple(one for each in transforms if (one := self._named(each)) is not None)
-            return found if self.body.type == TF else tuple(one for one in found if one.child != self.body_frame)
+            transforms = measured_transforms(message, static=self.is_static(topic))
+            return tuple(one for each in transforms if (one := self._named(topic, each)) is not None)
         if self.board is not None and topic == self.board.name:
             return (measured_pose(self.board.type, message, self.board_frame),)
         return (measured_pose(self.body.type, message, self.body_frame, self.array_index),)
 
-    def _named(self, transform: Measured) -> Measured | None:
-        """The transform with TagSLAM's frames renamed, `cube` to `body_cube`; None between the two names of one frame."""
-        known = {frame.removeprefix(BODY_PREFIX): frame for frame in (self.body_frame, self.board_frame) if frame}
-        child = known.get(transform.child, transform.child)
+    def type_of(self, topic: str) -> str:
+        """The ROS 2 type name that messages of one of `topics` are read by."""
+        if topic in self.transforms:
+            return TF
+        return self.board.type if self.board is not None and topic == self.board.name else self.body.type
+
+    def is_static(self, topic: str) -> bool:
+        """Whether the poses of a topic hold for all times."""
+        return topic in self.transforms and _last_part(topic) == TF_STATIC_NAME
+
+    def frames(self, topic: str, parent: str, child: str) -> tuple[str, str] | None:
+        """Parent and child of a pose whose message calls them so; None where it is left out.
+
+        On TF, TagSLAM's frames are renamed, `cube` to `body_cube`; what is between the two names of one frame is left out.
+        """
+        parent = frame_name(parent)
+        if topic not in self.transforms:
+            return parent, self.board_frame if self.board is not None and topic == self.board.name else self.body_frame
+        child = frame_name(child)
+        known = self._known_frames
+        renamed = known.get(parent, parent), known.get(child, child)
+        if renamed[0] == renamed[1] and renamed != (parent, child):
+            return None
+        return None if self.body.type != TF and renamed[1] == self.body_frame else renamed
+
+    def _named(self, topic: str, transform: Measured) -> Measured | None:
+        """The transform with its frames as `frames` has them."""
         if isinstance(transform, BadPose):
-            return transform if child == transform.child else replace(transform, child=child)
-        parent = known.get(transform.parent, transform.parent)
-        if (child, parent) == (transform.child, transform.parent):
-            return transform
-        return None if child == parent else replace(transform, child=child, parent=parent)
+            child = self._known_frames.get(transform.child, transform.child)
+            return None if self.body.type != TF and child == self.body_frame else replace(transform, child=child)
+        renamed = self.frames(topic, transform.parent, transform.child)
+        return renamed and replace(transform, parent=renamed[0], child=renamed[1])
+
+    @property
+    def _known_frames(self) -> dict[str, str]:
+        return {frame.removeprefix(BODY_PREFIX): frame for frame in (self.body_frame, self.board_frame) if frame}
 
 
 def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: str, config: PoseTopicConfig) -> PoseSource:

@@ -122,8 +122,8 @@ class ChunkedStorage:
             return None
         return {channel: by_id.get(number, 0) for number, channel in self._declarations.channels.items()}
 
-    def messages(self, topics: Collection[str] | None) -> Iterator[StoredMessage]:
-        """Messages of `topics` (None: all) in order of log time, those of one time in the order of the file."""
+    def runs(self, topics: Collection[str] | None) -> Iterator[list[StoredMessage]]:
+        """Messages of `topics` (None: all) in order of log time, then in the order of the file; a list per chunk."""
         held: list[StoredMessage] = []
         for index, chunk in enumerate(self._chunks):
             held += self._load(chunk, topics)
@@ -131,8 +131,8 @@ class ChunkedStorage:
             following = self._chunks[index + 1].start_ns if index + 1 < len(self._chunks) else None
             ready = len(held) if following is None else bisect_left(held, following, key=_log_time)
             ready = max(ready, self._overflow(held))
-            yield from held[:ready]
-            del held[:ready]
+            run, held = held[:ready], held[ready:]
+            yield run
 
     def close(self) -> None:
         self._file.close()

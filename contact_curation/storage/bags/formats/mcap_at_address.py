@@ -66,12 +66,12 @@ class _IndexedMcap(ChunkedStorage):
         super().__init__(file, chunks, declarations, parse, summary.counts, limits, losses)
         self._channels = {index.chunk_start_offset: frozenset(index.message_index_offsets) for index in summary.chunks}
 
-    def messages(self, topics: Collection[str] | None) -> Iterator[StoredMessage]:
+    def runs(self, topics: Collection[str] | None) -> Iterator[list[StoredMessage]]:
         """Messages of `topics` (None: all) in order of log time; their chunks are read with few requests."""
         held = [chunk for chunk in self._chunks if self._holds(chunk, topics)]
         if isinstance(self._file.path, Address):
             self._file.path.plan((chunk.offset, chunk.offset + chunk.stored) for chunk in held)
-        return super().messages(topics)
+        return super().runs(topics)
 
     def _load(self, chunk: Chunk, topics: Collection[str] | None) -> list[StoredMessage]:
         if not self._holds(chunk, topics):

@@ -5,6 +5,7 @@ import sqlite3
 import tempfile
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
+from itertools import batched
 from pathlib import Path
 
 from rosbags.typesys.msg import normalize_msgtype
@@ -16,6 +17,8 @@ from contact_curation.storage.bags.records import Channel, StoredMessage, qos_fr
 SQLITE_MAGIC = b"SQLite format 3\0"
 LARGEST_ROW = 1_000_000_000
 """Largest row that SQLite supports [bytes]."""
+ROWS = 512
+"""Messages returned at a time."""
 TABLES = ("topics", "messages")
 SQLITE_ERRORS = (sqlite3.Error, UnicodeDecodeError, MemoryError)
 """Errors of damaged files: even SQLite's error messages may not be valid text, and a row may declare a wrong size."""
@@ -71,8 +74,12 @@ class SqliteStorage:
             return None
         return {channel: rows.get(number, 0) for number, channel in self._channels.items()}
 
-    def messages(self, topics: Collection[str] | None) -> Iterator[StoredMessage]:
+    def runs(self, topics: Collection[str] | None) -> Iterator[list[StoredMessage]]:
         """Messages of `topics` (None: all) in order of log time, those of one time in the order they were written."""
+        for rows in batched(self._messages(topics), ROWS):
+            yield list(rows)
+
+    def _messages(self, topics: Collection[str] | None) -> Iterator[StoredMessage]:
         wanted = [number for number, channel in self._channels.items() if topics is None or channel.topic in topics]
         marks = ",".join("?" * len(wanted))
         query = f"SELECT timestamp, topic_id, data FROM messages WHERE topic_id IN ({marks}) ORDER BY timestamp, rowid"
