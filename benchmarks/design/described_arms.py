@@ -2,7 +2,7 @@
 
     python -m benchmarks.design.described_arms [--throws 50] [--seed 0]
 
-Draws throws like ContactNets', at 0.6 times the speed and 0.3 times the spin (both arms turn their joints by at most 180 deg/s),
+Draws throws like ContactNets', at 0.6 times the speed and 0.3 times the spin (both arms turn joints by at most 180 deg/s),
 until so many are feasible. Of each it compares the held body's motion from 30 ms before to 30 ms after the planned release
 with the throw.
 """
@@ -52,7 +52,8 @@ def main() -> None:
             used.append(float(planner.arm.limits.speed_use(whole.positions, whole.speeds).max()))
         print(f"{name}: {len(motions)} of {asked} throws are feasible; {1e3 * took / asked:.0f} ms to tell and plan one")
         print(
-            f"    released 30 ms early to 30 ms late: speed off by at most {max(speeds):.2f} %; place off by {max(places):.3f} mm"
+            f"    released 30 ms early to 30 ms late: speed off by at most {max(speeds):.2f} %; "
+            f"planned place off by at most {max(places):.3f} mm"
         )
         print(f"    motions beyond a limit: {beyond}; largest share of a speed limit {max(used):.3f}")
 
