@@ -1,1 +1,1 @@
-"""The command line: arguments in, printed reports out. One file per verb; only `main` catches errors."""
+"""The command line: one module or package per verb, with its options and what it prints. Only `main` catches errors."""

@@ -1,4 +1,4 @@
-"""`body FILE`: what was understood of an object: its shape, its mass properties, and what is odd about them."""
+"""`body FILE`: prints what was understood of an object: its shape, its mass properties, and unusual values."""
 
 import argparse
 from collections.abc import Iterator

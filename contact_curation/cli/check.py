@@ -1,4 +1,4 @@
-"""`check INPUT...`: the diagnosis of recordings, first of all."""
+"""`check INPUT...`: diagnoses recordings."""
 
 import argparse
 

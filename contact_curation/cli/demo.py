@@ -1,10 +1,10 @@
-"""`make demo`: twelve throws with the simulated arm, the loop closed; or, with --data, own recordings through the nodes.
+"""`make demo`: twelve throws by the simulated arm in a closed loop; or, with --data, a recording through the nodes.
 
-Without --data that is `contact-curation online` with budgets for two cores (config/demo.yaml). One named throw is tracked badly
-on purpose, and has to be rejected. The table of throws is the same in every run, at any load. With --data a recording, or the
-ContactNets tosses in a folder, are replayed, and what the nodes find is compared with what the library does:
+Without --data it runs `contact-curation online` with the settings of config/demo.yaml, which are for two cores. One throw is
+tracked with many outliers and must be rejected. The table of throws is the same in every run, at any load. With --data a
+recording, or the ContactNets tosses in a folder, are replayed, and the nodes' result is compared with the library's:
 
-    bag ──player──> pose_ingest ──> fisher_scorer ──> curator            each a process, in a domain of its own on this machine
+    bag ──player──> pose_ingest ──> fisher_scorer ──> curator            each a process, in a separate domain on this machine
 """
 
 import argparse
@@ -33,11 +33,11 @@ GOLDEN_BAG = Path(__file__).resolve().parents[2] / "bags" / "golden.mcap"
 BUDGETS = Path(__file__).resolve().parents[1] / "config" / "demo.yaml"
 THROWS, SELECTED = 12, 8
 LISTED = 10
-"""Tosses that are printed."""
+"""Number of tosses that are printed."""
 
 
 class DemoFailedError(ContactCurationError):
-    """The demo did not show what it should."""
+    """The demo did not give the expected result."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -74,14 +74,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def throw(record: Path, *, stay: bool) -> int:
-    """The closed loop for some throws; an earlier demo's session makes room.
+    """Runs the closed loop; the session of an earlier demo is removed.
 
     Args:
         record: folder of the session.
         stay: whether the dashboard is served until Ctrl-C.
 
     Raises:
-        DemoFailedError: the throw that is tracked badly was not rejected.
+        DemoFailedError: the throw with outliers was not rejected.
     """
     folder = SessionFolder(record)
     if folder.events.exists():
@@ -100,12 +100,12 @@ def throw(record: Path, *, stay: bool) -> int:
 
 
 def _spoilt() -> str:
-    """Name of the throw that is tracked badly."""
+    """Name of the throw with outliers."""
     return str(read_node_parameters(BUDGETS)["sim_camera"]["noise.spoilt_throw"])
 
 
 def _conclude(summary: dict[str, Any]) -> None:
-    """What the session showed: the spoilt throw was rejected, and what was learned from the others."""
+    """Prints the conclusion: that the spoilt throw was rejected, and what was learned from the others."""
     spoilt = next((one for one in summary["throws"] if one["throw"] == _spoilt()), None)
     if spoilt is None or not spoilt["outcome"].startswith("rejected"):
         found = spoilt["outcome"] if spoilt else "no such throw"
@@ -118,13 +118,13 @@ def show(recording: Recording, out: Path, folder: Path) -> None:
     """Ranks the recording with the library and with the nodes, and compares.
 
     Args:
-        recording: what is shown.
+        recording: recording to rank.
         out: folder for manifest, figure and the nodes' logs.
-        folder: for the nodes' stores.
+        folder: folder for the nodes' stores.
 
     Raises:
-        DemoFailedError: the nodes were silent for long, or the rankings differ.
-        ProgramFailedError: a command of ours fails, or a node cannot be kept running.
+        DemoFailedError: the nodes sent nothing for too long, or the rankings differ.
+        ProgramFailedError: a command fails, or a node cannot be kept running.
     """
     begun = time.monotonic()
     print(f"1. The library ranks {recording.bag.name}.")
@@ -144,7 +144,7 @@ def show(recording: Recording, out: Path, folder: Path) -> None:
 
 
 def _recording(arguments: argparse.Namespace, folder: Path) -> Recording:
-    """The input itself, or the bag that is made of a folder of ContactNets' files."""
+    """The input itself, or the bag that is made from a folder of ContactNets' files."""
     if not is_contactnets(arguments.data):
         return Recording(arguments.data, rate=5.0, top=SELECTED)
     bag = folder / "contactnets.mcap"
@@ -162,10 +162,10 @@ def _ranked_by_library(recording: Recording, out: Path) -> dict[str, Any]:
 
 
 def verb_output(*words: str) -> str:
-    """What a command of ours prints on its standard output.
+    """Runs a verb and returns its standard output.
 
     Raises:
-        ProgramFailedError: it fails; with its error.
+        ProgramFailedError: the verb fails; the message contains its error.
     """
     command = [sys.executable, "-P", "-m", "contact_curation.cli.main", *words]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -175,12 +175,12 @@ def verb_output(*words: str) -> str:
 
 
 def _say(line: str) -> None:
-    """Where the nodes stand."""
+    """Prints the nodes' progress."""
     print(f"   {line}", flush=True)
 
 
 def _print_ranking(found: NodesRanking, expected: dict[str, Any]) -> None:
-    """The best tosses and those that were rejected."""
+    """Prints the best tosses and the rejected ones."""
     rows = {row["toss_id"]: row for row in expected["tosses"]}
     print(f"   {'rank':>4}  {'toss':<36}  {'gain':>8}  {'trace':>8}  {'time [s]':>8}")
     for place, toss_id in enumerate(found.selected[:LISTED], start=1):
@@ -192,7 +192,7 @@ def _print_ranking(found: NodesRanking, expected: dict[str, Any]) -> None:
 
 
 def _interrupted(number: int, frame: Any) -> NoReturn:
-    """SIGTERM and SIGHUP end the demo as Ctrl-C does, nodes included."""
+    """Ends the demo and its nodes on SIGTERM and SIGHUP, as on Ctrl-C."""
     raise KeyboardInterrupt
 
 

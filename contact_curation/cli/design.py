@@ -112,7 +112,7 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         ContactCurationError: a file cannot be used, nothing safe can be thrown, or `--out` cannot be written.
     """
-    load_kernel()  # information is predicted by rollouts
+    load_kernel()  # rollouts, by which information is predicted, need it
     check_outputs(overwrite=arguments.overwrite, out=arguments.out)
     task, reading = design_task(arguments)
     known, seen = _known(arguments, reading)
@@ -132,7 +132,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def design_task(arguments: argparse.Namespace) -> tuple[DesignTask, ReadingConfig]:
-    """What the options ask for, before tosses are read; and how they are read.
+    """The task that the options describe, before tosses are read, and the configuration of reading.
 
     Raises:
         ContactCurationError: a file cannot be used, or a setting is not accepted.
@@ -159,7 +159,7 @@ def _known(arguments: argparse.Namespace, reading: ReadingConfig) -> tuple[tuple
     """The known tosses in the order of their ids, and warnings.
 
     Raises:
-        ContactCurationError: a manifest without recordings, or whose selected tosses are not in them; no toss at all.
+        ContactCurationError: a manifest is given without recordings, its selected tosses are not in them, or there is no toss.
     """
     if not arguments.known and arguments.manifest is not None:
         raise InvalidValueError(
@@ -179,7 +179,7 @@ def _known(arguments: argparse.Namespace, reading: ReadingConfig) -> tuple[tuple
 
 
 def _read(paths: Sequence[Path], reading: ReadingConfig) -> tuple[tuple[Toss, ...], tuple[str, ...]]:
-    """The tosses of recordings in the order of their ids, and warnings; nothing of no recordings."""
+    """The tosses of recordings in the order of their ids, and warnings; both empty without recordings."""
     if not paths:
         return (), ()
     tosses = read_tosses(paths, reading).check_some("no toss")

@@ -1,4 +1,4 @@
-"""`evaluate CHECKPOINT INPUT...`: how far a model's motions are from measured ones, and how surely its parameters are known."""
+"""`evaluate CHECKPOINT INPUT...`: prediction errors of a model, and the uncertainty of its parameters."""
 
 import argparse
 from dataclasses import replace
@@ -41,7 +41,7 @@ def add_options(parser: OneLineParser) -> None:
     add_reading_options(parser, STAGES)
     parser.add_argument("--against", type=Path, metavar="CHECKPOINT", help="another model to compare with on the same tosses")
     group = parser.add_argument_group("which tosses it is evaluated on")
-    add_held_out_option(group, "default: those that the checkpoint held out; all where it says of none")
+    add_held_out_option(group, "default: those that the checkpoint held out, or all if there are none")
     group.add_argument("--no-gate", action="store_true", help="evaluate on tosses that the quality checks would reject, too")
     output = parser.add_argument_group("output")
     output.add_argument(
@@ -63,11 +63,11 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         ContactCurationError: a model or the tosses cannot be used, or the figure cannot be written.
     """
-    from contact_curation.learning.uncertainty.parameters import KnownConfig  # torch takes over a second
+    from contact_curation.learning.uncertainty.parameters import KnownConfig  # importing torch takes over a second
     from contact_curation.pipeline.evaluation import evaluate_models, evaluation_config, judging_tosses
     from contact_curation.pipeline.learned_model import load_model
 
-    load_kernel()  # nothing else rolls out: better said before tosses are read
+    load_kernel()  # rollouts need it; an error should come before tosses are read
     check_outputs(overwrite=arguments.overwrite, figure=arguments.figure)
     body = chosen_body(arguments, models=[arguments.model, arguments.against])
     defaults = {"loss": DEFAULT_LOSS, "sweeps": DEFAULT_LIMITS, "bootstrap": BootstrapConfig(), "known": KnownConfig()}

@@ -1,4 +1,4 @@
-"""`export INPUT... --manifest M --format F --out DIR`: what a ranking selected, for other tools."""
+"""`export INPUT... --manifest M --format F --out DIR`: writes the selected tosses of a ranking for other tools."""
 
 import argparse
 from pathlib import Path
@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Exports the selected tosses and prints where each went.
 
     Raises:
-        UnreadableInputError: the manifest is none.
+        UnreadableInputError: the file is no manifest.
         InvalidValueError: a selected toss is in no input, the folder is not empty, or the format cannot hold the tosses.
     """
     from contact_curation.files import staged_folder

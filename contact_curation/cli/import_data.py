@@ -1,4 +1,4 @@
-"""`import contactnets DIR --out BAG.mcap`: public data as the bag that a rig would have recorded of it."""
+"""`import contactnets DIR --out BAG.mcap`: writes public data as the bag that a rig would have recorded."""
 
 import argparse
 from collections.abc import Callable
@@ -41,7 +41,7 @@ def add_options(verb: OneLineParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Writes the bag and prints its content."""
+    """Writes the bag and prints a summary."""
     from contact_curation.storage.datasets.tagslam_bag import import_contactnets
 
     check_outputs(overwrite=arguments.overwrite, out=arguments.out)

@@ -21,7 +21,7 @@ from contact_curation.version import __version__
 NAME = "contact-curation"
 INTERRUPTED = 130
 VERBS = {
-    "check": ("cli.check", "what is wrong with recordings, and what to do: the diagnosis first"),
+    "check": ("cli.check", "what is wrong with recordings, and what to do; use it first"),
     "import": ("cli.import_data", "public data as the bag that a rig would have recorded of it"),
     "rank": ("cli.rank.command", "a ranked manifest of the tosses in recordings; nothing is deleted"),
     "body": ("cli.body", "what was understood of an object: YAML, URDF, MJCF or a mesh"),
@@ -43,7 +43,7 @@ VERBS = {
 
 
 def build_parser(words: Sequence[str]) -> OneLineParser:
-    """The parser of a command line; only the verbs among its `words` are imported, so that help comes at once."""
+    """The parser of a command line; only the verbs among its `words` are imported, so that --help is fast."""
     parser = OneLineParser(
         prog=NAME,
         description="Computes each toss's information about an object's shape and friction, and selects the best set.",
@@ -60,7 +60,7 @@ def build_parser(words: Sequence[str]) -> OneLineParser:
 
 
 def _complete(parser: argparse.ArgumentParser) -> None:
-    """Answers a shell that asks how a command line may go on (docs/commands.md), and ends; does nothing otherwise."""
+    """Prints completions if the shell asks for them (docs/commands.md), and ends the process; otherwise does nothing."""
     if "_ARGCOMPLETE" in os.environ:
         import argcomplete
 
@@ -69,7 +69,7 @@ def _complete(parser: argparse.ArgumentParser) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command line; returns its exit status."""
-    # Thousands of small matrices: the BLAS's own threads only wait for each other, five times longer on a busy machine.
+    # With thousands of small matrices BLAS threads mostly wait for each other; on a busy machine that takes five times longer.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _prepare_streams()
     try:
@@ -85,7 +85,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         _forget_output()
         return 1
-    except OSError as error:  # a full disk, a quota, too many open files: nothing that a single stage could mend
+    except OSError as error:  # a full disk, a quota, too many open files
         _forget_output()
         where = error.filename or "standard output or a temporary file"
         return _failed(f"{where}: found {error.strerror or error}, expected to read and write there")
@@ -110,7 +110,7 @@ def _run(words: list[str]) -> int:
 
 
 def _assumed(arguments: argparse.Namespace) -> str:
-    """Assumptions of a verb that its user should know, such as the body; empty without any."""
+    """Assumptions of a verb that the user should know, such as the body; empty if there are none."""
     return getattr(arguments, "assumed", "")
 
 
@@ -120,12 +120,12 @@ def _failed(why: str) -> int:
 
 
 def _forget_output() -> None:
-    """Whoever read our output has gone; without this the interpreter would complain of it once more when it ends."""
+    """Discards further output because its reader has closed the pipe; otherwise the interpreter reports it again at its end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _prepare_streams() -> None:
-    """What goes to a stream that the shell closed (`>&-`) is lost, and what a terminal cannot show is shown in escapes."""
+    """Replaces streams that the shell closed (`>&-`), and lets a terminal show unsupported characters as escapes."""
     sys.stdout = sys.stdout or Path(os.devnull).open("w")  # noqa: SIM115 - open until the process ends
     sys.stderr = sys.stderr or Path(os.devnull).open("w")  # noqa: SIM115
     if isinstance(sys.stdout, TextIOWrapper):

@@ -1,4 +1,4 @@
-"""`play BAG`: a bag as live topics. The process becomes the player node, so that signals reach the node."""
+"""`play BAG`: plays a bag as live topics. The process becomes the player node, so that signals reach the node."""
 
 import argparse
 import json
@@ -43,10 +43,10 @@ def add_options(parser: OneLineParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> Never:
-    """Becomes the player node; its exit status is the command's.
+    """Replaces this process by the player node.
 
     Raises:
-        InvalidValueError: a path that cannot be told to a node.
+        InvalidValueError: the path is not valid UTF-8 and cannot be passed to a node.
     """
     try:
         str(arguments.bag).encode()
@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> Never:
 
 
 def player_command(arguments: argparse.Namespace) -> list[str]:
-    """The player node: options are ROS parameters of the same names, renamed topics are ROS's own remappings."""
+    """The command of the player node; options become ROS parameters of the same names, renamed topics ROS remappings."""
     parameters: dict[str, Any] = {
         "bag": str(arguments.bag),
         "rate": arguments.rate,
@@ -69,7 +69,7 @@ def player_command(arguments: argparse.Namespace) -> list[str]:
         "start_paused": arguments.start_paused,
         "as_fast_as_possible": arguments.as_fast_as_possible,
     }
-    if arguments.topics:  # ROS cannot tell the type of an empty list
+    if arguments.topics:  # ROS cannot infer the type of an empty list
         parameters["topics"] = arguments.topics
     command = [*node_program("player"), "--ros-args"]
     for name, value in parameters.items():

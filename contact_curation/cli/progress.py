@@ -1,6 +1,6 @@
-"""How far long work has come: a bar on a terminal, a plain line now and then elsewhere; on stderr, never between results.
+"""Progress of long work on stderr: a bar on a terminal, a plain line every few seconds elsewhere.
 
-Both say how much is done, how fast, and how long the rest takes, where that is known.
+Both show how much is done, the rate, and the remaining time if it is known.
 """
 
 import sys
@@ -16,10 +16,10 @@ class Progress:
     """Counts what is done; use it as a context manager.
 
     Args:
-        what: is being done, e.g. "reading".
-        unit: unit of what is counted, e.g. "tosses".
-        total: how many there will be; None where nobody knows.
-        done: how many of them were done before.
+        what: name of the work, e.g. "reading".
+        unit: name of what is counted, e.g. "tosses".
+        total: total number; None if it is not known.
+        done: number that was done before.
     """
 
     def __init__(self, what: str, unit: str, total: int | None = None, done: int = 0) -> None:
@@ -31,7 +31,7 @@ class Progress:
         self._next_line = self._began + SECONDS_BETWEEN_LINES
 
     def advance(self, count: int = 1, note: str = "", share: float | None = None) -> None:
-        """Counts further ones as done; `note` describes the state, `share` is the share of all where the total is not known."""
+        """Counts `count` more as done; `note` describes the state, `share` gives the share of all if the total is not known."""
         self._done += count
         self._share = share or self._share
         now = time.monotonic()
@@ -50,7 +50,7 @@ class Progress:
         return f"{self._what}: {', '.join(filter(None, parts))}"
 
     def _left(self, now: float) -> str:
-        """How long the rest takes at the pace so far; empty where that is not known."""
+        """The remaining time at the rate so far; empty if it is not known."""
         share = self._share or 0.0
         if self._total is not None and self._total > self._before:
             share = min((self._done - self._before) / (self._total - self._before), 1.0)

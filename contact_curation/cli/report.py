@@ -1,4 +1,4 @@
-"""What every verb prints in the same way: one JSON object on stdout, warnings on stderr."""
+"""Output that all verbs print in the same way: one JSON object on stdout, warnings on stderr."""
 
 import argparse
 import re
@@ -9,7 +9,7 @@ from typing import Any
 from contact_curation.pipeline.wording import MOST_CAUSES, json_line
 
 LEFT_OUT = re.compile(r"^(.*?: )toss (\S+) is left out(: .*)$")
-"""A line about a toss that cannot be taken: its recording, its id, the reason."""
+"""A line about a toss that is left out: its recording, its id, the reason."""
 
 
 def add_json_option(parser: argparse.ArgumentParser) -> None:
@@ -18,18 +18,18 @@ def add_json_option(parser: argparse.ArgumentParser) -> None:
 
 
 def print_json(content: Mapping[str, Any]) -> None:
-    """One JSON object on one line; numbers that JSON does not have become null."""
+    """Prints one JSON object on one line; NaN and infinite numbers become null."""
     print(json_line(content), flush=True)
 
 
 def warn(lines: Sequence[str]) -> None:
-    """Lines of warning on stderr; tosses that are left out of one recording for one reason are one line where they are many."""
+    """Prints warnings on stderr; several tosses of a recording that are left out for the same reason get one line."""
     for line in _condensed(lines):
         print(f"contact-curation: warning: {line}", file=sys.stderr, flush=True)
 
 
 def _condensed(lines: Sequence[str]) -> list[str]:
-    """The same lines, in the order of the first of each kind."""
+    """Joins lines of the same kind, in the order of the first line of each kind."""
     alike: dict[str, list[str]] = {}
     for line in lines:
         alike.setdefault(LEFT_OUT.sub(r"\1\3", line), []).append(line)

@@ -1,4 +1,4 @@
-"""`rig INPUT...`: estimate from recorded tosses how a rig tracks: the board's tilt and height, length scale, marker."""
+"""`rig INPUT...`: estimates the rig calibration from recorded tosses: the board's tilt and height, length scale, marker."""
 
 import argparse
 import sys
@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Reads all inputs and prints the calibration.
 
     Raises:
-        ContactCurationError: nothing falls in metres with z up, or too few throws fall or come to rest.
+        ContactCurationError: no fall in metres with z up was found, or too few throws fall or come to rest.
     """
     body, stages = chosen_body(arguments), stages_of(arguments, {})
     config = ReadingConfig(body, inputs_of(stages, gated=False))

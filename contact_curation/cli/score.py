@@ -1,4 +1,4 @@
-"""`score INPUT... --params FILE --out FILE.npz`: loss terms, impulses and scores of each transition."""
+"""`score INPUT... --params FILE --out FILE.npz`: writes loss terms, impulses and scores of each transition."""
 
 import argparse
 from collections import Counter
@@ -30,7 +30,7 @@ from contact_curation.storage.parameters_file import Parameters
 from contact_curation.storage.score_file import ScoreFileWriter
 
 BATCH = 64
-"""Tosses scored in one call."""
+"""Number of tosses that are scored in one call."""
 
 
 def add_options(parser: OneLineParser) -> None:
@@ -65,13 +65,13 @@ class Tally:
     """What was scored so far.
 
     Attributes:
-        tosses: how many.
-        statuses: how many transitions ended with which `SolveStatus`.
-        loss: sum over the solved ones.
-        rejected: motions that were no tosses.
-        repeated: tosses that came before.
+        tosses: number of tosses.
+        statuses: number of transitions by `SolveStatus`.
+        loss: sum over the solved transitions.
+        rejected: number of motions that are no tosses.
+        repeated: number of tosses that occurred before.
         inputs: number of inputs that were read to their end.
-        failed: inputs that could not be read.
+        failed: number of inputs that could not be read.
         warnings: what was left out or lost, one line each.
     """
 
@@ -96,7 +96,7 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         ContactCurationError: nothing could be scored, or the file cannot be written.
     """
-    load_kernel()  # better said before tosses are read
+    load_kernel()  # an error should come before tosses are read
     check_outputs(overwrite=arguments.overwrite, out=arguments.out)
     body = chosen_body(arguments, models=[arguments.params])
     theta = polytope_of(arguments.params, body)
@@ -118,7 +118,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _tosses(paths: Sequence[Path], config: ReadingConfig, tally: Tally) -> Iterator[Toss]:
-    """The tosses of all inputs, each once; what was left out is noted."""
+    """The tosses of all inputs, each once; what is left out is counted in `tally`."""
     once = EachOnce()
     for path in paths:
         reader = InputReader(path, config)

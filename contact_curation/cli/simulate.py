@@ -1,4 +1,4 @@
-"""`simulate THROWS.json --out BAG.mcap`: throws made in the simulated world, as the bag of a rig that saw them."""
+"""`simulate THROWS.json --out BAG.mcap`: simulates throws and writes them as the bag of a rig."""
 
 import argparse
 import hashlib
@@ -26,7 +26,7 @@ from contact_curation.simulation.thrown_toss import DEFAULT_THROWN, ThrownTossCo
 STAGES = ("simulation", "noise")
 
 EARLIEST, HOUR = 1_600_000_000, 3600
-"""[s] since 1970, and long: two bytes of hours reach to the year 2028."""
+"""Earliest made-up time [s since 1970]; two bytes of hours from there reach to the year 2028."""
 
 
 def add_options(parser: OneLineParser) -> None:
@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     Raises:
         UnreadableInputError: the file holds no throws, or none of them comes to rest.
-        InvalidValueError: a throw of another body, or `--out` cannot be written.
+        InvalidValueError: a throw is of another body, or `--out` cannot be written.
     """
     from contact_curation.motion.segmenter_config import SegmenterConfig
     from contact_curation.storage.bags.writer import BagWriter
@@ -92,14 +92,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _made_up_time(throws: Sequence[Throw], arguments: argparse.Namespace) -> int:
-    """When the bag begins [ns]: the same for the same throws, another for others, since ids are made of stamps."""
+    """The time at which the bag begins [ns]; it follows from the throws, so that other throws get other ids."""
     said = [[throw.to_mapping() for throw in throws], arguments.execution_noise, arguments.seed, arguments.settings]
     digest = hashlib.sha256(json.dumps(said, default=str).encode()).digest()
     return (EARLIEST + int.from_bytes(digest[:2]) * HOUR) * NANOSECONDS
 
 
 class _Thrower:
-    """Makes throws one after the other; what was really thrown and what was left out stays."""
+    """Simulates throws one after the other, and remembers the executed throws and those that were left out."""
 
     def __init__(self, body: Body, config: ThrownTossConfig, noise: ExecutionNoise | None, seed: int) -> None:
         self.body, self.config = body, config
@@ -109,7 +109,7 @@ class _Thrower:
         self._rng = np.random.default_rng(seed)
 
     def tosses(self, throws: Sequence[Throw], advance: Callable[[], None]) -> Iterator[Toss]:
-        """The motions of those that come to rest."""
+        """The motions of the throws that come to rest."""
         for throw in throws:
             executed = executed_throw(throw, self._noise, self._rng) if self._noise else throw
             try:

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: as a wish, so that what runs comes to a good end, or as the same interrupt, which tidies up and ends."""
+"""Ctrl-C and SIGTERM: noted, so that the work can end in order, or turned into the same KeyboardInterrupt."""
 
 import signal
 from collections.abc import Iterator
@@ -11,10 +11,10 @@ ENDINGS = (signal.SIGTERM, signal.SIGHUP)
 
 
 class StopSignals:
-    """Notes the signals; a second one does not wait. Use it as a context manager in the main thread.
+    """Notes the first signal; a second one interrupts at once. Use it as a context manager in the main thread.
 
     Attributes:
-        wanted: whether one has come.
+        wanted: whether a signal has come.
     """
 
     def __init__(self) -> None:
@@ -37,9 +37,9 @@ class StopSignals:
 
 @contextmanager
 def endings_as_interrupt() -> Iterator[None]:
-    """SIGTERM, and SIGHUP of a terminal that is closed, raise KeyboardInterrupt as Ctrl-C does: nothing half written stays.
+    """Makes SIGTERM and SIGHUP (a closed terminal) raise KeyboardInterrupt like Ctrl-C, so that no half-written file remains.
 
-    What is ignored stays so (`nohup`). For the main thread.
+    Signals that are ignored (`nohup`) stay ignored. Use it in the main thread.
     """
     taken = [each for each in ENDINGS if signal.getsignal(each) is not signal.SIG_IGN]
     before = {each: signal.signal(each, _interrupt) for each in taken}

@@ -1,4 +1,4 @@
-"""`online`: the whole graph as processes, closed to a loop: design, throw, track, ingest, score, curate, train, design."""
+"""`online`: runs all nodes as processes in a closed loop: design, throw, track, ingest, score, curate, train."""
 
 import argparse
 import sys
@@ -35,9 +35,9 @@ def run(arguments: argparse.Namespace) -> int:
 
     Raises:
         ContactCurationError: an option's file cannot be used, or a node cannot be kept running.
-        KeyboardInterrupt: a signal came before the throws were over.
+        KeyboardInterrupt: a signal came before the last throw.
     """
-    load_kernel()  # without it no node can work: better said here, once, than by all of them
+    load_kernel()  # no node works without it; this reports the error once
     config = session_config(arguments)
     check_recordings(config)
     with TemporaryDirectory(prefix="contact-curation-online-") as temporary:
@@ -66,7 +66,7 @@ class _Lines:
 
 
 class _Json:
-    """Prints one JSON object for programs and nothing else."""
+    """Prints one JSON object and nothing else."""
 
     def say(self, line: str) -> None:
         print(line.strip(), file=sys.stderr, flush=True)

@@ -15,7 +15,7 @@ OPTIONS = (
 )  # fmt: skip
 CHOICES = {"camera": CAMERAS, "criterion": criterion_names()}
 ALSO = {"record": ("--out",), "evaluate_on": ("--held-out",)}
-"""Names that these options have, too: an output like those of other verbs, and the one that it had before."""
+"""Further names of options: those that outputs have in other verbs, and former names."""
 
 SHOWN = {"record": "DIR", "evaluate_on": "INPUT", "params_file": "YAML", "top": "K"}
 
@@ -23,11 +23,11 @@ SHOWN = {"record": "DIR", "evaluate_on": "INPUT", "params_file": "YAML", "top": 
 def add_online_options(parser: argparse.ArgumentParser) -> None:
     """Adds all options."""
     add_fields(parser, SessionConfig(), *OPTIONS, choices=CHOICES, shown=SHOWN, also=ALSO)
-    add_body_option(parser, "--body-file", details=False)  # the nodes' name for it
+    add_body_option(parser, "--body-file", details=False)  # the name of the nodes' former parameter
     add_json_option(parser)
 
 
 def session_config(arguments: argparse.Namespace) -> SessionConfig:
-    """The options' configuration."""
+    """The configuration that the options describe."""
     config: SessionConfig = with_options(SessionConfig(body_file=arguments.body), arguments, *OPTIONS)
     return replace(config, dashboard=config.dashboard or config.stay)

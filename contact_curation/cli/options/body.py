@@ -1,4 +1,4 @@
-"""The options for the body: a file, what it leaves open, or a checkpoint or manifest that carries the body."""
+"""The options for the body: a file, values that it does not contain, or a checkpoint or manifest that contains the body."""
 
 import argparse
 from collections.abc import Sequence
@@ -19,14 +19,14 @@ DETAILS = ("mass", "density", "friction", "length_scale", "mesh_scale", "link", 
 
 
 def add_body_option(parser: argparse.ArgumentParser, *others: str, details: bool = True) -> None:
-    """Adds `--body`, with further names, and with `details` the options for what the file leaves open."""
+    """Adds `--body`, with further names, and with `details` the options for values that the file does not contain."""
     parser.add_argument("--body", *others, dest="body", type=Path, metavar="FILE", help=BODY_HELP)
     if details:
         add_body_details(parser.add_argument_group("the object, where its file does not say (or keys of the YAML file)"))
 
 
 def add_body_details(group: argparse._ArgumentGroup) -> None:
-    """Adds the options for what the file of a body leaves open."""
+    """Adds the options for values that the file of a body does not contain."""
     weights = group.add_mutually_exclusive_group()
     weights.add_argument("--mass", type=positive_number, metavar="KG", help="mass; an inertia of the file is scaled with it")
     weights.add_argument("--density", type=positive_number, metavar="KG/M^3", help="in place of a mass, of filled geometry")
@@ -43,7 +43,7 @@ def add_body_details(group: argparse._ArgumentGroup) -> None:
 
 
 def body_description(path: Path, arguments: argparse.Namespace) -> BodyDescription:
-    """The body of a file with what the options add.
+    """Reads the body of a file, with the values of the options.
 
     Raises:
         UnreadableInputError: the file describes no body.
@@ -52,7 +52,7 @@ def body_description(path: Path, arguments: argparse.Namespace) -> BodyDescripti
 
 
 def body_words(arguments: argparse.Namespace) -> list[str]:
-    """The options that were given, for another verb."""
+    """The body options that were given, as words for another verb's command line."""
     given = {name: getattr(arguments, name, None) for name in ("body", *DETAILS)}
     options = {f"--{name.replace('_', '-')}": str(value) for name, value in given.items() if value is not None}
     return [word for option in options.items() for word in option]
@@ -66,17 +66,17 @@ def chosen_body(
     throws: Path | None = None,
     said: bool = True,
 ) -> Body:
-    """The body of the option's file, else that of a file that carries one, else ContactNets' cube, which is noted.
+    """The body of the option's file, else that of a file that contains one, else ContactNets' cube, which is noted.
 
     Args:
         arguments: arguments with the options.
-        models: checkpoints or JSON files, None for what was not given.
+        models: checkpoints or JSON files; None for those that were not given.
         manifest: manifest of a ranking.
         throws: throws as `design` writes them.
-        said: whether a line says that the cube is assumed.
+        said: whether a line reports that the cube is assumed.
 
     Raises:
-        ContactCurationError: a file cannot be used, or two of them are about different bodies.
+        ContactCurationError: a file cannot be used, or two files contain different bodies.
     """
     from contact_curation.pipeline.carried_body import ASSUMED, CarriedBody, carried_body
 
@@ -89,7 +89,7 @@ def chosen_body(
         raise InvalidValueError(f"--{unused[0].replace('_', '-')}", "no --body", "--body FILE, which it belongs to")
     found = carried_body([path for path in models if path is not None], manifest, throws, given)
     if found is None and said:
-        arguments.assumed = f"no --body given: assuming {ASSUMED}"  # said once the verb has come to its end
+        arguments.assumed = f"no --body given: assuming {ASSUMED}"  # reported at the end of the verb
     return CONTACTNETS_CUBE if found is None else found.body
 
 

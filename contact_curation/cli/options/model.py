@@ -1,4 +1,4 @@
-"""The option --model: a model by its name, or by a name that also says the form of its theta."""
+"""The option --model: the name of a model, which may also determine the form of its theta."""
 
 import argparse
 
@@ -7,7 +7,7 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 
 IN_FORM = {"contactnets": ("polytope", Form.CONTACTNETS)}
-"""Further names: a model and the form of its theta; ContactNets' polytope is theirs in 57 numbers."""
+"""Further names, each for a model and a form of its theta; `contactnets` is the polytope in the published 57 numbers."""
 
 
 def add_model_option(group: argparse._ActionsContainer) -> None:
@@ -28,7 +28,7 @@ def model_and_form(name: str, form: Form | None = None) -> tuple[str, Form | Non
         form: value of --form; None where it was not given.
 
     Raises:
-        InvalidValueError: the name has a form, and another one was asked for.
+        InvalidValueError: the name determines a form, and `form` is another one.
     """
     model, own = IN_FORM.get(name, (name, form))
     if form not in (None, own):

@@ -1,4 +1,4 @@
-"""The parser of all verbs: bad usage is one line with the name that was perhaps meant, and the help ends with examples."""
+"""The parser of all verbs: bad usage gives one line that suggests a similar name, and the help ends with examples."""
 
 import argparse
 import sys
@@ -21,26 +21,26 @@ LETTERS = {
     "--throws": "-n",
     "--top": "-k",
 }
-"""The letters that stand for options, the same ones in all verbs."""
+"""The letters of options, the same in all verbs."""
 
 RENAMED = {"--canary": "--rerank-when-stale", "--warm-up": "--exploration-throws"}
-"""Options of version 0.1 by their names then, and now."""
+"""Names of options in version 0.1, and their present names."""
 
 EXAMPLES = "examples:"
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """Takes options by their whole names or letters only, so that a new option never changes what an old command means."""
+    """Accepts whole names or letters of options only, so that a new option never changes the meaning of an old command."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **{"allow_abbrev": False, "formatter_class": _HelpLines, **kwargs})
 
     def set_examples(self, *commands: str) -> None:
-        """Ends the help with commands that do something useful, one a line."""
+        """Sets the example commands at the end of the help, one per line."""
         self.epilog = "\n".join([EXAMPLES, *(f"  {command}" for command in commands)])
 
     def add_letters(self) -> None:
-        """Gives options their letters, here and in the parsers below; called once, when all options are there."""
+        """Adds the letters to options, here and in the subparsers; call it once, after all options were added."""
         for action in self._actions:
             for letter in (LETTERS[name] for name in action.option_strings if name in LETTERS):
                 action.option_strings = [letter, *action.option_strings]
@@ -50,14 +50,14 @@ class OneLineParser(argparse.ArgumentParser):
                     below.add_letters()
 
     def error(self, message: str) -> Never:
-        """Ends with exit status 2."""
+        """Prints the message and ends the process with exit status 2."""
         line = " ".join(message.split())
         self.exit(BAD_USAGE, f"{self.prog}: error: {line} (usage: {self.prog} --help)\n")
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
-        """Parses as argparse does; each verb's own parser names an unknown option, with the one that was perhaps meant.
+        """Parses as argparse does; for an unknown option the verb's own parser suggests a similar one.
 
-        An unknown option is named before anything else: with `--hlep` nobody wants to hear that an input is missing.
+        Unknown options are reported before other errors: after `--hlep` a user does not want to read that an input is missing.
         """
         words = list(takewhile(lambda word: word != "--", sys.argv[1:] if args is None else args))
         slips = [word for word in words if word.startswith("--") and word.partition("=")[0] not in self._option_string_actions]
@@ -77,13 +77,13 @@ class OneLineParser(argparse.ArgumentParser):
         return f"unknown option {name}" + (f": did you mean {near[0]}?" if near else f": {self.prog} --help lists its options")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """Checks as argparse does; the message names the word that was perhaps meant."""
+        """Checks a value as argparse does; the message suggests a similar word."""
         if action.choices is not None and value not in action.choices:
             raise argparse.ArgumentError(action, f"unknown {value}: {did_you_mean(str(value), map(str, action.choices))}")
 
 
 class _HelpLines(argparse.HelpFormatter):
-    """Names of an option in one row, then its value once; examples stay as they are."""
+    """Formats the help: names of an option in one row, followed by its value once; examples stay unchanged."""
 
     def _format_action_invocation(self, action: argparse.Action) -> str:
         if not action.option_strings or action.nargs == 0:
@@ -96,6 +96,6 @@ class _HelpLines(argparse.HelpFormatter):
 
 
 def examples_of(parser: argparse.ArgumentParser) -> Iterator[str]:
-    """The commands that a parser's help ends with."""
+    """The example commands at the end of a parser's help."""
     lines = (parser.epilog or "").splitlines()
     return (line.strip() for line in lines[1:] if lines[0] == EXAMPLES)

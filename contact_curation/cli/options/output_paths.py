@@ -1,4 +1,4 @@
-"""Checks of outputs before the work: paths that cannot be written or must not be replaced."""
+"""Checks output paths before the work starts: whether they can be written and may be replaced."""
 
 import argparse
 import os
@@ -11,7 +11,7 @@ NEW_NAME = "a new name, or --overwrite to replace it"
 
 
 def add_overwrite_option(group: argparse._ActionsContainer) -> None:
-    """Adds `--overwrite`, for what `check_outputs` would refuse to replace."""
+    """Adds `--overwrite`, for files that `check_outputs` would refuse to replace."""
     group.add_argument(
         "--overwrite",
         action="store_true",
@@ -20,15 +20,15 @@ def add_overwrite_option(group: argparse._ActionsContainer) -> None:
 
 
 def check_outputs(*, overwrite: bool, remedy: str = NEW_NAME, **paths: Path | None) -> None:
-    """Looks whether files can be written; by their options, `figure` for `--figure`, None for those that were not given.
+    """Checks whether files can be written.
 
     Args:
-        overwrite: whether any file may be replaced; otherwise the rule of `storage.outputs` holds.
-        remedy: what to do where one may not.
-        paths: by the names of their options.
+        overwrite: whether any file may be replaced; otherwise the rule of `storage.outputs` applies.
+        remedy: what the user can do if a file may not be replaced, for the message.
+        paths: paths by the names of their options (`figure` for `--figure`); None for those that were not given.
 
     Raises:
-        InvalidValueError: one is a folder, its folder is not there, it may not be written, or must not be replaced.
+        InvalidValueError: a path is a folder, its folder does not exist, it may not be written, or must not be replaced.
     """
     for name, path in paths.items():
         if path is None:
@@ -41,7 +41,7 @@ def check_outputs(*, overwrite: bool, remedy: str = NEW_NAME, **paths: Path | No
 
 
 def _obstacle(path: Path) -> str:
-    """Why a file cannot be written; empty if it can."""
+    """Says why a file cannot be written; empty if it can."""
     if path.is_dir():
         return "it is a folder"
     folder = path.parent

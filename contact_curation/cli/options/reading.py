@@ -1,4 +1,4 @@
-"""Options of all verbs that read recordings: inputs, the object, topics and frames, what is held out, fields of the stages."""
+"""Options of all verbs that read recordings: inputs, object, topics and frames, held-out tosses, fields of the stages."""
 
 import argparse
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ def add_held_out_option(parser: argparse._ArgumentGroup, default: str) -> None:
 
 
 def add_params_option(parser: argparse._ArgumentGroup) -> None:
-    """Adds `--params`, of which there may be several."""
+    """Adds `--params`, which may be given several times."""
     parser.add_argument(
         "--params",
         "--checkpoint",
@@ -45,7 +45,7 @@ def add_params_option(parser: argparse._ArgumentGroup) -> None:
 
 
 def add_reading_options(parser: argparse.ArgumentParser, stages: tuple[str, ...], *, needed: bool = True) -> None:
-    """Adds the options; `stages` are those whose fields `--set` may change, and `needed` whether there must be an INPUT."""
+    """Adds the options; `stages` are the stages that `--set` may change, `needed` says whether an INPUT is required."""
     parser.add_argument(
         "inputs",
         nargs="+" if needed else "*",
@@ -60,7 +60,7 @@ def add_reading_options(parser: argparse.ArgumentParser, stages: tuple[str, ...]
 
 
 class _Inputs(argparse.Action):
-    """Recordings; a pattern stands for what matches it."""
+    """Collects recordings; a pattern stands for all paths that match it."""
 
     def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: Any = None) -> None:
         from contact_curation.pipeline.tosses import input_paths
@@ -77,7 +77,7 @@ def add_pose_options(parser: argparse.ArgumentParser) -> None:
 
 
 def reading_words(arguments: argparse.Namespace) -> list[str]:
-    """The options that were given, for another verb that reads the same recordings."""
+    """The options that were given, as words for another verb that reads the same recordings."""
     given = {name: getattr(arguments, name) for name in POSES}
     options = {f"--{name.replace('_', '-')}": str(value) for name, value in given.items() if value is not None}
     words = [word for option in options.items() for word in option]
@@ -86,10 +86,10 @@ def reading_words(arguments: argparse.Namespace) -> list[str]:
 
 
 def stages_of(arguments: argparse.Namespace, others: Mapping[str, Any]) -> dict[str, Any]:
-    """The stages `poses`, `segmenter`, `rig` and `gates` and the `others`, as the options want them.
+    """The configs of the stages `poses`, `segmenter`, `rig` and `gates` and of the `others`, with the options applied.
 
     Raises:
-        ContactCurationError: a setting that no stage accepts, or `--tag-map` names no map of tags.
+        ContactCurationError: no stage accepts a setting, or the file of `--tag-map` is no tag map.
     """
     from contact_curation.motion.calibration import NO_CORRECTION
     from contact_curation.motion.gate_config import GateConfig
@@ -102,12 +102,12 @@ def stages_of(arguments: argparse.Namespace, others: Mapping[str, Any]) -> dict[
     if tag_map := chosen["poses"].tag_map:
         from contact_curation.storage.tag_map_file import read_tag_maps
 
-        read_tag_maps(Path(tag_map))  # so that a file that is none is said once, and not of every input
+        read_tag_maps(Path(tag_map))  # a wrong file is then reported once, not for every input
     return chosen
 
 
 def inputs_of(stages: Mapping[str, Any], *, gated: bool = True) -> "InputsConfig":
-    """How `stages_of` has recordings read; without gates where they are not wanted."""
+    """The configuration of reading from the configs of `stages_of`; without quality checks if `gated` is False."""
     from contact_curation.storage.inputs.inputs import InputsConfig
 
     gates = replace(stages["gates"], enabled=stages["gates"].enabled and gated)

@@ -1,7 +1,7 @@
 """Options that are fields of configs.
 
-`--set gates.depth=0.01` changes any field of any stage, by the names that the nodes' ROS parameters have too; fields that are
-asked for most have options of their own. Help and defaults come from the configs.
+`--set gates.depth=0.01` changes any field of any stage, with the names of the nodes' ROS parameters. The most used fields have
+options of their own. Help and defaults come from the configs.
 """
 
 import argparse
@@ -14,17 +14,17 @@ from contact_curation.configs import ConfigField, field_of, fields_of, kind_in_w
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnknownNameError
 
 EXAMPLES = ("gates.depth=0.01", "segmenter.settle_time=0.5", "simulation.longest=6")
-"""The help names the first one of a stage that the verb has."""
+"""Examples for the help, which shows the first one for a stage of the verb."""
 
 OF_CODE = re.compile(r"(: )?one of `[A-Z]+`(; )?|`")
-"""Part of a description for readers of the code; the help lists the choices itself."""
+"""Parts of a description that are only for readers of the code; the help lists the choices itself."""
 
 OF_THE_BODY = "gravity"
-"""A field that the stages always take from the body."""
+"""A field that always comes from the body."""
 
 
 def add_settings(parser: argparse.ArgumentParser, stages: Sequence[str]) -> None:
-    """Adds the option; `stages` are the names of those that may be changed."""
+    """Adds `--set`; `stages` are the names of the stages that may be changed."""
     example = next(each for each in EXAMPLES if each.partition(".")[0] in stages)
     parser.add_argument(
         "--set",
@@ -40,7 +40,7 @@ def with_settings(stages: Mapping[str, Any], settings: Sequence[str]) -> dict[st
     """The configurations with the settings in place of their defaults.
 
     Raises:
-        InvalidValueError: a setting names no field, or its value is not one.
+        InvalidValueError: a setting names no field, or its value is invalid.
     """
     changed = dict(stages)
     for setting in settings:
@@ -81,19 +81,19 @@ def add_fields(
     also: Mapping[str, Sequence[str]] | None = None,
     shown: Mapping[str, str] | None = None,
 ) -> None:
-    """Adds an option for each of some fields of a config: the class gives its help and its default, and judges its values.
+    """Adds options for fields of a config; help and default come from the config's class, which also checks the values.
 
-    A field that is true or false becomes a switch, one of several values an option that takes several. What is not given is
-    None, and `with_options` leaves it as the config has it.
+    A boolean field becomes a switch, a sequence an option with several values. An option that was not given is None, and
+    `with_options` then leaves the field unchanged.
 
     Args:
         group: group of options.
-        config: the defaults.
-        paths: paths of fields; the last name of one is the option's.
-        choices: by path, words that are accepted where the type does not say.
-        told: by path, help in place of the class's.
-        also: by path, further names of the option.
-        shown: by path, what stands for a value in the help.
+        config: config with the defaults.
+        paths: paths of fields; the last name of a path is the name of the option.
+        choices: accepted words by path, for fields whose type does not determine them.
+        told: help texts by path, in place of those of the class.
+        also: further names of the option by path.
+        shown: placeholder of the value in the help by path.
     """
     for path in paths:
         field = field_of(config, path)
@@ -119,10 +119,10 @@ def add_fields(
 
 
 def with_options(config: Any, arguments: argparse.Namespace, *paths: str) -> Any:
-    """The config with those fields of `add_fields` that were given.
+    """The config with the values of the options of `add_fields` that were given.
 
     Raises:
-        InvalidValueError: the class does not accept them together.
+        InvalidValueError: the class does not accept this combination of values.
     """
     values = {}
     for path in paths:
@@ -134,12 +134,12 @@ def with_options(config: Any, arguments: argparse.Namespace, *paths: str) -> Any
 
 
 def _is_sequence(kind: Any) -> bool:
-    """Whether a field takes any number of values."""
+    """Whether a field has a variable number of values."""
     return get_origin(kind) is tuple and Ellipsis in get_args(kind)
 
 
 def _judged_by(config: Any, field: ConfigField) -> Callable[[str], Any]:
-    """Reads an option's value, and asks the config's class."""
+    """A function that parses an option's value and lets the config's class check it."""
     kind = get_args(field.kind)[0] if _is_sequence(field.kind) else field.kind
 
     def value(text: str) -> Any:

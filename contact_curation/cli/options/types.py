@@ -1,4 +1,4 @@
-"""What options may be: argparse refuses the rest as bad usage."""
+"""Types of options; argparse refuses other values as bad usage."""
 
 import argparse
 import math
@@ -35,7 +35,7 @@ def number_from_zero(text: str) -> float:
 
 
 class PathEndingIn:
-    """A path with one of some endings."""
+    """A path that must have one of the given endings."""
 
     def __init__(self, *endings: str) -> None:
         self._endings = endings

@@ -1,4 +1,4 @@
-"""`rank INPUT...`: the information of each toss, which tosses to select, and why."""
+"""`rank INPUT...`: computes the information of each toss, and ranks and selects tosses."""
 
 import argparse
 from dataclasses import replace
@@ -152,7 +152,7 @@ def run(arguments: argparse.Namespace) -> int:
         ranked = rank_tosses(arguments.inputs, config, Progress, dashboard.show if dashboard else None)
         if arguments.out and ranked.manifest.rows:
             ranked.save(arguments.out)
-        ranked.evidence()  # refuses where nothing was ranked
+        ranked.evidence()  # raises an error if nothing was ranked
         warn(ranked.warnings)
         if figure:
             ranked.save_figure(figure)
@@ -173,7 +173,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def rank_config(arguments: argparse.Namespace) -> RankConfig:
-    """The options' configuration.
+    """The configuration that the options describe.
 
     Raises:
         ContactCurationError: a file that an option names cannot be used, or a setting is not accepted.
@@ -195,7 +195,7 @@ def rank_config(arguments: argparse.Namespace) -> RankConfig:
         bound_influence=arguments.bound_influence,
         network=replace(stages["network"], physical_only=arguments.block == "physical"),
     )
-    pool.scorers(pool.fixed_bounds, jobs=1)  # so that a theta that does not fit its form is refused before anything is read
+    pool.scorers(pool.fixed_bounds, jobs=1)  # refuses a theta that does not fit its form before anything is read
     parameters = ", ".join(map(str, arguments.params)) or f"body {body.name}"
     config = RankConfig(pool, stages["ranking"], model, parameters, held_out, arguments.jobs, arguments.command)
     return replace(
@@ -204,7 +204,7 @@ def rank_config(arguments: argparse.Namespace) -> RankConfig:
 
 
 def _engine(arguments: argparse.Namespace) -> Engine | None:
-    """What schedules the recordings; None for processes of this machine."""
+    """The engine that schedules the recordings; None for processes on this machine."""
     if arguments.engine == "local":
         if arguments.address:
             raise InvalidValueError("--address", arguments.address, "none without --engine ray")
@@ -217,7 +217,7 @@ def _engine(arguments: argparse.Namespace) -> Engine | None:
 
 
 def _figure(arguments: argparse.Namespace) -> Path | None:
-    """Where the figure goes: where it is wanted, or beside the manifest."""
+    """The path of the figure: that of the option, or beside the manifest; None for no figure."""
     if arguments.no_figure or arguments.figure or arguments.out is None:
         return None if arguments.no_figure else arguments.figure
     return Path(arguments.out).with_suffix(".png")

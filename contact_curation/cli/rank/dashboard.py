@@ -1,6 +1,6 @@
-"""`rank --dashboard` and `--recording`: the ranking to look at, in a browser or as a file for Rerun's viewer.
+"""`rank --dashboard` and `--recording`: shows the ranking in a browser, or writes it as a file for Rerun's viewer.
 
-rerun takes most of a second to import: the library's part is imported when one of the two is asked for.
+rerun takes most of a second to import, so it is imported only if one of the two options is given.
 """
 
 import argparse
@@ -52,7 +52,7 @@ def add_dashboard_options(parser: argparse.ArgumentParser) -> None:
 
 
 class RankDashboard:
-    """A ranking on a screen. To be ended, or to be dropped.
+    """The dashboard of a ranking; call `end` or `drop` at its end.
 
     Args:
         arguments: arguments of the command.
@@ -77,7 +77,7 @@ class RankDashboard:
         self._screen: Screen = open_screen(self._serving, ranking_layout(config.pool.reading.body))
 
     def show(self, pool: TossPool, curation: Curation) -> None:
-        """Writes the ranking; while the factors of the pool can be read."""
+        """Writes the ranking; call it while the factors of the pool can be read."""
         from contact_curation.dashboard.live.ranked import show_ranked
 
         selected = _selected_set(pool, curation, self._config.ranking.top)
@@ -88,13 +88,13 @@ class RankDashboard:
             loss=self._config.pool.scoring.loss,
             pool=pool_of([toss.informations[0] for toss in pool.rankable]),
             selected=selected,
-            # Read once more: of tosses that stream nothing but their information stays.
+            # The tosses are read again, because only their information was kept.
             tosses=read_tosses(self._inputs, self._config.pool.reading, only=selected.toss_ids).by_id,
             rejected=_rejected(pool),
         )
 
     def end(self) -> None:
-        """Serves until Ctrl-C or SIGTERM where that was asked for, and closes."""
+        """Serves the dashboard until Ctrl-C or SIGTERM if requested, and closes it."""
         from contact_curation.dashboard.live.serving import BLUEPRINT, close_screen
 
         if self._serving.web_port:
@@ -109,7 +109,7 @@ class RankDashboard:
                 self._partial.with_suffix(ending).replace(self._recording.with_suffix(ending))
 
     def drop(self) -> None:
-        """Leaves no part of a recording behind that did not come to its end; the one before stays."""
+        """Removes an incomplete file; the file of an earlier dashboard stays."""
         if self._partial:
             from contact_curation.dashboard.live.serving import BLUEPRINT
 
@@ -118,7 +118,7 @@ class RankDashboard:
 
 
 def dashboard_of(arguments: argparse.Namespace, config: RankConfig) -> RankDashboard | None:
-    """The dashboard that the options ask for; errors as in `RankDashboard`."""
+    """The dashboard that the options describe, or None; raises the errors of `RankDashboard`."""
     return RankDashboard(arguments, config) if arguments.dashboard or arguments.rrd else None
 
 

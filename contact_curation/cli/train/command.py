@@ -1,4 +1,4 @@
-"""`train INPUT... --out CHECKPOINT`: a model learns from all tosses, from those that a ranking selected, or from the best K."""
+"""`train INPUT... --out CHECKPOINT`: trains a model on all tosses, on those that a ranking selected, or on the best K."""
 
 import argparse
 import shlex
@@ -155,18 +155,18 @@ def run(arguments: argparse.Namespace) -> int:
     """Reads the tosses, trains a model, writes the checkpoint, and prints a summary.
 
     Raises:
-        ContactCurationError: there is nothing to train on, the checkpoint belongs to another one, or a loss was not finite.
-        KeyboardInterrupt: it was stopped; the checkpoint is stored.
+        ContactCurationError: there is no toss to train on, the checkpoint is of another training, or a loss is not finite.
+        KeyboardInterrupt: the training was stopped; the checkpoint is written.
     """
-    import torch  # takes over a second, which --help need not wait for
+    import torch  # takes over a second, so --help does not import it
 
     from contact_curation.cli.train.metrics import TrainingMetrics
     from contact_curation.cli.train.report import TrainReport, json_report, print_report
 
-    torch.set_num_threads(1)  # threads that share busy cores wait for each other, and the sums' order would depend on them
+    torch.set_num_threads(1)  # threads wait for each other on busy cores, and the order of sums would depend on their number
     began = time.monotonic()
     _check_out(arguments)
-    load_kernel()  # better said before tosses are read
+    load_kernel()  # an error should come before tosses are read
     config, reading = _configs(arguments)
     with Progress("reading", "tosses") as bar:
         read = read_tosses(arguments.inputs, reading, advance=bar.advance)
@@ -199,7 +199,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _configs(arguments: argparse.Namespace) -> "tuple[TrainConfig, ReadingConfig]":
-    """What decides the training, and how its tosses are read.
+    """The configuration of the training, and of reading its tosses.
 
     Raises:
         ContactCurationError: a file that an option names cannot be used, or a value is not accepted.
@@ -243,7 +243,11 @@ def _configs(arguments: argparse.Namespace) -> "tuple[TrainConfig, ReadingConfig
 
 
 def _check_exact(arguments: argparse.Namespace) -> None:
-    """Raises InvalidValueError where an option is of no use to an exact training."""
+    """Refuses options that have no meaning for an exact training.
+
+    Raises:
+        InvalidValueError: such an option was given.
+    """
     if arguments.protocol != "exact":
         return
     useless = {
@@ -286,7 +290,7 @@ def _begun_or_resumed(arguments: argparse.Namespace, config: "TrainConfig", toss
 
 
 def _train(running: "TrainingRun", arguments: argparse.Namespace, metrics: "TrainingMetrics") -> None:
-    """Trains to the end, or until it is stopped."""
+    """Trains to the end, or until the training is stopped."""
     next_write = time.monotonic() + arguments.checkpoint_every
     steps, done = running.plan.protocol.steps, running.progress.gradient_steps
     with StopSignals() as stop, Progress("training", "steps", steps, done) as bar:

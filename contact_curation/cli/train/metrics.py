@@ -1,6 +1,6 @@
-"""The metrics of a training, a line of JSON each: its start, selections and evaluations in their order, its end.
+"""The metrics of a training, one line of JSON each: its start, selections and evaluations in their order, its end.
 
-Of a training that was stopped and resumed they are those of one that was not.
+A training that was stopped and resumed has the same metrics as an uninterrupted one.
 """
 
 import json
@@ -22,9 +22,9 @@ class TrainingMetrics:
     """Writes to one file; use it as a context manager.
 
     Args:
-        path: path of the file, which is replaced, except for the lines that still hold.
-        curated: training whose metrics they are.
-        start: what the first line says.
+        path: path of the file; it is replaced, except for lines of the same training up to its checkpoint.
+        curated: the training.
+        start: content of the first line.
 
     Raises:
         InvalidValueError: the file cannot be written.
@@ -36,11 +36,11 @@ class TrainingMetrics:
         lines = (_lines_until(path, steps) if steps else []) or [json_line({"event": "start", **start}), *_told(curated)]
         self._steps = steps
         self._selections = len(curated.selections)
-        write_atomically(path, "".join(f"{line}\n" for line in lines).encode())  # the lines before are there at any time
+        write_atomically(path, "".join(f"{line}\n" for line in lines).encode())  # so that earlier lines are never lost
         self._file = _opened(path)
 
     def follow(self) -> None:
-        """What has come since the last call."""
+        """Writes the lines that are new since the last call."""
         told = self._curated
         fresh = [one for one in told.training.history[-1:] if one.gradient_steps > self._steps]
         chosen = told.selections[self._selections :]
@@ -50,7 +50,7 @@ class TrainingMetrics:
         self._selections = len(told.selections)
 
     def end(self, progress: Progress) -> None:
-        """The last line, of a training that goes on no more."""
+        """Writes the last line of a training that has ended."""
         self._write([json_line({"event": "end", **json.loads(progress.json_line())})])
 
     def __enter__(self) -> Self:
@@ -72,7 +72,7 @@ def _opened(path: Path) -> TextIO:
 
 
 def _lines_until(path: Path, steps: int) -> list[str]:
-    """The lines of an earlier run, up to a gradient step; without the end that it may have come to."""
+    """The lines of an earlier run up to a gradient step, without the line of its end."""
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError):
@@ -89,7 +89,7 @@ def _still_holds(line: str, steps: int) -> bool:
 
 
 def _told(curated: CuratedTraining) -> list[str]:
-    """All lines of a training so far, as far as it remembers them."""
+    """All lines of a training so far that its history contains."""
     lines = [(one.gradient_steps, 0, _evaluation(one)) for one in curated.training.history]
     lines += [(one.gradient_steps, 1, _selection(one)) for one in curated.selections]
     return [line for _, _, line in sorted(lines)]

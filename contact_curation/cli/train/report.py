@@ -1,4 +1,4 @@
-"""The report of `train`: some lines for people, one object for programs."""
+"""The report of `train`: lines of text, or one JSON object."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,20 +11,20 @@ from contact_curation.pipeline.training import TrainingRun
 from contact_curation.pipeline.wording import counted_tosses
 
 LISTED = 5
-"""Most selections that are reported one by one."""
+"""Largest number of selections that are reported one by one."""
 
 
 @dataclass(frozen=True, eq=False)
 class TrainReport:
-    """A training that came to its end.
+    """The result of a training.
 
     Attributes:
-        run: what it was, and how it ended.
-        tosses: what it learned from.
-        seconds: time of this run [s].
-        checkpoint: its file.
-        metrics: their file.
-        next_command: what one does next.
+        run: the training and its end.
+        tosses: tosses that it learned from.
+        seconds: duration of this run [s].
+        checkpoint: path of the checkpoint.
+        metrics: path of the metrics.
+        next_command: suggested next command.
     """
 
     run: TrainingRun
@@ -36,7 +36,7 @@ class TrainReport:
 
 
 def json_report(report: TrainReport) -> dict[str, Any]:
-    """Everything, as one object."""
+    """The whole report as one JSON object."""
     data = report.run.curated.training.data
     return {
         "model": report.run.plan.kind,
@@ -59,7 +59,7 @@ def json_report(report: TrainReport) -> dict[str, Any]:
 
 
 def print_report(report: TrainReport) -> None:
-    """Prints a report for people."""
+    """Prints a report as text."""
     data, progress = report.run.curated.training.data, report.run.progress
     out_of = f" of {len(report.run.plan.tosses)}" if report.run.plan.selection else ""
     tosses = f"{len(data.toss_ids)}{out_of} tosses" if out_of else counted_tosses(len(data.toss_ids))
@@ -70,7 +70,7 @@ def print_report(report: TrainReport) -> None:
         held_out = counted_tosses(len(report.run.plan.held_out))
         print(f"held-out loss {report.run.loss_before:.4g} before, {report.run.loss_after:.4g} after, on {held_out}")
     else:
-        print("nothing is held out, so nothing is known of tosses that it has not seen")
+        print("no toss is held out: the loss on tosses that the model was not trained on is not known")
     print(f"training loss {progress.training_loss:.4g}")
     if progress.not_solved:
         print(f"not solved, and left out of the steps: {progress.not_solved} transitions, each time counted")

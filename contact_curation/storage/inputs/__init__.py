@@ -1,1 +1,1 @@
-"""Inputs of the commands: from bags, folders and files to tosses."""
+"""Reads the inputs of the commands: from bags, folders and files to tosses."""

@@ -1,4 +1,4 @@
-"""The tosses of a bag: topics are found, messages become poses, poses become tosses."""
+"""Reads the tosses of a bag: finds topics, turns messages into poses, and poses into tosses."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
@@ -32,7 +32,7 @@ CHECK = "; `contact-curation check` says why"
 UNNUMBERED = RecordedNumbers()
 
 LOWEST_RATE = 55.0
-"""[Hz] Slower poses miss free falls: two successive accelerations have to fit into one."""
+"""Lowest pose rate without a warning [Hz]; at lower rates short free falls are missed, which need two accelerations."""
 
 LONGEST_STEP = 0.5
 """[s] Poses further apart are not successive ones."""
@@ -42,8 +42,8 @@ def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReadin
     """The tosses of one bag, as they complete; then what was left out.
 
     Raises:
-        UnreadableInputError: it is no bag.
-        MissingTopicError: no topic, or several, may hold the body's poses.
+        UnreadableInputError: the input is no bag.
+        MissingTopicError: no topic, or more than one, may contain the body's poses.
     """
     with BagReader(path) as reader:
         tosses = bag_tosses(reader, body, config)
@@ -60,8 +60,8 @@ def bag_tosses(
     """What follows the messages of a bag, in the order of their log times; `placed` hears every pose on the board.
 
     Raises:
-        MissingTopicError: no topic, or several, may hold the body's poses.
-        UnreadableInputError: the same of a damaged bag, with what was lost.
+        MissingTopicError: no topic, or more than one, may contain the body's poses.
+        UnreadableInputError: the same for a damaged bag, with what was lost.
     """
     topics = [TypedTopic(info.name, info.type) for info in reader.topics if info.count != 0]
     try:
@@ -82,8 +82,8 @@ class BagTosses:
 
     Attributes:
         origin: the bag.
-        source: the topics that it wants.
-        settle_time: settle time that separates two motions, as the bag's own rules say [s].
+        source: the topics to read.
+        settle_time: settle time that separates two motions, from the bag's own rules if it has any [s].
     """
 
     def __init__(
@@ -139,7 +139,7 @@ class BagTosses:
         yield from self._found(self._ingest.flush())
 
     def left_out(self) -> Iterator[str]:
-        """Lines about another body's poses, a low rate, jitter, noise, each kind left out, and no toss; as far as so."""
+        """Lines about poses of another body, a low rate, jitter, noise, each kind of poses left out, and a lack of tosses."""
         if self._of_another:
             yield f"found no topic named after {self._body}, expected one, or a name for it: took {self.source.body.name}"
         if self.taken_as_on_board:
@@ -165,27 +165,27 @@ class BagTosses:
 
     @property
     def stamps_done(self) -> str:
-        """What was done to the stamps, one line; nothing where all are as they came."""
+        """One line that says how stamps were corrected; empty if they were not."""
         return self._ingest.stamps_done
 
     @property
     def tracker(self) -> TrackerScale:
-        """How noisy a tracker the bounds are for, in the end."""
+        """The tracker's noise that the bounds are for, at the end of the recording."""
         return self._ingest.tracker
 
     @property
     def noise_done(self) -> str:
-        """What bounds are taken because of the noise that was measured, one line; nothing where they are the real rig's."""
+        """One line that says how the bounds follow the measured noise; empty if they are those of the real rig."""
         return self._ingest.noise_done
 
     @property
     def bad_poses(self) -> tuple[dict[str, int], dict[str, str]]:
-        """How many poses were left out by kind, and why the first of each."""
+        """Number of poses that were left out by kind, and the reason for the first of each kind."""
         return dict(self._bad_counts), {kind: one.why for kind, one in self._bad.items()}
 
     @property
     def taken_as_on_board(self) -> bool:
-        """Whether poses in another frame than the board's are taken as given on it, for nothing leads there."""
+        """Whether poses in another frame count as given on the board, because no transform leads to it."""
         wanted = self.source.wanted_board
         names = {wanted, wanted.removeprefix(BODY_PREFIX)}
         return bool(wanted) and not self.source.board_frame and self._parent is not None and self._parent not in names
@@ -199,10 +199,10 @@ class BagTosses:
         return InputSummary(origin.input, origin.input_sha256, origin.topic, self._first_ns, self._last_ns, counts, losses)
 
     def measured(self, message: BagMessage) -> tuple[Measured, ...]:
-        """The poses in a message, or why there is none."""
+        """The poses in a message, or the reason why there is none."""
         try:
             return self.source.measured(message.topic, message.message, self._detections)
-        except (AttributeError, TypeError, ValueError) as error:  # a bag may define a well-known type name as it likes
+        except (AttributeError, TypeError, ValueError) as error:  # a bag may define a well-known type in another way
             why = f"{message.type}: found fields that are not its own ({error}), expected the type of ROS"
             return (BadPose(message.log_time_ns, message.topic, why, "type"),)
 

@@ -1,8 +1,8 @@
-"""Any input becomes a stream of tosses: bags of every kind, folders of ContactNets' files, or one of those (DESIGN 6).
+"""Reads any input as a stream of tosses: bags of every kind, folders of ContactNets' files, or single files.
 
-One toss at a time, in the order of the inputs. A bad input is a line, and the others go on. A toss that was seen before is a
-line too: it is neither ranked twice nor, where its content is another, silently taken for the first. A whole toss that was
-rejected before still comes, behind a line that says so, in place of the rejected one.
+Tosses come one at a time, in the order of the inputs. An input that cannot be read gives a line, and the others are read. A
+toss that occurred before gives a line, too, also if its content is another one. If a toss was rejected before, for example
+because its recording was cut short, the whole toss takes its place, after a line that says so.
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,8 +28,8 @@ def open_inputs(paths: Sequence[Path], body: Body, config: InputsConfig | None =
     Args:
         paths: MCAP files, rosbag2 folders or their storage files, ROS 1 bags, folders of ContactNets' `.pt` files or single
             ones.
-        body: what was tossed.
-        config: how they are read.
+        body: tossed body.
+        config: how the inputs are read.
     """
     return Inputs(paths, body, config or InputsConfig())
 
@@ -38,8 +38,8 @@ class Inputs:
     """Iterates over the tosses of several inputs.
 
     Attributes:
-        summaries: the inputs that were read to their end, so far and in order.
-        origin: the recording that the last toss came from.
+        summaries: the inputs that have been read to their end, in order.
+        origin: recording of the last toss.
     """
 
     def __init__(self, paths: Sequence[Path], body: Body, config: InputsConfig) -> None:
@@ -72,7 +72,7 @@ class Inputs:
                 yield item
 
     def _new(self, found: Found) -> Iterator[Toss | Rejected | Problem]:
-        """What is left out, it or one that was rejected before; then the toss, unless it is that."""
+        """Yields a problem if this toss, or an earlier rejected one with its id, is left out; then the toss if it is taken."""
         whole = isinstance(found.outcome, Toss)
         check = self._known.see(found.toss.toss_id, found.toss.digest(), found.origin.input, whole=whole)
         if check.left_out:
@@ -83,7 +83,7 @@ class Inputs:
 
 
 def is_contactnets(path: Path) -> bool:
-    """Whether a path is to be read as ContactNets' files: by its name, for a folder by those in it."""
+    """Whether a path is read as ContactNets' files, by its name, or for a folder by the names of its files."""
     if not path.is_dir():
         return path.suffix == ".pt"
     names = [entry.name for entry in path.iterdir()]

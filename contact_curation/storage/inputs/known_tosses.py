@@ -1,7 +1,7 @@
-"""Each toss once: a repeated one is left out, and so is another toss of the same id.
+"""Takes each toss once: a repeated toss is left out, and so is another toss with the same id.
 
-One that was rejected, say because its recording was cut short, gives way to a whole one of the same id, whichever comes
-first: the order of the recordings does not decide which toss is ranked.
+A rejected toss, for example from a recording that was cut short, is replaced by a whole one with the same id, whichever comes
+first, so that the order of the recordings does not decide which toss is ranked.
 """
 
 from typing import NamedTuple
@@ -12,7 +12,7 @@ class LeftOut(NamedTuple):
 
     Attributes:
         where: its recording.
-        why: one line: what was found, what was expected.
+        why: one line that says what was found and what was expected.
     """
 
     where: str
@@ -23,8 +23,8 @@ class DuplicateCheck(NamedTuple):
     """The decision about a toss.
 
     Attributes:
-        taken: whether it is the one of its id from now on.
-        left_out: it, or the one whose place it takes; None for the first of its id.
+        taken: whether this toss is the one with its id from now on.
+        left_out: this toss, or the one that it replaces; None for the first toss with its id.
     """
 
     taken: bool
@@ -38,19 +38,19 @@ class _Known(NamedTuple):
 
 
 class KnownTosses:
-    """Remembers ids, contents and where they came from."""
+    """Remembers ids, contents and recordings of tosses."""
 
     def __init__(self) -> None:
         self._known: dict[str, _Known] = {}
 
     def see(self, toss_id: str, digest: str, where: str, *, whole: bool) -> DuplicateCheck:
-        """Takes note of a toss.
+        """Notes a toss, and decides whether it is taken.
 
         Args:
             toss_id: its id.
             digest: digest of its content.
             where: its recording.
-            whole: whether it is a toss; False for a rejected motion.
+            whole: whether it is an accepted toss; False for a rejected motion.
         """
         seen, first = _Known(digest, where, whole), self._known.get(toss_id)
         if first is None:

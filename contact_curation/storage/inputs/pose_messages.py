@@ -20,7 +20,7 @@ TF = "tf2_msgs/msg/TFMessage"
 
 
 def stamp_ns_of(header: Any) -> int:
-    """A header's stamp [ns]."""
+    """The stamp of a header [ns]."""
     return int(header.stamp.sec) * NANOSECONDS + int(header.stamp.nanosec)
 
 
@@ -60,22 +60,22 @@ Reading bags and following live topics both go by this table: another type takes
 
 
 def measured_pose(type_name: str, message: Any, child: str, index: int = 0) -> Measured:
-    """The pose that a message of one of `POSE_MESSAGES` carries.
+    """Reads the pose in a message of one of `POSE_MESSAGES`.
 
     Args:
         type_name: ROS 2 type name.
         message: message of that type.
-        child: frame the pose is of.
-        index: which pose of a PoseArray.
+        child: frame whose pose it is.
+        index: index of the pose in a PoseArray.
 
     Raises:
-        KeyError: another type.
+        KeyError: the type is not in `POSE_MESSAGES`.
     """
     return POSE_MESSAGES[type_name](message, child, index)
 
 
 def measured_transforms(message: Any, *, static: bool) -> tuple[Measured, ...]:
-    """The transforms of a TFMessage: each a child frame in its parent.
+    """Reads the transforms of a TFMessage; each is the pose of a child frame in its parent frame.
 
     Args:
         message: message of /tf or /tf_static.

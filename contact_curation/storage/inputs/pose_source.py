@@ -1,4 +1,4 @@
-"""Which topics of a bag or a graph hold the body's poses, and how their messages are read."""
+"""Finds the topics of a bag or a graph with the body's poses, and reads their messages."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,7 +24,7 @@ from contact_curation.storage.tag_map_file import read_tag_rig
 TF_STATIC_NAME = "tf_static"
 TRUTH_NAME = "ground_truth"
 BODY_PREFIX = "body_"
-"""Beginning of TagSLAM's topic names; its frames have the name alone."""
+"""Prefix of TagSLAM's topic names for bodies; its frames have the body's name alone."""
 
 
 class TypedTopic(NamedTuple):
@@ -94,14 +94,14 @@ class PoseSource:
     """The topics that are read for one body.
 
     Attributes:
-        body: topic with the body's poses; a TF topic where they are only there.
-        body_frame: what its poses are of.
+        body: topic with the body's poses; a TF topic if they are only there.
+        body_frame: frame of the body.
         board: topic with the board's poses, or None.
-        board_frame: what those are of; empty where the body's poses are given on the board.
+        board_frame: frame of the board; empty if the body's poses are given on the board.
         transforms: TF topics.
-        array_index: which pose of a PoseArray is the body's.
-        camera: topic with the camera's CameraInfo, where the body's topic has detections of tags.
-        wanted_board: the board's frame as configured, also where nothing leads to it.
+        array_index: index of the body's pose in a PoseArray.
+        camera: topic with the camera's CameraInfo, if the body's topic has tag detections.
+        wanted_board: the configured frame of the board, even if nothing leads to it.
     """
 
     body: TypedTopic
@@ -115,7 +115,7 @@ class PoseSource:
 
     @property
     def typed(self) -> tuple[TypedTopic, ...]:
-        """The topics that are of this body and its rig alone."""
+        """The topics that belong to this body and its rig only."""
         return tuple(one for one in (self.body, self.board, self.camera) if one is not None)
 
     @property
@@ -129,9 +129,9 @@ class PoseSource:
         TF often repeats what the body's own topic says; there it is left out.
 
         Args:
-            topic: its topic.
+            topic: topic of the message.
             message: message, decoded by any library.
-            detections: the reader of this recording, where the body's topic has detections of tags.
+            detections: reader of tag detections, if the body's topic has them.
         """
         if detections is not None and self.camera is not None and topic in (self.camera.name, self.body.name):
             return detections.calibrated(message) if topic == self.camera.name else detections.detected(message)
@@ -183,19 +183,19 @@ class PoseSource:
 def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: str, config: PoseTopicConfig) -> PoseSource:
     """Chooses the topics with a body's poses.
 
-    The body's topic is the one configured; or the one named after the body (TagSLAM's `.../body_<name>`); or the only one of
-    the first of `POSE_MESSAGES` that there is; or TF. What a simulation knows of the truth has to be named. The board has a
-    topic if one is named after its frame; where nothing could lead to it, the poses are taken as given on it, which whoever
-    reads them says (`BagTosses.left_out`).
+    The body's topic is the configured one; else the one named after the body (TagSLAM's `.../body_<name>`); else the only one
+    of the first type of `POSE_MESSAGES` that exists; else TF. The true poses of a simulation are only used if they are named.
+    The board has a topic if one is named after its frame. If nothing can lead to the board, the poses count as given on it,
+    which the reader reports (`BagTosses.left_out`).
 
     Args:
-        where: the bag or graph, for messages.
-        topics: what there is.
-        body: its name.
-        config: what is wanted.
+        where: the bag or graph, for error messages.
+        topics: the existing topics.
+        body: name of the body.
+        config: configured topics and frames.
 
     Raises:
-        MissingTopicError: nothing fits, or several topics do.
+        MissingTopicError: no topic fits, or more than one does.
     """
     if config.tag_map:
         return _tag_source(where, topics, body, config)
@@ -221,13 +221,13 @@ def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: st
 
 
 def is_of_another(topic: str, body: str, config: PoseTopicConfig) -> bool:
-    """Whether a topic is called after another body, as TagSLAM does: `body_<name>`."""
+    """Whether a topic is named after another body, in TagSLAM's form `body_<name>`."""
     name = _last_part(topic)
     return not config.topic and name.startswith("body_") and name != config.body_frame_of(body)
 
 
 def _tag_source(where: Path | str, topics: Collection[TypedTopic], body: str, config: PoseTopicConfig) -> PoseSource:
-    """The topics with detections of tags and with their camera's CameraInfo; TF may lead from the camera to the board."""
+    """The topics with tag detections and with their camera's CameraInfo; TF may lead from the camera to the board."""
     detections = _only(topics, DETECTIONS, config.topic)
     beside = "" if detections is None else f"{detections.name.rpartition('/')[0]}/camera_info"
     camera = _only(topics, CAMERA_INFO, config.camera_info) or _only(topics, CAMERA_INFO, beside)
@@ -241,7 +241,7 @@ def _tag_source(where: Path | str, topics: Collection[TypedTopic], body: str, co
 
 
 def _only(topics: Collection[TypedTopic], kind: str, name: str) -> TypedTopic | None:
-    """The topic of a type that is called so, or is the only one."""
+    """The topic of a type with the given name; without a name the only topic of the type."""
     fitting = [one for one in topics if one.type == kind and (not name or one.name.lstrip("/") == name.lstrip("/"))]
     return fitting[0] if len(fitting) == 1 else None
 

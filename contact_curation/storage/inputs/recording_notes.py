@@ -1,4 +1,4 @@
-"""What a recording notes about itself: the rules that its tosses were cut by, and the numbers of the files it was made of.
+"""Notes in a recording: the rules by which its tosses were cut, and the numbers of the files from which it was made.
 
 ContactNets' data need the rules: the cube rests 1.2 mm low, and a rest at 0.052 m or higher went unseen when its tosses were
 cut (`motion.segmenter_config`). Another reader of the same bag gets the same tosses without further settings. Each number is
@@ -14,20 +14,20 @@ from contact_curation.motion.segmenter_config import SegmenterConfig
 
 RULES_NOTE = "contact_curation.segmenter"
 UNSET = SegmenterConfig()
-"""Rules with the defaults: rest height from the body, frame period from the stamps. A recording may set others."""
+"""Rules with default values, which a recording may replace: rest height from the body, frame period from the stamps."""
 
 
 def note_of_rules(rules: SegmenterConfig) -> dict[str, str]:
-    """Makes the note of a recording's rest height [m] and frame period [s], where they are set."""
+    """Makes the note of a recording's rest height [m] and frame period [s], if they are set."""
     known = {"rest_height": (rules.rest_height, UNSET.rest_height), "frame_period": (rules.frame_period, UNSET.frame_period)}
     return {name: repr(value) for name, (value, unset) in known.items() if value != unset}
 
 
 def with_recorded_rules(rules: SegmenterConfig, note: Mapping[str, str]) -> SegmenterConfig:
-    """Completes `rules` with those of a recording; what the user has set stays.
+    """Completes `rules` with those of a recording; values that the user has set stay.
 
     Raises:
-        InvalidValueError: the note does not hold positive numbers.
+        InvalidValueError: the note does not contain positive numbers.
     """
     try:
         said = {name: float(value) for name, value in note.items()}
@@ -45,11 +45,11 @@ NUMBERS_NOTE = "contact_curation.numbers"
 
 @dataclass(frozen=True)
 class RecordedNumbers:
-    """Where the frames of each file begin.
+    """The stamps at which the frames of each file begin.
 
     Attributes:
-        starts_ns: stamps, ascending.
-        numbers: numbers of the files, one each.
+        starts_ns: first stamps, ascending [ns].
+        numbers: number of the file for each stamp.
     """
 
     starts_ns: tuple[int, ...] = ()
@@ -75,7 +75,7 @@ def recorded_numbers(note: Mapping[str, str]) -> RecordedNumbers:
     """Reads the numbers in a recording's note.
 
     Raises:
-        InvalidValueError: the note does not hold stamps by number.
+        InvalidValueError: the note does not contain stamps by number.
     """
     try:
         pairs = sorted((int(start), int(number)) for number, start in note.items())

@@ -1,4 +1,4 @@
-"""What reading inputs takes and gives."""
+"""Configuration and results of reading inputs."""
 
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass, field
@@ -17,10 +17,10 @@ class InputsConfig:
     """How inputs are read; gravity is the body's.
 
     Attributes:
-        poses: which topics hold the body's poses.
+        poses: which topics contain the body's poses.
         segmenter: when a motion is a toss.
-        gates: what a toss must pass.
-        rig: what tracked; it is applied to motions before the quality checks see them.
+        gates: quality checks that a toss must pass.
+        rig: rig calibration; it is applied to motions before the quality checks.
         as_stored: take ContactNets' files with the random heading and the even stamps that they are stored with. Otherwise
             both are undone (`motion.restored_toss`), so that the files give the tosses of the bag that is made of them.
     """
@@ -42,7 +42,7 @@ class Problem:
 
     Attributes:
         path: the input.
-        what: one line: what was found, what was expected.
+        what: one line that says what was found and what was expected.
     """
 
     path: str
@@ -58,12 +58,12 @@ class InputSummary:
 
     Attributes:
         path: path as given.
-        sha256: SHA-256 digest of its bytes; of several files, of what sha256sum prints for them.
-        topic: the pose topic; empty where the input has none.
-        first_stamp_ns: stamp [ns] of the body's poses; None where there are none, or no stamps.
-        last_stamp_ns: likewise.
-        counts: how many "tosses", "rejected", "poses", and poses left out by kind.
-        losses: what could not be read of it, one line each.
+        sha256: SHA-256 digest of its bytes; for several files that of sha256sum's output.
+        topic: the pose topic; empty if the input has none.
+        first_stamp_ns: first stamp of the body's poses [ns]; None if there are no poses or stamps.
+        last_stamp_ns: last stamp of the body's poses [ns]; None if there are no poses or stamps.
+        counts: numbers of "tosses", "rejected", "poses", and of poses that were left out by kind.
+        losses: what could not be read, one line each.
     """
 
     path: str
@@ -77,7 +77,7 @@ class InputSummary:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A toss of an input, and where it came from.
+    """A toss of an input, and its recording.
 
     Attributes:
         outcome: the toss, accepted or rejected.

@@ -1,7 +1,7 @@
-"""Detections of tags become frame poses: of the body and of the board in the camera, each image for itself.
+"""Computes poses of the body and of the board in the camera from tag detections, separately for each image.
 
-An image without tags of the body is a bad pose with the reason, so that it shows as a gap; nothing is put in its place. Images
-that come before the first CameraInfo wait for it, so that the order in which two topics arrive makes no difference.
+An image without tags of the body gives a bad pose with the reason, and so a gap; nothing is interpolated. Images that come
+before the first CameraInfo wait for it, so that the order in which the two topics arrive makes no difference.
 """
 
 from collections.abc import Sequence
@@ -21,19 +21,19 @@ DETECTIONS = "apriltag_msgs/msg/AprilTagDetectionArray"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
 FAMILY_NAMES = {"", "36h11", FAMILY}
-"""Family as detectors write it; apriltag_msgs allows an empty one."""
+"""Names of the tag family in messages; apriltag_msgs permits an empty one."""
 
 MOST_WAITING = 4096
-"""Images that wait for the first CameraInfo."""
+"""Largest number of images that wait for the first CameraInfo."""
 
 
 class TagDetections:
     """Reads the detections of one camera.
 
     Args:
-        rig: the tags.
-        config: what is asked of a pose.
-        rectified: tags were looked for in rectified images: P of CameraInfo holds for them; otherwise K and D.
+        rig: tags of the body and of the board.
+        config: requirements on a pose.
+        rectified: whether tags were detected in rectified images, so that P of CameraInfo holds; otherwise K and D hold.
     """
 
     def __init__(self, rig: TagRig, config: TagPoseConfig, *, rectified: bool) -> None:
@@ -44,7 +44,7 @@ class TagDetections:
         self._waiting: list[Any] = []
 
     def calibrated(self, message: Any) -> tuple[Measured, ...]:
-        """Takes a CameraInfo; gives what waited for the first one."""
+        """Takes a CameraInfo; returns the poses of images that waited for the first one."""
         frame = self.rig.body.frame
         try:
             self._camera = pinhole_of(message, rectified=self._rectified)
@@ -54,7 +54,7 @@ class TagDetections:
         return tuple(measured for one in waiting for measured in self.detected(one))
 
     def detected(self, message: Any) -> tuple[Measured, ...]:
-        """The poses in an AprilTagDetectionArray, the board's first; nothing before the camera is known."""
+        """The poses in an AprilTagDetectionArray, the board's first; none before the first CameraInfo."""
         if self._camera is not None:
             return self._poses(message, self._camera)
         if len(self._waiting) < MOST_WAITING:
@@ -78,10 +78,10 @@ class TagDetections:
 
 
 def pinhole_of(message: Any, *, rectified: bool) -> Pinhole:
-    """The camera that a CameraInfo describes.
+    """Reads the camera from a CameraInfo.
 
     Raises:
-        InvalidValueError: it is not calibrated, or its distortion is of an unknown kind.
+        InvalidValueError: the camera is not calibrated, or its distortion model is unknown.
     """
     width, height = int(message.width), int(message.height)
     if rectified:
