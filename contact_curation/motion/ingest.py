@@ -174,15 +174,17 @@ class TossIngest:
             if self._placed is not None:
                 self._placed(pose)
             self.noise.push(pose.stamp_ns, pose.pose.position, pose.pose.orientation_wxyz)
-            ended += self._judged(self._noise_followed(pose.stamp_ns))
-            ended += self._judged(self._segmenter.push(pose.stamp_ns, pose.pose.position, pose.pose.orientation_wxyz))
+            if motions := self._noise_followed(pose.stamp_ns):
+                ended += self._judged(motions)
+            if motions := self._segmenter.push(pose.stamp_ns, pose.pose.position, pose.pose.orientation_wxyz):
+                ended += self._judged(motions)
         return ended
 
     def _noise_followed(self, stamp_ns: int) -> tuple[Toss | Rejected, ...]:
         """Takes the bounds for the measured noise, where the user has said nothing; within a motion only wider ones."""
         self._first_ns = stamp_ns if self._first_ns is None else self._first_ns
         measured, taken = self.noise.scale, self._segmenter.tracker
-        if self.config.segmenter.tracker_noise is not None or measured == taken:
+        if measured is taken or measured == taken or self.config.segmenter.tracker_noise is not None:
             return ()
         if self._segmenter.tossing and measured.position <= taken.position and measured.turn <= taken.turn:
             return ()

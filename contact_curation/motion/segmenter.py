@@ -11,8 +11,8 @@ flights give away. One class serves live streams and recordings, and its state c
 """
 
 from collections.abc import Mapping
-from math import dist
-from typing import Any
+from math import dist, nan
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,6 +35,22 @@ CONFIRMED, FALLING = 0.1, 0.85
 
 STEPS = 15
 """So many last stamp differences give a stream's frame period."""
+
+
+class AtRate(NamedTuple):
+    """What the rules are at a frame period.
+
+    Attributes:
+        period: frame period [s].
+        frames_at_rest: number of successive displacements of a body at rest.
+        fall_tolerances: of `SegmenterBounds.fall_tolerances` [m/s^2].
+        doubtful: whether noise may look like free fall.
+    """
+
+    period: float
+    frames_at_rest: int
+    fall_tolerances: tuple[float, float]
+    doubtful: bool
 
 
 class TossSegmenter:
@@ -146,6 +162,7 @@ class TossSegmenter:
 
     def _take_bounds(self, tracker: TrackerScale) -> None:
         self.tracker, self._bounds = tracker, self.config.bounds(self._body_scale, tracker)
+        self._at_rate = AtRate(nan, 0, (0.0, 0.0), doubtful=False)  # of no rate yet
 
     def _closed_by_gap(self, stamp_ns: int) -> tuple[Toss | Rejected, ...]:
         """Ends the run where a frame is missing before `stamp_ns`."""
@@ -177,9 +194,19 @@ class TossSegmenter:
         return self._period_ns(self._run[-1].stamp_ns - self._run[-2].stamp_ns) / NANOSECONDS
 
     @property
+    def _rules(self) -> AtRate:
+        """The rules at the frame period so far."""
+        period = self._period
+        if period != self._at_rate.period:
+            still = round(self.config.rest_frames * noise_growth(period))
+            doubtful = self._bounds.acceleration_noise(period) > DOUBTFUL
+            self._at_rate = AtRate(period, still, self._bounds.fall_tolerances(period), doubtful=doubtful)
+        return self._at_rate
+
+    @property
     def _frames_at_rest(self) -> int:
         """Over so many a body is at rest: as long, in time, as at the rate that the rules are made for."""
-        return round(self.config.rest_frames * noise_growth(self._period))
+        return self._rules.frames_at_rest
 
     def _look_for_start(self) -> None:
         """Starts a toss at the frame before the last but one, whose acceleration and the next one's are known by now."""
@@ -187,7 +214,7 @@ class TossSegmenter:
         config, bounds = self.config, self._bounds
         if config.bounded and not config.over_board(*self._run[-1].position[:2]):
             self._outside = True
-        if len(self._run) < 3 or not self._fall.falls(bounds.gravity, *bounds.fall_tolerances(self._period)):
+        if len(self._run) < 3 or not self._fall.falls(bounds.gravity, *self._rules.fall_tolerances):
             return
         first, second = self._run[-3], self._run[-2]
         settled = self._moved_ns is None or first.stamp_ns - self._moved_ns >= bounds.settle_time * NANOSECONDS
@@ -212,11 +239,12 @@ class TossSegmenter:
         if self._was_no_fall():
             self._start, self._still = None, 0
             return ()
-        if self._still >= self._frames_at_rest:
+        frames_at_rest = self._frames_at_rest
+        if self._still >= frames_at_rest:
             return (self._ended(len(self._run) - 1),)
         self._count_still(self._run[-2], self._run[-1])
         frames = len(self._run) - self._motion_start
-        if frames > self.config.most_frames and self._still < self._frames_at_rest:
+        if frames > self.config.most_frames and self._still < frames_at_rest:
             return (self._given_up(f"frames: found {frames} without rest, expected rest within {self.config.most_frames}"),)
         return ()
 
@@ -225,11 +253,11 @@ class TossSegmenter:
 
         The latter is looked at once, over its first `CONFIRMED`, if it is in the air for all of it.
         """
-        period = self._period
-        if self._bounds.acceleration_noise(period) <= DOUBTFUL:
+        rules = self._rules
+        if not rules.doubtful:
             return False
-        half = max(round(0.5 * CONFIRMED / period), 1)
-        resting = self._still >= self._frames_at_rest
+        half = max(round(0.5 * CONFIRMED / rules.period), 1)
+        resting = self._still >= rules.frames_at_rest
         if not (resting or len(self._run) - self._motion_start == 2 * half + 1):
             return False
         seen = self._run[self._motion_start :]
@@ -245,10 +273,14 @@ class TossSegmenter:
 
         One may be as long as the tracker's noise makes it; together they lead nowhere that those of a quiet body may not.
         """
-        moved = sum((b - a) * (b - a) for a, b in zip(before.position, after.position))
-        quiet = moved <= self._bounds.rest_displacement**2
-        still = quiet and after.position[2] < self.config.rest_height and self._is_flat(after)
+        (a, b, c), (x, y, z) = before.position, after.position
+        moved = sum(((x - a) * (x - a), (y - b) * (y - b), (z - c) * (z - c)))
+        still = (
+            moved <= self._bounds.rest_displacement**2 and after.position[2] < self.config.rest_height and self._is_flat(after)
+        )
         self._still = self._still + 1 if still else 0
+        if not still:
+            return
         frames = self._frames_at_rest
         if self._still >= frames < len(self._run):
             first, *others = self._run[-1 - frames :]

@@ -179,7 +179,7 @@ def rank(
         estimator: of the Fisher matrix: ``gauss-newton`` or ``empirical``.
         seed: of criterion random.
         held_out: what is neither scored nor ranked: numbers (``"400-569"``), a share (``"0.2"``), or a file of ids.
-        jobs: how many processes read recordings; None for one per processor.
+        jobs: how many processes read recordings; None for one per processor as far as starting them pays.
         progress: is told how far the work is, as `contact_curation.pipeline.workers.Progress` describes; silent by default.
 
     Returns:

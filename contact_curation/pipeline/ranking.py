@@ -1,6 +1,5 @@
 """Ranks recordings: sets held-out tosses aside, scores and ranks the others, and makes the manifest."""
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -17,7 +16,7 @@ from contact_curation.pipeline.ranked import RankedTosses
 from contact_curation.pipeline.recordings.index import RecordingIndex
 from contact_curation.pipeline.scoring import PoolConfig, ScoredPool, Source, score_pool
 from contact_curation.pipeline.tosses import Tosses, read_tosses
-from contact_curation.pipeline.workers import Engine, LocalEngine, Progress, silent
+from contact_curation.pipeline.workers import Engine, LocalEngine, Progress, processes_for, silent
 from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.manifest.manifest import Diagnostic, Manifest
 from contact_curation.storage.manifest.ranked import ranked_manifest
@@ -36,7 +35,7 @@ class RankConfig:
         model: what theta parameterises.
         parameters: where theta comes from, for the manifest.
         held_out: what is neither scored nor ranked.
-        jobs: how many processes at most; None for one per processor.
+        jobs: how many processes at most; None for one per processor as far as starting them pays.
         engine: schedules the recordings; None for processes of this machine.
         index: what was read and scored before.
         command: the command line; empty when the library is called.
@@ -110,7 +109,7 @@ def _sources(
         held_out = held_out_tosses(source, config.held_out) if config.held_out != HeldOutRule() else None
         tosses = source.without(held_out.reasons) if held_out else source
         return tosses.recordings(), held_out.warnings if held_out else (), 1
-    jobs = max(1, min(config.jobs or os.cpu_count() or 1, len(source)))
+    jobs = processes_for(source, config.jobs)
     if config.held_out == HeldOutRule():
         return source, (), jobs
     if config.engine or config.index:

@@ -11,9 +11,11 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 from contact_curation.errors import ContactCurationError
+from contact_curation.storage.addresses import Address
 
 
 class Advance(Protocol):
@@ -56,6 +58,28 @@ class _Silent:
 def silent(what: str, unit: str, total: int | None = None, done: int = 0) -> AbstractContextManager[Bar]:
     """Progress that is not shown."""
     return nullcontext(_Silent())
+
+
+BYTES_PER_PROCESS = 8 << 20
+"""Of recordings: one process reads and scores so much in about the time in which another one starts."""
+
+
+def processes_for(paths: Sequence[Path], jobs: int | None) -> int:
+    """How many processes work on recordings: as many as asked for, else one per processor as far as starting them pays."""
+    if jobs is not None:
+        return max(1, min(jobs, len(paths)))
+    paying = max(1, sum(map(_size_of, paths)) // BYTES_PER_PROCESS)
+    return max(1, min(os.cpu_count() or 1, len(paths), paying))
+
+
+def _size_of(path: Path) -> int:
+    """Size of a recording [bytes]; of one on a server, which is not asked, that for one process; 0 if it cannot be read."""
+    if isinstance(path, Address):
+        return BYTES_PER_PROCESS
+    try:
+        return sum(entry.stat().st_size for entry in path.iterdir()) if path.is_dir() else path.stat().st_size
+    except OSError:
+        return 0
 
 
 class WorkerDiedError(ContactCurationError):

@@ -19,7 +19,6 @@ from itertools import pairwise
 from pathlib import Path, PosixPath
 from typing import Any, Self
 from urllib.parse import urlsplit
-from urllib.request import url2pathname
 
 from contact_curation.errors import InvalidValueError, MissingDependencyError, UnreadableInputError
 
@@ -52,6 +51,8 @@ def matching(name: str) -> list[Path]:
     if scheme and scheme[0].lower() != "file://":
         return _addresses(name)
     if scheme:
+        from urllib.request import url2pathname  # with it come HTTP and TLS, which no local path needs
+
         name = url2pathname(urlsplit(name).path)
     if Path(name).exists() or not has_magic(name):
         return [Path(name)]

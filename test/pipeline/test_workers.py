@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from contact_curation.pipeline.workers import Advance, WorkerDiedError, each, unheard
+from contact_curation.pipeline.workers import BYTES_PER_PROCESS, Advance, WorkerDiedError, each, processes_for, unheard
+from contact_curation.storage.addresses import Address
 
 
 def squared(number: int, advance: Advance) -> int:
@@ -35,6 +36,24 @@ def test_results_come_in_the_order_of_the_inputs(jobs: int) -> None:
 
     assert list(each(squared, [0, 1, 2, 3], jobs, advance)) == [0, 1, 4, 9]
     assert (sum(told), shares) == (6, [0.25, 0.5, 0.75, 1.0])
+
+
+def test_processes_are_started_for_recordings_large_enough_and_as_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("os.cpu_count", lambda: 4)
+    small, large, folder = tmp_path / "small.mcap", tmp_path / "large.mcap", tmp_path / "folder"
+    small.write_bytes(b"bag")
+    with large.open("wb") as file:
+        file.truncate(BYTES_PER_PROCESS)  # takes no room on the disk
+    folder.mkdir()
+    (folder / "large.mcap").hardlink_to(large)
+    server = Address("https://host/session.mcap")
+    assert [processes_for([small] * count, None) for count in (1, 2, 100)] == [1, 1, 1]
+    assert [processes_for([each] * 3, None) for each in (large, folder, server, tmp_path / "missing")] == [3, 3, 3, 1]
+    assert processes_for([large] * 9, None) == 4
+    assert [processes_for([small] * 3, jobs) for jobs in (1, 2, 5)] == [1, 2, 3]
+    assert processes_for([], None) == 1
 
 
 def test_a_worker_that_is_killed_is_an_error_of_ours() -> None:

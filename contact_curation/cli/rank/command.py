@@ -116,7 +116,7 @@ def _add_engine_options(parser: argparse.ArgumentParser) -> None:
         "--jobs",
         type=positive_integer,
         metavar="N",
-        help="number of inputs that are read at the same time (default: one per processor)",
+        help="number of inputs that are read at the same time (default: one per processor, as far as starting processes pays)",
     )
     group.add_argument(
         "--engine",

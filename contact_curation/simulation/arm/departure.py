@@ -12,8 +12,8 @@ import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.geometry.quaternions import Array
-from contact_curation.simulation.arm.model import JOINT_NAMES, ArmConfig, free_model
 from contact_curation.simulation.arm.path import JointPath
+from contact_curation.simulation.arm.throwing_arm import ThrowingArm
 from contact_curation.simulation.world import world_of
 
 
@@ -62,10 +62,10 @@ class Departure:
     """
 
     def __init__(
-        self, body: Body, arm: ArmConfig, step: float, every: int, config: DepartureConfig = DEFAULT_DEPARTURE
+        self, body: Body, arm: ThrowingArm, step: float, every: int, config: DepartureConfig = DEFAULT_DEPARTURE
     ) -> None:
         self._config, self._step, self._every = config, step, every
-        self._model = free_model(body, arm, step)
+        self._model = arm.free_world(body, step)
         self._data = mujoco.MjData(self._model)
         self._flight = world_of(body, step).compile()
         self._flight_data = mujoco.MjData(self._flight)
@@ -73,7 +73,7 @@ class Departure:
         geom.margin[:] = config.apart
         self._board = self._model.geom("board").id
         self._place = int(self._model.joint(body.name).qposadr[0])
-        self._joints = np.array([self._model.joint(name).qposadr[0] for name in JOINT_NAMES])
+        self._joints = np.array([self._model.joint(name).qposadr[0] for name in arm.joint_names])
 
     def flight(self, release: Array) -> Array:
         """Simulates the body's states (T, 13), one for each check, from its release (13,) to rest."""

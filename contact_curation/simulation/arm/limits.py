@@ -26,7 +26,7 @@ JOINTS = 7
 
 @dataclass(frozen=True, eq=False)
 class JointLimits:
-    """Limits of the seven joints, each (7,).
+    """Limits of an arm's J joints, each (J,).
 
     Near an end of its range a joint must be able to brake before that end: speed <= sqrt(2 * braking * distance) - slack.
 
@@ -55,20 +55,21 @@ class JointLimits:
     brake_end_high: Array
 
     def __post_init__(self) -> None:
+        count = len(self.lowest)
         for name in self.__dataclass_fields__:
             values = np.asarray(getattr(self, name), dtype=float)
-            if values.shape != (JOINTS,) or not np.isfinite(values).all():
-                raise InvalidValueError(f"joint limits {name}", np.array2string(values), f"{JOINTS} finite numbers")
+            if values.shape != (count,) or not np.isfinite(values).all():
+                raise InvalidValueError(f"joint limits {name}", np.array2string(values), f"{count} finite numbers")
             object.__setattr__(self, name, values)
 
     def fastest(self, positions: Array) -> tuple[Array, Array]:
-        """The lowest and the highest allowed speeds (..., 7) [rad/s] at positions (..., 7) [rad]."""
+        """The lowest and the highest allowed speeds (..., J) [rad/s] at positions (..., J) [rad]."""
         down = np.sqrt(np.maximum(2.0 * self.braking * (positions - self.brake_end_low), 0.0)) - self.slack
         up = np.sqrt(np.maximum(2.0 * self.braking * (self.brake_end_high - positions), 0.0)) - self.slack
         return -np.clip(down, 0.0, self.speed), np.clip(up, 0.0, self.speed)
 
     def speed_use(self, positions: Array, speeds: Array) -> Array:
-        """The used shares (..., 7) of the speed limits; above 1 the limit is violated, infinite where no speed is allowed."""
+        """The used shares (..., J) of the speed limits; above 1 the limit is violated, infinite where no speed is allowed."""
         low, high = self.fastest(positions)
         allowed = np.where(speeds < 0.0, -low, high)
         idle = np.abs(speeds) < 1e-9

@@ -22,12 +22,15 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.body_values import STANDARD_GRAVITY
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.simulation.arm.kinematics import FLANGE, LINK_LENGTHS, LINK_OFFSETS, LINK_TWISTS
+from contact_curation.simulation.arm.kinematics import FLANGE, LINK_LENGTHS, LINK_OFFSETS, LINK_TWISTS, Postures, postures_of
 from contact_curation.simulation.arm.limits import FR3_LIMITS, JOINTS, JointLimits
 from contact_curation.simulation.world import world_of
 
 JOINT_NAMES = tuple(f"fr3_joint{number}" for number in range(1, JOINTS + 1))
 PAD, HELD, TABLE = "pad", "held", "table"
+
+PREFIX = "arm_"
+"""Of the names in an arm's description, in a world that it is put into."""
 
 ROTOR_INERTIA = (0.605721456, 0.605721456, 0.462474144, 0.462474144, 0.205544064, 0.205544064, 0.205544064)
 """[kg m^2], seen at the joints."""
@@ -159,6 +162,26 @@ class ArmConfig:
         """Joint angles (7,) of the home posture [rad]."""
         return np.array(self.home)
 
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        return JOINT_NAMES
+
+    def postures(self, joints: Array) -> Postures:
+        """What postures (N, 7) give."""
+        return postures_of(joints, GRIPPER_LENGTH)
+
+    @property
+    def last_link(self) -> str:
+        return f"fr3_link{JOINTS}"
+
+    def planning_model(self, body: Body | None) -> mujoco.MjModel:
+        """The arm over a table of its true size, with the body in its gripper or with nothing."""
+        return planning_model(body, self)
+
+    def free_world(self, body: Body, step: float) -> mujoco.MjModel:
+        """The arm and a free body over the board."""
+        return free_model(body, self, step)
+
 
 DEFAULT_ARM = ArmConfig()
 
@@ -167,10 +190,10 @@ def planning_model(body: Body | None, config: ArmConfig) -> mujoco.MjModel:
     """The arm with a body in its gripper, or with none, and the table; distances below the clearance count as contacts."""
     spec = mujoco.MjSpec()
     spec.option.gravity = [0.0, 0.0, -(body.gravity if body else STANDARD_GRAVITY)]
-    _add_table(spec, config, margin=config.clearance)
+    add_table(spec, config.table_half_width, margin=config.clearance)
     last = add_arm(spec, config, meets_itself=True, friction=0.0)
     if body is not None:
-        _hold(spec, last, body, contype=BODY_BIT, conaffinity=BOARD_BIT | LOWER_BIT)
+        hold(spec, last, body, contype=BODY_BIT, conaffinity=BOARD_BIT | LOWER_BIT)
     return spec.compile()
 
 
@@ -179,9 +202,9 @@ def holding_model(body: Body, config: ArmConfig, step: float) -> mujoco.MjModel:
     spec = world_of(body, step)
     spec.delete(spec.body(body.name))
     spec.delete(spec.geom("board"))
-    _add_table(spec, config, margin=0.0)
+    add_table(spec, config.table_half_width, margin=0.0)
     last = add_arm(spec, config, meets_itself=False, friction=config.friction)
-    _hold(spec, last, body, contype=BOARD_BIT, conaffinity=BOARD_BIT)
+    hold(spec, last, body, contype=BOARD_BIT, conaffinity=BOARD_BIT)
     return spec.compile()
 
 
@@ -193,8 +216,9 @@ def free_model(body: Body, config: ArmConfig, step: float) -> mujoco.MjModel:
     return spec.compile()
 
 
-def _add_table(spec: mujoco.MjSpec, config: ArmConfig, *, margin: float) -> None:
-    half, thick = config.table_half_width, 0.02
+def add_table(spec: mujoco.MjSpec, half_width: float, *, margin: float) -> None:
+    """Adds a table of a half width [m] under the board; contacts with it come at the margin [m]."""
+    half, thick = half_width, 0.02
     spec.worldbody.add_geom(
         name=TABLE,
         type=mujoco.mjtGeom.mjGEOM_BOX,
@@ -271,7 +295,7 @@ def _add_shapes(link: Any, number: int, meets_itself: bool) -> None:
             )
 
 
-def _hold(spec: mujoco.MjSpec, link: Any, body: Body, *, contype: int, conaffinity: int) -> None:
+def hold(spec: mujoco.MjSpec, link: Any, body: Body, *, contype: int, conaffinity: int) -> None:
     """Adds the body to the last link; `put_into_gripper` sets its pose for each throw."""
     xx, xy, xz, _, yy, yz, _, _, zz = body.inertia.ravel()
     held = link.add_body(

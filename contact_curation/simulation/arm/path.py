@@ -37,9 +37,9 @@ class JointPath:
     """A motion of N samples.
 
     Attributes:
-        positions: (N, 7) [rad].
-        speeds: (N, 7) [rad/s].
-        accelerations: (N, 7) [rad/s^2].
+        positions: (N, J) [rad].
+        speeds: (N, J) [rad/s].
+        accelerations: (N, J) [rad/s^2].
     """
 
     positions: Array
@@ -75,19 +75,19 @@ def ramp_way(speeds: Array, config: RampConfig) -> Array:
 
 
 def speeding_up(posture: Array, speeds: Array, step: float, config: RampConfig) -> JointPath:
-    """Path from rest to a posture (7,) [rad] passed with speeds (7,) [rad/s]; its last sample is that posture exactly."""
+    """Path from rest to a posture (J,) [rad] passed with speeds (J,) [rad/s]; its last sample is that posture exactly."""
     backwards = slowing_down(posture, -speeds, step, config)
     return JointPath(backwards.positions[::-1], -backwards.speeds[::-1], backwards.accelerations[::-1])
 
 
 def slowing_down(posture: Array, speeds: Array, step: float, config: RampConfig) -> JointPath:
-    """Path from a posture (7,) [rad] passed with speeds (7,) [rad/s] to rest; its first sample is that posture exactly."""
+    """Path from a posture (J,) [rad] passed with speeds (J,) [rad/s] to rest; its first sample is that posture exactly."""
     durations = _duration(speeds, config)
     count = int(np.ceil(durations.max() / step)) + 1
     times = np.arange(count)[:, None] * step  # (N, 1)
     plateau = np.minimum(config.acceleration, np.abs(speeds) / config.rise) * np.sign(speeds)
-    rise = config.rise
-    gone = [np.clip(times - start, 0.0, None) for start in (np.zeros(7), np.full(7, rise), durations - rise, durations)]
+    rise, zero = config.rise, np.zeros_like(durations)
+    gone = [np.clip(times - start, 0.0, None) for start in (zero, zero + rise, durations - rise, durations)]
     signs = np.array([-1.0, 1.0, 1.0, -1.0])
     slope = plateau / rise  # rate of the acceleration
     accelerations = slope * sum(sign * time for sign, time in zip(signs, gone))
@@ -97,12 +97,12 @@ def slowing_down(posture: Array, speeds: Array, step: float, config: RampConfig)
 
 
 def moving(start: Array, end: Array, fastest: Array, step: float, config: RampConfig) -> JointPath:
-    """Path from rest at one posture (7,) to rest at another, straight in joint space, with a quintic time law.
+    """Path from rest at one posture (J,) to rest at another, straight in joint space, with a quintic time law.
 
     Args:
-        start: (7,) first posture [rad].
-        end: (7,) last posture [rad].
-        fastest: (7,) speed limits of the joints [rad/s].
+        start: (J,) first posture [rad].
+        end: (J,) last posture [rad].
+        fastest: (J,) speed limits of the joints [rad/s].
         step: time between samples [s].
         config: shares of speed and acceleration.
     """

@@ -6,6 +6,7 @@ Differential inverse kinematics (mink) moves the best ones to the release pose. 
 form a line, those are taken whose largest share of a speed limit is smallest.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mink
@@ -17,10 +18,10 @@ from scipy.spatial.transform import Rotation
 
 from contact_curation.geometry.quaternions import Array
 from contact_curation.simulation.arm.grasps import Grasps
-from contact_curation.simulation.arm.kinematics import Postures, about_z, postures_of
-from contact_curation.simulation.arm.limits import JOINTS, JointLimits
-from contact_curation.simulation.arm.model import GRIPPER_LENGTH, PAD, ArmConfig
-from contact_curation.simulation.arm.path import RampConfig, ramp_way
+from contact_curation.simulation.arm.kinematics import Postures, about_z
+from contact_curation.simulation.arm.limits import JointLimits
+from contact_curation.simulation.arm.model import PAD
+from contact_curation.simulation.arm.throwing_arm import ThrowingArm
 
 Indices = NDArray[np.int64]
 
@@ -63,8 +64,8 @@ class Candidate:
         speeds: (7,) joint speeds [rad/s].
         grasp: index of the face that is held.
         miss: distance of the pad from its position plus angle from its axis [m + rad].
-        speed_use: (7,) used shares of the joints' speed limits.
-        range_use: (7,) used shares of the joints' ranges, on the way from rest to release and to rest again.
+        speed_use: (J,) used shares of the joints' speed limits.
+        range_use: (J,) used shares of the joints' ranges, on the way from rest to release and to rest again.
     """
 
     joints: Array
@@ -97,7 +98,7 @@ class Target:
     twists: Array
 
 
-def pad_targets(release: Array, grasps: Grasps, config: ArmConfig) -> Target:
+def pad_targets(release: Array, grasps: Grasps, config: ThrowingArm) -> Target:
     """Computes where the pad must be and how it must move to release a body in state (13,)."""
     turned = Rotation.from_quat(release[3:7], scalar_first=True)
     home = Rotation.from_euler("z", -config.yaw)
@@ -114,14 +115,14 @@ class PostureSearch:
     Args:
         model: the arm with a body in its gripper, see `model.planning_model`.
         config: configuration of the arm.
-        ramp: how the joints accelerate.
+        way: how far joints move from rest to release speeds (N, J), (N, J) [rad].
         search: size of the search.
     """
 
     def __init__(
-        self, model: mujoco.MjModel, config: ArmConfig, ramp: RampConfig, search: SearchConfig = DEFAULT_SEARCH
+        self, model: mujoco.MjModel, config: ThrowingArm, way: Callable[[Array], Array], search: SearchConfig = DEFAULT_SEARCH
     ) -> None:
-        self._limits, self._ramp, self._search, self._margin = config.limits, ramp, search, config.margin
+        self._arm, self._limits, self._way, self._search, self._margin = config, config.limits, way, search, config.margin
         self._yaw, self._base = config.yaw, np.asarray(config.base)
         self._configuration = mink.Configuration(model)
         self._bounds = [mink.ConfigurationLimit(model)]
@@ -137,7 +138,7 @@ class PostureSearch:
         """Ways to release, best first: those that reach the release pose, or the nearest if none does."""
         seeds, faces = self._seeds(target)
         refined = np.array([self._refined(seed, target.places[face], target.axes[face]) for seed, face in zip(seeds, faces)])
-        exact = postures_of(refined, GRIPPER_LENGTH)
+        exact = self._arm.postures(refined)
         off = np.linalg.norm(exact.places - target.places[faces], axis=1)
         off += np.arccos(np.clip((exact.frames[:, :, 2] * target.axes[faces]).sum(axis=1), -1.0, 1.0))
         speeds = least_speeds(exact.jacobians, target.twists[faces], self._limits)
@@ -189,7 +190,7 @@ class PostureSearch:
         """Used shares of the speed limits and of the ranges, (N, 7) each, for postures (N, 7) passed at speeds (N, 7)."""
         limits = self._limits
         use = limits.speed_use(joints, speeds) / self._margin
-        way = np.abs(ramp_way(speeds, self._ramp))
+        way = np.abs(self._way(speeds))
         middle, half = 0.5 * (limits.highest + limits.lowest), 0.5 * (limits.highest - limits.lowest)
         return use, (np.abs(joints - middle) + way) / half
 
@@ -199,18 +200,20 @@ class PostureSearch:
 
 
 def least_speeds(jacobians: Array, twists: Array, limits: JointLimits) -> Array:
-    """Joint speeds (N, 7) that give twists (N, 6) with the smallest possible largest share of a speed limit.
+    """Joint speeds (N, J) that give twists (N, 6) with the smallest possible largest share of a speed limit.
 
-    The solutions form a line: the least-squares one plus any multiple of the motion that does not move the pad. Along it the
-    largest share is a convex function.
+    With seven joints the solutions form a line: the least-squares one plus any multiple of the motion that keeps the pad still.
+    Along it the largest share is a convex function. With six joints there is one solution.
     """
-    scaled = jacobians * limits.speed  # (N, 6, 7)
+    scaled = jacobians * limits.speed  # (N, 6, J)
     transposed = scaled.transpose(0, 2, 1)
     gram = scaled @ transposed + 1e-9 * np.eye(6)
-    probe = np.random.default_rng(0).standard_normal(JOINTS)
+    probe = np.random.default_rng(0).standard_normal(scaled.shape[2])
     solved = np.linalg.solve(gram, np.stack([twists, scaled @ probe], axis=2))  # (N, 6, 2)
     both = transposed @ solved
     least, idle = both[:, :, 0], probe - both[:, :, 1]
+    if scaled.shape[2] <= 6:
+        return np.asarray(least * limits.speed)
     idle /= np.maximum(np.linalg.norm(idle, axis=1, keepdims=True), 1e-12)
     low = -np.full(len(least), 2.0) * (1.0 + np.abs(least).max(axis=1))
     high = -low
@@ -222,12 +225,12 @@ def least_speeds(jacobians: Array, twists: Array, limits: JointLimits) -> Array:
     return np.asarray((least + (0.5 * (low + high))[:, None] * idle) * limits.speed)
 
 
-def _table(config: ArmConfig, search: SearchConfig) -> Postures:
+def _table(config: ThrowingArm, search: SearchConfig) -> Postures:
     """Draws postures with the pad over the board, with the first joint at 0."""
     rng = np.random.default_rng(search.seed)
-    joints = rng.uniform(config.limits.lowest, config.limits.highest, (search.table, JOINTS))
+    joints = rng.uniform(config.limits.lowest, config.limits.highest, (search.table, len(config.limits.lowest)))
     joints[:, 0] = 0.0
-    postures = postures_of(joints, GRIPPER_LENGTH)
+    postures = config.postures(joints)
     heights = postures.places[:, 2] + config.base[2]
     kept = np.flatnonzero((heights > 0.0) & (heights < 0.5))
     return Postures(postures.joints[kept], postures.places[kept], postures.frames[kept], postures.jacobians[kept])

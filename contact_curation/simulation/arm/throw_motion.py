@@ -8,7 +8,7 @@ attempt violates.
 """
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import mujoco
 import numpy as np
@@ -19,9 +19,18 @@ from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.quaternions import Array
 from contact_curation.simulation.arm.departure import DEFAULT_DEPARTURE, Departure, DepartureConfig
 from contact_curation.simulation.arm.grasps import Grasps, grasps_of
-from contact_curation.simulation.arm.model import DEFAULT_ARM, ArmConfig, planning_model, put_into_gripper
-from contact_curation.simulation.arm.path import DEFAULT_RAMP, JointPath, RampConfig, moving, slowing_down, speeding_up
+from contact_curation.simulation.arm.model import DEFAULT_ARM, HELD, PREFIX, TABLE, ArmConfig, put_into_gripper
+from contact_curation.simulation.arm.path import (
+    DEFAULT_RAMP,
+    JointPath,
+    RampConfig,
+    moving,
+    ramp_way,
+    slowing_down,
+    speeding_up,
+)
 from contact_curation.simulation.arm.postures import DEFAULT_SEARCH, Candidate, PostureSearch, SearchConfig, Target, pad_targets
+from contact_curation.simulation.arm.throwing_arm import ThrowingArm
 from contact_curation.simulation.world import DEFAULT_WORLD
 
 FRAME_PERIOD = 1.0 / 148.0
@@ -81,35 +90,58 @@ class ThrowMotion:
     returning: JointPath
 
 
-@dataclass
-class ThrowPlanner:
-    """Plans throws of one body. Make it once: computing its table of postures takes a while.
+class Swing(Protocol):
+    """How an arm moves through the release."""
+
+    def way(self, speeds: Array) -> Array:
+        """How far each joint moves from rest to release speeds (N, J), (N, J) [rad]."""
+
+    def paths(self, model: mujoco.MjModel, data: mujoco.MjData, candidate: Candidate) -> tuple[JointPath, JointPath]:
+        """The path from rest to the release, and the one from there to rest, of the arm with the body in its gripper."""
+
+
+@dataclass(frozen=True)
+class SuddenSwing:
+    """Each joint takes the shortest way to its release speed; it has that speed in the instant of the release only.
 
     Attributes:
-        body: body that is thrown.
-        config: configuration of the arm.
         ramp: how the joints accelerate.
+    """
+
+    ramp: RampConfig
+
+    def way(self, speeds: Array) -> Array:
+        return ramp_way(speeds, self.ramp)
+
+    def paths(self, _model: mujoco.MjModel, _data: mujoco.MjData, candidate: Candidate) -> tuple[JointPath, JointPath]:
+        before = speeding_up(candidate.joints, candidate.speeds, STEP, self.ramp)
+        return before, slowing_down(candidate.joints, candidate.speeds, STEP, self.ramp)
+
+
+class ArmPlanner:
+    """Plans throws of one body by any arm; made once, for its table of postures takes a while.
+
+    Args:
+        body: body that is thrown.
+        arm: arm that throws it.
+        swing: how it moves through the release.
+        ramp: how the joints move between postures.
         search: size of the search for postures.
         departure: required distance between arm and released body.
     """
 
-    body: Body
-    config: ArmConfig = DEFAULT_ARM
-    ramp: RampConfig = DEFAULT_RAMP
-    search: SearchConfig = DEFAULT_SEARCH
-    departure: DepartureConfig = DEFAULT_DEPARTURE
-    grasps: Grasps = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.grasps = grasps_of(self.body)
-        self._holding, self._empty = planning_model(self.body, self.config), planning_model(None, self.config)
+    def __init__(self, body: Body, arm: ThrowingArm, swing: Swing, ramp: RampConfig, search: SearchConfig,
+                 departure: DepartureConfig) -> None:  # fmt: skip
+        self.body, self.arm, self.grasps = body, arm, grasps_of(body)
+        self._swing, self._ramp = swing, ramp
+        self._holding, self._empty = arm.planning_model(body), arm.planning_model(None)
         self._holding_data, self._empty_data = mujoco.MjData(self._holding), mujoco.MjData(self._empty)
-        self._postures = PostureSearch(planning_model(self.body, self.config), self.config, self.ramp, self.search)
-        self._departure = Departure(self.body, self.config, STEP, STEPS_PER_FRAME, self.departure)
+        self._postures = PostureSearch(arm.planning_model(body), arm, swing.way, search)
+        self._departure = Departure(body, arm, STEP, STEPS_PER_FRAME, departure)
 
     def plan(self, throw: Throw) -> ThrowMotion | Refused:
         """The motion for a throw, or the reason why there is none."""
-        target = self._reachable(pad_targets(throw.release, self.grasps, self.config))
+        target = self._reachable(pad_targets(throw.release, self.grasps, self.arm))
         if not len(target.grasps):
             return Refused("tilt of the gripper", 1.0, FROM_BELOW, "upwards")
         worst: Refused | None = None
@@ -132,7 +164,7 @@ class ThrowPlanner:
 
     def _use(self, candidate: Candidate) -> Refused | None:
         """The limit that the release posture or its speeds violate; None if they violate none."""
-        limits, margin = self.config.limits, self.config.margin
+        limits, margin = self.arm.limits, self.arm.margin
         if candidate.miss > 1e-3:
             return Refused("reach", candidate.miss, 1e-3, "m from the release pose")
         joint = int(candidate.speed_use.argmax())
@@ -150,10 +182,9 @@ class ThrowPlanner:
     def _motion(self, throw: Throw, candidate: Candidate, flight: Array) -> ThrowMotion | Refused:
         grip = self._grip(throw, candidate)
         put_into_gripper(self._holding, grip.position, grip.orientation_wxyz)
-        swing = speeding_up(candidate.joints, candidate.speeds, STEP, self.ramp)
-        stopping = slowing_down(candidate.joints, candidate.speeds, STEP, self.ramp)
-        approach = self._moving(self.config.home_posture, swing.positions[0])
-        returning = self._moving(stopping.positions[-1], self.config.home_posture)
+        swing, stopping = self._swing.paths(self._holding, self._holding_data, candidate)
+        approach = self._moving(self.arm.home_posture, swing.positions[0])
+        returning = self._moving(stopping.positions[-1], self.arm.home_posture)
         refused = (
             self._within(JointPath.joined(approach, swing, stopping, returning))
             or self._clear(self._holding, self._holding_data, swing)
@@ -171,8 +202,8 @@ class ThrowPlanner:
     def _moving(self, start: Array, end: Array) -> JointPath:
         """Path between two postures; slower near the ends of a joint's range, where speed limits are lower."""
         for share in (1.0, 0.5, 0.25):
-            ramp = replace(self.ramp, moving=share * self.ramp.moving)
-            path = moving(start, end, self.config.limits.speed, STEP, ramp)
+            ramp = replace(self._ramp, moving=share * self._ramp.moving)
+            path = moving(start, end, self.arm.limits.speed, STEP, ramp)
             if self._within(path) is None:
                 break
         return path
@@ -180,7 +211,7 @@ class ThrowPlanner:
     def _grip(self, throw: Throw, candidate: Candidate) -> Pose:
         self._empty_data.qpos[:] = candidate.joints
         mujoco.mj_kinematics(self._empty, self._empty_data)
-        link = self._empty_data.body("fr3_link7")
+        link = self._empty_data.body(self.arm.last_link)
         return Pose(link.xpos.copy(), link.xquat.copy()).inverse().compose(Pose(throw.position, throw.orientation_wxyz))
 
     def _departing(self, flight: Array, stopping: JointPath) -> Refused | None:
@@ -190,8 +221,8 @@ class ThrowPlanner:
 
     def _within(self, path: JointPath) -> Refused | None:
         """Checks that a path keeps positions, speeds and accelerations within the limits."""
-        limits = self.config.limits
-        use = limits.speed_use(path.positions, path.speeds) / self.config.margin
+        limits = self.arm.limits
+        use = limits.speed_use(path.positions, path.speeds) / self.arm.margin
         row, joint = np.unravel_index(int(use.argmax()), use.shape)
         if use[row, joint] > 1.0:
             found = abs(float(path.speeds[row, joint]))
@@ -211,14 +242,13 @@ class ThrowPlanner:
             mujoco.mj_collision(model, data)
             if data.ncon:
                 contact = data.contact[int(data.contact.dist.argmin())]
-                names = " and ".join(model.body(model.geom_bodyid[geom]).name for geom in (contact.geom1, contact.geom2))
-                names = names.replace("world", "the table").replace("held", "the body")
-                return Refused(f"distance of {names}", float(contact.dist), self.config.clearance, "m")
+                names = " and ".join(_name(model, geom) for geom in (contact.geom1, contact.geom2))
+                return Refused(f"distance of {names}", float(contact.dist), self.arm.clearance, "m")
         return None
 
     def _strong(self, model: mujoco.MjModel, data: mujoco.MjData, path: JointPath) -> Refused | None:
         """Checks by inverse dynamics that the torques of a path, and their rates, are within the limits."""
-        part, limits = path.thinned(CHECKED_EVERY), self.config.limits
+        part, limits = path.thinned(CHECKED_EVERY), self.arm.limits
         torques = np.empty_like(part.positions)
         for row, (posture, speed, acceleration) in enumerate(zip(part.positions, part.speeds, part.accelerations)):
             data.qpos[:], data.qvel[:], data.qacc[:] = posture, speed, acceleration
@@ -232,7 +262,47 @@ class ThrowPlanner:
         ):
             most = np.abs(needed).max(axis=0)
             joint = int((most / motors).argmax())
-            allowed = self.config.margin * float(motors[joint])
+            allowed = self.arm.margin * float(motors[joint])
             if most[joint] > allowed:
                 return Refused(f"{name} of joint {joint + 1}", float(most[joint]), allowed, unit)
         return None
+
+
+def _name(model: mujoco.MjModel, geom: int) -> str:
+    """What a shape belongs to, for a message."""
+    owner = str(model.body(model.geom_bodyid[geom]).name)
+    name = str(model.geom(geom).name) if owner == "world" else owner.removeprefix(PREFIX)
+    return {TABLE: "the table", HELD: "the body"}.get(name, name)
+
+
+@dataclass
+class ThrowPlanner:
+    """Plans throws of one body by the simulated arm; made once, for its table of postures takes a while.
+
+    Attributes:
+        body: body that is thrown.
+        config: configuration of the arm.
+        ramp: how its joints speed up.
+        search: how hard postures are looked for.
+        departure: how far arm and thrown body stay apart.
+    """
+
+    body: Body
+    config: ArmConfig = DEFAULT_ARM
+    ramp: RampConfig = DEFAULT_RAMP
+    search: SearchConfig = DEFAULT_SEARCH
+    departure: DepartureConfig = DEFAULT_DEPARTURE
+    _planner: ArmPlanner = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        swing = SuddenSwing(self.ramp)
+        self._planner = ArmPlanner(self.body, self.config, swing, self.ramp, self.search, self.departure)
+
+    @property
+    def grasps(self) -> Grasps:
+        """The faces that the gripper can hold."""
+        return self._planner.grasps
+
+    def plan(self, throw: Throw) -> ThrowMotion | Refused:
+        """The motion of a throw, or why there is none."""
+        return self._planner.plan(throw)

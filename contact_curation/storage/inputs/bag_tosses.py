@@ -132,7 +132,8 @@ class BagTosses:
                 if 0.0 < step < LONGEST_STEP:
                     self._steps, self._stepped = self._steps + 1, self._stepped + step
                 self._last_ns = measured.stamp_ns
-            yield from self._found(self._ingest.push(measured))
+            if events := self._ingest.push(measured):
+                yield from self._found(events)
 
     def rest(self) -> Iterator[Found]:
         """What the end of the bag completes."""
