@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contact_curation.contact.body import Body
+from contact_curation.contact.compiled.evaluation import bounce_of
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.time_step import (
     DEFAULT_LIMITS,
@@ -14,7 +15,6 @@ from contact_curation.contact.time_step import (
     CompiledWorld,
     StepStatus,
     SweepLimits,
-    bounce_of,
     checked_states,
     checked_time_steps,
 )

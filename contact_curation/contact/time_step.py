@@ -14,12 +14,12 @@ J_n v' >= max(-phi / dt, -e J_n v), Newton's law.
 import ctypes
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contact_curation.contact.body import Body
+from contact_curation.contact.compiled.evaluation import bounce_of
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.poses import QUATERNION_TOLERANCE
@@ -133,13 +133,6 @@ class CompiledWorld(KernelStructure):
             dynamics=dynamics,
         )
         self.owners = (geometry, dynamics)  # ctypes holds bare addresses: keep the arrays alive
-
-
-def bounce_of(geometry: ContactGeometry) -> tuple[list[Any], str, list[Any]]:
-    """For the kernel: the arguments that give it the restitution of a body, the end of its function's name, their types."""
-    if geometry.restitution is None:
-        return [], "", []
-    return [ctypes.byref(ctypes.c_double(geometry.restitution))], "_bouncing", [ctypes.POINTER(ctypes.c_double)]
 
 
 def checked_states(states: ArrayLike) -> Array:

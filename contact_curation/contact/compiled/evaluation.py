@@ -4,6 +4,7 @@ ctypes holds bare addresses. Whoever calls keeps the arrays alive and sees to it
 """
 
 import ctypes
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +86,13 @@ class CompiledRows(KernelStructure):
     )
 
 
+def bounce_of(geometry: ContactGeometry) -> tuple[list[Any], str, list[Any]]:
+    """For the kernel: the arguments that give it the restitution of a body, the end of its function's name, their types."""
+    if geometry.restitution is None:
+        return [], "", []
+    return [ctypes.byref(ctypes.c_double(geometry.restitution))], "_bouncing", [ctypes.POINTER(ctypes.c_double)]
+
+
 def run(
     geometry: ContactGeometry,
     body: Body,
@@ -122,10 +130,6 @@ def run(
         **{name: value.ctypes.data for name, value in outputs.items()},
     )
     addresses = ctypes.POINTER(CompiledModel), ctypes.POINTER(CompiledRows)
-    if geometry.restitution is None:
-        evaluate = load_kernel().function("contact_curation_evaluate", ctypes.c_int, *addresses)
-        evaluate(ctypes.byref(model), ctypes.byref(job))
-        return
-    number = ctypes.POINTER(ctypes.c_double)
-    evaluate = load_kernel().function("contact_curation_evaluate_bouncing", ctypes.c_int, *addresses, number)
-    evaluate(ctypes.byref(model), ctypes.byref(job), ctypes.byref(ctypes.c_double(geometry.restitution)))
+    bounce, name, number = bounce_of(geometry)
+    evaluate = load_kernel().function(f"contact_curation_evaluate{name}", ctypes.c_int, *addresses, *number)
+    evaluate(ctypes.byref(model), ctypes.byref(job), *bounce)

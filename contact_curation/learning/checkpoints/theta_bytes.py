@@ -66,7 +66,9 @@ def geometry_of_bytes(data: bytes) -> ContactGeometry:
 def bytes_of_geometry(geometry: ContactGeometry) -> bytes:
     """A polytope as safetensors bytes; `geometry_of_bytes` gives it back bit for bit."""
     arrays = {name: np.ascontiguousarray(getattr(geometry, name)) for name in (*REQUIRED, "pivot")}
-    noise = {} if geometry.noise is None else {NOISE: np.array(astuple(geometry.noise))}
+    arrays["height"] = np.array([geometry.height])
+    if geometry.noise is not None:
+        arrays[NOISE] = np.array(astuple(geometry.noise))
     if geometry.restitution is not None:
-        noise[RESTITUTION] = np.array([geometry.restitution])
-    return bytes(save({**arrays, **noise, "height": np.array([geometry.height])}))
+        arrays[RESTITUTION] = np.array([geometry.restitution])
+    return bytes(save(arrays))
