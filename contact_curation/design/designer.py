@@ -17,6 +17,7 @@ import numpy as np
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
+from contact_curation.contact.parameter_form import Form
 from contact_curation.design.execution_noise import ExecutionNoise
 from contact_curation.design.exploration import exploration_plan
 from contact_curation.design.greedy_batch import gains
@@ -142,11 +143,13 @@ class DesignerConfig:
         planner: how throws are chosen.
         readiness: when theta is good enough to choose throws.
         loss: loss from which information is computed.
+        form: physical or rigid, of a theta with one set of vertices and no learned noise; the same as the scorer's.
     """
 
     planner: DesignConfig = field(default_factory=DesignConfig)
     readiness: ReadinessConfig = field(default_factory=ReadinessConfig)
     loss: LossConfig = ONE_THREAD
+    form: Form = Form.PHYSICAL
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +170,8 @@ class Designer:
 
     def particle(self, geometry: ContactGeometry) -> Particle:
         """A theta, to score tosses and design throws at."""
-        return Particle(geometry, self.body, self.config.loss)
+        rigid = self.config.form is Form.RIGID and not geometry.has_own_friction_vertices
+        return Particle(geometry.rigid() if rigid else geometry, self.body, self.config.loss)
 
     def planner(self, particle: Particle) -> Planner:
         """Of throws at a theta; errors as there."""
@@ -207,4 +211,4 @@ class Designer:
 
     @cached_property
     def _as_described(self) -> Planner:
-        return self.planner(self.particle(ContactGeometry.of_body(self.body)))
+        return self.planner(Particle(ContactGeometry.of_body(self.body), self.body, self.config.loss))

@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact_curation.design.designer import DesignerConfig
+from contact_curation.contact.parameter_form import Form
+from contact_curation.design.designer import Designer, DesignerConfig
 from contact_curation.design.predicted_information import Particle
 from contact_curation.design.readiness import ReadinessConfig
 from contact_curation.design.throw import Throw, ThrowKind, ThrowState
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.record import TossInformation
+from contact_curation.information.scoring import Scorer, ScoringConfig
 from contact_curation.simulation.thrown_toss import thrown_toss
 from contact_curation.stages.design import DesignStage, RankedBuffer, TrainerRest
 from contact_curation.storage.stores.state import StateStore
@@ -342,3 +344,10 @@ def test_it_is_up_to_date_when_the_trainer_rests_on_a_buffer_with_all_tosses_and
     assert up_to_date()
     stage.rest(TrainerRest())  # it trains
     assert not up_to_date()
+
+
+@pytest.mark.parametrize("form", [Form.RIGID, Form.PHYSICAL])
+def test_a_theta_as_a_user_writes_it_is_designed_with_as_it_is_scored(form: Form) -> None:
+    particle = Designer(CUBE, replace(CONFIG, form=form)).particle(TRUE)
+    assert particle.scorer.form.form is form
+    assert particle.version == Scorer(TRUE, CUBE, ScoringConfig(form=form, loss=LOSS)).version

@@ -5,6 +5,7 @@ from dataclasses import replace
 from rclpy.node import Node
 
 from contact_curation.contact.body import Body
+from contact_curation.contact.parameter_form import Form
 from contact_curation.design.candidates import CandidateConfig
 from contact_curation.design.designer import ONE_THREAD, DesignerConfig
 from contact_curation.design.planner import DesignConfig
@@ -55,10 +56,13 @@ def declared_design(node: Node) -> DesignerConfig:
     candidates = CandidateConfig()
     judged = {name: declare_config(node, getattr(candidates, name), f"{name}.") for name in JUDGED}
     refinement = declare_config(node, default.refinement, "refinement.")
+    about = "parameterisation of a theta with one set of vertices, the same as fisher_scorer's"
+    form = Form(declare(node, "form", Form.RIGID.value, about, choices=[Form.RIGID.value, Form.PHYSICAL.value]))
     return DesignerConfig(
         planner=replace(default, **own, candidates=replace(candidates, **judged), refinement=refinement),
         readiness=declare_config(node, ReadinessConfig(), "readiness."),
         loss=declare_config(node, ONE_THREAD, "loss."),
+        form=form,
     )
 
 
