@@ -29,15 +29,14 @@ BODY = CONTACTNETS_CUBE
 
 
 class Thrower:
-    """Serves `execute_throw`, and scores the tosses as fisher_scorer would.
+    """Serves `execute_throw`, and scores the tosses at the body as described, in the form that is fisher_scorer's default.
 
     Args:
         listener: its node serves.
-        geometry: theta that tosses are scored at.
     """
 
-    def __init__(self, listener: Listener, geometry: ContactGeometry | None = None) -> None:
-        self._scorer = Particle(geometry or ContactGeometry.of_body(BODY), BODY).scorer
+    def __init__(self, listener: Listener) -> None:
+        self._scorer = Particle(ContactGeometry.of_body(BODY).rigid(), BODY).scorer
         self._noise = ExecutionNoise.expected(NoiseConfig())
         self._rng = np.random.default_rng(0)
         self._informations: list[TossInformation] = []
