@@ -44,7 +44,7 @@ PAUSE = 0.5
 """Time without poses between tosses [s]."""
 
 SEED = 5
-PATIENCE = 60.0
+PATIENCE = 180.0
 """[s] for what is still on its way at the end, and for nodes to start."""
 
 REST = 10.0
