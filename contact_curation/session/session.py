@@ -47,6 +47,10 @@ MOST_STARTS = 3
 """Of the arm, without a throw in between."""
 
 
+SERVED = "The dashboard is served until Ctrl-C: "
+"""Said before its address, once the session is over."""
+
+
 class SessionReporter(Protocol):
     """Reports how a session goes."""
 
@@ -102,7 +106,7 @@ def run_session(
             summary = finish_record(config, folder, parameters, command, summary, events)
         reporter.conclude(summary)
         if staying:
-            reporter.say(f"\nThe dashboard is served until Ctrl-C: {session.state.dashboard}")
+            reporter.say(f"\n{SERVED}{session.state.dashboard}")
             session.stay(supervisor, stopped)
     return summary
 

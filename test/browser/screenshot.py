@@ -8,7 +8,6 @@ bags/golden.mcap, which judge the model.
 
 import argparse
 import io
-import re
 import signal
 import subprocess
 import sys
@@ -20,6 +19,7 @@ from tempfile import TemporaryDirectory
 from PIL import Image
 
 from contact_curation.cli.demo import BUDGETS
+from contact_curation.session.session import SERVED
 from test.browser.viewer import opened, settled
 from test.conftest import GOLDEN
 
@@ -31,8 +31,6 @@ LOOKS = 12
 
 ARRIVAL = 60.0
 """[s] Until a viewer without a GPU has taken a session in."""
-
-SERVED_STILL = re.compile(r"dashboard goes on.*?(http://[^\s,]+)")
 
 
 @contextmanager
@@ -46,8 +44,8 @@ def session(throws: int, rate: float, folder: Path) -> Iterator[str]:
         try:
             for line in process.stdout:
                 sys.stderr.write(line)
-                if found := SERVED_STILL.search(line):
-                    yield found.group(1)
+                if line.startswith(SERVED):
+                    yield line.removeprefix(SERVED).strip()
                     return
             raise RuntimeError("the session ended before its dashboard was served")
         finally:

@@ -13,6 +13,7 @@ from urllib.request import urlopen
 
 import pytest
 
+from contact_curation.session.session import SERVED
 from contact_curation.storage.bags.reader import BagReader
 from test.cli.test_demo import nodes_of
 
@@ -142,7 +143,7 @@ def test_a_dashboard_that_stays_is_served_when_the_throws_are_over_until_a_signa
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as online:
         assert online.stdout is not None
         said = ""
-        while "is served until Ctrl-C" not in said:
+        while SERVED not in said:
             line = online.stdout.readline()
             assert line, said
             said += line
