@@ -36,11 +36,10 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.release import DEFAULT_RELEASE, BodyShape, HandPath, ReleaseConfig, Track, find_fall
 from contact_curation.simulation.arm.limits import JointLimits
-from contact_curation.simulation.arm.path import JointPath
+from contact_curation.simulation.arm.path import JointPath, stopped
 from contact_curation.simulation.arm.planned_throw import PlannedThrow
 from contact_curation.simulation.arm.safety import SafetyGate
 from contact_curation.simulation.arm.throw_motion import STEP
-from contact_curation.simulation.arm.time_scaling import stopped
 from contact_curation.stages.arm import Ending
 from contact_curation.stages.joint_following import Following, following
 from contact_curation.stages.records import GripperRecord
