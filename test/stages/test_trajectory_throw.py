@@ -9,7 +9,7 @@ import pytest
 from contact_curation.design.release_delay import Seen
 from contact_curation.simulation.arm.throw_motion import STEP
 from contact_curation.stages.records import GripperRecord, record_bytes, record_of
-from contact_curation.stages.trajectory_throw import TrajectoryConfig
+from contact_curation.stages.trajectory_throw import Sent, TrajectoryConfig
 from test.stages.trajectory_cell import JOINTS, LIMITS, RELEASE, THROW, VELOCITY, Cell
 
 LEARNED = GripperRecord(tuple(Seen(0.05 + 0.001 * (-1) ** k, 5e-4) for k in range(8)), 0.02)
@@ -131,7 +131,7 @@ def test_a_fault_in_the_swing_stops_the_arm_latches_and_never_opens_the_gripper(
 
 def test_a_stop_stays_on_the_path_and_within_the_limits() -> None:
     cell = Cell(record=LEARNED)
-    sent = []
+    sent: list[Sent] = []
 
     def meanwhile() -> None:
         if cell.elapsed > 0.38:
