@@ -48,7 +48,7 @@ class Body:
         object.__setattr__(self, "center_of_mass", np.asarray(self.center_of_mass, dtype=float))
         check_values(vars(self))
 
-    @property
+    @cached_property
     def polytope(self) -> Polytope:
         """The body's shape in metres."""
         return Polytope(self.vertices)
