@@ -55,7 +55,7 @@ DASHBOARD = ["rerun-sdk>=0.41"]
 CLOUD = ["fsspec[http]>=2024.6", "s3fs>=2024.6"]
 RAY = ["ray>=2.30"]
 ROS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces", f"contact_curation_msgs=={VERSION}"]
-ROS += ["contact_curation_vendored_apriltag_msgs", "contact_curation_vendored_tf2_msgs"]
+ROS += [f"contact_curation_vendored_{name}" for name in ("apriltag_msgs", "control_msgs", "tf2_msgs")]
 EXTRAS = {"train": TRAIN, "sim": SIM, "dashboard": DASHBOARD, "cloud": CLOUD, "ray": RAY, "ros": ROS}
 EXTRAS["all"] = [each for extra in list(EXTRAS.values()) for each in extra]
 """What more is needed for what: contact_curation/extras.py names them where one is missing. `make wheel` builds the last three

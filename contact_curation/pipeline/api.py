@@ -175,8 +175,9 @@ def rank(
         tosses: tosses from `read`, or inputs as for `read`; of those, at most 64 tosses of a recording are in memory at once.
         top: number of tosses to select.
         body: the tossed object, if `tosses` are recordings; None for the model's body or, without a model, ContactNets' cube.
-        criterion: ``representative``, ``herding``, ``log-det``, ``trace``, ``min-eig``, ``orthogonal``, ``leverage``,
-            ``longest``, ``random``, or one of your own (`information.criteria.criterion.register`).
+        criterion: ``representative``, ``herding``, ``facility-location``, ``v-optimal``, ``log-det``, ``trace``, ``min-eig``,
+            ``orthogonal``, ``leverage``, ``longest``, ``random``, or one of your own
+            (`information.criteria.criterion.register`).
         model: the model whose parameters the information is about, or its file; None for the body as described.
         estimator: formula of the Fisher matrix: ``gauss-newton`` or ``empirical`` (method.md 1.5).
         seed: random seed of the criterion ``random``.
