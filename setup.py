@@ -28,8 +28,7 @@ NAME = MANIFEST.findtext("name", "")
 
 NODES = [
     *("pose_ingest", "fisher_scorer", "curator", "trainer", "throw_designer", "sim_arm", "sim_camera", "player"),
-    "session_recorder",
-    "dashboard",
+    *("session_recorder", "dashboard", "container"),
 ]
 
 REQUIRES = [
@@ -144,13 +143,13 @@ if __name__ == "__main__":
         long_description_content_type="text/markdown",
         python_requires=">=3.12",
         packages=find_packages(include=[NAME, f"{NAME}.*"]),
-        package_data={NAME: ["py.typed", "config/*.yaml", "config/*.xml", "launch/*.py"]},
+        package_data={NAME: ["py.typed", "config/*.yaml", "config/*.xml", "launch/*.launch.*"]},
         ext_modules=kernel_extensions(),
         cmdclass={"build_ext": BuildKernel, "bdist_wheel": TagWheel},
         data_files=[
             ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
             (f"share/{NAME}", ["package.xml"]),
-            (f"share/{NAME}/launch", sorted(str(path.relative_to(HERE)) for path in HERE.glob(f"{NAME}/launch/*.py"))),
+            (f"share/{NAME}/launch", sorted(str(path.relative_to(HERE)) for path in HERE.glob(f"{NAME}/launch/*.launch.*"))),
             (f"share/{NAME}/config", sorted(str(path.relative_to(HERE)) for path in HERE.glob(f"{NAME}/config/*.*ml"))),
         ],
         install_requires=REQUIRES,
