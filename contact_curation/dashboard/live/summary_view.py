@@ -64,7 +64,8 @@ class SummaryView:
 def summary_page(overview: SessionOverview) -> str:
     """The overview of a session, as a page."""
     others = overview.tosses - overview.selected
-    counts = f"{overview.tosses} tosses: **{overview.selected} selected**, {others} not selected; {overview.rejected} rejected"
+    tosses = "1 toss" if overview.tosses == 1 else f"{overview.tosses} tosses"
+    counts = f"{tosses}: **{overview.selected} selected**, {others} not selected; {overview.rejected} rejected"
     of = f" of {overview.planned}" if overview.planned else ""
     state = "is under way" if overview.under_way else "is done"
     throws = f"**Throw {overview.throws}{of}** {state}. " if overview.throws else ""

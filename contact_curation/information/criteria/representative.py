@@ -232,6 +232,12 @@ REPRESENTATIVE = register(
 )
 
 
+MOST_TOLD = 10**5
+"""A factor that is larger is that of a toss that alone determines something."""
+
+
 def _factor(value: float) -> str:
     """Three digits, or all of a larger number."""
+    if value > MOST_TOLD:
+        return f"more than {MOST_TOLD}"
     return f"{value:.3g}" if value < 999.5 else f"{value:.0f}"

@@ -44,3 +44,10 @@ def test_a_criterion_without_reasons_of_its_own_names_the_place(criterion: str) 
     found, selected = explained(criterion, 2)
     assert [found.reasons[one] for one in selected] == [f"selected: place {place} by {criterion}" for place in (1, 2)]
     assert {found.reasons[one] for one in set(POOL.ids) - set(selected)} == {f"not selected: {criterion} has 2 better"}
+
+
+def test_what_one_toss_alone_determines_is_told_without_a_number_of_twenty_digits() -> None:
+    alone = pool_of(tosses(1, 4, 3, seed=5))
+    config = RankingConfig("representative", top=1)
+    found = explanation("representative", alone, dict.fromkeys(alone.ids, 1.0), config)
+    assert list(found.reasons.values()) == ["selected: expected error × more than 100000 without it"]
