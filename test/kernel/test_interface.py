@@ -48,9 +48,9 @@ def test_every_function_that_the_kernel_describes_is_called_in_the_golden_case()
 
 
 class Wrong(KernelStructure):
-    """`Pace` with its fields exchanged."""
+    """`AdamWConfig` with its fields exchanged."""
 
-    KERNEL_NAME: ClassVar[str] = "Pace"
+    KERNEL_NAME: ClassVar[str] = "AdamWConfig"
     _fields_ = (("decay", ctypes.c_double), ("rate", ctypes.c_double))
 
 
@@ -64,7 +64,7 @@ class Holder(KernelStructure):
 @pytest.mark.parametrize(
     ("name", "arguments", "told"),
     [
-        ("contact_curation_solve_cones", [ctypes.POINTER(Wrong)], "no field Pace.decay at 0 of 8 bytes"),
+        ("contact_curation_solve_cones", [ctypes.POINTER(Wrong)], "no field AdamWConfig.decay at 0 of 8 bytes"),
         ("contact_curation_solve_cones", [ctypes.POINTER(Holder)], "no structure Network of 1 fields in 32 bytes"),
         ("contact_curation_solve_cones", [ctypes.c_int64], "no function contact_curation_solve_cones int32 of int64"),
         ("contact_curation_of_the_future", [ctypes.c_void_p], "no function contact_curation_of_the_future int32 of address"),

@@ -91,7 +91,7 @@ class CompiledNetwork(KernelStructure):
 class CompiledAdamW(KernelStructure):
     """AdamW's learning rate and weight decay for some of the parameters."""
 
-    KERNEL_NAME = "Pace"
+    KERNEL_NAME = "AdamWConfig"
     _fields_ = (("rate", ctypes.c_double), ("decay", ctypes.c_double))
 
 

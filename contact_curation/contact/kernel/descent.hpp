@@ -1,4 +1,4 @@
-// What gradient steps of any model are told, one transition a step.
+// The arguments of gradient steps, one transition a step, for all models.
 #pragma once
 
 #include <cstdint>
@@ -30,8 +30,8 @@ struct Network {
   Layer layer[kMaxLayers];
 };
 
-// Mirrored by ctypes.
-struct Pace {
+// Mirrored by ctypes. AdamW's learning rate and weight decay for some of the parameters.
+struct AdamWConfig {
   double rate, decay;
 };
 
@@ -41,7 +41,7 @@ struct Descent {
   const double *shares;  // (S,) of the rates
   int64_t steps;
   double regularizer;  // weight of each contact's
-  Pace polytope, network;
+  AdamWConfig polytope, network;
   double first_beta, second_beta, epsilon;
   Moments theta[kPieces];      // a polytope's: what the model points to
   Network networks[2];         // deep's of the gaps and of the tangents; of others the first alone
@@ -54,9 +54,9 @@ struct Descent {
   // Of the next step; `seen` counts it already.
   Corrections corrections() const { return Corrections(first_beta, second_beta, static_cast<int64_t>(seen)); }
 
-  // The next step, of number `step`, for parameters of one pace.
-  AdamW adamw(int64_t step, const Pace &pace, const Corrections &corrections) const {
-    return AdamW(shares[step] * pace.rate, pace.decay, first_beta, second_beta, epsilon, corrections);
+  // The next step, of number `step`, for the parameters of one configuration.
+  AdamW adamw(int64_t step, const AdamWConfig &config, const Corrections &corrections) const {
+    return AdamW(shares[step] * config.rate, config.decay, first_beta, second_beta, epsilon, corrections);
   }
 };
 

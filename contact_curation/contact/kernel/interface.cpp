@@ -87,9 +87,9 @@ std::string network_structure() {
   return structure("Network", sizeof(Type), {FIELD(layers), FIELD(rectified), FIELD(layer)});
 }
 
-std::string pace_structure() {
-  using Type = Pace;
-  return structure("Pace", sizeof(Type), {FIELD(rate), FIELD(decay)});
+std::string adamw_structure() {
+  using Type = AdamWConfig;
+  return structure("AdamWConfig", sizeof(Type), {FIELD(rate), FIELD(decay)});
 }
 
 std::string descent_structure() {
@@ -130,7 +130,7 @@ std::string functions() {
 extern "C" const char *contact_curation_interface() {
   using namespace contact_curation;
   static const std::string text = solver_structures() + model_structure() + evaluation_structure() + moments_structure() +
-                                  layer_structure() + network_structure() + pace_structure() + descent_structure() +
+                                  layer_structure() + network_structure() + adamw_structure() + descent_structure() +
                                   dynamics_structure() + world_structure() + functions();
   return text.c_str();
 }
