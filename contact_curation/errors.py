@@ -3,6 +3,7 @@
 Each says what was found and what was expected. Only the entry points of the command line and of the nodes catch them.
 """
 
+import copyreg
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from itertools import islice
@@ -13,10 +14,17 @@ MOST_LISTED = 30
 
 
 class ContactCurationError(Exception):
-    """Base of every error that a user can cause; `str()` of it is one line."""
+    """Base of every error that a user can cause; `str()` of it is one line.
+
+    Errors of worker processes are pickled. Python would call `__init__` again with the message alone, so this class says how an
+    error is made from its message and attributes.
+    """
 
     def __str__(self) -> str:
         return " ".join(super().__str__().split())
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return copyreg.__newobj__, (type(self), *self.args), self.__dict__
 
 
 class InvalidValueError(ContactCurationError):
