@@ -3,7 +3,6 @@
 Each says what was found and what was expected. Only the entry points of the command line and of the nodes catch them.
 """
 
-import copyreg
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from itertools import islice
@@ -24,7 +23,11 @@ class ContactCurationError(Exception):
         return " ".join(super().__str__().split())
 
     def __reduce__(self) -> tuple[object, ...]:
-        return copyreg.__newobj__, (type(self), *self.args), self.__dict__
+        return _uninitialised, (type(self), *self.args), self.__dict__
+
+
+def _uninitialised(kind: type[ContactCurationError], *args: object) -> ContactCurationError:
+    return kind.__new__(kind, *args)
 
 
 class InvalidValueError(ContactCurationError):
