@@ -13,10 +13,21 @@ MOST_LISTED = 30
 
 
 class ContactCurationError(Exception):
-    """Base of every error that a user can cause; `str()` of it is one line."""
+    """Base of every error that a user can cause; `str()` of it is one line.
+
+    Errors of worker processes are pickled. Python would call `__init__` again with the message alone, so this class says how an
+    error is made from its message and attributes.
+    """
 
     def __str__(self) -> str:
         return " ".join(super().__str__().split())
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _uninitialised, (type(self), *self.args), self.__dict__
+
+
+def _uninitialised(kind: type[ContactCurationError], *args: object) -> ContactCurationError:
+    return kind.__new__(kind, *args)
 
 
 class InvalidValueError(ContactCurationError):

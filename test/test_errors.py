@@ -1,8 +1,25 @@
-"""Messages for names that do not exist."""
+"""Errors: messages for names that do not exist, and the way from one process to another."""
+
+import pickle
 
 import pytest
 
-from contact_curation.errors import InvalidValueError, UnknownNameError, did_you_mean
+from contact_curation import errors
+from contact_curation.contact.body_values import MissingKeyError
+from contact_curation.errors import (
+    ContactCurationError,
+    InvalidValueError,
+    MissingDependencyError,
+    MissingTopicError,
+    NewerVersionError,
+    NothingFoundError,
+    NotScoredError,
+    UnknownNameError,
+    UnreadableInputError,
+    UnwritableOutputError,
+    did_you_mean,
+)
+from contact_curation.pipeline.workers import Advance, LocalEngine, WorkerDiedError, unheard
 
 
 def test_the_nearest_known_name_is_offered_whatever_its_case() -> None:
@@ -18,3 +35,44 @@ def test_an_unknown_name_is_an_invalid_value_in_one_line() -> None:
     with pytest.raises(InvalidValueError) as caught:
         raise UnknownNameError("field", "gates.dpth", ["gates.depth", "gates.spin"])
     assert str(caught.value) == "unknown field gates.dpth: did you mean gates.depth?"
+
+
+ERRORS = [
+    ContactCurationError("one\nline"),
+    InvalidValueError("mass", -1, "a positive number"),
+    UnwritableOutputError("m.json", "No space left on device"),
+    UnknownNameError("field", "gates.dpth", ["gates.depth", "gates.spin"]),
+    UnreadableInputError("a.mcap", "is cut off"),
+    NewerVersionError("a.json", "a manifest", 3, 2),
+    MissingTopicError("a.mcap", "/odom", []),
+    MissingDependencyError("mujoco", "pip install mujoco"),
+    NotScoredError("cube-1", "it has no transition"),
+    NothingFoundError("found no toss", ["a.mcap is empty"]),
+    WorkerDiedError(2),
+    MissingKeyError({"mass": "0.3"}),
+]
+
+
+def test_every_error_of_this_module_is_among_those_that_are_pickled() -> None:
+    here = {kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, ContactCurationError)}
+    assert here <= {type(error) for error in ERRORS}
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)
+@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+def test_an_error_is_the_same_in_another_process(error: ContactCurationError, protocol: int) -> None:
+    other = pickle.loads(pickle.dumps(error, protocol))
+    assert type(other) is type(error)
+    assert str(other) == str(error)
+    assert vars(other) == vars(error)
+
+
+def refuses(place: int, advance: Advance) -> int:
+    raise NewerVersionError(f"{place}.json", "a manifest", 3, 2)
+
+
+@pytest.mark.slow
+def test_an_error_in_a_worker_process_is_the_one_that_is_raised_here() -> None:
+    with pytest.raises(NewerVersionError, match=r"^\d\.json: found version 3 of a manifest") as caught:
+        list(LocalEngine(2).as_done(refuses, [0, 1], unheard))
+    assert caught.value.path.suffix == ".json"

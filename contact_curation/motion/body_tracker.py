@@ -16,7 +16,15 @@ from typing import Any, NamedTuple
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.scalars import IDENTITY, ScalarPose, Vector, angle_between, compose, inverse
 from contact_curation.motion.frame_tree import HISTORY, FrameTree, Link, composed
-from contact_curation.motion.pose_stream import BadPose, FramePose
+from contact_curation.motion.pose_stream import (
+    BadPose,
+    FramePose,
+    counted,
+    reading_state,
+    stamped_pose,
+    whole,
+    whole_or_none,
+)
 from contact_curation.motion.toss import NANOSECONDS
 
 MOST_LISTED = 8
@@ -182,15 +190,13 @@ class BodyTracker:
         Raises:
             InvalidValueError: it is no such state.
         """
-        try:
+        with reading_state("tracker", snapshot, "BodyTracker.snapshot"):
             links = {child: _link_of(entry) for child, entry in snapshot["links"].items()}
             waiting = [_frame_pose_of(entry) for entry in snapshot["waiting"]]
-            last_ns, counts = snapshot["last_ns"], Counter(snapshot["counts"])
+            last_ns, counts = whole_or_none(snapshot["last_ns"]), counted(snapshot["counts"])
             last = snapshot.get("last_pose")  # states of before there was one go on without
             parents = tuple(str(name) for name in snapshot.get("parents", ()))
-            last_pose = None if last is None else BodyPose(last["stamp_ns"], _pose_of(last["pose"]))
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise InvalidValueError("tracker state", repr(snapshot)[:80], "what BodyTracker.snapshot gave") from error
+            last_pose = None if last is None else BodyPose(whole(last["stamp_ns"]), _pose_of(last["pose"]))
         self._tree.links, self._waiting, self._last_ns, self.counts = links, deque(waiting), last_ns, counts
         self._last_pose, self._parents = last_pose, parents
         self._tree.shape += 1
@@ -308,13 +314,18 @@ class BodyTracker:
 
 
 def _pose_of(entry: Any) -> ScalarPose:
-    (x, y, z), (w, qx, qy, qz) = entry
-    return ScalarPose((x, y, z), (w, qx, qy, qz))
+    position, orientation_wxyz = entry
+    return ScalarPose(*stamped_pose((0, *position, *orientation_wxyz))[1:])
 
 
 def _link_of(entry: Mapping[str, Any]) -> Link:
-    return Link(entry["parent"], entry["static"], list(entry["stamps_ns"]), [_pose_of(pose) for pose in entry["poses"]])
+    static, stamps_ns = bool(entry["static"]), [whole(stamp_ns) for stamp_ns in entry["stamps_ns"]]
+    poses = [_pose_of(pose) for pose in entry["poses"]]
+    if not poses or len(stamps_ns) != (0 if static else len(poses)):
+        raise ValueError(f"{len(poses)} poses with {len(stamps_ns)} stamps")
+    return Link(str(entry["parent"]), static, stamps_ns, poses)
 
 
 def _frame_pose_of(entry: Mapping[str, Any]) -> FramePose:
-    return FramePose(entry["stamp_ns"], entry["parent"], entry["child"], _pose_of(entry["pose"]), entry["static"])
+    parent, child = str(entry["parent"]), str(entry["child"])
+    return FramePose(whole(entry["stamp_ns"]), parent, child, _pose_of(entry["pose"]), bool(entry["static"]))

@@ -21,11 +21,18 @@ from math import dist, log, prod, sqrt
 from statistics import median, pstdev
 from typing import Any
 
-from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.scalars import ScalarPose, Vector
 from contact_curation.motion.body_tracker import BodyPose
 from contact_curation.motion.pose_noise import RIG_NOISE
-from contact_curation.motion.pose_stream import BadPose
+from contact_curation.motion.pose_stream import (
+    BadPose,
+    counted,
+    finite,
+    reading_state,
+    stamped_pose,
+    whole,
+    whole_or_none,
+)
 from contact_curation.motion.toss import NANOSECONDS
 
 EVEN = 250_000
@@ -180,13 +187,13 @@ class StampEvener:
         Raises:
             InvalidValueError: it is no such state.
         """
-        try:
+        with reading_state("stamps", snapshot, "StampEvener.snapshot"):
             held, last = (_poses(snapshot[name]) for name in ("held", "last"))
-            line = None if snapshot["line"] is None else _Line(*snapshot["line"])
+            line = None if snapshot["line"] is None else _line(*snapshot["line"])
             period, passing, calm, lost, score, unsteady = snapshot["numbers"]
-            given_ns, counts = snapshot["given_ns"], Counter(snapshot["counts"])
-        except (KeyError, IndexError, TypeError, ValueError) as error:
-            raise InvalidValueError("stamps' state", repr(snapshot)[:80], "what StampEvener.snapshot gave") from error
+            period, lost, score, unsteady = (finite(number) for number in (period, lost, score, unsteady))
+            passing, calm = bool(passing), whole(calm)
+            given_ns, counts = whole_or_none(snapshot["given_ns"]), counted(snapshot["counts"])
         self._forget()
         self._held.extend(held)
         self._last.extend(last)
@@ -365,4 +372,9 @@ def _rows(poses: Iterable[BodyPose]) -> list[list[float]]:
 
 
 def _poses(rows: Iterable[Any]) -> list[BodyPose]:
-    return [BodyPose(row[0], ScalarPose((row[1], row[2], row[3]), (row[4], row[5], row[6], row[7]))) for row in rows]
+    found = [stamped_pose(row) for row in rows]
+    return [BodyPose(stamp_ns, ScalarPose(position, orientation)) for stamp_ns, position, orientation in found]
+
+
+def _line(origin_ns: Any, time: Any, step: Any, frames: Any) -> _Line:
+    return _Line(whole(origin_ns), finite(time), finite(step), whole(frames))

@@ -5,14 +5,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from contact_curation.errors import InvalidValueError
 from contact_curation.motion.body_tracker import BodyPose, BodyTracker, ClockJump, TrackerConfig, TrackerEvent
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration, apply_calibration
 from contact_curation.motion.even_stamps import StampEvener
 from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.gates import inspect
 from contact_curation.motion.pose_noise import RIG, PoseNoise, TrackerScale, scattering
-from contact_curation.motion.pose_stream import BadPose, FramePose
+from contact_curation.motion.pose_stream import BadPose, FramePose, counted, reading_state, whole_or_none
 from contact_curation.motion.scales import TossedBody
 from contact_curation.motion.segmenter import TossSegmenter
 from contact_curation.motion.segmenter_config import SegmenterConfig
@@ -135,17 +134,16 @@ class TossIngest:
         Raises:
             InvalidValueError: it is no such state.
         """
-        try:
-            tracker, segmenter, outcomes = snapshot["tracker"], snapshot["segmenter"], Counter(snapshot["outcomes"])
+        with reading_state("ingest", snapshot, "TossIngest.snapshot"):
+            tracker, segmenter, outcomes = snapshot["tracker"], snapshot["segmenter"], counted(snapshot["outcomes"])
             stamps, noise = snapshot.get("stamps"), snapshot.get("noise")  # states of before there was one go on without
-        except (KeyError, TypeError) as error:
-            raise InvalidValueError("ingest state", repr(snapshot)[:80], "what TossIngest.snapshot gave") from error
+            since = None if noise is None else (whole_or_none(noise["first_ns"]), whole_or_none(noise["noisy_ns"]))
         self._tracker.restore(tracker)
         if stamps is not None:
             self._stamps.restore(stamps)
-        if noise is not None:
+        if noise is not None and since is not None:
             self.noise.restore(noise)
-            self._first_ns, self._noisy_ns = noise["first_ns"], noise["noisy_ns"]
+            self._first_ns, self._noisy_ns = since
         self._segmenter.restore(segmenter)
         self._outcomes = outcomes
 

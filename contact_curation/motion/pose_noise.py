@@ -21,6 +21,7 @@ import numpy as np
 
 from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.scalars import Quaternion, Vector
+from contact_curation.motion.pose_stream import finite, reading_state, stamped_pose
 
 RIG_NOISE = 2.2e-5
 """Of the real rig's positions, standard deviation per axis [m] (method.md 3); segmenter and gates have their bounds for it."""
@@ -119,10 +120,17 @@ class PoseNoise:
         return {"rows": [list(row) for row in self._rows], "spans": [list(span) for span in self._spans], "whole": self._whole}
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
-        """Takes up the state of `snapshot`."""
-        self._rows = [(int(stamp), x, y, z, a, b, c, d) for stamp, x, y, z, a, b, c, d in snapshot["rows"]]
-        self._spans = deque(((position, turn) for position, turn in snapshot["spans"]), maxlen=KEPT)
-        self._whole = bool(snapshot["whole"])
+        """Takes up the state of `snapshot`.
+
+        Raises:
+            InvalidValueError: it is no such state.
+        """
+        with reading_state("noise", snapshot, "PoseNoise.snapshot"):
+            poses = [stamped_pose(row) for row in snapshot["rows"]]
+            spans = [(finite(position), finite(turn)) for position, turn in snapshot["spans"]]
+            self._whole = bool(snapshot["whole"])
+        self._rows = [(stamp_ns, *position, *orientation) for stamp_ns, position, orientation in poses]
+        self._spans = deque(spans, maxlen=KEPT)
         self._scale = _scale_for(*self._multiples) if self._spans else RIG
 
     def _close(self) -> None:

@@ -1,14 +1,26 @@
-"""One pose of a stream, as any tracker gives it: a child frame in a parent frame at a time, or the reason why there is none."""
+"""One pose of a stream, as any tracker gives it: a child frame in a parent frame at a time, or the reason why there is none.
 
-from collections.abc import Iterable
+The stages that follow a stream write their state down as plain numbers, lists and names (`snapshot`), which JSON keeps exactly.
+Whatever reads such a state does it under `reading_state`, so that another content is refused in one line.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import isfinite, sqrt
+from typing import Any
 
+from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.poses import QUATERNION_TOLERANCE
-from contact_curation.geometry.scalars import ScalarPose
+from contact_curation.geometry.scalars import Quaternion, ScalarPose, Vector
 
 FARTHEST = 1e6
 """No tracker measures a body further away [m]; such numbers would overflow in velocities."""
+
+
+LONGEST_NUMBER = 64
+"""Bits of a stamp, a count or a place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,3 +80,66 @@ def checked_pose(
     if max(abs(x), abs(y), abs(z)) > FARTHEST:
         return BadPose(stamp_ns, child, f"position: found {(x, y, z)}, expected one within {FARTHEST:g} m")
     return FramePose(stamp_ns, parent, child, ScalarPose((x, y, z), (w, qx, qy, qz)), static)
+
+
+@contextmanager
+def reading_state(name: str, snapshot: object, writer: str) -> Iterator[None]:
+    """Turns what goes wrong while a state is read into one error.
+
+    Args:
+        name: of the state, for the message.
+        snapshot: what is read.
+        writer: the method that gives such states.
+
+    Raises:
+        InvalidValueError: the state lacks something or holds something else.
+    """
+    try:
+        yield
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        found = f"{repr(snapshot)[:80]} ({type(error).__name__}: {error})"
+        raise InvalidValueError(f"{name} state", found[:200], f"what {writer} gave: begin with an empty store") from error
+
+
+def whole(value: Any) -> int:
+    """A whole number of a state.
+
+    Raises:
+        TypeError: it is something else.
+        ValueError: it has more than 64 bits.
+    """
+    if type(value) is not int:
+        raise TypeError(f"found {value!r}, expected a whole number")
+    if value.bit_length() >= LONGEST_NUMBER:
+        raise ValueError(f"found a number of {value.bit_length()} bits, expected at most {LONGEST_NUMBER}")
+    return value
+
+
+def whole_or_none(value: Any) -> int | None:
+    """A whole number of a state, or None."""
+    return None if value is None else whole(value)
+
+
+def finite(value: Any) -> float:
+    """A finite number of a state.
+
+    Raises:
+        TypeError: it is no number.
+        ValueError: it is not finite.
+    """
+    if type(value) not in (int, float):
+        raise TypeError(f"found {value!r}, expected a number")
+    if not isfinite(value):
+        raise ValueError(f"found {value!r}, expected a finite number")
+    return float(value)
+
+
+def counted(numbers: Any) -> Counter[str]:
+    """How often what happened, of a state."""
+    return Counter({str(kind): whole(number) for kind, number in numbers.items()})
+
+
+def stamped_pose(row: Any) -> tuple[int, Vector, Quaternion]:
+    """A pose of a state: stamp [ns], position [m], orientation (wxyz), from a list of eight numbers."""
+    stamp_ns, x, y, z, a, b, c, d = row
+    return whole(stamp_ns), (finite(x), finite(y), finite(z)), (finite(a), finite(b), finite(c), finite(d))

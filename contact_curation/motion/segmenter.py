@@ -20,6 +20,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.scalars import Quaternion, Vector, third_row
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.motion.pose_noise import TrackerScale
+from contact_curation.motion.pose_stream import finite, reading_state, stamped_pose, whole, whole_or_none
 from contact_curation.motion.scales import TossedBody, scale_of
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.smoothing import noise_growth
@@ -146,16 +147,17 @@ class TossSegmenter:
         Raises:
             InvalidValueError: it is no such state.
         """
-        try:
-            run = [Frame(row[0], (row[1], row[2], row[3]), (row[4], row[5], row[6], row[7])) for row in snapshot["run"]]
-            steps_ns, start, still = list(snapshot["steps_ns"]), snapshot["start"], int(snapshot["still"])
-            moved_ns, outside = snapshot["moved_ns"], bool(snapshot["outside"])
+        with reading_state("segmenter", snapshot, "TossSegmenter.snapshot"):
+            run = [Frame(*stamped_pose(row)) for row in snapshot["run"]]
+            steps_ns, start = [whole(step_ns) for step_ns in snapshot["steps_ns"]], whole_or_none(snapshot["start"])
+            still, moved_ns, outside = whole(snapshot["still"]), whole_or_none(snapshot["moved_ns"]), bool(snapshot["outside"])
             position, turn = snapshot.get("tracker", (self.tracker.position, self.tracker.turn))  # older states have none
-        except (KeyError, IndexError, TypeError, ValueError) as error:
-            raise InvalidValueError("segmenter state", repr(snapshot)[:80], "what TossSegmenter.snapshot gave") from error
+            tracker = TrackerScale(finite(position), finite(turn))
+            if start is not None and not 0 <= start < len(run):
+                raise ValueError(f"start {start} of {len(run)} frames")
         self._run, self._steps_ns, self._start, self._still = run, steps_ns, start, still
         self._moved_ns, self._outside = moved_ns, outside
-        self._take_bounds(TrackerScale(position, turn))
+        self._take_bounds(tracker)
         self._fall = FallDetector()
         for frame in run[-MEMORY:]:
             self._fall.push(frame.stamp_ns, frame.position[2])

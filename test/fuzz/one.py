@@ -2,6 +2,7 @@
 
 import os
 import sys
+import time
 import warnings
 from pathlib import Path
 
@@ -11,6 +12,8 @@ for library in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
 import atheris  # noqa: E402
 
 LIBRARIES = {"mcap": ["mcap", "rosbags"], "sqlite": ["rosbags"], "ros1": ["rosbags"], "mesh": ["trimesh"]}
+SLOWEST = 5.0
+"""[s] of processor time for one input."""
 INSTRUMENTED = ["contact_curation", *LIBRARIES.get(sys.argv[1], [])]
 
 with atheris.instrument_imports(include=INSTRUMENTED):
@@ -26,7 +29,11 @@ def main() -> None:
             targets.read(name, seed.read_bytes())
 
     def one(data: bytes) -> None:
+        began = time.process_time()
         targets.read(name, data)
+        took = time.process_time() - began
+        if took > SLOWEST:
+            raise TimeoutError(f"{took:.1f} s of processor time for {len(data)} bytes")
 
     atheris.Setup(sys.argv, one)
     atheris.Fuzz()

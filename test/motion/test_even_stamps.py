@@ -177,7 +177,7 @@ def test_a_state_from_before_there_was_an_evener_is_taken_up() -> None:
     state = fresh().snapshot()
     del state["stamps"]
     fresh().restore(state)
-    with pytest.raises(InvalidValueError, match="stamps' state: found"):
+    with pytest.raises(InvalidValueError, match="stamps state: found"):
         StampEvener("cube").restore({"held": []})
 
 

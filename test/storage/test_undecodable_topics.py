@@ -50,6 +50,13 @@ def test_a_topic_of_an_unknown_type_costs_only_itself(tmp_path: Path, kind: str)
     assert read(path, [CUBE])[1] == ()
 
 
+def test_a_definition_of_more_fields_than_any_message_has_is_refused_before_code_is_generated(tmp_path: Path) -> None:
+    fields = "\n".join(f"float64 f{number}" for number in range(4001))
+    path = write_mcap(tmp_path / "bag.mcap", [*SENT[:3], EVENT], {Odd.__msgtype__: (fields, "ros2msg")})
+    (line,) = read(path)[1]
+    assert line.endswith("it has 4001 fields where at most 4000 are accepted")
+
+
 def test_messages_of_an_unknown_type_can_be_passed_on(tmp_path: Path) -> None:
     path = write_mcap(tmp_path / "bag.mcap", [*SENT, EVENT], {Odd.__msgtype__: SCHEMAS["service event"]})
     with BagReader(path) as reader:

@@ -71,7 +71,10 @@ def read_mesh(path: Path, scale: Array) -> Mesh:
     refuse_foreign(path)
     data = read_bounded(path, LARGEST_MESH, "a mesh")
     loaded = _loaded(path, data)
-    points = np.asarray(loaded.vertices, dtype=float).reshape(-1, 3) * scale
+    points = np.asarray(loaded.vertices, dtype=float)
+    if points.size and points.shape[1:] != (3,):
+        raise UnreadableInputError(path, f"found vertices of shape {points.shape}, expected three coordinates each")
+    points = points.reshape(-1, 3) * scale
     if not len(points) or not len(loaded.faces):
         raise UnreadableInputError(path, "found no triangles, expected a mesh")
     if not np.isfinite(points).all() or float(np.abs(points).max()) > FARTHEST:

@@ -30,8 +30,11 @@ from contact_curation.storage.bags.records import BagMessage, Channel, RawMessag
 
 HEADER = "std_msgs/msg/Header"
 IDL_SEPARATOR = "=" * 80 + "\n"
-LONGEST_SCHEMA = 1 << 20
-"""Longest accepted definition [characters]; the parser is slow on longer ones, and real ones have a few kB."""
+LONGEST_SCHEMA, MOST_FIELDS = 1 << 18, 4000
+"""Longest accepted definition [characters], and most fields of all its types; real ones have a few kB and hundreds of fields.
+
+Its parser takes 6 microseconds a character, and the code that is generated takes some 0.6 ms a field.
+"""
 TYPE_ERRORS = (TypesysError, SerdeError, LookupError, ValueError, TypeError, AssertionError, SyntaxError, RecursionError)
 """Errors of rosbags for definitions from which it cannot make a decoder."""
 DECODE_ERRORS = (SerdeError, struct.error, LookupError, ValueError, TypeError, OverflowError, RecursionError)
@@ -126,6 +129,9 @@ def _store(definition: Definition, limits: BagLimits) -> Typestore:
     if len(definition.schema) > LONGEST_SCHEMA:
         raise TypesysError(f"it has {len(definition.schema)} characters where at most {LONGEST_SCHEMA} are accepted")
     types = _types(definition)
+    fields = sum(len(fields) for _, fields in types.values())
+    if fields > MOST_FIELDS:
+        raise TypesysError(f"it has {fields} fields where at most {MOST_FIELDS} are accepted")
     _refuse_long_arrays(types, limits)
     store = get_typestore(Stores.EMPTY)
     store.register(types)

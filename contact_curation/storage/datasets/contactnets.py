@@ -138,7 +138,10 @@ def _rows(file: Path) -> Array:
     batch, frames, columns = content.shape if content.ndim == 3 else (0, 0, 0)
     if content.dtype != torch.float64 or batch != 1 or frames < 2 or columns != COLUMNS:
         raise UnreadableInputError(file, f"found {content.dtype} of shape {tuple(content.shape)}, expected {_EXPECTED}")
-    rows: Array = content[0].numpy()
+    stored = content.untyped_storage().nbytes()
+    if stored < content.numel() * content.element_size():
+        raise UnreadableInputError(file, f"found {frames} frames in {stored} bytes, expected a tensor that holds its numbers")
+    rows: Array = content.detach()[0].numpy()
     if rows[:, CONTROL].any():
         raise UnreadableInputError(file, "found a control that is not zero, expected a body that moves freely")
     largest = np.abs(rows).max()

@@ -37,6 +37,9 @@ LOWEST_RATE = 55.0
 LONGEST_STEP = 0.5
 """[s] Poses further apart are not successive ones."""
 
+OVERTAKEN_NS, MOST_WAITING = 100_000_000, 1024
+"""[ns] A message that was logged within this time before another one may have a later stamp; so many wait for it at most."""
+
 
 def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReading:
     """The tosses of one bag, as they complete; then what was left out.
@@ -77,6 +80,45 @@ def bag_tosses(
     return BagTosses(origin, source, body, replace(config, segmenter=rules), numbers, placed)
 
 
+def in_order_of_stamps(messages: Iterable[MeasuredMessage]) -> Iterator[MeasuredMessage]:
+    """Messages in order of log time, where those that overtook others of their topic change places with them.
+
+    A recorder logs messages when it receives them. What is in order already comes out as it was; stamps that go back by more
+    than `OVERTAKEN_NS` are another run of a clock, and stay where they are.
+    """
+    waiting: list[MeasuredMessage] = []
+    for message in messages:
+        late_ns = message.log_time_ns - OVERTAKEN_NS
+        while waiting and (waiting[0].log_time_ns < late_ns or len(waiting) >= MOST_WAITING):
+            yield waiting.pop(0)
+        waiting.append(message)
+        stamp_ns, place = _stamp_of(message), len(waiting) - 1
+        if stamp_ns is None:
+            continue
+        for earlier in range(len(waiting) - 2, -1, -1):
+            other = waiting[earlier]
+            other_ns = _stamp_of(other) if other.topic == message.topic else None
+            if other_ns is None:
+                continue
+            if not 0 < other_ns - stamp_ns <= OVERTAKEN_NS:
+                break
+            waiting[earlier], waiting[place] = _logged_at(message, other), _logged_at(other, waiting[place])
+            place = earlier
+    yield from waiting
+
+
+def _stamp_of(message: MeasuredMessage) -> int | None:
+    """The stamp of the only pose of a message; None where it has none, several or a static one."""
+    if len(message.measured) != 1:
+        return None
+    (measured,) = message.measured
+    return measured.stamp_ns if isinstance(measured, FramePose) and not measured.static else None
+
+
+def _logged_at(message: MeasuredMessage, other: MeasuredMessage) -> MeasuredMessage:
+    return message._replace(log_time_ns=other.log_time_ns)
+
+
 class BagTosses:
     """Follows the messages of one bag.
 
@@ -113,8 +155,8 @@ class BagTosses:
         self._bad_counts: dict[str, int] = {}
 
     def messages(self, reader: BagReader) -> Iterator[MeasuredMessage]:
-        """The poses in a bag's messages, in order of log time; nothing takes note of them."""
-        return measured_messages(reader, self.source, self.measured)
+        """The poses in a bag's messages, in order of log time and each topic's stamps; nothing takes note of them."""
+        return in_order_of_stamps(measured_messages(reader, self.source, self.measured))
 
     def of(self, message: BagMessage) -> Iterator[Found]:
         """Yields the tosses and rejected motions that a message completes."""

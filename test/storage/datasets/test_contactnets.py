@@ -64,6 +64,12 @@ def test_the_public_repository_s_data_folder_may_be_named(tmp_path: Path) -> Non
     assert [file.name for file in contactnets_files(tmp_path)] == ["3.pt"]
 
 
+def test_a_tensor_that_a_training_has_left_is_read_as_its_numbers(tmp_path: Path) -> None:
+    kept = read_contactnets_toss(saved(tmp_path / "1.pt", rows()))
+    learned = read_contactnets_toss(saved(tmp_path / "2.pt", torch.nn.Parameter(rows())))
+    assert learned.positions.tolist() == kept.positions.tolist()
+
+
 class Exploit:
     def __reduce__(self) -> tuple[Any, tuple[str]]:
         return Path.touch, (Path("exploited"),)  # type: ignore[return-value]
@@ -86,6 +92,7 @@ class Exploit:
         (rows(c3=3.0), "quaternion norm"),
         (rows(c0=1e200), "found a value of 1e\\+200"),
         (rows(c14=1.0), "found a control that is not zero"),
+        (rows()[:, :1].expand(1, 60_000_000, 19), r"found 60000000 frames in \d+ bytes, expected a tensor"),
         (Exploit(), "pickled objects are never unpickled"),
     ],
 )

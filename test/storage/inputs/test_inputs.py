@@ -1,9 +1,11 @@
 """Whatever the input, out come its tosses; what is left out is a line, and the other inputs go on."""
 
+import itertools
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from rosbags.rosbag2 import StoragePlugin
@@ -16,8 +18,10 @@ from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.pose_stream import FramePose
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected, Toss
+from contact_curation.storage.inputs.bag_tosses import in_order_of_stamps
 from contact_curation.storage.inputs.inputs import InputsConfig, InputSummary, Problem, open_inputs
 from contact_curation.storage.inputs.pose_messages import ODOMETRY, POSE, POSE_ARRAY, POSE_WITH_COVARIANCE, TF
+from contact_curation.storage.inputs.pose_runs import MeasuredMessage
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig, TypedTopic, find_pose_source
 from test.motion.streams import board_in_map, in_map, noisy, stream
 from test.storage.datasets.test_tagslam_bag import save_contactnets, synthetic_toss
@@ -85,6 +89,28 @@ def test_every_kind_of_bag_gives_the_same_tosses(tmp_path: Path, made: Callable[
     assert (summary.first_stamp_ns, summary.last_stamp_ns) == (POSES[0].stamp_ns, POSES[-1].stamp_ns)
     assert summary.counts == {"poses": len(POSES), "tosses": 2}
     assert len(summary.sha256) == 64
+
+
+def test_messages_that_were_logged_up_to_30_ms_out_of_order_cost_no_toss(tmp_path: Path) -> None:
+    late = np.random.default_rng(3).integers(0, 30_000_000, len(POSES) + 1)
+    sent = [one._replace(log_time_ns=one.log_time_ns + int(by)) for one, by in zip(tagslam(), late, strict=True)]
+    shuffled = write_ours(tmp_path / "late.mcap", sorted(sent, key=lambda one: one.log_time_ns))
+    items, (summary,) = opened(shuffled)
+    expected, (sound,) = opened(mcap_file(tmp_path))
+    assert [item.digest() for item in items if isinstance(item, Toss)] == [
+        item.digest() for item in expected if isinstance(item, Toss)
+    ]
+    assert summary.counts == sound.counts == {"poses": len(POSES), "tosses": 2}
+
+
+def test_order_of_stamps_is_bounded_in_time_and_number() -> None:
+    def said(log_time_ns: int, stamp_ns: int) -> MeasuredMessage:
+        return MeasuredMessage("/odom", log_time_ns, (FramePose(stamp_ns, "board", "cube", ON_BOARD[0].pose),))
+
+    jump = [said(1_000_000_000, 5_000_000_000), said(1_010_000_000, 3_000_000_000)]
+    assert list(in_order_of_stamps(jump)) == jump
+    endless = in_order_of_stamps(said(7, number) for number in itertools.count())
+    assert next(endless) == said(7, 0)
 
 
 @pytest.mark.parametrize("type_name", [POSE, POSE_WITH_COVARIANCE, POSE_ARRAY, ODOMETRY])
