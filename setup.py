@@ -28,8 +28,7 @@ NAME = MANIFEST.findtext("name", "")
 
 NODES = [
     *("pose_ingest", "fisher_scorer", "curator", "trainer", "throw_designer", "sim_arm", "sim_camera", "player"),
-    "session_recorder",
-    "dashboard",
+    *("session_recorder", "dashboard", "container"),
 ]
 
 REQUIRES = [
@@ -55,7 +54,7 @@ DASHBOARD = ["rerun-sdk>=0.41"]
 CLOUD = ["fsspec[http]>=2024.6", "s3fs>=2024.6"]
 RAY = ["ray>=2.30"]
 ROS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces", f"contact_curation_msgs=={VERSION}"]
-ROS += ["contact_curation_vendored_apriltag_msgs", "contact_curation_vendored_tf2_msgs"]
+ROS += [f"contact_curation_vendored_{name}" for name in ("apriltag_msgs", "control_msgs", "tf2_msgs")]
 EXTRAS = {"train": TRAIN, "sim": SIM, "dashboard": DASHBOARD, "cloud": CLOUD, "ray": RAY, "ros": ROS}
 EXTRAS["all"] = [each for extra in list(EXTRAS.values()) for each in extra]
 """What more is needed for what: contact_curation/extras.py names them where one is missing. `make wheel` builds the last three
@@ -144,13 +143,13 @@ if __name__ == "__main__":
         long_description_content_type="text/markdown",
         python_requires=">=3.12",
         packages=find_packages(include=[NAME, f"{NAME}.*"]),
-        package_data={NAME: ["py.typed", "config/*.yaml", "config/*.xml", "launch/*.py"]},
+        package_data={NAME: ["py.typed", "config/*.yaml", "config/*.xml", "launch/*.launch.*"]},
         ext_modules=kernel_extensions(),
         cmdclass={"build_ext": BuildKernel, "bdist_wheel": TagWheel},
         data_files=[
             ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
             (f"share/{NAME}", ["package.xml"]),
-            (f"share/{NAME}/launch", sorted(str(path.relative_to(HERE)) for path in HERE.glob(f"{NAME}/launch/*.py"))),
+            (f"share/{NAME}/launch", sorted(str(path.relative_to(HERE)) for path in HERE.glob(f"{NAME}/launch/*.launch.*"))),
             (f"share/{NAME}/config", sorted(str(path.relative_to(HERE)) for path in HERE.glob(f"{NAME}/config/*.*ml"))),
         ],
         install_requires=REQUIRES,

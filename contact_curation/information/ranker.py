@@ -1,9 +1,9 @@
 """Ranks scored tosses by a configuration.
 
 The same tosses give the same ranking in whatever order they come; ties go to the smaller id. Several parameter particles,
-each with its own information of the same tosses, are ranked together (method.md 2.4): log-det, representative, herding and
-min-eig average over the particles, the other criteria average scores that are normalised per particle, since their units
-differ from one theta to another.
+each with its own information of the same tosses, are ranked together (method.md 2.4): log-det, representative, herding,
+facility-location, v-optimal and min-eig average over the particles, the other criteria average scores that are normalised per
+particle, since their units differ from one theta to another.
 """
 
 from collections.abc import Iterable, Sequence

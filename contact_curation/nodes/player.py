@@ -5,6 +5,7 @@ messages of each topic again.
 """
 
 import sys
+from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -36,7 +37,7 @@ NAP = Duration(seconds=0.1)
 """Time between checks for subscribers, for acknowledgements, and for the end."""
 
 BURST = 1000
-"""Messages between acknowledgements when playing as fast as possible."""
+"""Messages of a topic between acknowledgements when playing as fast as possible."""
 
 PATIENCE = 10
 """Longest wait for acknowledgements [s]."""
@@ -64,12 +65,13 @@ class Player(StageNode):
         self._stay = declare(self, "stay", False, "keep running at the end, so that late subscribers still get the history")
         self._history = declare(self, "history", 30000, "messages per topic that late subscribers still get; 0: as recorded",
                                 bounds=(0, 1 << 20))  # fmt: skip
+        self._burst = BURST if self._fast else self._history // 2  # before the history drops what was not received
         wanted = [name for name in declare(self, "topics", [""], "topics to play; empty: all") if name]
         renamed = [pair for pair in declare(self, "remap", [""], "topics to rename, as old:=new") if pair]
         hertz = declare(self, "clock", 0.0, "rate of /clock [Hz]; 0: none", bounds=(0.0, 1e4))
         self._recorded_time = PlaybackClock(rate, declare(self, "start_paused", False, "wait for a call of ~/resume"))
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._published = 0
+        self._published: Counter[str] = Counter()
         if not path:
             raise InvalidValueError("parameter bag", "nothing", "the path of a recording")
         self._reader = BagReader(Path(path))
@@ -114,8 +116,8 @@ class Player(StageNode):
     def _publish(self, message: RawMessage) -> None:
         publisher = self._outlets[message.topic]
         publisher.publish(message.data)
-        self._published += 1
-        if self._fast and self._published % BURST == 0:
+        self._published[message.topic] += 1
+        if self._burst and self._published[message.topic] % self._burst == 0:
             self._acknowledged(publisher)
 
     def _heard(self) -> bool:

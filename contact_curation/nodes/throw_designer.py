@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Sequence
-from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,9 @@ from typing import Any
 from contact_curation_msgs.msg import CuratedBuffer, ModelParameters, TossRejected, TrainingStatus
 from contact_curation_msgs.msg import TossInformation as TossInformationMessage
 from contact_curation_msgs.srv import GetInformation, ProposeThrow
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
+from rclpy.task import Future
 from std_msgs.msg import Bool
 
 from contact_curation.contact.geometry_parameters import ContactGeometry
@@ -45,8 +46,8 @@ PERIOD = 0.05
 RESTING = (TrainingStatus.WAITING, TrainingStatus.FAILED)
 """States of a trainer that waits for the buffer to change."""
 
-LONGEST_PROPOSAL = 120.0
-"""Longest time that the service waits for the worker [s]."""
+MOST_PROPOSALS = 8
+"""Largest number of calls of `propose_throw` that wait for the worker; further ones are refused at once."""
 
 
 class ThrowDesigner(StageNode):
@@ -80,7 +81,9 @@ class ThrowDesigner(StageNode):
         self._reports.tell(self._stage.reports)
         self._goals = ThrowGoals(self, self._told, loop.goal_timeout)
         self._worker = Worker(self.fail)
-        self.create_service(ProposeThrow, "propose_throw", self._propose)
+        self._proposals = 0
+        # In a group of its own: a call that waits for its throw keeps no other callback waiting.
+        self.create_service(ProposeThrow, "propose_throw", self._propose, callback_group=ReentrantCallbackGroup())
         self.create_subscription(ModelParameters, "model_parameters", self._parameters_came, latched(1))
         self.create_subscription(CuratedBuffer, "curated_buffer", self._buffer_came, latched(1))
         self.create_subscription(TrainingStatus, "training_status", self._status_came, latched(1))
@@ -140,17 +143,20 @@ class ThrowDesigner(StageNode):
             reports = self._loop.abandon(outcome.message if outcome.executed is None else str(error))
         self._reports.tell(reports)
 
-    def _propose(self, request: Any, response: Any) -> Any:
-        """Plans a throw on the worker's thread and responds with it; messages that come meanwhile wait in their queues."""
-        proposed: Future[Proposal] = Future()
-        self._worker.do(partial(self._proposal, request, proposed))
+    async def _propose(self, request: Any, response: Any) -> Any:
+        """Responds with a throw that the worker's thread plans; all other callbacks run meanwhile."""
         try:
-            proposal = proposed.result(LONGEST_PROPOSAL)
+            if self._proposals >= MOST_PROPOSALS:
+                raise InvalidValueError(
+                    "proposals under way", self._proposals, f"fewer than {MOST_PROPOSALS}: wait for an answer"
+                )
+            self._proposals += 1
+            try:
+                proposal = await self._planned(request)
+            finally:
+                self._proposals -= 1
         except ContactCurationError as error:
             response.message = str(error)
-            return response
-        except TimeoutError:
-            response.message = f"found no throw within {LONGEST_PROPOSAL:g} s"
             return response
         response.success = True
         response.message = (
@@ -159,14 +165,23 @@ class ThrowDesigner(StageNode):
         response.throw_command = throw_message(proposal.throw, Stamped(0, self._board_frame))
         return response
 
-    def _proposal(self, request: Any, proposed: "Future[Proposal]") -> None:
+    def _planned(self, request: Any) -> Future:
+        """The throw of a request, once the worker has planned it."""
+        planned = Future()
+        planned.add_done_callback(lambda _: self.executor.wake())  # so that the waiting coroutine goes on
+        self._worker.do(partial(self._plan, request, planned))
+        return planned
+
+    def _plan(self, request: Any, planned: Future) -> None:
         """Plans the throw of a request; on the worker's thread."""
         try:
             if request.body not in ("", self._body.name):
                 raise InvalidValueError("body", request.body, self._body.name)
-            proposed.set_result(self._stage.propose(int(request.seed)))
+            proposal = self._stage.propose(int(request.seed))
         except ContactCurationError as error:
-            proposed.set_exception(error)
+            planned.set_exception(error)
+        else:
+            planned.set_result(proposal)
 
     def _parameters_came(self, message: Any) -> None:
         self._worker.do(partial(self._renew, message))

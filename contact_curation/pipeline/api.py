@@ -173,8 +173,9 @@ def rank(
         tosses: as `read` gives them, or what `read` takes: then no more than 64 tosses of a recording are in memory at a time.
         top: how many are selected.
         body: the tossed object, where `tosses` are recordings; None for that of the model, or ContactNets' cube.
-        criterion: by what: ``representative``, ``herding``, ``log-det``, ``trace``, ``min-eig``, ``orthogonal``, ``leverage``,
-            ``longest``, ``random``, or one of your own (`information.criteria.criterion.register`).
+        criterion: by what: ``representative``, ``herding``, ``facility-location``, ``v-optimal``, ``log-det``, ``trace``,
+            ``min-eig``, ``orthogonal``, ``leverage``, ``longest``, ``random``, or one of your own
+            (`information.criteria.criterion.register`).
         model: the information is about its parameters; a model or its file, None for the body as described.
         estimator: of the Fisher matrix: ``gauss-newton`` or ``empirical``.
         seed: of criterion random.

@@ -8,12 +8,9 @@ from pathlib import Path
 from typing import Any
 from urllib.request import urlopen
 
-import numpy as np
 import pytest
-from contact_curation_msgs.msg import CuratedBuffer, TossInformation, TossRejected
-from nav_msgs.msg import Odometry
+from contact_curation_msgs.msg import CuratedBuffer, TossRejected
 
-from contact_curation.nodes.messages.headers import nanoseconds_of
 from contact_curation.nodes.ros.health import node_of
 from contact_curation.nodes.ros.qos import latched
 from test.dashboard.live.test_serving import free_port
@@ -145,28 +142,6 @@ def test_what_cannot_be_is_one_line_and_status_1(graph: Graph, parameters: dict[
     assert said.startswith(line)
 
 
-class Moments:
-    """When poses and information were published [ns], by header stamp."""
-
-    def __init__(self, graph: Graph) -> None:
-        self._poses: dict[int, int] = {}
-        self._informations: dict[int, int] = {}
-        node = graph.listener.node
-        node.create_subscription(Odometry, "/tagslam/odom/body_cube", self._pose, latched(10000))
-        node.create_subscription(TossInformation, "/toss_information", self._information, latched(100))
-
-    def _pose(self, message: Any, info: Any) -> None:
-        self._poses[nanoseconds_of(message.header.stamp)] = info["source_timestamp"]
-
-    def _information(self, message: Any, info: Any) -> None:
-        self._informations[nanoseconds_of(message.header.stamp)] = info["source_timestamp"]
-
-    def median_ms(self) -> float:
-        """From a toss's last pose to its information; poses that come too fast for this listener are not counted."""
-        heard = [(at, self._poses[stamp]) for stamp, at in self._informations.items() if stamp in self._poses]
-        return float(np.median([(at - posed) * 1e-6 for at, posed in heard]))
-
-
 @pytest.fixture
 def stopped(graph: Graph) -> Iterator[NodeProcess]:
     """A dashboard that was listening and then stands still."""
@@ -177,31 +152,13 @@ def stopped(graph: Graph) -> Iterator[NodeProcess]:
     os.kill(node.pid, signal.SIGCONT)
 
 
-def played(graph: Graph, bag: Path, dashboard: NodeProcess | None, **how: Any) -> float:
-    """Plays a recording through the stages; the median latency [ms] from a toss's last pose to its information."""
-    moments, buffers = Moments(graph), graph.listener.listen(CuratedBuffer, "/curated_buffer")
-    start_stages(graph)
-    if dashboard is not None:
-        tosses = graph.listener.node
-        graph.until(lambda: tosses.count_subscribers("/toss") >= 2, LONG, "the dashboard to have found the stages")
-        time.sleep(1.0)
-        os.kill(dashboard.pid, signal.SIGSTOP)
-    graph.start("player", bag=bag, wait_for=10.0, stay=True, **how)
-    expected = len(tosses_of(bag))
-    graph.until(lambda: buffers and buffers[-1].tosses_seen == expected, LONG, "every toss to be curated")
-    return moments.median_ms()
-
-
 @pytest.mark.slow
 def test_a_dashboard_that_stands_still_holds_up_nobody(graph: Graph, golden_bag: Path, stopped: NodeProcess) -> None:
-    assert np.isfinite(played(graph, golden_bag, stopped, as_fast_as_possible=True))
-
-
-@pytest.mark.slow
-def test_the_latency_of_the_graph_is_the_same_beside_a_dashboard_that_stands_still(
-    graph: Graph, golden_bag: Path, stopped: NodeProcess
-) -> None:
-    with Graph(graph.folder / "alone", graph.domain + 1) as alone:
-        alone.folder.mkdir()
-        undisturbed = played(alone, golden_bag, None, rate=PLAYED_AT)
-    assert played(graph, golden_bag, stopped, rate=PLAYED_AT) < 1.5 * undisturbed + 5.0
+    buffers, expected = graph.buffers(), len(tosses_of(golden_bag))
+    start_stages(graph)
+    node = graph.listener.node
+    graph.until(lambda: node.count_subscribers("/toss") >= 2, LONG, "the dashboard to have found the stages")
+    time.sleep(1.0)
+    os.kill(stopped.pid, signal.SIGSTOP)
+    graph.start("player", bag=golden_bag, wait_for=10.0, stay=True, as_fast_as_possible=True)
+    graph.until(lambda: buffers and buffers[-1].tosses_seen == expected, LONG, "every toss to be curated")

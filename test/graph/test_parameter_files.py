@@ -1,10 +1,14 @@
 """config/nodes.yaml has every parameter of every node, and the launch files set none that there is not."""
 
+import re
 import runpy
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
 
 import pytest
 import yaml
@@ -121,3 +125,58 @@ def test_every_argument_has_a_description(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_the_config_files_are_yaml() -> None:
     assert all(yaml.safe_load(path.read_text()) for path in CONFIG.parent.glob("*.yaml"))
+
+
+class Frontend(NamedTuple):
+    """A launch file in XML or YAML.
+
+    Attributes:
+        arguments: default value and description by name.
+        file: the launch file that it includes.
+        passed: what it passes on, by name.
+    """
+
+    arguments: dict[str, tuple[str, str]]
+    file: str
+    passed: dict[str, str]
+
+
+def read_xml(path: Path) -> Frontend:
+    root = ElementTree.parse(path).getroot()
+    arguments = {one.attrib["name"]: (one.attrib["default"], one.attrib["description"]) for one in root.findall("arg")}
+    (included,) = root.findall("include")
+    passed = {one.attrib["name"]: one.attrib["value"] for one in included.findall("arg")}
+    return Frontend(arguments, included.attrib["file"], passed)
+
+
+def read_yaml(path: Path) -> Frontend:
+    actions = yaml.safe_load(path.read_text())["launch"]
+    found = [action["arg"] for action in actions if "arg" in action]
+    (included,) = [action["include"] for action in actions if "include" in action]
+    arguments = {one["name"]: (one["default"], one["description"]) for one in found}
+    return Frontend(arguments, included["file"], {one["name"]: one["value"] for one in included["arg"]})
+
+
+@pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
+def test_a_launch_file_in_xml_and_in_yaml_has_all_arguments_of_the_one_in_python_and_passes_them_on(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    share = "$(find-pkg-share contact_curation)"
+    expected: dict[str, tuple[str, str]] = {}
+    for one in described(path, monkeypatch):
+        if type(one).__name__ == "DeclareLaunchArgument":
+            default = one.named["default_value"]
+            text = default if isinstance(default, str) else f"{share}/{'/'.join(default.parts[0][1:])}"
+            expected[one.parts[0]] = (text, one.named["description"])
+    passed = {name: f"$(var {name})" for name in expected}
+    for found in (read_xml(path.with_suffix(".xml")), read_yaml(path.with_suffix(".yaml"))):
+        assert found == Frontend(expected, f"{share}/launch/{path.name}", passed)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("ros2") is None, reason="no command ros2: the real launch is in no package index")
+@pytest.mark.parametrize("path", sorted((PACKAGE / "launch").glob("*.launch.*")), ids=lambda path: path.name)
+def test_ros2_launch_shows_the_arguments_of_every_launch_file(path: Path) -> None:
+    command = ["ros2", "launch", "contact_curation", path.name, "--show-args"]
+    shown = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    assert set(read_xml(path.with_suffix(".xml")).arguments) <= set(re.findall(r"'(\w+)':", shown))

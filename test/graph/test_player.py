@@ -1,6 +1,8 @@
 """The player's options, on a small recording of its own."""
 
 import math
+import os
+import signal
 import time
 from collections.abc import Sequence
 from itertools import pairwise
@@ -17,6 +19,7 @@ from std_srvs.srv import Trigger
 
 from contact_curation.nodes.messages.headers import Stamped, header_message, nanoseconds_of
 from contact_curation.nodes.ros.qos import profile
+from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.bags.records import OfferedQos
 from contact_curation.storage.bags.writer import BagWriter
 from test.graph.parts.graph import Graph
@@ -61,6 +64,23 @@ def test_a_recording_comes_out_whole_with_its_stamps_and_says_what_is_left_out(g
     assert numbers(points) == list(range(25, COUNT))
     assert [nanoseconds_of(message.header.stamp) for message in points] == [STAMP_NS + k for k in range(25, COUNT)]
     assert player.log().count("nobody_msgs/msg/Odd") == 1
+
+
+@pytest.mark.slow
+def test_a_subscriber_that_stands_still_for_longer_than_the_history_loses_nothing(graph: Graph, recording: Path) -> None:
+    bag = graph.folder / "heard.mcap"
+    recorder = graph.start("session_recorder", bag=bag)
+    player = graph.start("player", bag=recording, history=10, wait_for=LONG, start_paused=True, stay=True)
+    graph.until(lambda: graph.listener.node.count_subscribers("/points") == 1, LONG, "the recorder to find the topic")
+    time.sleep(1.0)
+    os.kill(recorder.pid, signal.SIGSTOP)
+    assert graph.listener.call(Trigger, "/player/resume", Trigger.Request(), LONG).success
+    time.sleep(2.5)  # the recording's two seconds
+    os.kill(recorder.pid, signal.SIGCONT)
+    graph.until(lambda: "played" in player.log(), LONG, "the end of the recording")
+    assert recorder.stop() == 0
+    with BagReader(bag) as reader:
+        assert len(list(reader.messages(["/points"]))) == COUNT
 
 
 def test_it_waits_goes_on_stands_still_and_jumps_when_asked(graph: Graph, recording: Path) -> None:

@@ -97,6 +97,35 @@ def test_a_node_that_is_killed_in_mid_stream_and_comes_back_changes_nothing(
 
 
 @pytest.mark.slow
+def test_a_container_that_is_killed_in_mid_stream_and_comes_back_gives_the_ranking_of_the_library(
+    graph: Graph, golden_bag: Path
+) -> None:
+    buffers, information = graph.buffers(), graph.information()
+    container = graph.start_together(STAGES)
+    graph.start("player", bag=golden_bag, rate=10.0, wait_for=20.0, stay=True)
+    graph.until(lambda: len(information) >= 4, LONG, "the first tosses")
+    container.kill()
+    again = graph.start_together(STAGES)
+    expected = tosses_of(golden_bag)
+    graph.until(lambda: buffers and buffers[-1].tosses_seen == len(expected), LONG, "every toss to be curated")
+    assert_same_buffer(buffers[-1], curated(golden_bag, TOP))
+    assert "handed over in this process: /toss, /toss_information" in again.log()
+    assert sorted(graph.folder.glob("*.sqlite")) == [
+        graph.folder / name for name in ("buffer.sqlite", "information.sqlite", "tosses.sqlite")
+    ]
+    assert again.stop() == 0
+    assert "Traceback" not in again.log()
+
+
+@pytest.mark.slow
+def test_a_node_that_cannot_start_ends_its_container_with_its_own_line(graph: Graph) -> None:
+    container = graph.start_together({**STAGES, "curator": {"store": graph.folder / "none" / "buffer.sqlite"}})
+    assert container.wait(LONG) == 1
+    assert "curator: " in container.log()
+    assert "Traceback" not in container.log()
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_nodes_that_are_killed_again_and_again_at_random_change_nothing(graph: Graph, golden_bag: Path, seed: int) -> None:
     draw = np.random.default_rng(seed)

@@ -267,7 +267,7 @@ def test_after_a_kill_in_mid_throw_the_arm_is_at_home_and_disarmed_and_time_goes
         rises = np.diff(heard)
         assert rises.min() >= 0.0
         assert np.sum(rises > 1.0) == 1  # the jump over what was reserved
-        assert rises.max() < 61.0
+        assert rises.max() < 120.0  # 60 s, and what the new process says before it is discovered
     first = int(np.argmax(np.diff(stamps[0]))) + 1  # of the second process
     assert max(speeds(thrower.joints[first : first + 30])) < STILL
     np.testing.assert_allclose(thrower.joints[first].position, ArmConfig().home, atol=0.01)

@@ -8,7 +8,7 @@ import pytest
 from contact_curation_msgs.msg import ModelParameters, Throw, ThrowReport, TossRejected
 from contact_curation_msgs.srv import ProposeThrow
 from rcl_interfaces.msg import Parameter, ParameterValue
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.task import Future
 from std_msgs.msg import Header
 
@@ -20,6 +20,7 @@ from contact_curation.nodes.messages.headers import time_message
 from contact_curation.nodes.messages.throw import throw_of
 from contact_curation.nodes.ros.health import key_of
 from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
+from contact_curation.nodes.throw_designer import MOST_PROPOSALS
 from contact_curation.stages.records import ThrowLogRecord, ThrowRecord, load_record
 from contact_curation.storage.stores.state import StateStore
 from test.cli.commands import write_parameters
@@ -78,6 +79,22 @@ def test_a_throw_is_proposed_without_being_made_and_the_same_seed_proposes_it_ag
     assert not other.success
     assert other.message == "body: found brick, expected cube"
     assert not thrower.commands
+
+
+def test_a_proposal_under_way_keeps_no_other_callback_waiting(graph: Graph) -> None:
+    started(graph, **{**trusted(graph), "design.pool": 96})
+    client = graph.listener.node.create_client(ProposeThrow, "propose_throw")
+    assert client.wait_for_service(LONG)
+    proposals = [client.call_async(ProposeThrow.Request(seed=seed)) for seed in range(MOST_PROPOSALS + 1)]
+    graph.until(lambda: any(one.done() for one in proposals), LONG, "the refusal of one proposal too many")
+    refused = [one.result() for one in proposals if one.done()]
+    assert [one.message for one in refused] == ["proposals under way: found 8, expected fewer than 8: wait for an answer"]
+    request = GetParameters.Request(names=["auto"])
+    for _ in range(2):
+        assert graph.listener.call(GetParameters, "/throw_designer/get_parameters", request, LONG).values[0].type == 1
+    assert sum(one.done() for one in proposals) < len(proposals)
+    graph.until(lambda: sum(one.done() for one in proposals) > 1, LONG, "a proposed throw")
+    assert any(one.result().success for one in proposals if one.done())
 
 
 @pytest.mark.slow

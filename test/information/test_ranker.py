@@ -52,7 +52,9 @@ def test_a_short_pool_is_kept_whole(criterion: str) -> None:
     assert len(rank(tosses(1, 4, 4, seed=3), RankingConfig(criterion, top=10)).selected_ids) == 1
 
 
-@pytest.mark.parametrize("criterion", ["log-det", "representative", "herding", "min-eig", "leverage"])
+@pytest.mark.parametrize(
+    "criterion", ["log-det", "representative", "herding", "facility-location", "v-optimal", "min-eig", "leverage"]
+)
 @pytest.mark.parametrize("seed", range(5))
 def test_units_of_the_parameters_change_neither_order_nor_scores(criterion: str, seed: int) -> None:
     infos = tosses(60, 12, 5, seed)
@@ -121,7 +123,9 @@ def test_particles_must_hold_the_same_tosses() -> None:
         rank_particles([], RankingConfig())
 
 
-@pytest.mark.parametrize("criterion", ["log-det", "representative", "herding", "min-eig", "leverage"])
+@pytest.mark.parametrize(
+    "criterion", ["log-det", "representative", "herding", "facility-location", "v-optimal", "min-eig", "leverage"]
+)
 def test_a_pool_that_tells_nothing_cannot_be_ranked_by_what_it_tells(criterion: str) -> None:
     with pytest.raises(InvalidValueError, match="pooled information: found zero"):
         rank([toss("a", np.zeros((2, 3)))], RankingConfig(criterion))

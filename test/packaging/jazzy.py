@@ -1,7 +1,7 @@
 """A ROS 2 Jazzy that can build packages, made of wheels in a virtual environment of its own, and a colcon workspace on top.
 
 The wheels lack two things of an installed ROS, which are corrected here: their CMake files name the include folders of the
-machine that built them, and tf2_msgs and apriltag_msgs are not among them.
+machine that built them, and tf2_msgs, apriltag_msgs and control_msgs are not among them.
 """
 
 import os

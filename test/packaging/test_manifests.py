@@ -83,7 +83,7 @@ def test_the_package_is_marked_in_the_resource_index(distribution: dict[str, Any
     assert installed["share/contact_curation"] == ["package.xml"]
 
 
-@pytest.mark.parametrize(("folder", "pattern"), [("launch", "*.py"), ("config", "*.*")])
+@pytest.mark.parametrize(("folder", "pattern"), [("launch", "*.*"), ("config", "*.*")])
 def test_all_launch_and_config_files_are_installed(distribution: dict[str, Any], folder: str, pattern: str) -> None:
     on_disk = {f"contact_curation/{folder}/{path.name}" for path in (REPOSITORY / "contact_curation" / folder).glob(pattern)}
     assert set(dict(distribution["data_files"])[f"share/contact_curation/{folder}"]) == on_disk

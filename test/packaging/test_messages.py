@@ -15,6 +15,7 @@ from apriltag_msgs.msg import AprilTagDetection, AprilTagDetectionArray, Point
 from contact_curation_msgs.action import ExecuteThrow
 from contact_curation_msgs.msg import Throw, Toss
 from contact_curation_msgs.srv import GetTosses
+from control_msgs.msg import JointTrajectoryControllerState
 from geometry_msgs.msg import Pose, TransformStamped
 from rclpy.action import ActionClient, ActionServer
 from rclpy.executors import SingleThreadedExecutor
@@ -25,12 +26,18 @@ from contact_curation.session.free_domain import free_domain
 from test.packaging.type_hash import compiled_hash
 
 MSG_DEFS = Path(__file__).resolve().parents[2] / "msg_defs"
-FOLDERS = [MSG_DEFS, MSG_DEFS / "vendored" / "tf2_msgs", MSG_DEFS / "vendored" / "apriltag_msgs"]
+VENDORED = ("apriltag_msgs", "control_msgs", "tf2_msgs")
+FOLDERS = [MSG_DEFS, *(MSG_DEFS / "vendored" / name for name in VENDORED)]
 
 PUBLIC_HASHES = {
     # As `ros2 topic info --verbose` prints them on an apt-installed Jazzy.
     "tf2_msgs/msg/TFMessage": "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
     "builtin_interfaces/msg/Time": "RIHS01_b106235e25a4c5ed35098aa0a61a3ee9c9b18d197f398b0e4206cea9acf9c197",
+    # As the headers say that ROS's own builds of control_msgs generate.
+    "control_msgs/action/FollowJointTrajectory": "RIHS01_738ebcb7a2d7cfa42f9f1001cc99ce3a4383d1cfe508015d9be8485e4b1c66f6",
+    "control_msgs/action/GripperCommand": "RIHS01_e17c0e644eccf14bea84a0a93e0977182872c2eb7873ca6694900059b46dbc84",
+    "control_msgs/msg/GripperCommand": "RIHS01_57eb8f326c9889ca8bb34ead82cc94cc09bf6bc5c3b6c09546dca3a00b589890",
+    "control_msgs/msg/JointTolerance": "RIHS01_c254f9cece0f3b733017b6990fd46d1326e25242d6b8844398c97d9a88e7d648",
 }
 
 # The generators and this process do not share standard output (empy replaces it), so they run in their own.
@@ -76,7 +83,7 @@ def test_the_compiled_types_have_the_hashes_of_their_definitions(hashes: dict[st
 
 
 def test_the_standard_types_inside_have_the_hashes_that_ros_ships(hashes: dict[str, str]) -> None:
-    built_here = ("contact_curation_msgs", "tf2_msgs", "apriltag_msgs")
+    built_here = ("contact_curation_msgs", *VENDORED)
     standard = {name: value for name, value in hashes.items() if name.split("/")[0] not in built_here}
     assert "geometry_msgs/msg/TransformStamped" in standard
     assert standard == {name: compiled_hash(name) for name in standard}
@@ -129,6 +136,7 @@ def spin_until(node: Node, done: Any) -> None:
     [
         Toss(toss_id="cube-1", poses=[Pose(), Pose()], frame_period=0.00675),
         TFMessage(transforms=[TransformStamped(child_frame_id="tag36h11:3")]),
+        JointTrajectoryControllerState(joint_names=["elbow"], speed_scaling_factor=0.8),
         AprilTagDetectionArray(detections=[AprilTagDetection(family="36h11", id=3, centre=Point(x=1.5, y=2.5))]),
     ],
     ids=lambda message: type(message).__name__,

@@ -46,13 +46,13 @@ def select_by_herding(features: Array, top: int) -> Selection:
     return greedy_selection(np.array(picks), np.array(gains), -lengths, -2.0 * away @ total - lengths)
 
 
-def _features(pool: Pool, config: RankingConfig) -> Array:
-    """(K, p) in units of what they scatter by, so that no parameter particle outweighs another."""
+def whitened_scores(pool: Pool, config: RankingConfig) -> Array:
+    """(K, p) scores of a pool's tosses in units of what they scatter by, so that no parameter particle outweighs another."""
     return PoolScores.of(pool, pool_subspace(pool, config.cut).per_mean_toss(len(pool)), config.prior).scores
 
 
 def _select(pools: Sequence[Pool], config: RankingConfig) -> Selection:
-    return select_by_herding(np.concatenate([_features(pool, config) for pool in pools], axis=1), config.top)
+    return select_by_herding(np.concatenate([whitened_scores(pool, config) for pool in pools], axis=1), config.top)
 
 
 HERDING = register(

@@ -1,6 +1,6 @@
 """Checks the parameters that a node was started with: ROS ignores unknown names silently, here they are refused."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -41,7 +41,7 @@ def take_former_names(node: Node, name: str) -> None:
             node.get_logger().warning(f"parameter {former} is now called {now}: use that name")
 
 
-def check_names(node: Node, name: str, words: Sequence[str]) -> None:
+def check_names(node: Node, name: str, words: Sequence[str], beside: Collection[str] = ()) -> None:
     """Refuses parameters that the node does not have.
 
     A file may set parameters of all nodes at once, so in a file a name may also belong to another node.
@@ -50,6 +50,7 @@ def check_names(node: Node, name: str, words: Sequence[str]) -> None:
         node: node that has declared all its parameters.
         name: name of the node in config/nodes.yaml.
         words: arguments of the command line.
+        beside: names of the nodes in the same process, whose parameters the words may set, too.
 
     Raises:
         UnknownNameError: there is no parameter of that name.
@@ -57,7 +58,8 @@ def check_names(node: Node, name: str, words: Sequence[str]) -> None:
     declared = declared_parameters()
     own = {*node._parameters, *declared.get(name, {})}
     others = {one for each in declared.values() for one in each}
+    of_others = {one for each in beside for one in declared.get(each, {})}
     said = {text.partition(":=")[0].rpartition(":")[2] for word, text in pairwise(words) if word in PARAMETER}
     for given in node._parameter_overrides:
-        if given not in own and not given.startswith(OF_ROS) and (given in said or given not in others):
+        if given not in own | of_others and not given.startswith(OF_ROS) and (given in said or given not in others):
             raise UnknownNameError("parameter", given, own)

@@ -1,5 +1,7 @@
 """The entry point of all nodes, from process start to exit status. A configuration error gives one line and status 1.
 
+A process holds one node, or several (`nodes/container.py`), which then share its executor and its end.
+
 Signals never interrupt a callback. The first SIGINT or SIGTERM ends the spinning; the node then closes its threads, files and
 publishers while the middleware still works. Further signals have no effect. Closing has a time limit: unfinished work is
 continued after the next start, as after a kill.
@@ -12,7 +14,7 @@ import socket
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -95,14 +97,15 @@ class _Ending:
     """The end of the process: whether it was requested, and its time limit.
 
     Args:
-        name: name of the node, for the message.
+        name: name of the process, for the message.
     """
 
     def __init__(self, name: str) -> None:
         self._name = name
         self._wanted = threading.Event()
         self._closed = threading.Event()
-        self.node: StageNode | None = None
+        self.nodes: dict[str, StageNode] = {}
+        self.failures: dict[str, BaseException] = {}
         self.executor: SingleThreadedExecutor | None = None
 
     @property
@@ -120,48 +123,82 @@ class _Ending:
             self.executor.wake()
 
     def closed(self) -> None:
-        """Cancels the time limit, because the node is closed."""
+        """Cancels the time limit, because the nodes are closed."""
         self._closed.set()
 
     def _limit(self) -> None:
-        seconds = LONGEST_CLOSING if self.node is None else self.node.longest_closing
+        seconds = max((node.longest_closing for node in self.nodes.values()), default=LONGEST_CLOSING)
         if not self._closed.wait(seconds):
             sys.stderr.write(
                 f"{self._name}: not closed after {seconds:g} s; what is unfinished is taken up after the next start\n"
             )
             sys.stderr.flush()
-            os._exit(0 if self.node is None or self.node.failure is None else 1)
+            os._exit(1 if self.failures or any(node.failure for node in self.nodes.values()) else 0)
 
 
 def run(make: Callable[[], StageNode], name: str) -> int:
     """Makes a node and spins it until SIGINT, SIGTERM or its own end; returns the exit status."""
-    ending = _Ending(name)
+    return run_together({name: make}, name)
+
+
+def run_together(
+    makers: Mapping[str, Callable[[], StageNode]],
+    process: str,
+    made: Callable[[Sequence[StageNode]], None] = lambda nodes: None,
+) -> int:
+    """Makes nodes and spins them in this process until SIGINT, SIGTERM or the end of one of them; returns the exit status.
+
+    Args:
+        makers: make the nodes, by their names in config/nodes.yaml.
+        process: name of the process, for messages.
+        made: called with the nodes before they spin.
+    """
+    ending = _Ending(process)
     with _signals(ending.begin):
         try:
-            check_files(sys.argv)
-            check_keystore(os.environ)
-            with warnings.catch_warnings():
-                warnings.filterwarnings("ignore", "Failed to fini", RuntimeWarning)  # from rclpy, when a node cannot be made
-                rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-                node = make()
-        except REFUSED as error:
-            return refuse(name, explained(error))
-        ending.node = node
-        node.when_ended(ending.begin)
-        try:
-            check_names(node, name, sys.argv)
-            _spin(node, ending)
+            if _make(makers, process, ending):
+                made([*ending.nodes.values()])
+                _spin(ending)
         except FAILED as error:
-            node.failure = error
+            ending.failures.setdefault(process, error)
         finally:
-            try:
-                node.close()
-            except FAILED as error:
-                node.failure = node.failure or error
-            node.destroy_node()
-            rclpy.try_shutdown()
-            ending.closed()
-    return 0 if node.failure is None else refuse(name, node.failure)
+            _close(ending)
+    return max((refuse(name, failure) for name, failure in ending.failures.items()), default=0)
+
+
+def _make(makers: Mapping[str, Callable[[], StageNode]], process: str, ending: _Ending) -> bool:
+    """Makes all nodes and checks what they were started with; on an error that a user can cause notes it and returns False."""
+    name = process
+    try:
+        check_files(sys.argv)
+        check_keystore(os.environ)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Failed to fini", RuntimeWarning)  # from rclpy, when a node cannot be made
+            rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+            for name, make in makers.items():
+                ending.nodes[name] = node = make()
+                node.when_ended(ending.begin)
+                check_names(node, name, sys.argv, [*makers])
+    except REFUSED as error:
+        ending.failures[name] = explained(error)
+        return False
+    return True
+
+
+def _close(ending: _Ending) -> None:
+    """Closes all nodes, then the middleware."""
+    for name, node in ending.nodes.items():
+        try:
+            node.close()
+        except FAILED as error:
+            node.failure = node.failure or error
+        if node.failure is not None:
+            ending.failures[name] = node.failure
+    for node in ending.nodes.values():
+        node.destroy_node()
+    if ending.nodes:
+        rclpy.try_shutdown()
+    ending.closed()
 
 
 def refuse(name: str, error: BaseException) -> int:
@@ -176,10 +213,11 @@ def refuse(name: str, error: BaseException) -> int:
     return 1
 
 
-def _spin(node: StageNode, ending: _Ending) -> None:
-    """Runs the node's callbacks, one after the other, until the end is requested."""
+def _spin(ending: _Ending) -> None:
+    """Runs the nodes' callbacks, one after the other, until the end is requested."""
     executor = ending.executor = SingleThreadedExecutor()
-    executor.add_node(node)
+    for node in ending.nodes.values():
+        executor.add_node(node)
 
     def wanted() -> bool:
         return ending.wanted

@@ -111,6 +111,15 @@ class Graph:
         self.processes.append(process)
         return process
 
+    def start_together(self, stages: Mapping[str, Mapping[str, Any]]) -> NodeProcess:
+        """Nodes in one container, by name with their parameters; each keeps the store that it would have alone."""
+        kept = {name: {"store": self.folder / STORES[name], **chosen} for name, chosen in stages.items()}
+        parameters = {f"{name}:{key}": value for name, chosen in kept.items() for key, value in chosen.items()}
+        log_path = self.folder / "container.log"
+        process = spawn_node("container", parameters, self.domain, log_path, words=[*stages])
+        self.processes.append(process)
+        return process
+
     def logs(self) -> str:
         """What all nodes said."""
         return "\n".join(f"== {path.name}\n{path.read_text()}" for path in sorted(self.folder.glob("*.log")))

@@ -8,7 +8,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -21,12 +21,13 @@ class NodeProcess:
     """A running node; use it as a context manager, which stops it.
 
     Args:
-        name: of the executable: pose_ingest, fisher_scorer, curator, player, ...
+        name: of the executable: pose_ingest, fisher_scorer, curator, player, ...; or a module with dots
         parameters: ROS parameters by name; paths, numbers, words, truth values, or lists of these.
         domain_id: ROS_DOMAIN_ID.
         log_path: file that takes what the node says; appended to.
         remappings: topic names, from what the node calls them to what they are called.
         environment: more variables for the process.
+        words: of the command line, before what ROS takes.
     """
 
     def __init__(
@@ -37,16 +38,18 @@ class NodeProcess:
         log_path: Path,
         remappings: Mapping[str, str] | None = None,
         environment: Mapping[str, str] | None = None,
+        words: Sequence[str] = (),
     ) -> None:
         self.name = name
         self.log_path = log_path
         self._asked = False
+        module = name if "." in name else f"contact_curation.nodes.{name}"
         arguments = [f"-r{old}:={new}" for old, new in (remappings or {}).items()]
         arguments += [f"-p{key}:={parameter_text(value)}" for key, value in parameters.items()]
         settings = {"ROS_DOMAIN_ID": str(domain_id), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
         with log_path.open("ab") as log:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", f"contact_curation.nodes.{name}", "--ros-args", *_split(arguments)],
+                [sys.executable, "-m", module, *words, "--ros-args", *_split(arguments)],
                 env={**os.environ, **settings, **(environment or {})},
                 stdin=subprocess.DEVNULL,
                 stdout=log,
@@ -109,9 +112,10 @@ def spawn_node(
     log_path: Path,
     remappings: Mapping[str, str] | None = None,
     environment: Mapping[str, str] | None = None,
+    words: Sequence[str] = (),
 ) -> NodeProcess:
     """Starts a node of this package; arguments as `NodeProcess`."""
-    return NodeProcess(name, parameters, domain_id, log_path, remappings, environment)
+    return NodeProcess(name, parameters, domain_id, log_path, remappings, environment, words)
 
 
 def parameter_text(value: Any) -> str:

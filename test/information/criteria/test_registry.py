@@ -113,6 +113,6 @@ def test_a_name_is_taken_once_or_replaced_on_purpose(shortest: Criterion) -> Non
 def test_an_unknown_name_is_refused_with_those_that_there_are() -> None:
     with pytest.raises(
         InvalidValueError,
-        match="expected one of herding, leverage, log-det, longest, min-eig",
+        match="expected one of facility-location, herding, leverage, log-det, longest, min-eig",
     ):
         criterion_named("fisher")
