@@ -5,10 +5,10 @@
 
 The first sum is over the K tosses: the jackknife's form of the sandwich, which allows for few tosses (MacKinnon and White
 1985). The second is over groups of transitions with alike impulses, from free flight to the hardest impacts. At the optimum
-all pulls s_g on theta add up to zero. If the model is right each of them is as small as chance makes it. If slow contacts want another
-friction than hard impacts, each group pulls with a force that grows with the number of tosses, so that this term stays where
-the first one vanishes. Both together are two-way clustering (Cameron, Gelbach and Miller 2011) without its third term, which
-subtracts what both contain; it is left out, because with few clusters the difference may be negative.
+all pulls s_g on theta add up to zero. If the model is right each of them is as small as chance makes it. If slow contacts
+want another friction than hard impacts, each group pulls with a force that grows with the number of tosses, so that this term
+stays where the first one vanishes. Both together are two-way clustering (Cameron, Gelbach and Miller 2011) without its third
+term, which subtracts what both contain; it is left out, because with few clusters the difference may be negative.
 
 An interval has Student's t with one degree of freedom less than there are tosses or groups, whichever are fewer.
 """
