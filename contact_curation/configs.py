@@ -43,6 +43,12 @@ class ConfigField(NamedTuple):
     bounds: tuple[float, float] | None = None
 
 
+def plain_values(record: Any) -> dict[str, object]:
+    """The fields of a dataclass by name, with arrays as lists, as JSON and YAML have them."""
+    values = {field.name: getattr(record, field.name) for field in fields(record)}
+    return {name: value.tolist() if hasattr(value, "tolist") else value for name, value in values.items()}
+
+
 def fields_of(config: Any, prefix: str = "") -> Iterator[ConfigField]:
     """Every field of a config and of the configs inside it."""
     kinds, described = get_type_hints(type(config)), descriptions_of(type(config))

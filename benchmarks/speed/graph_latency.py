@@ -115,7 +115,7 @@ def measured(way: str, bag: Path, count: int, rate: float) -> Latency:
     with TemporaryDirectory() as folder, free_domain() as domain, Graph(Path(folder), domain) as graph:
         bare = way == "bare"
         moments = Moments(graph, Odometry if bare else TossInformation, ECHO if bare else "/toss_information")
-        tosses = graph.tosses()
+        tosses, rejected = graph.tosses(), graph.rejected()
         nodes = _started(way, graph)
         time.sleep(REST / 2.0)
         busy = Busy(nodes)
@@ -126,6 +126,7 @@ def measured(way: str, bag: Path, count: int, rate: float) -> Latency:
         busy.percent()
         until(lambda: "played" in player.log(), PATIENCE + count * 4.0 / rate, "the end of the recording")
         playing = busy.percent()
+        until(lambda: bare or len(tosses) + len(rejected) >= count, PATIENCE, "the last toss")
         expected = moments.poses if bare else tosses
         until(lambda: len(moments.results) == len(expected), PATIENCE, "the last result")
         time.sleep(1.0)

@@ -182,5 +182,6 @@ def _read(paths: Sequence[Path], reading: ReadingConfig) -> tuple[tuple[Toss, ..
     """The tosses of recordings in the order of their ids, and warnings; both empty without recordings."""
     if not paths:
         return (), ()
-    tosses = read_tosses(paths, reading).check_some("no toss")
+    with Progress("reading", "tosses") as progress:
+        tosses = read_tosses(paths, reading, advance=progress.advance).check_some("no toss")
     return tosses.in_order_of_ids, tosses.warnings

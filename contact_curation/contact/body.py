@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from contact_curation.configs import plain_values
 from contact_curation.contact.body_description import (
     BodyDescription,
     BodyOptions,
@@ -48,7 +49,7 @@ class Body:
         object.__setattr__(self, "center_of_mass", np.asarray(self.center_of_mass, dtype=float))
         check_values(vars(self))
 
-    @property
+    @cached_property
     def polytope(self) -> Polytope:
         """The body's shape in metres."""
         return Polytope(self.vertices)
@@ -100,21 +101,21 @@ class Body:
         """Reads the body that a file describes.
 
         Args:
-            path: of a YAML file like contact_curation/config/cube.yaml, a URDF, an MJCF, or a mesh (STL, OBJ, PLY, OFF).
-            name: of the body; None as for the others leaves it to the file.
-            mass: [kg]; an inertia of the file is scaled with it.
-            density: in place of a mass, of the geometry filled evenly [kg/m^3].
-            friction: Coulomb coefficient.
-            length_scale: the unit of length of the loss [m].
-            scale: metres in a unit of a mesh: 0.001 for mm.
-            link: of a URDF or MJCF with several links.
+            path: YAML file like contact_curation/config/cube.yaml, URDF, MJCF, or mesh (STL, OBJ, PLY, OFF).
+            name: name of the body. For this and all following options, None means the value of the file.
+            mass: mass [kg]; an inertia in the file is scaled with it.
+            density: density [kg/m^3] of the evenly filled geometry, in place of a mass.
+            friction: Coulomb friction coefficient.
+            length_scale: unit of length of the loss [m].
+            scale: length of a mesh's unit [m], 0.001 for mm.
+            link: name of the link, if a URDF or MJCF has several.
 
         Returns:
             The body, in SI units.
 
         Raises:
-            UnreadableInputError: there is no such file, or it describes no body, or one that cannot be; the line names the
-                value and what to do.
+            UnreadableInputError: the file does not exist, describes no body, or describes an impossible one; the message names
+                the value and what to do.
 
         Examples:
             >>> body = cc.Body.from_file("brick.yaml")
@@ -139,8 +140,7 @@ class Body:
 
     def to_mapping(self) -> dict[str, object]:
         """All values by their names, as JSON and YAML have them."""
-        values = {one.name: getattr(self, one.name) for one in fields(self)}
-        return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()}
+        return plain_values(self)
 
 
 def _inverse(positive: Array) -> Array:

@@ -7,6 +7,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from contact_curation.configs import plain_values
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.poses import QUATERNION_TOLERANCE
 from contact_curation.geometry.quaternions import Array
@@ -69,9 +70,8 @@ class Throw:
         )
 
     def to_mapping(self) -> dict[str, object]:
-        """The throw as JSON knows it."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()}
+        """The throw as an object for JSON."""
+        return plain_values(self)
 
     @staticmethod
     def from_mapping(data: Mapping[str, object]) -> "Throw":

@@ -10,7 +10,11 @@ from contact_curation.cli.report import add_json_option
 from contact_curation.errors import InvalidValueError
 from contact_curation.experiments.rules import BUDGET, PUBLIC_HELD_OUT
 
-EXPERIMENTS = ("dataset-quality", "functionals", "robustness", "designed-throws", "theorem", "calibration")
+OF_A_BODY = ("dataset-quality", "functionals", "robustness", "designed-throws", "theorem", "calibration")
+OVER_BODIES = ("counterfactuals", "criteria")
+"""Experiments that have their own bodies and tosses."""
+
+EXPERIMENTS = (*OF_A_BODY, *OVER_BODIES)
 PUBLIC_DATA, TOSSES = "CONTACTNETS_DATA", "tosses_processed"
 """Where ContactNets' tosses are."""
 
@@ -22,7 +26,9 @@ def add_options(parser: OneLineParser) -> None:
         "Each finished cell is a line of DIR/cells.jsonl, from which the same command continues after a stop. At the end it "
         "writes rows.csv, summary.csv (medians over seeds, differences to random and longest, 95 % bootstrap intervals) and "
         "figure.png. In designed-throws the rules are ways to choose throws of a simulated arm, and the sizes are numbers of "
-        f"throws. Without INPUT it reads ContactNets' tosses in folder {TOSSES}/ of the folder that {PUBLIC_DATA} names."
+        "throws. counterfactuals refits a polytope exactly on random subsets of bodies' tosses, and says how well scores of "
+        "tosses foresee the errors; criteria compares rules on these bodies, judged by two engines. These two take no INPUT. "
+        f"Without INPUT reproduce reads ContactNets' tosses in folder {TOSSES}/ of the folder that {PUBLIC_DATA} names."
     )
     parser.add_argument("experiment", choices=EXPERIMENTS, metavar="EXPERIMENT", help=", ".join(EXPERIMENTS))
     add_reading_options(parser, SHARED_STAGES, needed=False)
@@ -46,6 +52,8 @@ def add_options(parser: OneLineParser) -> None:
     group.add_argument("--steps", type=positive_integer, metavar="N", help=f"of protocol budgeted (default {BUDGET})")
     group.add_argument("--shares", nargs="+", type=number_from_zero, metavar="X", help="of bad tosses (robustness)")
     group.add_argument("--resamples", type=positive_integer, metavar="N", help="of the bootstrap (calibration)")
+    group.add_argument("--bodies", nargs="+", metavar="BODY", help="cube, square, slab, wedge, irregular")
+    group.add_argument("--refits", type=positive_integer, metavar="N", help="of each body (counterfactuals; default 400)")
     group.add_argument("--quick", action="store_true", help="sets of two tosses and two seeds, to see that it works")
     group.add_argument("--jobs", type=positive_integer, default=1, metavar="N", help="cells at once (default 1)")
     add_json_option(parser)
@@ -62,6 +70,14 @@ def run(arguments: Arguments) -> int:
     Raises:
         ContactCurationError: the tosses or the options cannot be used, or the folder belongs to another experiment.
     """
+    if arguments.experiment == "counterfactuals":
+        from contact_curation.experiments.counterfactuals.run import run_counterfactuals
+
+        return run_counterfactuals(arguments)
+    if arguments.experiment == "criteria":
+        from contact_curation.experiments.comparison.run import run_comparison
+
+        return run_comparison(arguments)
     if not arguments.inputs:
         arguments.inputs = [_public_tosses()]
     from contact_curation.experiments.run import run_experiment  # torch takes over a second, which --help need not wait for

@@ -58,7 +58,7 @@ def run_experiment(arguments: Arguments) -> int:
     began = time.monotonic()
     experiment, config = Experiment(arguments.experiment), experiment_config(arguments)
     cells = cells_of(experiment, config)
-    _make_folder(arguments.out)
+    make_folder(arguments.out)
     bench = _bench(arguments)
     ledger = Ledger(arguments.out / "cells.jsonl", _identity(experiment, bench))
     left = [cell for cell in cells if cell.key not in ledger]
@@ -180,7 +180,8 @@ def _identity(experiment: Experiment, bench: Bench) -> Mapping[str, str]:
     return {"experiment": experiment.value, "tosses": state.hexdigest()[:16], "package version": __version__}
 
 
-def _make_folder(path: Path) -> None:
+def make_folder(path: Path) -> None:
+    """Makes the folder of the results; InvalidValueError where that is impossible."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -80,8 +80,8 @@ def write_tables(experiment: Experiment, rows: Sequence[Row], folder: Path) -> t
     layout = LAYOUTS[experiment]
     summaries = summarised(rows, layout.fields, layout.measures, layout.baselines, BootstrapConfig())
     paths = (folder / "rows.csv", folder / "summary.csv", folder / "figure.png")
-    write_atomically(paths[0], _csv(rows))
-    write_atomically(paths[1], _csv([summary.as_row() for summary in summaries]))
+    write_atomically(paths[0], csv_of(rows))
+    write_atomically(paths[1], csv_of([summary.as_row() for summary in summaries]))
     save_results_figure(experiment, summaries, paths[2])
     return paths
 
@@ -99,7 +99,8 @@ def save_results_figure(experiment: Experiment, summaries: Sequence[Summary], pa
     save_experiment_figure(layout.panels(summaries), title, layout.places, path)
 
 
-def _csv(rows: Sequence[Mapping[str, float | str]]) -> bytes:
+def csv_of(rows: Sequence[Mapping[str, float | str]]) -> bytes:
+    """A CSV file with a column for each name that any row has."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     text = StringIO(newline="")
     writer = csv.DictWriter(text, names, restval="", lineterminator="\n")

@@ -14,8 +14,9 @@ IDENTITY: Array = np.array([1.0, 0.0, 0.0, 0.0])
 
 def multiply(a_wxyz: ArrayLike, b_wxyz: ArrayLike) -> Array:
     """Hamilton product a * b, shapes (..., 4)."""
-    aw, ax, ay, az = np.moveaxis(np.asarray(a_wxyz, dtype=float), -1, 0)
-    bw, bx, by, bz = np.moveaxis(np.asarray(b_wxyz, dtype=float), -1, 0)
+    a, b = np.asarray(a_wxyz, dtype=float), np.asarray(b_wxyz, dtype=float)
+    aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
+    bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
     return np.stack(
         [
             aw * bw - ax * bx - ay * by - az * bz,
@@ -35,7 +36,8 @@ def conjugate(q_wxyz: ArrayLike) -> Array:
 
 def to_matrix(q_wxyz: ArrayLike) -> Array:
     """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
-    w, x, y, z = np.moveaxis(np.asarray(q_wxyz, dtype=float), -1, 0)
+    q = np.asarray(q_wxyz, dtype=float)
+    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],

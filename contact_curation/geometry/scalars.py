@@ -4,6 +4,7 @@ A pose stream is handled pose by pose at 148 Hz and more, where a NumPy array of
 Same conventions as `quaternions` (wxyz, Hamilton) and `poses`; tests hold the two together.
 """
 
+from collections.abc import Iterable
 from math import acos, asin, sin, sqrt
 from typing import NamedTuple
 
@@ -24,6 +25,12 @@ class ScalarPose(NamedTuple):
 
 
 IDENTITY = ScalarPose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+
+
+def vector(values: Iterable[float]) -> Vector:
+    """Three numbers, e.g. of an array (3,), as plain floats."""
+    x, y, z = (float(value) for value in values)
+    return x, y, z
 
 
 def multiply(a: Quaternion, b: Quaternion) -> Quaternion:

@@ -19,6 +19,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
+from contact_curation.geometry.scalars import vector
 from contact_curation.motion.gates import footing, rest_normal
 from contact_curation.motion.scales import size_of
 from contact_curation.motion.toss import NANOSECONDS, Toss
@@ -137,7 +138,7 @@ class RigMeasurements:
         normal = np.median(self.normals[rests], axis=0)
         seen = np.linalg.norm(self.weights[falls] @ self.accelerations[falls]) / self.weights[falls].sum()
         centre = np.array([*self.ends[:, :2].mean(axis=0), 0.0])
-        return RigCalibration(_triple(normal / np.linalg.norm(normal)), _triple(centre), gravity / float(seen))
+        return RigCalibration(vector(normal / np.linalg.norm(normal)), vector(centre), gravity / float(seen))
 
     def resampled(self, places: NDArray[np.int64]) -> "RigMeasurements":
         """The measurements of resampled tosses."""
@@ -210,11 +211,6 @@ def _levelling(rig: RigCalibration) -> Array:
     axis = np.cross(rig.up, [0.0, 0.0, 1.0])
     length = float(np.linalg.norm(axis))
     return quaternions.exp(axis * (rig.tilt / length if length else 0.0))
-
-
-def _triple(vector: Array) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in vector)
-    return x, y, z
 
 
 def _fall(toss: Toss, polytope: Polytope) -> tuple[Array, float] | None:

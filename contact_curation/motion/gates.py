@@ -34,7 +34,7 @@ from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.gate_config import TURN_NOISE, GateBounds, GateConfig
 from contact_curation.motion.pose_noise import RIG, RIG_TURN, TrackerScale
-from contact_curation.motion.scales import TossedBody, scale_of
+from contact_curation.motion.scales import BodyScale, TossedBody, scale_of
 from contact_curation.motion.smoothing import all_around, clear_steps, noise_growth, vertex_travels
 from contact_curation.motion.toss import NANOSECONDS, Toss
 
@@ -78,7 +78,10 @@ class Steps:
 
 def steps_of(toss: Toss, body: TossedBody, bounds: GateBounds, tracker: TrackerScale = RIG) -> Steps:
     """Computes the quantities that all gates use."""
-    polytope, scale = body.polytope, scale_of(body)
+    return _steps_of(toss, body.polytope, scale_of(body), bounds, tracker)
+
+
+def _steps_of(toss: Toss, polytope: Polytope, scale: BodyScale, bounds: GateBounds, tracker: TrackerScale) -> Steps:
     lowest = polytope.corner_heights(toss.positions, toss.orientations_wxyz).min(axis=1)
     dt = np.diff(toss.stamps_ns) / NANOSECONDS
     gained = np.diff(toss.linear_velocities, axis=0) + np.outer(dt, [0.0, 0.0, bounds.gravity])
@@ -138,8 +141,9 @@ def inspect(toss: Toss, body: TossedBody, config: GateConfig, tracker: TrackerSc
     """
     if not config.enabled:
         return ()
-    bounds = config.bounds(scale_of(body), tracker)
-    steps = steps_of(toss, body, bounds, tracker)
+    scale = scale_of(body)
+    bounds = config.bounds(scale, tracker)
+    steps = _steps_of(toss, body.polytope, scale, bounds, tracker)
     return tuple(line for gate in GATES if (line := gate(steps, bounds)))
 
 

@@ -49,7 +49,8 @@ class Kinematics:
 def median_of_three(values: Array) -> Array:
     """Each row (T, C) of `values` replaced by the median of itself and its neighbours; the ends see themselves twice."""
     padded = np.concatenate([values[:1], values, values[-1:]])
-    return np.asarray(np.median(np.stack([padded[:-2], padded[1:-1], padded[2:]]), axis=0))
+    before, after = padded[:-2], padded[2:]
+    return np.asarray(np.maximum(np.minimum(before, after), np.minimum(np.maximum(before, after), values)))
 
 
 def median_orientations(orientations_wxyz: Array) -> Array:

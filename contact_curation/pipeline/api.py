@@ -1,4 +1,4 @@
-"""The functions of `import contact_curation as cc`: what the commands do, with the same defaults and the same digits."""
+"""The functions of `import contact_curation as cc`; defaults and results are those of the commands, to the last digit."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -57,12 +57,13 @@ def read(
         inputs: an MCAP file, a rosbag2 folder or its storage file, a ROS 1 bag, a folder of ContactNets' `.pt` files or one of
             them; several of those; or a pattern such as ``"bags/*.mcap"``.
         body: the tossed object; None assumes ContactNets' cube, with a warning.
-        config: topics, rules of segmenting, gates, calibration of the rig.
+        config: topics, rules of segmenting, quality checks, calibration of the rig; None for the defaults.
         jobs: number of recordings that are read at the same time, each in a process.
-        progress: is told how far the work is, as `contact_curation.pipeline.workers.Progress` describes; silent by default.
+        progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
 
     Returns:
-        `accepted`, `rejected` and `warnings`. A recording that cannot be read is a warning.
+        The tosses: `accepted`, `rejected` with reasons, and `warnings`, among them a line for each recording that cannot be
+        read. Positions are in metres on the board, orientations are quaternions wxyz.
 
     Raises:
         UnreadableInputError: nothing matches a pattern.
@@ -96,9 +97,9 @@ def check(
     Args:
         inputs: as in `read`.
         body: the tossed object; None assumes ContactNets' cube, which is a warning.
-        config: topics, rules of segmenting, quality checks, calibration of the rig.
+        config: topics, rules of segmenting, quality checks, calibration of the rig; None for the defaults.
         most_messages: largest number of messages of pose topics that are read, the first ones of each recording.
-        progress: is told how far the work is, as `contact_curation.pipeline.workers.Progress` describes; silent by default.
+        progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
 
     Returns:
         `verdict` in one line, `ok`, `reasons`, the `settings` that correct what they can, and the `next` command; `print` shows
@@ -126,19 +127,20 @@ def score(
     model: "LearnedModel | str | PathLike[str] | None" = None,
     estimator: str = SCORING.estimator.value,
 ) -> TossScores:
-    """Scores tosses: computes the information of each one about theta.
+    """Scores tosses: computes the information that each one contains about theta (method.md 1.4 and 1.5).
 
     Args:
-        tosses: as `read` gives them, or what `read` takes.
-        body: the tossed object, where `tosses` are recordings; None for that of the model, or ContactNets' cube.
-        model: whose parameters theta are, or its file; None for the body as it is described.
-        estimator: of the Fisher matrix: ``gauss-newton`` or ``empirical``.
+        tosses: tosses from `read`, or inputs as for `read`.
+        body: the tossed object, if `tosses` are recordings; None for the model's body or, without a model, ContactNets' cube.
+        model: the model with whose parameters theta the tosses are scored, or its file; None for the body as described.
+        estimator: formula of the Fisher matrix: ``gauss-newton`` or ``empirical`` (method.md 1.5).
 
     Returns:
-        Scores (K, P), Fisher factors (R, P) and losses (N,) with names and units, a row per accepted toss.
+        For each of K accepted tosses the score (a row of `scores`, (K, P)), a factor W (R, P) of its Fisher matrix WᵀW, and
+        the losses (N,) of its N transitions, with the names and units of the P parameters.
 
     Raises:
-        ContactCurationError: no toss was accepted, or the file holds no model.
+        ContactCurationError: no toss was accepted, or the file contains no model.
 
     Examples:
         >>> info = cc.score(tosses)
@@ -167,27 +169,27 @@ def rank(
     jobs: int | None = None,
     progress: Progress = silent,
 ) -> RankedTosses:
-    """Ranks tosses, and selects the best.
+    """Ranks tosses by a criterion, and selects the first ones (method.md 2.3 and 2.9).
 
     Args:
-        tosses: as `read` gives them, or what `read` takes: then no more than 64 tosses of a recording are in memory at a time.
-        top: how many are selected.
-        body: the tossed object, where `tosses` are recordings; None for that of the model, or ContactNets' cube.
-        criterion: by what: ``representative``, ``herding``, ``facility-location``, ``v-optimal``, ``log-det``, ``trace``,
-            ``min-eig``, ``orthogonal``, ``leverage``, ``longest``, ``random``, or one of your own
+        tosses: tosses from `read`, or inputs as for `read`; of those, at most 64 tosses of a recording are in memory at once.
+        top: number of tosses to select.
+        body: the tossed object, if `tosses` are recordings; None for the model's body or, without a model, ContactNets' cube.
+        criterion: ``representative``, ``herding``, ``facility-location``, ``v-optimal``, ``log-det``, ``trace``, ``min-eig``,
+            ``orthogonal``, ``leverage``, ``longest``, ``random``, or one of your own
             (`information.criteria.criterion.register`).
-        model: the information is about its parameters; a model or its file, None for the body as described.
-        estimator: of the Fisher matrix: ``gauss-newton`` or ``empirical``.
-        seed: of criterion random.
-        held_out: what is neither scored nor ranked: numbers (``"400-569"``), a share (``"0.2"``), or a file of ids.
-        jobs: how many processes read recordings; None for one per processor as far as starting them pays.
-        progress: is told how far the work is, as `contact_curation.pipeline.workers.Progress` describes; silent by default.
+        model: the model whose parameters the information is about, or its file; None for the body as described.
+        estimator: formula of the Fisher matrix: ``gauss-newton`` or ``empirical`` (method.md 1.5).
+        seed: random seed of the criterion ``random``.
+        held_out: tosses that are neither scored nor ranked: numbers (``"400-569"``), a share (``"0.2"``), or a file of ids.
+        jobs: number of processes that read recordings; None for one per processor, as long as starting them saves time.
+        progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
 
     Returns:
         The ranking: `selected`, `selected_ids`, `to_pandas()`, `to_arrow()`, `plot()`, `save(path)`; `print` shows it.
 
     Raises:
-        ContactCurationError: nothing could be ranked, a name is unknown, or the file holds no model.
+        ContactCurationError: no toss could be ranked, a name is unknown, or the file contains no model.
 
     Examples:
         >>> ranking = cc.rank(tosses, top=8)
@@ -230,22 +232,23 @@ def train(
     """Trains a model on tosses.
 
     Args:
-        tosses: to learn from, as `read` or `RankedTosses.selected` gives them, or what `read` takes.
+        tosses: tosses to learn from: those of `read` or of `RankedTosses.selected`, or inputs as for `read`.
         model: ``polytope``, ``deep``, ``deepvertex`` or ``end_to_end``.
-        body: the tossed object, where `tosses` are recordings; None for that of the model, or ContactNets' cube.
-        protocol: ``exact``: a polytope's optimum at once; ``budgeted``: a number of steps; ``published``: ContactNets', until
-            the held-out loss stops falling; ``auto``: exact for a polytope without `steps`, else budgeted.
-        steps: gradient steps at most; None for the protocol's own.
-        seed: of everything random.
-        held_out: which of the tosses are never learned from: numbers, a share (``"0.2"``), or a file of ids; None for none.
-        start: a checkpoint to start with; None for the published random initialisation.
-        progress: is told how far the work is, as `contact_curation.pipeline.workers.Progress` describes; silent by default.
+        body: the tossed object, if `tosses` are recordings; None for the model's body or, without a model, ContactNets' cube.
+        protocol: ``exact`` fits a polytope to the optimum of its loss; ``budgeted`` makes a fixed number of gradient steps;
+            ``published`` is ContactNets' protocol, which ends when the held-out loss stops falling; ``auto`` is ``exact`` for
+            a polytope without `steps`, and else ``budgeted`` (method.md 1.12 and 2.10).
+        steps: largest number of gradient steps; None for that of the protocol.
+        seed: random seed of the initialisation and the order of batches.
+        held_out: tosses that are not learned from: numbers, a share (``"0.2"``), or a file of ids; None for none.
+        start: checkpoint to start from; None for the published random initialisation.
+        progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
 
     Returns:
         The model; `save("model.safetensors")` stores it.
 
     Raises:
-        ContactCurationError: nothing to learn from, a name is unknown, or a loss was not finite.
+        ContactCurationError: there is no toss to learn from, a name is unknown, or a loss was not finite.
 
     Examples:
         >>> model = cc.train(ranking.selected)
@@ -291,22 +294,23 @@ def evaluate(
     seed: int = 0,
     progress: Progress = silent,
 ) -> "Evaluation":
-    """Evaluates a model: rolls it out from the first measured state of each toss, and compares with the measured motion.
+    """Evaluates a model: predicts each toss from its first measured state, and compares with the measured motion.
 
     Args:
-        model: as `train` or `load_model` gives it.
-        tosses: as `read` gives them, or what `read` takes.
-        against: another model, compared with on the same tosses.
-        held_out: which tosses it is evaluated on; None for those that its training held out, or all where it held out none.
-        seed: of the bootstrap.
-        progress: is told how far the work is, as `contact_curation.pipeline.workers.Progress` describes; silent by default.
+        model: the model, from `train` or `load_model`.
+        tosses: tosses from `read`, or inputs as for `read`.
+        against: another model, which is evaluated on the same tosses and compared.
+        held_out: tosses to evaluate on: numbers, a share, or a file of ids; None for those that the training held out, or
+            all if it held out none.
+        seed: random seed of the bootstrap.
+        progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
 
     Returns:
-        Errors of position and penetration [% of the body's width] and rotation [degrees] with 95 % intervals: `print` shows
-        them, `document()` gives them to programs.
+        Errors of position and penetration [% of the body's width] and rotation [degrees] with 95 % intervals (method.md
+        1.11). `print` shows them; `document()` returns them as an object for JSON.
 
     Raises:
-        ContactCurationError: there is no toss to judge by, or one of another body.
+        ContactCurationError: there is no toss to evaluate on, or the tosses are of another body.
 
     Examples:
         >>> report = cc.evaluate(model, cc.read("test.mcap", body=body))
@@ -336,26 +340,28 @@ def design(
     arm: bool = False,
     seed: int = 0,
     name: str = "throw",
+    progress: Progress = silent,
 ) -> "DesignedThrows":
-    """Designs the throws that together have the largest predicted information gain.
+    """Designs the throws that together have the largest predicted information gain (method.md 1.10).
 
     Args:
-        model: a polytope, or several, over which gains are averaged; None for the body as it is described.
-        known: tosses that were selected until now.
-        throws: how many.
-        body: what is thrown, where there is no model; None for ContactNets' cube.
-        method: ``information``; ``exploration``: different first impacts, for an unknown theta; ``paper`` and ``prior`` are
-            baselines.
-        arm: only throws that the simulated arm can make.
-        seed: the same gives the same throws.
-        name: beginning of their ids.
+        model: a polytope, or several, over which gains are averaged; None for the body as described.
+        known: tosses that have been selected so far.
+        throws: number of throws.
+        body: the object to throw, if there is no model; None for ContactNets' cube.
+        method: ``information``; ``exploration``, which chooses different first impacts while theta is unknown; ``paper`` and
+            ``prior`` are baselines.
+        arm: whether only throws are designed that the simulated arm can make.
+        seed: random seed; the same seed gives the same throws.
+        name: beginning of the throws' ids.
+        progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
 
     Returns:
-        The throws, best first: release poses [m], linear [m/s] and angular [rad/s] velocities, and the gain in log-det of each;
-        `save("throws.json")` stores them.
+        The throws, best first: release pose [m], linear [m/s] and angular [rad/s] velocity, and predicted gain in log-det of
+        each; `save("throws.json")` stores them.
 
     Raises:
-        ContactCurationError: a model that is no polytope, or nothing safe can be thrown.
+        ContactCurationError: a model is not a polytope, or no throw is safe.
 
     Examples:
         >>> throws = cc.design(known=ranking.selected, throws=2, method="prior")
@@ -369,7 +375,9 @@ def design(
     models = [] if model is None else list(model) if isinstance(model, Sequence) else [model]
     thetas = tuple(_polytope(one) for one in models) or (described_polytope(body or CONTACTNETS_CUBE),)
     by_id = sorted(known, key=lambda toss: toss.toss_id)
-    found = design_throws(DesignTask(thetas, tuple(by_id), method=method, arm=arm, seed=seed, name=name), throws)
+    task = DesignTask(thetas, tuple(by_id), method=method, arm=arm, seed=seed, name=name)
+    with progress("designing", "simulated throws", task.simulations(throws)) as bar:
+        found = design_throws(task, throws, bar.advance)
     return found if models or body else replace(found, warnings=(NO_BODY,))
 
 

@@ -69,18 +69,19 @@ class LearnedModel:
 
 
 def load_model(path: str | Path, body: Body | None = None) -> LearnedModel:
-    """Reads a model.
+    """Reads a model from a file.
 
     Args:
-        path: a .safetensors checkpoint or model, or a polytope as JSON.
-        body: which it must be for, and which completes what JSON leaves out; None for the body in the checkpoint.
+        path: a `.safetensors` checkpoint or model, or the parameters of a polytope as JSON.
+        body: body that the model must be for; it also provides the values that a JSON file lacks. None for the body in the
+            checkpoint.
 
     Returns:
         The model, with the ids of the tosses that it learned from.
 
     Raises:
-        UnreadableInputError: the file holds no model, or one for another body.
-        InvalidValueError: a JSON file without a body.
+        UnreadableInputError: the file contains no model, or one for another body.
+        InvalidValueError: the file is JSON, and no body is given.
 
     Examples:
         >>> model = cc.load_model("model.safetensors")

@@ -19,7 +19,6 @@ from contact_curation.errors import MissingDependencyError
 from contact_curation.information.curation import SUFFICIENT_EPSILON, Curation
 from contact_curation.information.diagnostics import block_shares
 from contact_curation.motion.toss import NANOSECONDS
-from contact_curation.pipeline.diagnosis.explained import explained
 from contact_curation.pipeline.pool import TossPool
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import CHECK_SAYS, Tosses, read_tosses
@@ -122,6 +121,8 @@ class RankedTosses:
         if self.curation is None:
             paths = [one.path for one in self.manifest.run.inputs]
             found = f"no toss that could be ranked{self._typical_reason()}{in_brackets(self.outcomes)}"
+            from contact_curation.pipeline.diagnosis.explained import explained  # a diagnosis needs many modules
+
             raise explained(nothing_found(paths, self.warnings, found, CHECK_SAYS), paths, self.reading)
         return self.curation
 

@@ -200,7 +200,7 @@ def _digests(sources: Sequence[Source], config: PoolConfig, bounds: Sequence[flo
 
 
 def _whole[Result: (ScoredInput, _Losses)](result: Result | Broken, source: Source, kind: type[Result]) -> Result:
-    """A result; one without tosses for a recording that broke its worker."""
+    """The result; one without tosses for a recording whose worker died."""
     if not isinstance(result, Broken):
         return result
     path = source.reading().path if isinstance(source, Recording) else str(source)

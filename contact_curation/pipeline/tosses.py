@@ -16,7 +16,6 @@ from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.evaluation.held_out import NumberedToss, toss_number
 from contact_curation.motion.toss import Rejected, Toss
-from contact_curation.pipeline.diagnosis.explained import explained
 from contact_curation.pipeline.reading import InputReader, Reading, ReadingConfig
 from contact_curation.pipeline.wording import counted_tosses, in_brackets, listed, nothing_found
 from contact_curation.pipeline.workers import Advance, each, unheard
@@ -219,6 +218,8 @@ class Tosses:
         """
         if not self.accepted:
             error = nothing_found(self.paths, self.warnings, f"{found}{in_brackets(self.reasons)}", expected)
+            from contact_curation.pipeline.diagnosis.explained import explained  # a diagnosis needs many modules
+
             raise explained(error, self.paths, self.config)
         return self
 

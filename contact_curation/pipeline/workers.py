@@ -12,17 +12,22 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from contact_curation.errors import ContactCurationError
 from contact_curation.storage.addresses import Address
 
 
 class Advance(Protocol):
-    """Called with the number of tosses done since the last call, and sometimes the share of all work."""
+    """A function that work calls to report its progress."""
 
     def __call__(self, count: int, /, *, share: float | None = None) -> None:
-        """So many more are done; `share` of the whole work, from 0 to 1, where that is known."""
+        """Reports progress.
+
+        Args:
+            count: number of tosses done since the last call.
+            share: finished share of the whole work, from 0 to 1; None where it is not known.
+        """
 
 
 def unheard(count: int, /, *, share: float | None = None) -> None:
@@ -30,23 +35,23 @@ def unheard(count: int, /, *, share: float | None = None) -> None:
 
 
 class Bar(Protocol):
-    """One piece of work under way."""
+    """The progress of one piece of work."""
 
     def advance(self, count: int = 1, note: str = "", share: float | None = None) -> None:
-        """So many more are done; `note` says how it goes, `share` how much of all, from 0 to 1."""
+        """Counts `count` more as done; `note` describes the state, `share` is the finished share of all, from 0 to 1."""
 
 
 class Progress(Protocol):
     """Makes a bar for each piece of work."""
 
     def __call__(self, what: str, unit: str, total: int | None = None, done: int = 0, /) -> AbstractContextManager[Bar]:
-        """A bar.
+        """Makes a bar.
 
         Args:
-            what: is being done, e.g. "reading".
-            unit: of what is counted, e.g. "tosses".
-            total: how many there will be; None where nobody knows.
-            done: how many of them were done before.
+            what: name of the work, e.g. "reading".
+            unit: name of what is counted, e.g. "tosses".
+            total: total number; None if it is not known.
+            done: number that was done before.
         """
 
 
@@ -61,11 +66,11 @@ def silent(what: str, unit: str, total: int | None = None, done: int = 0) -> Abs
 
 
 BYTES_PER_PROCESS = 8 << 20
-"""Of recordings: one process reads and scores so much in about the time in which another one starts."""
+"""Size of recordings that a process reads and scores in about the time that the start of a process takes."""
 
 
 def processes_for(paths: Sequence[Path], jobs: int | None) -> int:
-    """How many processes work on recordings: as many as asked for, else one per processor as far as starting them pays."""
+    """The number of processes for recordings: `jobs`, or for None one per processor, as long as starting them saves time."""
     if jobs is not None:
         return max(1, min(jobs, len(paths)))
     paying = max(1, sum(map(_size_of, paths)) // BYTES_PER_PROCESS)
@@ -73,7 +78,7 @@ def processes_for(paths: Sequence[Path], jobs: int | None) -> int:
 
 
 def _size_of(path: Path) -> int:
-    """Size of a recording [bytes]; of one on a server, which is not asked, that for one process; 0 if it cannot be read."""
+    """Size of a recording [bytes]: `BYTES_PER_PROCESS` if it is on a server, which is not asked; 0 if it cannot be read."""
     if isinstance(path, Address):
         return BYTES_PER_PROCESS
     try:
@@ -86,39 +91,63 @@ class WorkerDiedError(ContactCurationError):
     """A worker process ended before its work did."""
 
     def __init__(self, jobs: int) -> None:
-        super().__init__(f"one of {jobs} worker processes was killed, perhaps for want of memory: try fewer with --jobs")
+        super().__init__(f"one of {jobs} worker processes was killed, perhaps because memory ran out: try fewer with --jobs")
+
+
+class Unfinished(NamedTuple):
+    """The inputs without a result after a worker process has died; both empty if none died.
+
+    Attributes:
+        suspects: places of the inputs that were being worked on; one of them may have caused the death.
+        waiting: places of the inputs that had not begun.
+    """
+
+    suspects: list[int]
+    waiting: list[int]
+
+
+class Counted[Result](NamedTuple):
+    """The result of some work.
+
+    Attributes:
+        result: the value that the work returned.
+        tosses: number of tosses that it reported as done.
+    """
+
+    result: Result
+    tosses: int
 
 
 @dataclass(frozen=True)
 class Broken:
-    """In place of the result of an input that broke its worker twice.
+    """Replaces the result of an input whose worker process died twice.
 
     Attributes:
-        why: one line.
+        why: the reason, in one line.
     """
 
     why: str
 
 
 class Engine(Protocol):
-    """Schedules the same work for many inputs."""
+    """Runs the same work for many inputs."""
 
     @property
     def jobs(self) -> int:
-        """How many pieces of work share the processors of a machine."""
+        """Number of pieces of work that share the processors of a machine."""
 
     def as_done[Input, Result](
         self, work: Callable[[Input, Advance], Result], inputs: Sequence[Input], advance: Advance
     ) -> Iterator[tuple[int, Result | Broken]]:
-        """The place of each input and its result, in the order in which they are done."""
+        """Yields the place of each input in `inputs` with its result, in the order in which they are done."""
 
 
 @dataclass(frozen=True)
 class LocalEngine:
-    """Processes of this machine; with one job, this process.
+    """Runs work in processes of this machine; with one job, in this process.
 
     Attributes:
-        jobs: how many processes.
+        jobs: number of processes.
     """
 
     jobs: int = 1
@@ -126,7 +155,7 @@ class LocalEngine:
     def as_done[Input, Result](
         self, work: Callable[[Input, Advance], Result], inputs: Sequence[Input], advance: Advance
     ) -> Iterator[tuple[int, Result | Broken]]:
-        """The same as in `Engine`; with several processes `work` and `inputs` are pickled, and progress is told by input."""
+        """As in `Engine`; with several processes `work` and `inputs` are pickled, and progress is reported once per input."""
         if min(self.jobs, len(inputs)) > 1:
             yield from _in_processes(work, inputs, min(self.jobs, len(inputs)), advance)
             return
@@ -139,12 +168,12 @@ class LocalEngine:
 def each[Input, Result](
     work: Callable[[Input, Advance], Result], inputs: Sequence[Input], jobs: int, advance: Advance
 ) -> Iterator[Result]:
-    """The results of `work` for each of `inputs`, in their order.
+    """Yields the result of `work` for each of `inputs`, in their order.
 
-    With several processes `work` and `inputs` are pickled, and `advance` is told of an input when it is done.
+    With several processes `work` and `inputs` are pickled, and `advance` is called when an input is done.
 
     Raises:
-        WorkerDiedError: an input broke its process twice, e.g. for want of memory.
+        WorkerDiedError: the process that worked on an input died twice, e.g. because memory ran out.
     """
     early: dict[int, Result] = {}
     following = 0
@@ -160,39 +189,35 @@ def each[Input, Result](
 def _in_processes[Input, Result](
     work: Callable[[Input, Advance], Result], inputs: Sequence[Input], jobs: int, advance: Advance
 ) -> Iterator[tuple[int, Result | Broken]]:
-    """All inputs side by side; of those under way when a process dies, which may have broken it, each once more, alone."""
-    coming, done = list(range(len(inputs))), 0
+    """Runs all inputs in parallel. If a process dies, each input that was being worked on is tried once more, alone."""
+    waiting, done = list(range(len(inputs))), 0
 
     def tell(count: int) -> None:
         nonlocal done
         done += 1
         advance(count, share=done / len(inputs))
 
-    while coming:
-        suspects, coming = yield from _side_by_side(work, inputs, coming, jobs, tell)
+    while waiting:
+        suspects, waiting = yield from _in_parallel(work, inputs, waiting, jobs, tell)
         for place in suspects:
-            again, _ = yield from _side_by_side(work, inputs, [place], 1, tell)
-            if again:
+            if (yield from _in_parallel(work, inputs, [place], 1, tell)).suspects:
                 tell(0)
-                yield (
-                    place,
-                    Broken("broke its worker process twice, perhaps for want of memory: left out"),
-                )
+                yield place, Broken("its worker process died twice, perhaps because memory ran out: left out")
 
 
-def _side_by_side[Input, Result](
+def _in_parallel[Input, Result](
     work: Callable[[Input, Advance], Result],
     inputs: Sequence[Input],
     places: Sequence[int],
     jobs: int,
     tell: Callable[[int], None],
-) -> Generator[tuple[int, Result], None, tuple[list[int], list[int]]]:
-    """Results by place until a process dies; returns which inputs were under way then, and which had not begun."""
+) -> Generator[tuple[int, Result], None, Unfinished]:
+    """Yields the place and the result of each input, until all are done or a process dies; returns those without a result."""
     coming = deque(places)
     # Forking a process whose libraries have threads can hang: start fresh ones.
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(jobs, mp_context=context, initializer=_end_with_the_parent) as executor:
-        under_way: dict[Future[tuple[Result, int]], int] = {}
+        under_way: dict[Future[Counted[Result]], int] = {}
         try:
             while coming or under_way:
                 while coming and len(under_way) <= jobs:
@@ -204,31 +229,31 @@ def _side_by_side[Input, Result](
                     tell(count)
                     yield under_way.pop(future), result
                 if any(isinstance(one.exception(), BrokenProcessPool) for one in finished):
-                    return sorted(under_way.values()), list(coming)
+                    return Unfinished(sorted(under_way.values()), list(coming))
         except BrokenProcessPool:  # when the next one was to be submitted
-            return sorted(under_way.values()), list(coming)
+            return Unfinished(sorted(under_way.values()), list(coming))
         except KeyboardInterrupt:  # of this process alone: workers would end their inputs first
             for worker in multiprocessing.active_children():
                 worker.terminate()
             raise
         finally:
             executor.shutdown(wait=False, cancel_futures=True)
-    return [], []
+    return Unfinished([], [])
 
 
-def counted_work[Input, Result](work: Callable[[Input, Advance], Result], one: Input) -> tuple[Result, int]:
-    """The result of some work, and how many tosses it told of."""
+def counted_work[Input, Result](work: Callable[[Input, Advance], Result], one: Input) -> Counted[Result]:
+    """Does the work for one input, and counts the tosses that it reports as done."""
     count = 0
 
     def advance(more: int, /, *, share: float | None = None) -> None:
         nonlocal count
         count += more
 
-    return work(one, advance), count
+    return Counted(work(one, advance), count)
 
 
 def _end_with_the_parent() -> None:
-    """An interrupt ends a worker without a word, and so does the death of its parent, which it would otherwise wait for."""
+    """Makes a worker end silently at an interrupt, and when its parent dies, for whose next input it would wait forever."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     parent = multiprocessing.parent_process()
     if parent is not None:

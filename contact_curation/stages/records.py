@@ -14,6 +14,7 @@ from types import NoneType, UnionType
 from typing import Any, ClassVar, NamedTuple, get_args, get_origin, get_type_hints
 
 from contact_curation.design.designer import Realised
+from contact_curation.design.release_delay import Seen
 from contact_curation.design.throw import Throw, ThrowKind, ThrowReport, ThrowState
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.files import read_bounded, write_atomically
@@ -237,6 +238,20 @@ class ThrowRecord:
             realised=self.realised.realised if self.realised else float("nan"),
             detail=rejected or self.exploration or "",
         )
+
+
+@dataclass(frozen=True)
+class GripperRecord:
+    """What a thrower has learned of its gripper and its arm.
+
+    Attributes:
+        seen: the gripper's delays that count, oldest first.
+        lag: time by which the arm passed its last release later than planned [s].
+    """
+
+    KEY: ClassVar = "gripper"
+    seen: tuple[Seen, ...] = ()
+    lag: float = 0.0
 
 
 def kind_of_throw(exploration: str | None) -> ThrowKind:

@@ -16,7 +16,7 @@ import yaml
 import contact_curation
 from contact_curation.session.node_parameters import STAGES
 from contact_curation.session.parameter_files import read_node_parameters, write_node_parameters
-from test.graph.parts.declared_parameters import OF_RCLPY, nodes_yaml
+from test.graph.parts.declared_parameters import OF_RCLPY, all_declared, nodes_yaml
 
 PACKAGE = Path(contact_curation.__file__).parent
 CONFIG = PACKAGE / "config" / "nodes.yaml"
@@ -38,6 +38,10 @@ def test_the_file_has_every_parameter_with_its_default(declared: dict[str, dict[
     for node, values in declared.items():
         assert found[node] == values, f"run {again}"
         assert {name: type(value) for name, value in found[node].items()} == {name: type(one) for name, one in values.items()}
+
+
+def test_every_parameter_says_what_it_is() -> None:
+    assert [f"{node}: {one.name}" for node, found in all_declared().items() for one in found if not one.description] == []
 
 
 def test_what_is_written_is_read_again(tmp_path: Path) -> None:

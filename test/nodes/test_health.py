@@ -1,17 +1,22 @@
 """What a node says of itself suits diagnostic_aggregator, and while it waits its log says for what, soon and then seldom."""
 
+import re
+from pathlib import Path
 from typing import Any
 
 import pytest
 import rclpy
+import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+import contact_curation
 from contact_curation.nodes.messages.shown import healths_of
 from contact_curation.nodes.ros.health import (
     FIRST_WORD,
     LONGEST_PAUSE,
+    PERIOD,
     Health,
     HealthReport,
     Waiting,
@@ -94,3 +99,18 @@ def test_a_status_has_a_node_and_what_it_is_about_and_is_told_from_others(monkey
     foreign = DiagnosticStatus(name="camera_driver: frame rate", message="fine")
     (shown,) = healths_of(DiagnosticArray(status=[status, foreign]), 1.0)
     assert (shown.name, dict(shown.values)) == ("/cell_1/curator", {"bad_toss": "2"})
+
+
+def test_the_aggregator_groups_every_status_once_in_any_namespace() -> None:
+    package = Path(contact_curation.__file__).parent
+    told = r'HealthReport\(self, "(\w+)"'
+    found = {path.stem: re.findall(told, path.read_text()) for path in (package / "nodes").glob("*.py")}
+    statuses = {f"{node}: {about}" for node, subjects in found.items() for about in subjects}
+    assert len(statuses) >= 9
+    analyzers = yaml.safe_load((package / "config" / "diagnostics.yaml").read_text())["analyzers"]["ros__parameters"]
+    groups = [one for one in analyzers.values() if isinstance(one, dict)]
+    assert {one["type"] for one in groups} == {"diagnostic_aggregator/GenericAnalyzer"}
+    assert {part for one in groups for part in one["contains"]} == statuses
+    for name in (*statuses, *(f"cell_1/{status}" for status in statuses)):
+        assert sum(part in name for one in groups for part in one["contains"]) == 1
+    assert all(one["timeout"] > 2.0 * PERIOD for one in groups)  # a late report is not stale

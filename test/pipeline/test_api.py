@@ -5,6 +5,7 @@ import json
 import shutil
 import subprocess
 import sys
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -133,6 +134,28 @@ def test_every_function_that_assumes_the_cube_says_so(bench: Path, body: cc.Body
     assert cc.train(session, steps=1).warnings[0] == NO_BODY
     assert cc.design(throws=1, method="prior").warnings == (NO_BODY,)
     assert cc.design(throws=1, method="prior", body=body).warnings == ()
+
+
+class Counts:
+    """A progress that remembers what was begun, and how much was done."""
+
+    def __init__(self) -> None:
+        self.begun: list[tuple[str, str, int | None]] = []
+        self.done = 0
+
+    def __call__(self, what: str, unit: str, total: int | None = None, done: int = 0) -> AbstractContextManager["Counts"]:
+        self.begun.append((what, unit, total))
+        return nullcontext(self)
+
+    def advance(self, count: int = 1, note: str = "", share: float | None = None) -> None:
+        self.done += count
+
+
+def test_design_shows_its_progress(body: cc.Body) -> None:
+    progress = Counts()
+    cc.design(throws=1, method="prior", body=body, progress=progress)
+    assert progress.begun == [("designing", "simulated throws", None)]
+    assert progress.done > 0
 
 
 def test_a_pattern_a_path_and_several_are_recordings(bench: Path, tosses: cc.Tosses) -> None:

@@ -1,8 +1,10 @@
-// The Gauss-Newton profile Fisher matrix of one transition (method.md 1.5): F = J_theta^T P J_theta, P projecting out what the
-// impulses could explain, P = I - J_l (J_l^T J_l + eps I)^-1 J_l^T with J_l = dr/dl restricted to the free directions of l.
+// The Gauss-Newton profile Fisher matrix of one transition (method.md 1.5): F = J_theta^T P J_theta. The projection
+// P = I - J_l (J_l^T J_l + eps I)^-1 J_l^T removes what a change of the impulses l can explain; J_l = dr/dl is restricted to
+// the free directions of l, along which l may change in both senses.
 //
-// The residuals are sqrt(w_m) (A l - b), the gaps times impulses, e_i and the slacks. Their Jacobians are never formed whole:
-// what a contact does beyond its own few columns goes through the six numbers of A l.
+// The residuals r are sqrt(w_m) (A l - b), the gaps times impulses, the slips e_i and the slacks. Their Jacobians are never
+// stored as full matrices: a contact has entries in its few own columns, and acts on all other columns only through the six
+// rows of A l.
 #pragma once
 
 #include <cstring>
@@ -47,6 +49,12 @@ class ProfileFisher {
     void put(int at, double x) { column[size] = at, value[size++] = x; }
   };
 
+  // Derivatives of a gap by the contact's vertex and by the ground's normal; that by the height is -1.
+  struct GapSlopes {
+    double vertex[3], normal[3];
+  };
+
+  // Columns of theta.
   int vertex(int i) const { return 3 * i; }
   int normal() const { return 3 * contacts_; }
   int vertex_tangent(int i) const { return 3 * contacts_ + 3 + 3 * i; }
@@ -150,20 +158,12 @@ class ProfileFisher {
       std::fill(row, row + stride_, 0.0);
       for (int k = 0; k < 6; ++k)
         for (int q = 0; q < stride_; ++q) row[q] += slack_row_[j][k] * velocity_rows_[k * stride_ + q];
-      const double *p = model_.vertices_normal + 3 * j;
-      double turned[3], leverage[3];
-      cross3(normal_body_, moving_ + 3, turned);
-      cross3(moving_ + 3, p, leverage);
-      for (int a = 0; a < 3; ++a) {
-        double arm = position_[a] + dt_ * moving_[a];
-        for (int b = 0; b < 3; ++b) arm += rotation_[a][b] * (p[b] + dt_ * leverage[b]);
-        row[vertex(j) + a] += normal_body_[a] + dt_ * turned[a];
-        row[normal() + a] += arm;
-      }
+      const GapSlopes gap = gap_slopes_after(j, moving_);
+      for (int a = 0; a < 3; ++a) row[vertex(j) + a] += gap.vertex[a], row[normal() + a] += gap.normal[a];
       row[height()] -= 1.0;
       if (model_.bounces) {
         double slope[7];
-        give_back(j, slope);
+        differentiate_restitution(j, slope);
         for (int a = 0; a < 3; ++a) row[vertex(j) + a] += slope[a], row[normal() + a] += slope[3 + a];
         row[height()] += slope[6];
         row[restitution()] += depth_[j];
@@ -174,19 +174,26 @@ class ProfileFisher {
     }
   }
 
-  // What a body that bounces gets back of the depth of contact i, e min(0, c_i): slopes by its vertex, normal and height.
-  void give_back(int i, double *slope) const {
-    const double share = depth_[i] < 0.0 ? model_.restitution : 0.0;
+  // Slopes of phi_i + dt J_i velocity, the linearised gap of contact i after the period.
+  GapSlopes gap_slopes_after(int i, const double *velocity) const {
     const double *p = model_.vertices_normal + 3 * i;
     double turned[3], leverage[3];
-    cross3(normal_body_, free_ + 3, turned);
-    cross3(free_ + 3, p, leverage);
+    cross3(normal_body_, velocity + 3, turned);
+    cross3(velocity + 3, p, leverage);
+    GapSlopes slopes;
     for (int a = 0; a < 3; ++a) {
-      double arm = position_[a] + dt_ * free_[a];
-      for (int b = 0; b < 3; ++b) arm += rotation_[a][b] * (p[b] + dt_ * leverage[b]);
-      slope[a] = share * (normal_body_[a] + dt_ * turned[a]);
-      slope[3 + a] = share * arm;
+      slopes.vertex[a] = normal_body_[a] + dt_ * turned[a];
+      slopes.normal[a] = position_[a] + dt_ * velocity[a];
+      for (int b = 0; b < 3; ++b) slopes.normal[a] += rotation_[a][b] * (p[b] + dt_ * leverage[b]);
     }
+    return slopes;
+  }
+
+  // Slopes of the restitution term e min(0, c_i) of contact i: by its vertex (3), the normal (3) and the height (1).
+  void differentiate_restitution(int i, double *slope) const {
+    const double share = depth_[i] < 0.0 ? model_.restitution : 0.0;
+    const GapSlopes gap = gap_slopes_after(i, free_);
+    for (int a = 0; a < 3; ++a) slope[a] = share * gap.vertex[a], slope[3 + a] = share * gap.normal[a];
     slope[6] = -share;
   }
 
@@ -205,7 +212,7 @@ class ProfileFisher {
       gap.put(height(), -1.0);
       if (model_.bounces) {
         double slope[7];
-        give_back(i, slope);
+        differentiate_restitution(i, slope);
         for (int k = 0; k < 7; ++k) gap.value[k] += slope[k];
         gap.put(restitution(), depth_[i]);
       }
@@ -267,60 +274,75 @@ class ProfileFisher {
 
   // Leaves L^-1 J_l^T J_theta in free_rows_, L the Cholesky factor of J_l^T J_l + eps I; returns the number of rows.
   int eliminate() {
+    const int count = project();
+    add_shared_gram(count);
+    factor(count);
+    return count;
+  }
+
+  // J_l^T J_theta in free_rows_, A J_l in moved_, and in gram_ the blocks of J_l^T J_l + eps I that a contact has alone;
+  // returns the number of free directions.
+  int project() {
     int count = 0;
-    auto &moved = moved_;
-    auto &gram = gram_;
     for (int i = 0; i < contacts_; ++i) {
       double basis[3][3];
       const int free = free_directions(i, basis);
       const int first = count;
       for (int k = 0; k < free; ++k, ++count) {
         for (int a = 0; a < 6; ++a) {
-          moved[count][a] = 0.0;
-          for (int c = 0; c < 3; ++c) moved[count][a] += motion_[i][c][a] * basis[k][c];
+          moved_[count][a] = 0.0;
+          for (int c = 0; c < 3; ++c) moved_[count][a] += motion_[i][c][a] * basis[k][c];
         }
-        cross_row(i, basis[k], moved[count], &free_rows_[count * stride_]);
+        cross_row(i, basis[k], moved_[count], &free_rows_[count * stride_]);
       }
       for (int k = 0; k < free; ++k) {
-        for (int other = 0; other <= first + k; ++other) gram[first + k][other] = 0.0;
+        for (int other = 0; other <= first + k; ++other) gram_[first + k][other] = 0.0;
         double curved[3];
         const double *d = block_[i], *x = basis[k];
         curved[0] = d[0] * x[0] + d[1] * x[1] + d[2] * x[2];
         curved[1] = d[1] * x[0] + d[3] * x[1] + d[4] * x[2];
         curved[2] = d[2] * x[0] + d[4] * x[1] + d[5] * x[2];
         for (int other = 0; other <= k; ++other)
-          for (int c = 0; c < 3; ++c) gram[first + k][first + other] += curved[c] * basis[other][c];
-        gram[first + k][first + k] += model_.regularization;
+          for (int c = 0; c < 3; ++c) gram_[first + k][first + other] += curved[c] * basis[other][c];
+        gram_[first + k][first + k] += model_.regularization;
       }
     }
+    return count;
+  }
+
+  // Adds to J_l^T J_l what contacts have in common: the residual of the velocity, and the active slacks.
+  void add_shared_gram(int count) {
     for (int a = 0; a < count; ++a)
       for (int b = 0; b <= a; ++b)
-        for (int k = 0; k < 6; ++k) gram[a][b] += model_.match_weight * moved[a][k] * moved[b][k];
+        for (int k = 0; k < 6; ++k) gram_[a][b] += model_.match_weight * moved_[a][k] * moved_[b][k];
     for (int s = 0; s < active_; ++s) {
       double reach[3 * kMaxContacts];
       for (int a = 0; a < count; ++a) {
         reach[a] = 0.0;
-        for (int k = 0; k < 6; ++k) reach[a] += slack_row_[active_index_[s]][k] * moved[a][k];
+        for (int k = 0; k < 6; ++k) reach[a] += slack_row_[active_index_[s]][k] * moved_[a][k];
       }
       for (int a = 0; a < count; ++a)
-        for (int b = 0; b <= a; ++b) gram[a][b] += model_.slack_weight * reach[a] * reach[b];
+        for (int b = 0; b <= a; ++b) gram_[a][b] += model_.slack_weight * reach[a] * reach[b];
     }
+  }
+
+  // Factors gram_ = L L^T in place, and multiplies free_rows_ by L^-1.
+  void factor(int count) {
     for (int a = 0; a < count; ++a) {
       double *row = &free_rows_[a * stride_];
       for (int b = 0; b < a; ++b) {
-        double value = gram[a][b];
-        for (int k = 0; k < b; ++k) value -= gram[a][k] * gram[b][k];
-        gram[a][b] = value / gram[b][b];
+        double value = gram_[a][b];
+        for (int k = 0; k < b; ++k) value -= gram_[a][k] * gram_[b][k];
+        gram_[a][b] = value / gram_[b][b];
         const double *earlier = &free_rows_[b * stride_];
-        for (int q = 0; q < stride_; ++q) row[q] -= gram[a][b] * earlier[q];
+        for (int q = 0; q < stride_; ++q) row[q] -= gram_[a][b] * earlier[q];
       }
-      double pivot = gram[a][a];
-      for (int k = 0; k < a; ++k) pivot -= gram[a][k] * gram[a][k];
+      double pivot = gram_[a][a];
+      for (int k = 0; k < a; ++k) pivot -= gram_[a][k] * gram_[a][k];
       const double least = model_.regularization * 1e-3;
-      gram[a][a] = std::sqrt(pivot > least ? pivot : least);
-      for (int q = 0; q < stride_; ++q) row[q] /= gram[a][a];
+      gram_[a][a] = std::sqrt(pivot > least ? pivot : least);
+      for (int q = 0; q < stride_; ++q) row[q] /= gram_[a][a];
     }
-    return count;
   }
 
   // One row of J_l^T J_theta: the free direction `along` of contact i.

@@ -16,7 +16,7 @@ at so closely, for a lower bound costs a tenth of it (`bounds`). With A' = A + F
 Taken are B = A plus the mean toss, and z = B^-2 r, for which the first would be an equality if A' were B.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -25,7 +25,7 @@ import numpy as np
 
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.optimum_shift import PoolScores
-from contact_curation.information.pool import Indices, Pool
+from contact_curation.information.pool import CHUNK, Indices, Pool
 
 CAUTION = 0.1
 """c. At 1 a set would be as much for what it knows as for what it says; a tenth keeps it from directions that nothing holds."""
@@ -43,6 +43,14 @@ class Sums(NamedTuple):
     matrix: Array
     inverse: Array
     score: Array
+
+
+class _Tosses(NamedTuple):
+    """Some tosses: factors (b, R, p), filled up with rows of zeros; s - F d (b, p), how each pulls away from d; tr F (b,)."""
+
+    rows: Array
+    pulls: Array
+    traces: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,64 +110,57 @@ class ExpectedError:
         traces = np.trace(sums.inverse) - np.trace(solved[..., :-1], axis1=1, axis2=2)
         return np.asarray((off * off).sum(axis=1) + self.doubt * traces)
 
-    def bounds(self, sums: Sums) -> Array:
-        """(K,) lower bounds on `joined` for every toss of the pool."""
+    def bounds(self, sums: Sums, indices: Indices) -> Array:
+        """(n,) lower bounds on `joined` for some tosses."""
         values, vectors = np.linalg.eigh(sums.matrix + np.eye(self._size))
         half, weights = vectors / values, values**-2  # B^-1 = half @ vectors^T; weights descending
         count = min(DIRECTIONS, self._size - 1)
         weak = vectors[:, :count] * np.sqrt(weights[:count] - weights[count])
-        residuals = (sums.score - sums.matrix @ self.known.shift + self._pulls) @ half  # (K, p)
-        lengths = np.square(residuals).sum(axis=1)  # z.r
-        trials = residuals @ half.T  # (K, p) z
-        turned, told = trials @ sums.matrix, weights[count] * self._traces
-        for span, rows in self._spans():
-            turned[span] += ((rows @ trials[span, :, None])[..., 0][:, None] @ rows)[:, 0]  # (b, p) A' z
-            told[span] += np.square(rows @ weak).sum(axis=(1, 2))
-        reached = np.square(turned).sum(axis=1)
-        offs = np.divide(lengths * lengths, reached, out=np.zeros_like(reached), where=reached > 0.0)
-        return np.asarray(offs + self.doubt * np.maximum((1.0 / values).sum() + weights.sum() - told, 0.0))
+        pull, most = sums.score - sums.matrix @ self.known.shift, (1.0 / values).sum() + weights.sum()
+        found = [np.zeros(0)]
+        for first in range(0, len(indices), CHUNK):
+            rows, pulls, traces = self._tosses(indices[first : first + CHUNK])
+            residuals = (pull + pulls) @ half  # (b, p)
+            lengths = np.square(residuals).sum(axis=1)  # z.r
+            trials = residuals @ half.T  # (b, p) z
+            turned = trials @ sums.matrix + ((rows @ trials[..., None])[..., 0][:, None] @ rows)[:, 0]  # (b, p) A' z
+            told = weights[count] * traces + np.square(rows @ weak).sum(axis=(1, 2))
+            reached = np.square(turned).sum(axis=1)
+            offs = np.divide(lengths * lengths, reached, out=np.zeros_like(reached), where=reached > 0.0)
+            found.append(offs + self.doubt * np.maximum(most - told, 0.0))
+        return np.concatenate(found)
 
     @property
     def _size(self) -> int:
         return int(self.coordinates.shape[1])
 
     @cached_property
-    def _held(self) -> Array | None:
-        """(K, R, p) whitened factors, filled up with rows of zeros; None where they would be too many."""
+    def _held(self) -> _Tosses | None:
+        """All tosses; None where their factors would be too many numbers."""
         most = max(info.factor.shape[0] for info in self.pool.infos)
         if len(self.pool) * most * self._size > LARGEST_HELD:
             return None
-        held = np.zeros((len(self.pool), most, self._size))
+        held = _Tosses(np.zeros((len(self.pool), most, self._size)), np.empty_like(self.known.scores), np.empty(len(self.pool)))
         for chunk in self.pool.chunks():
-            rows = self.pool.stacked(chunk)
-            held[chunk, : rows.shape[1]] = rows @ self.coordinates
+            rows, held.pulls[chunk], held.traces[chunk] = self._whitened(chunk)
+            held.rows[chunk, : rows.shape[1]] = rows
         return held
 
     def _rows(self, indices: Sequence[int] | Indices) -> Array:
         """(b, R, p) of some tosses."""
         where = np.asarray(indices, dtype=np.int64)
         if self._held is not None:
-            return np.asarray(self._held[where])
+            return np.asarray(self._held.rows[where])
         return self.pool.stacked(where) @ self.coordinates if where.size else np.zeros((0, 0, self._size))
 
-    def _spans(self) -> Iterator[tuple[slice, Array]]:
-        """All tosses, a few at a time."""
-        for chunk in self.pool.chunks():
-            span = slice(int(chunk[0]), int(chunk[-1]) + 1)
-            yield span, self._rows(chunk) if self._held is None else self._held[span]
+    def _tosses(self, indices: Indices) -> _Tosses:
+        held = self._held
+        return self._whitened(indices) if held is None else _Tosses(*(each[indices] for each in held))
 
-    @cached_property
-    def _pulls(self) -> Array:
-        """(K, p) s - F d: by how much each toss pulls away from the pool's optimum."""
-        pulls, shift = self.known.scores.copy(), self.known.shift
-        for span, rows in self._spans():
-            pulls[span] -= ((rows @ shift)[:, None] @ rows)[:, 0]
-        return pulls
-
-    @cached_property
-    def _traces(self) -> Array:
-        """(K,) tr F."""
-        return np.concatenate([np.square(rows).sum(axis=(1, 2)) for _, rows in self._spans()])
+    def _whitened(self, indices: Indices) -> _Tosses:
+        rows = self.pool.stacked(indices) @ self.coordinates
+        pulls = self.known.scores[indices] - ((rows @ self.known.shift)[:, None] @ rows)[:, 0]
+        return _Tosses(rows, pulls, np.square(rows).sum(axis=(1, 2)))
 
 
 def _sums_of(matrix: Array, score: Array) -> Sums:

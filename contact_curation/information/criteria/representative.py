@@ -12,7 +12,9 @@ The set is built greedily and then improved by exchanges of one toss for another
 is no guarantee: the sum is not submodular. At last its tosses are put in the order in which greedy picks would take them.
 
 In each step the tosses are looked at from the lowest bound up, until no bound reaches down to the best value found: the result
-is that of looking at all of them.
+is that of looking at all of them. Of a pool of more than `LARGEST_WHOLE` tosses a step looks at every n-th toss only, each step
+at others (Mirzasoleiman et al., "Lazier than lazy greedy", 2015): its cost does not grow with the pool. Greedy picks, for which
+bounds are of little use, look at fewer tosses then, and there are more exchanges. An exchange never makes the set worse.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,7 +32,13 @@ from contact_curation.information.subspace import pool_subspace
 from contact_curation.information.ties import ABSOLUTE, first_of_the_best
 
 EXCHANGES = 2
-"""Rounds over the selected tosses, each of which may give way to a better one."""
+"""Rounds over the selected tosses, each of which may give way to a better one; twice as many in a pool seen in parts."""
+
+LARGEST_WHOLE = 2048
+"""Tosses up to which a step looks at all; of a larger pool an exchange looks at so many, or two for each selected toss."""
+
+FIRST_PICKS = 4
+"""Of a larger pool a greedy pick looks at this many times fewer."""
 
 FIRST_BLOCK = 32
 """Tosses looked at closely at first in a step; twice as many at each further try."""
@@ -54,7 +62,9 @@ class SwapCosts:
     joined: Array
 
 
-def select_representative(pools: Sequence[Pool], coordinates: Sequence[Array], top: int, prior: float) -> Selection:
+def select_representative(
+    pools: Sequence[Pool], coordinates: Sequence[Array], top: int, prior: float, largest_whole: int = LARGEST_WHOLE
+) -> Selection:
     """The set of up to `top` tosses; what a toss gains is by how much it lowers the expected error.
 
     Args:
@@ -62,9 +72,11 @@ def select_representative(pools: Sequence[Pool], coordinates: Sequence[Array], t
         coordinates: per particle (P, p) in which the pool's mean toss is the identity.
         top: how many tosses to select.
         prior: delta > 0: A0 is this share of the mean toss.
+        largest_whole: tosses up to which each step looks at all.
     """
     errors = _Errors.of(pools, coordinates, prior)
-    picks = _in_order(errors, _exchanged(errors, _greedy(errors, min(top, len(pools[0])))))
+    looks = _Looks(errors.tosses, top, largest_whole)
+    picks = _in_order(errors, _exchanged(errors, _greedy(errors, min(top, errors.tosses), looks), looks))
     states = list(accumulate(picks, errors.with_toss, initial=errors.sums([])))
     values = [errors.value(state) for state in states]
     singles = values[0] - errors.all_joined(states[0])
@@ -82,24 +94,53 @@ def swap_costs(pools: Sequence[Pool], coordinates: Sequence[Array], selected: Se
     return SwapCosts(error, np.array(without), joined)
 
 
-def _greedy(errors: "_Errors", count: int) -> list[int]:
+@dataclass(frozen=True)
+class _Looks:
+    """At which tosses of a pool each step looks.
+
+    Attributes:
+        tosses: K.
+        top: how many are selected.
+        largest_whole: K up to which it is all of them.
+    """
+
+    tosses: int
+    top: int
+    largest_whole: int
+
+    @property
+    def rounds(self) -> int:
+        """Of exchanges."""
+        return EXCHANGES if self.tosses <= self.largest_whole else 2 * EXCHANGES
+
+    def at(self, step: int, fewer: int = 1) -> Indices:
+        """All, or every n-th; of a larger pool so many times fewer."""
+        if self.tosses <= self.largest_whole:
+            return np.arange(self.tosses)
+        apart = max(self.tosses // max(self.largest_whole // fewer, 2 * self.top), 1)
+        return np.arange(step % apart, self.tosses, apart)
+
+
+def _greedy(errors: "_Errors", count: int, looks: _Looks) -> list[int]:
     """Each the best beside those before."""
     picks: list[int] = []
     sums = errors.sums([])
     while len(picks) < count:
-        picks.append(errors.best(sums, picks))
+        picks.append(errors.best(sums, np.setdiff1d(looks.at(len(picks), FIRST_PICKS), picks)))
         sums = errors.with_toss(sums, picks[-1])
     return picks
 
 
-def _exchanged(errors: "_Errors", picks: list[int]) -> list[int]:
+def _exchanged(errors: "_Errors", picks: list[int], looks: _Looks) -> list[int]:
     """The set after exchanges of one toss for another; a round in which none helped is the last."""
     selected, unmoved = list(picks), 0
     if len(selected) == errors.tosses:
         return selected
-    for place in (*range(len(selected)),) * EXCHANGES:
+    for step in range(looks.rounds * len(selected)):
+        place = step % len(selected)
         others = selected[:place] + selected[place + 1 :]
-        best = errors.best(errors.sums(others), others)
+        among = np.setdiff1d(np.union1d(looks.at(len(selected) + step), selected[place]), others)
+        best = errors.best(errors.sums(others), among)
         unmoved = unmoved + 1 if best == selected[place] else 0
         selected[place] = best
         if unmoved == len(selected):
@@ -147,16 +188,15 @@ class _Errors:
         """(K,) with each toss added."""
         return np.concatenate([self.joined(sums, chunk) for chunk in self.particles[0].pool.chunks()])
 
-    def best(self, sums: Sequence[Sums], selected: Sequence[int]) -> int:
-        """The toss that is best added to the selected ones; ties go to the smaller id."""
-        bounds = _mean([particle.bounds(one) for particle, one in zip(self.particles, sums, strict=True)])
-        bounds[list(selected)] = np.inf
-        values = np.full(self.tosses, np.inf)
-        left, block = np.argsort(bounds, kind="stable")[: self.tosses - len(selected)], FIRST_BLOCK
+    def best(self, sums: Sequence[Sums], among: Indices) -> int:
+        """Which of some tosses, in ascending order, is best added; ties go to the smaller id."""
+        bounds = _mean([particle.bounds(one, among) for particle, one in zip(self.particles, sums, strict=True)])
+        values = np.full(len(among), np.inf)
+        left, block = np.argsort(bounds, kind="stable"), FIRST_BLOCK
         while left.size and bounds[left[0]] <= float(values.min()) * (1.0 + SLACK) + ABSOLUTE:
-            values[left[:block]] = self.joined(sums, left[:block])
+            values[left[:block]] = self.joined(sums, among[left[:block]])
             left, block = left[block:], min(2 * block, CHUNK)
-        return first_of_the_best(-values)
+        return int(among[first_of_the_best(-values)])
 
 
 def _mean(values: Sequence[Array]) -> Array:

@@ -164,15 +164,34 @@ class HeldSum:
 
     def iterate(self, model: PolytopeModel) -> Iterate:
         """Evaluates the sum and its derivatives at a model."""
-        geometry = model.geometry()
         sums = polytope_sums(model, self.data, Estimator.GAUSS_NEWTON, self.config.loss, self.weights)
-        away = physical_difference(geometry, self.origin)
-        holds = np.full(away.size, self.noise / self.config.spread**2)
-        holds[-3:-1] = self.noise / self.config.tilt**2
-        ground = self.config.ground * float(self.counts @ np.diff(self.data.starts))
-        score = (self.counts[:, None] * sums.scores).sum(axis=0) - holds * away
-        information = (self.counts[:, None, None] * sums.fishers).sum(axis=0) + np.diag(holds)
-        score[-1] -= ground * geometry.height
-        information[-1, -1] += ground
-        objective = float((self.counts * sums.losses).sum() + holds @ away**2 + ground * geometry.height**2)
+        scores = (self.counts[:, None] * sums.scores).sum(axis=0)
+        objective, score = self.held(model, float((self.counts * sums.losses).sum()), scores)
+        information = (self.counts[:, None, None] * sums.fishers).sum(axis=0) + np.diag(self._holds(score.size))
+        information[-1, -1] += self._ground
         return Iterate(model, objective, score, information)
+
+    def held(self, model: PolytopeModel, loss: float, score: Array) -> tuple[float, Array]:
+        """The sum and minus half its gradient (P,), from those of the losses alone."""
+        geometry = model.geometry()
+        away = physical_difference(geometry, self.origin)
+        holds = self._holds(away.size)
+        slope = score - holds * away
+        slope[-1] -= self._ground * geometry.height
+        return float(loss + holds @ away**2 + self._ground * geometry.height**2), slope
+
+    def curvature(self, parameters: int) -> Array:
+        """(P,) what the prior and the ground's terms add to the diagonal of half the Hessian."""
+        holds = self._holds(parameters)
+        holds[-1] += self._ground
+        return holds
+
+    def _holds(self, parameters: int) -> Array:
+        """(P,) sigma^2 A0, whose diagonal is all there is."""
+        holds = np.full(parameters, self.noise / self.config.spread**2)
+        holds[-3:-1] = self.noise / self.config.tilt**2
+        return holds
+
+    @property
+    def _ground(self) -> float:
+        return self.config.ground * float(self.counts @ np.diff(self.data.starts))

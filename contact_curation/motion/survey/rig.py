@@ -7,7 +7,6 @@ other, so they are estimated in turn. What the throws cannot tell apart is said,
 the marker count only where they are certain and larger than what is worth correcting.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -17,6 +16,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
+from contact_curation.geometry.scalars import vector
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.motion.survey.falls import Survey, acceleration_of
 from contact_curation.motion.survey.rests import PLACE, TURN, RestEstimate, estimate_rests, rests_of
@@ -145,12 +145,12 @@ def estimate_rig(survey: Survey, polytope: Polytope, gravity: float = 9.81, *, f
     for _ in range(IN_TURN):
         found = estimate_rests(rests, 1.0 + scale.value, centre)
         rig = RigCalibration(
-            normal=_triple(found.up),
-            centre=_triple(centre),
+            normal=vector(found.up),
+            centre=vector(centre),
             scale=1.0 + scale.value,
             height=float(found.values[2]),
-            marker_turn=_triple(found.values[TURN]),
-            marker_offset=_triple(found.values[PLACE]),
+            marker_turn=vector(found.values[TURN]),
+            marker_offset=vector(found.values[PLACE]),
         )
         if not any(rig.marker_offset):
             break
@@ -220,8 +220,3 @@ def _estimate(value: float, error: float, free: float) -> Estimate:
 
     half = float(stdtrit(free, CONFIDENCE)) * error
     return Estimate(float(value), float(value) - half, float(value) + half)
-
-
-def _triple(values: Sequence[float] | Array) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in values)
-    return x, y, z

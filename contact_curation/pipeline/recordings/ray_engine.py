@@ -1,8 +1,8 @@
 """Recordings scheduled by Ray, on one machine or a cluster: the same work as in processes of this machine.
 
-Every recording is a task on one processor, which reads, checks and scores it; the driver takes what is done as it comes. As
-many tasks wait as are under way, so that no worker is idle and the driver's memory stays flat. Ray itself repeats nothing: a
-task whose worker dies, or is killed for want of memory, is begun once more here, then given up.
+Each recording is a task on one processor, which reads, checks and scores it; the driver takes results as they arrive. As many
+tasks wait as are running, so that no worker is idle and the driver's memory does not grow. Ray itself repeats nothing: a task
+whose worker dies, e.g. because memory ran out, is repeated once by the driver, and then given up.
 """
 
 from collections import Counter, deque
@@ -12,11 +12,11 @@ from importlib import import_module
 from typing import Any
 
 from contact_curation.errors import ContactCurationError, InvalidValueError
-from contact_curation.pipeline.workers import Advance, Broken, counted_work
+from contact_curation.pipeline.workers import Advance, Broken, Counted, counted_work
 from contact_curation.version import __version__
 
 ONE_PROCESSOR_EACH = 1 << 16
-"""Jobs that share a machine: Ray decides how many there are, so each computes with one thread."""
+"""Number of jobs that share a machine. Ray decides how many run, so each computes with one thread."""
 
 TRIES = 2
 
@@ -26,13 +26,13 @@ class RayEngine:
     """Workers of a Ray cluster.
 
     Attributes:
-        address: of the cluster, as `ray.init` takes it; empty for the one that RAY_ADDRESS names, else one of this machine.
+        address: address of the cluster, as for `ray.init`; empty for the one in RAY_ADDRESS, or else a cluster on this machine.
     """
 
     address: str = ""
 
     def __post_init__(self) -> None:
-        import_module("ray")  # where it is missing, that is said before anything is read
+        import_module("ray")  # if it is missing, the error comes before anything is read
 
     @property
     def jobs(self) -> int:
@@ -89,24 +89,24 @@ class RayEngine:
             ) from error
 
     @staticmethod
-    def _result(ray: Any, reference: Any) -> tuple[Any, int]:
-        """What a task gave, and how many tosses it counted."""
+    def _result(ray: Any, reference: Any) -> Counted[Any]:
+        """The result of a task, or `Broken` if its worker died."""
         try:
-            result: tuple[Any, int] = ray.get(reference)
+            result: Counted[Any] = ray.get(reference)
         except ray.exceptions.RayTaskError as error:  # the work's own error
             if isinstance(error.cause, MemoryError):
-                return Broken("asked for more memory than its worker has, twice: left out"), 0
+                return Counted(Broken("asked for more memory than its worker has, twice: left out"), 0)
             raise error.cause from error
         except ray.exceptions.RayError as error:
-            return Broken(f"broke its worker twice ({type(error).__name__}): left out"), 0
+            return Counted(Broken(f"its worker died twice ({type(error).__name__}): left out"), 0)
         return result
 
 
-def _checked[Input, Result](release: str, work: Callable[[Input, Advance], Result], one: Input) -> tuple[Result, int]:
-    """In a worker: the work, by the release that the driver has. Ray sends this function with the driver's globals.
+def _checked[Input, Result](release: str, work: Callable[[Input, Advance], Result], one: Input) -> Counted[Result]:
+    """Does the work in a worker, if the worker has the driver's release. Ray sends this function with the driver's globals.
 
     Raises:
-        ContactCurationError: another release is installed; or what the work raised, as one that can be pickled.
+        ContactCurationError: another release is installed; or an error of the work, as one that can be pickled.
     """
     installed = import_module("contact_curation.version").__version__
     if release != installed:

@@ -1,8 +1,9 @@
-"""The poses of a bag's messages: runs of one layout are decoded together, straight from the CDR; others one by one.
+"""Reads the poses of a bag's messages; messages of the same layout are decoded together, directly from their CDR bytes.
 
-Messages of one topic mostly differ in stamps and numbers only. The first of those with the same length says where these are,
-and what else must be the same: encapsulation, names of frames, lengths. Whatever differs, is cut off or is no pose goes the
-long way (`bags.decoding`, `pose_source`), so that it comes out as if there were no shortcut. Padding is not looked at.
+Most messages of a topic differ only in stamps and numbers. Of the messages with the same length the first one is read field by
+field, which gives the layout: the positions of stamps and numbers, and the bytes that must be equal in all others
+(encapsulation, names of frames, lengths; not padding). Messages with other bytes there, messages that are cut off and messages
+that contain no valid pose are decoded one by one (`bags.decoding`, `pose_source`). The result is the same in both ways.
 """
 
 import struct
@@ -26,25 +27,31 @@ from contact_curation.storage.inputs.pose_messages import ODOMETRY, POSE, POSE_W
 from contact_curation.storage.inputs.pose_source import PoseSource
 
 TOGETHER = 1024
-"""Most messages that are decoded together; memory holds the poses of so many."""
+"""Largest number of messages that are decoded together; their poses are in memory at the same time."""
 
 FEWEST = 8
-"""Messages of one length for which a layout pays."""
+"""Smallest number of messages of one length for which determining a layout saves time."""
 
 LAYOUTS = 4
-"""Layouts of one length that are tried, as of a TF topic on which several publishers take turns."""
+"""Largest number of layouts that are tried for one length; a TF topic with several publishers has several."""
 
 LITTLE_ENDIAN = b"\x00\x01"
-"""Beginning of plain CDR whose numbers have their lowest byte first."""
+"""First bytes of plain CDR in little-endian byte order."""
 
 ENCAPSULATION, POSE_BYTES, LONGEST_END = 4, 56, 3
-"""Bytes before the message, of position and orientation, and behind the last field at most."""
+"""Number of bytes before the message, of a position and orientation, and, at most, after the last field."""
 
 UINT32 = struct.Struct("<I")
 
 
 class MeasuredMessage(NamedTuple):
-    """The poses in a message, or why there is none."""
+    """The poses in one message.
+
+    Attributes:
+        topic: topic of the message.
+        log_time_ns: log time of the message [ns].
+        measured: each pose, or the reason why it cannot be used.
+    """
 
     topic: str
     log_time_ns: int
@@ -52,17 +59,17 @@ class MeasuredMessage(NamedTuple):
 
 
 def measured_messages(
-    reader: BagReader, source: PoseSource, long_way: Callable[[BagMessage], tuple[Measured, ...]]
+    reader: BagReader, source: PoseSource, read_one: Callable[[BagMessage], tuple[Measured, ...]]
 ) -> Iterator[MeasuredMessage]:
-    """The poses in a bag's messages of the topics of `source`, message by message in order of log time.
+    """Yields the poses of each message on the topics of `source`, in order of log time.
 
     Args:
         reader: the bag.
-        source: topics.
-        long_way: gives the poses in a decoded message.
+        source: topics with poses, and the frames that are of interest.
+        read_one: returns the poses in one decoded message; called for messages that cannot be decoded together with others.
 
     Raises:
-        MissingTopicError: the bag lacks one of the topics.
+        MissingTopicError: the bag does not contain one of the topics.
     """
     reading, runs = reader.runs(source.topics)
     for run in runs:
@@ -73,11 +80,11 @@ def measured_messages(
                     yield MeasuredMessage(stored.channel.topic, stored.log_time_ns, found[place])
                 else:
                     for message in reading.decoded((stored,)):
-                        yield MeasuredMessage(message.topic, message.log_time_ns, long_way(message))
+                        yield MeasuredMessage(message.topic, message.log_time_ns, read_one(message))
 
 
 def _together(part: Sequence[StoredMessage], reading: Reading, source: PoseSource) -> dict[int, tuple[Measured, ...]]:
-    """The poses in the messages that have the layout of others, by the messages' places."""
+    """The poses in the messages that have the same layout as others, by the messages' places in `part`."""
     alike: dict[tuple[Channel, int], list[int]] = defaultdict(list)
     for place, stored in enumerate(part):
         alike[stored.channel, len(stored.data)].append(place)
@@ -86,14 +93,14 @@ def _together(part: Sequence[StoredMessage], reading: Reading, source: PoseSourc
         walk = WALKS.get(reading.type_hash(channel)) if len(places) >= FEWEST else None
         if walk is None or source.type_of(channel.topic) != channel.type or length > reading.longest:
             continue
-        if not reading.has_decoded(channel):  # the first message goes the long way, on which the definition is looked at
+        if not reading.has_decoded(channel):  # decoding the first message one by one checks the type's definition
             places = places[1:]
         block = np.frombuffer(b"".join([part[place].data for place in places]), np.uint8).reshape(len(places), length)
         left = np.arange(len(places))
         for _ in range(LAYOUTS):
             layout = layout_of(block[left[0]].tobytes(), walk)
             fits = layout.fits(block[left]) if layout else np.zeros(len(left), dtype=bool)
-            fits[0] = True  # no other message can have a layout that is none
+            fits[0] = True  # without a layout this message is decoded one by one
             if layout:
                 fitting = left[fits]
                 poses = layout.poses_in(block[fitting], channel.topic, source)
@@ -106,7 +113,13 @@ def _together(part: Sequence[StoredMessage], reading: Reading, source: PoseSourc
 
 @dataclass(frozen=True)
 class PosePlace:
-    """Where in a message a pose is: its stamp and its numbers, by their first bytes; and its frames."""
+    """The position of a pose in a message.
+
+    Attributes:
+        stamp_at: offset of the stamp's first byte.
+        numbers_at: offset of the first byte of position (3) and orientation xyzw (4).
+        parent, child: names of the pose's frames; child is empty for messages without one.
+    """
 
     stamp_at: int
     numbers_at: int
@@ -116,25 +129,25 @@ class PosePlace:
 
 @dataclass(frozen=True)
 class Layout:
-    """What messages of one length have in common.
+    """The common structure of messages of one length.
 
     Attributes:
-        constants: bytes that they share, by their first.
-        places: of the poses.
+        constants: offset and content of the bytes that are equal in all of them.
+        places: position of each pose.
     """
 
     constants: tuple[tuple[int, bytes], ...]
     places: tuple[PosePlace, ...]
 
     def fits(self, block: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Which of the messages (N, length) have this layout (N,)."""
+        """Says which of the messages, given as bytes (N, length), have this layout: booleans (N,)."""
         same = np.ones(len(block), dtype=bool)
         for start, constant in self.constants:
             same &= (block[:, start : start + len(constant)] == np.frombuffer(constant, np.uint8)).all(axis=1)
         return same
 
     def poses_in(self, block: NDArray[np.uint8], topic: str, source: PoseSource) -> list[tuple[Measured, ...] | None]:
-        """The poses in messages (N, length) of this layout; None for a message in which one is no pose."""
+        """The poses in messages (N, length) of this layout; None for a message that contains an invalid pose."""
         columns: list[list[Measured]] = []
         good = np.ones(len(block), dtype=bool)
         for place in self.places:
@@ -148,7 +161,7 @@ class Layout:
 
 
 def _read(block: NDArray[np.uint8], place: PosePlace) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Stamps (N,) [ns], positions and orientations xyzw (N, 7), and which `pose_stream.checked_pose` takes (N,)."""
+    """Stamps (N,) [ns], positions [m] and orientations xyzw (N, 7), and if `pose_stream.checked_pose` accepts them (N,)."""
     clock = np.ascontiguousarray(block[:, place.stamp_at : place.stamp_at + 8])
     seconds, nanoseconds = clock.view("<i4")[:, 0], clock.view("<u4")[:, 1]
     numbers = np.ascontiguousarray(block[:, place.numbers_at : place.numbers_at + POSE_BYTES]).view("<f8")
@@ -170,11 +183,11 @@ def _frame_poses(
 
 
 class _OtherwiseError(Exception):
-    """A message is not what it should be: it has no layout."""
+    """A message is not encoded as expected, so that it gives no layout."""
 
 
 class _Walk:
-    """Goes through a message field by field, and notes what is the same in others of its layout."""
+    """Reads a message field by field, and collects the bytes that are equal in all messages of its layout."""
 
     def __init__(self, data: bytes) -> None:
         self.data = data
@@ -182,25 +195,25 @@ class _Walk:
         self.constants = [(0, data[:ENCAPSULATION])]
 
     def align(self, size: int) -> None:
-        """Goes on to the next multiple of `size` from the message's first byte."""
+        """Moves to the next multiple of `size`, counted from the first byte after the encapsulation."""
         self.at += -(self.at - ENCAPSULATION) % size
 
     def skip(self, size: int) -> int:
-        """Goes over a field; returns where it begins."""
+        """Moves past a field of `size` bytes; returns the offset of its first byte."""
         begin, self.at = self.at, self.at + size
         if self.at > len(self.data):
             raise _OtherwiseError
         return begin
 
     def count(self) -> int:
-        """A length, which is the same in all."""
+        """Reads a length, which is equal in all messages of the layout."""
         self.align(4)
         begin = self.skip(4)
         self.constants.append((begin, self.data[begin : self.at]))
         return int(UINT32.unpack_from(self.data, begin)[0])
 
     def text(self) -> str:
-        """A text, which is the same in all."""
+        """Reads a string, which is equal in all messages of the layout."""
         length = self.count()
         begin = self.skip(length)
         text = self.data[begin : self.at]
@@ -213,12 +226,12 @@ class _Walk:
             raise _OtherwiseError from error
 
     def stamp(self) -> int:
-        """A stamp's place."""
+        """Moves past a stamp; returns its offset."""
         self.align(4)
         return self.skip(8)
 
     def doubles(self, number: int) -> int:
-        """The place of so many."""
+        """Moves past `number` float64 values; returns the offset of the first."""
         self.align(8)
         return self.skip(8 * number)
 
@@ -257,7 +270,7 @@ HASHES = {
     POSE_WITH_COVARIANCE: "RIHS01_26432f9803e43727d3c8f668d1fdb3c630f548af631e2f4e31382371bfea3b6e",
     TF: "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
 }
-"""ROS 2's hashes of the definitions that the layouts hold for: a bag may define these types otherwise."""
+"""Type hashes of ROS 2's own definitions, for which the functions above are valid; a bag may define these types differently."""
 
 WALKS: dict[str, Walk] = {
     HASHES[ODOMETRY]: _odometry,
@@ -268,7 +281,7 @@ WALKS: dict[str, Walk] = {
 
 
 def layout_of(data: bytes, walk: Walk) -> Layout | None:
-    """The layout of messages like this one; None where it goes the long way."""
+    """The layout of a message; None if it must be decoded one by one."""
     if not data.startswith(LITTLE_ENDIAN) or len(data) < ENCAPSULATION:
         return None
     walked = _Walk(data)

@@ -74,11 +74,15 @@ def test_json_says_the_same_as_the_file(cli: Cli, tmp_path: Path) -> None:
     assert (said["pool"], said["known"], said["seed"]) == (16, 0, 0)
 
 
-def test_known_tosses_leave_less_to_gain_and_give_the_prior(cli: Cli, tmp_path: Path, golden: Path) -> None:
+def test_known_tosses_leave_less_to_gain_and_give_the_prior(
+    cli: Cli, tmp_path: Path, golden: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.0)
     bare = design(cli, tmp_path / "bare.json", "--json").json
-    informed = design(cli, tmp_path / "informed.json", "--known", golden, "--prior", golden, "--json").json
-    assert informed["known"] == 21
-    assert informed["expected_information"] < 0.5 * bare["expected_information"]
+    outcome = design(cli, tmp_path / "informed.json", "--known", golden, "--prior", golden, "--json")
+    assert outcome.json["known"] == 21
+    assert outcome.json["expected_information"] < 0.5 * bare["expected_information"]
+    assert [line for line in outcome.err_lines if line.startswith("reading: 21 tosses")]  # reading is shown, too
 
 
 def test_known_tosses_are_read_where_the_user_says_that_the_poses_are(cli: Cli, tmp_path: Path, golden: Path) -> None:

@@ -92,6 +92,36 @@ def test_exchanges_improve_what_greedy_picks_found(monkeypatch: pytest.MonkeyPat
     assert sum(one < 0.9 * other for one, other in costs) >= 2
 
 
+def test_a_pool_that_is_seen_in_parts_gives_nearly_as_good_a_set() -> None:
+    """Every step looks at a quarter of the tosses; the error of random sets of as many is several times that of the whole."""
+    ratios, random = [], []
+    rng = np.random.default_rng(0)
+    for seed in range(3):
+        pool = pool_of(with_scores(tosses(160, 5, 3, seed), 0.3, seed))
+        coordinates = [pool_subspace(pool).per_mean_toss(len(pool))]
+        whole, parts = (select_representative([pool], coordinates, 5, PRIOR, most).order[:5].tolist() for most in (160, 40))
+        assert len(set(parts)) == 5
+        cost = plain_cost(pool, whole)
+        ratios.append(plain_cost(pool, parts) / cost)
+        random.append(plain_cost(pool, rng.choice(160, 5, replace=False).tolist()) / cost)
+    assert np.median(ratios) < 1.5 < 3.0 < np.median(random)
+
+
+def test_steps_over_a_pool_that_is_seen_in_parts_reach_every_toss() -> None:
+    looks = representative._Looks(tosses=1000, top=3, largest_whole=100)
+    seen = [looks.at(step).tolist() for step in range(10)]
+    assert {len(each) for each in seen} == {100}
+    assert sorted(number for each in seen for number in each) == list(range(1000))
+
+
+def test_more_tosses_can_be_selected_than_a_step_would_look_at() -> None:
+    infos = with_scores(tosses(90, 4, 3, seed=1), 0.3, seed=1)
+    pool = pool_of(infos)
+    coordinates = [pool_subspace(pool).per_mean_toss(90)]
+    for top in (30, 90):
+        assert sorted(select_representative([pool], coordinates, top, PRIOR, 10).order.tolist()) == list(range(90))
+
+
 def opinionated() -> list[TossInformation]:
     """Two parameters; of 40 tosses the ten that know most say 1/2 of the first one, the others -2/3; all together -1/5."""
     infos = []

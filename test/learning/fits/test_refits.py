@@ -1,0 +1,69 @@
+"""Refits of subsets: the minimum that the slow fit finds, its gradient gone, and the Hessian that the gradients have."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.impulse_noise import ImpulseNoise
+from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
+from contact_curation.contact.parameter_form import Form
+from contact_curation.errors import InvalidValueError
+from contact_curation.learning.fits.damped_descent import DescentLimits, descend
+from contact_curation.learning.fits.held_fit import HeldFitConfig
+from contact_curation.learning.fits.polytope_sums import physical_difference
+from contact_curation.learning.fits.refits import RefitConfig, RefitPool, subset
+from contact_curation.motion.transitions import transitions_of
+from test.simulated import RIG_NOISE, simulated_tosses
+
+ONCE = HeldFitConfig(renewals=1, noise=(0.06,))
+
+
+def theta_0(form: Form = Form.RIGID) -> PolytopeModel:
+    geometry = initial_geometry(CONTACTNETS_CUBE, Form.PHYSICAL, np.zeros(3), np.random.default_rng(0), 0.03)
+    level = replace(geometry, normal=np.array([0.0, 0.0, 1.0]), tangents=0.2 * np.eye(2, 3), height=0.0)
+    if form is Form.RIGID:
+        level = replace(level, vertices_tangent=level.vertices_normal, noise=ImpulseNoise())
+    return PolytopeModel(level, CONTACTNETS_CUBE, form)
+
+
+@pytest.fixture(scope="module")
+def pool() -> RefitPool:
+    data = transitions_of(simulated_tosses(4, seed=2, noise=RIG_NOISE), CONTACTNETS_CUBE.length_scale)
+    return RefitPool.of(theta_0(), data, RefitConfig(ONCE, tolerance=1e-7))
+
+
+def test_a_refit_is_the_minimum_that_damped_steps_find_of_the_same_sum(pool: RefitPool) -> None:
+    chosen = np.array([0, 2, 3])
+    found = pool.refit(chosen)
+    assert found.converged
+    slow = descend(found.model, found.held.iterate, DescentLimits(1e-12, 40, 1e-3, 1e6)).iterate
+    assert found.objective == pytest.approx(found.held.iterate(found.model).objective, rel=1e-9)
+    assert found.objective == pytest.approx(slow.objective, rel=1e-3)
+    way = physical_difference(slow.model.geometry(), found.model.geometry())
+    assert np.abs(way[:-3]).max() < 0.02
+
+
+def test_the_hessian_is_the_slope_of_the_scores_and_near_gauss_newtons(pool: RefitPool) -> None:
+    hessian = pool.hessian()
+    whole = pool.sums.fishers.sum(axis=0)
+    known = np.diagonal(whole) > 1e-3 * np.diagonal(whole).max()
+    ratios = (np.diagonal(hessian) / np.diagonal(whole))[:-3][known[:-3]]  # the prior holds the tilt
+    assert ((ratios > 0.3) & (ratios < 3.0)).all()
+    np.testing.assert_allclose(pool.hessian(2e-4), hessian, atol=0.05 * np.abs(hessian).max())
+
+
+def test_a_subset_has_the_transitions_of_its_tosses(pool: RefitPool) -> None:
+    data, rows = subset(pool.data, np.array([1, 3]))
+    assert data.toss_ids == (pool.data.toss_ids[1], pool.data.toss_ids[3])
+    np.testing.assert_array_equal(np.unique(pool.data.toss_index[rows]), [1, 3])
+    np.testing.assert_array_equal(data.before, pool.data.before[rows])
+    assert np.diff(data.starts).tolist() == np.diff(pool.data.starts)[[1, 3]].tolist()
+
+
+@pytest.mark.parametrize(("form", "renewals"), [(Form.PHYSICAL, 2), (Form.RIGID, 0)])
+def test_models_without_a_learned_noise_are_refused(form: Form, renewals: int) -> None:
+    data = transitions_of(simulated_tosses(1, seed=2), CONTACTNETS_CUBE.length_scale)
+    with pytest.raises(InvalidValueError, match="model to refit"):
+        RefitPool.of(theta_0(form), data, RefitConfig(HeldFitConfig(renewals=renewals)))

@@ -1,0 +1,190 @@
+"""A throw by trajectory: the gripper opens at its moment, the tracker's release is told, and every fault ends safely."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contact_curation.design.release_delay import Seen
+from contact_curation.simulation.arm.throw_motion import STEP
+from contact_curation.stages.records import GripperRecord, record_bytes, record_of
+from contact_curation.stages.trajectory_throw import Sent, TrajectoryConfig
+from test.stages.trajectory_cell import JOINTS, LIMITS, RELEASE, THROW, VELOCITY, Cell
+
+LEARNED = GripperRecord(tuple(Seen(0.05 + 0.001 * (-1) ** k, 5e-4) for k in range(8)), 0.02)
+
+
+def test_the_body_leaves_at_the_planned_moment_once_the_delay_is_known() -> None:
+    cell = Cell(record=LEARNED)
+    planned = cell.now + cell.stage.config.lead + RELEASE + cell.lag
+    ending = cell.throw()
+    assert ending.success, ending.message
+    assert ending.executed is not None
+    assert ending.released_at == pytest.approx(cell.fell, abs=0.002)
+    assert ending.released_at == pytest.approx(planned, abs=0.006)
+    np.testing.assert_allclose(ending.executed.linear_velocity, VELOCITY, atol=0.02)
+    assert ending.executed.throw_id == "one"
+
+
+def test_lag_and_delay_are_learned_from_nothing_and_outlive_a_restart() -> None:
+    cell = Cell(lag=0.03)
+    endings = [cell.throw() for _ in range(3)]
+    assert [one.success for one in endings] == [True] * 3, endings
+    assert cell.stage.lag == pytest.approx(0.03, abs=0.002)
+    assert cell.stage.delay.mean == pytest.approx(0.05, abs=0.004)
+    again = Cell(record=record_of(GripperRecord, record_bytes(cell.stage.record), "test"))
+    assert again.stage.delay == cell.stage.delay
+    assert again.stage.lag == cell.stage.lag
+
+
+def test_a_changed_delay_is_noticed_within_three_throws() -> None:
+    cell = Cell(record=LEARNED)
+    cell.delay = 0.085
+    messages = [cell.throw().message for _ in range(3)]
+    assert any("the gripper's delay changed from 50 to 8" in line for line in messages), messages
+
+
+def test_a_gripper_that_jitters_beyond_the_window_is_refused_once_that_is_known() -> None:
+    wild = GripperRecord(tuple(Seen(0.05 + 0.03 * (-1) ** k, 5e-4) for k in range(8)))
+    cell = Cell(record=wild)
+    line = cell.throw().message
+    assert line.startswith("delay of the gripper: found it uncertain by")
+    assert line.endswith("expected at most 15.0 ms")
+    assert not cell.sent
+
+
+def silent(cell: Cell) -> None:
+    cell.silent = True
+
+
+def slower(cell: Cell) -> None:
+    cell.slider = 0.8
+
+
+def inactive(cell: Cell) -> None:
+    cell.active = False
+
+
+def astray(cell: Cell) -> None:
+    cell.off = 0.1
+
+
+def aborting(cell: Cell) -> None:
+    cell.aborts = "path tolerance violated"
+
+
+def stopped_by_hand(cell: Cell) -> None:
+    cell.gate.stop("the stop service was called")
+
+
+REFUSED = {
+    silent: "joint states: found the last one",
+    slower: "speed scaling: found 80 %, expected 100 %",
+    inactive: "controller: found no state of it",
+    astray: "joint 2: found it 0.100 rad from home",
+    stopped_by_hand: "the arm is disarmed (the stop service was called)",
+}
+
+
+@pytest.mark.parametrize("fault", REFUSED)
+def test_a_fault_before_the_throw_is_refused_and_nothing_is_sent(fault: Callable[[Cell], None]) -> None:
+    cell = Cell(record=LEARNED)
+    fault(cell)
+    for _ in range(200):
+        cell.tick()
+    ending = cell.throw()
+    assert not ending.success
+    assert ending.message.startswith(REFUSED[fault])
+    assert not cell.sent
+
+
+STOPS = {
+    silent: "joint states: found the last one",
+    slower: "speed scaling: found 80 %, expected 100 %",
+    inactive: "controller: found no state of it",
+    astray: "joint 2: found it 0.100 rad from its path",
+    aborting: "the controller gave up: path tolerance violated",
+    stopped_by_hand: "the stop service was called",
+}
+
+
+@pytest.mark.parametrize("fault", STOPS)
+def test_a_fault_in_the_swing_stops_the_arm_latches_and_never_opens_the_gripper(fault: Callable[[Cell], None]) -> None:
+    cell = Cell(record=LEARNED, config=TrajectoryConfig(oldest_state=0.05, oldest_signal=0.05))
+    trajectories: list[int] = []
+
+    def meanwhile() -> None:
+        if cell.elapsed > 0.2:
+            fault(cell)
+        trajectories.append(len(cell.sent))
+
+    ending = cell.throw(meanwhile)
+    assert not ending.success
+    assert ending.message.startswith(f"stopped before the release: {STOPS[fault]}"), ending.message
+    assert ending.executed is None
+    assert cell.opened is None
+    assert max(trajectories) == (1 if fault is aborting else 2)
+    assert "disarmed" in str(cell.stage.admits(THROW)) or cell.stage.missing()
+    assert cell.gate.arming == 0
+
+
+def test_a_stop_stays_on_the_path_and_within_the_limits() -> None:
+    cell = Cell(record=LEARNED)
+    sent: list[Sent] = []
+
+    def meanwhile() -> None:
+        if cell.elapsed > 0.38:
+            stopped_by_hand(cell)
+        sent[:] = cell.sent
+
+    cell.throw(meanwhile)
+    whole, stop = sent
+    row = round((stop.begin - whole.begin) / STEP)
+    np.testing.assert_allclose(stop.path.positions[0], whole.path.positions[row], atol=2e-3)
+    assert (np.abs(stop.path.accelerations) <= LIMITS.acceleration).all()
+    assert not stop.path.speeds[-1].any()
+    assert (np.diff(stop.path.positions[:, 0]) >= -1e-9).all()
+    steps = np.gradient(stop.path.positions, STEP, axis=0)
+    np.testing.assert_allclose(steps[1:-1], stop.path.speeds[1:-1], atol=0.02)
+
+
+def test_a_cancel_stops_and_the_gate_stays_armed() -> None:
+    cell = Cell(record=LEARNED)
+
+    def meanwhile() -> None:
+        if 0.2 < cell.elapsed < 0.21:
+            step = cell.stage.cancel()
+            cell.sent += [step.stop] if step.stop else []
+
+    ending = cell.throw(meanwhile)
+    assert ending.message == "stopped before the release: cancelled"
+    assert cell.opened is None
+    assert cell.gate.arming
+
+
+def test_a_plan_that_leads_through_the_stand_and_a_second_goal_are_refused() -> None:
+    cell = Cell(record=LEARNED)
+    ending = cell.throw(throw=replace(THROW, throw_id="through the stand"))
+    assert "obstacle 1" in ending.message
+    assert cell.stage.admits(THROW) is None
+    assert cell.stage.admits(THROW) == "busy with throw one, expected one goal at a time"
+
+
+def test_a_gripper_that_does_not_open_makes_no_throw() -> None:
+    cell = Cell(record=LEARNED)
+    cell.delay = 1e9
+    ending = cell.throw()
+    assert not ending.success
+    assert "no fall found" in ending.message
+    assert cell.stage.record.seen == LEARNED.seen
+
+
+def test_what_is_missing_is_said_line_by_line_and_nothing_moves() -> None:
+    cell = Cell()
+    assert cell.stage.missing() == ()
+    cell.now += 10.0
+    lines = cell.stage.missing()
+    assert [line.split(":")[0] for line in lines] == ["joint states", "controller", "speed scaling", "tracker"]
+    assert not cell.sent
+    assert len(cell.joints) == JOINTS
