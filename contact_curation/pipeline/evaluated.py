@@ -201,15 +201,18 @@ def _failures(evaluation: ModelEvaluation) -> Iterator[str]:
 
 
 def _known(known: Known, *, at_optimum: bool) -> Iterator[str]:
-    yield f"what is known from the {known.tosses} others, as standard deviations (sigma^2 {known.noise_variance:.3g})"
-    yield f"  {'':20} {'unit':4} {'value':>9} {'sandwich':>9} {'Cramer-Rao':>10} {'naive':>9}   ellipsoid's half axes [mm]"
+    said = f"95 % intervals, and standard deviations (sigma^2 {known.noise_variance:.3g})"
+    yield f"what is known from the {known.tosses} others: {said}"
+    heads = f"{'value':>9} {'95 %: +-':>9} {'deviation':>9} {'sandwich':>9} {'Cramer-Rao':>10} {'naive':>9}"
+    yield f"  {'':20} {'unit':4} {heads}   ellipsoid's half axes [mm]"
     rows = {parameter.name: parameter for parameter in known.parameters}
     for k, vertex in enumerate(known.vertices):
         for axis in range(3):
             axes = ", ".join(f"{length:.2f}" for length in vertex.axes_mm) if not axis else ""
             yield (f"{_known_row(f'vertex {k} {"xyz"[axis]}', rows[f'vertices_normal[{k}][{axis}]'])}   {axes}".rstrip())
-    for name in ("friction", "tilt[0]", "tilt[1]", "height"):
-        yield _known_row(name, rows[name])
+    for name in ("friction", "restitution", "tilt[0]", "tilt[1]", "height"):
+        if name in rows:
+            yield _known_row(name, rows[name])
     yield f"  directions of theta that they measure: {known.directions} of {len(known.parameters)}"
     if known.not_solved:
         yield f"  not solved, and left out: {known.not_solved} transitions"
@@ -221,13 +224,14 @@ def _known(known: Known, *, at_optimum: bool) -> Iterator[str]:
         )
         yield f"  a Newton step on these tosses moves a parameter by {known.to_optimum:.1f} standard deviations: {why}"
     if known.tosses < len(known.parameters):
-        yield "  with fewer tosses than parameters the sandwich says too little; Cramer-Rao is safer"
+        yield "  with fewer tosses than parameters the sandwich says too little; take the intervals"
 
 
 def _known_row(label: str, parameter: KnownParameter) -> str:
     digits = 2 if parameter.unit == "mm" else 4
-    numbers = f"{parameter.value:9.{digits}f} {parameter.sandwich:9.{digits}f} {parameter.cramer_rao:10.{digits}f}"
-    return f"  {label:20} {parameter.unit:4} {numbers} {parameter.naive:9.{digits}f}"
+    columns = (parameter.value, parameter.interval, parameter.deviation, parameter.sandwich)
+    numbers = " ".join(f"{value:9.{digits}f}" for value in columns)
+    return f"  {label:20} {parameter.unit:4} {numbers} {parameter.cramer_rao:10.{digits}f} {parameter.naive:9.{digits}f}"
 
 
 def _json_model(one: LearnedModel, each: ModelEvaluation) -> dict[str, Any]:

@@ -32,7 +32,7 @@ class LearnedSummary:
 
     Attributes:
         friction: its coefficient.
-        friction_deviation: standard deviation of that; None where no toss is left that tells the noise.
+        friction_interval: half its 95 % interval; None where no toss is left that tells the noise.
         described_friction: of the body as it is simulated.
         vertex_error_mm: RMS distance of the vertices from those of the body as it is simulated [mm].
         tosses: how many it was trained on.
@@ -40,16 +40,16 @@ class LearnedSummary:
     """
 
     friction: float
-    friction_deviation: float | None
+    friction_interval: float | None
     described_friction: float
     vertex_error_mm: float
     tosses: int
     throws: int
 
     def __str__(self) -> str:
-        deviation = "" if self.friction_deviation is None else f" ± {self.friction_deviation:.3f}"
+        interval, share = ("", "") if self.friction_interval is None else (f" ± {self.friction_interval:.3f}", "95 %; ")
         return (
-            f"friction {self.friction:.3f}{deviation} (simulated: {self.described_friction:g}) and the vertices to "
+            f"friction {self.friction:.3f}{interval} ({share}simulated: {self.described_friction:g}) and the vertices to "
             f"{self.vertex_error_mm:.1f} mm RMS, from {self.tosses} of {self.throws} throws"
         )
 
@@ -96,9 +96,9 @@ def _parameters(
         tosses = [one.toss for one in store.get(state.tosses)]
     fitted = [toss for toss in tosses if toss.toss_id in state.buffer.selected]
     others = [toss for toss in tosses if toss.toss_id not in state.buffer.selected] or list(held_out)
-    deviation: float | None = None
+    interval: float | None = None
     if fitted and others and is_physical(geometry):
         scale = model.body.length_scale
         found = known(model, transitions_of(fitted, scale), transitions_of(others, scale), KnownConfig())
-        deviation = next(one.sandwich for one in found.parameters if one.name == "friction")
-    return LearnedSummary(shape.friction, deviation, model.body.friction, shape.vertex_rms_mm, len(fitted), len(state.throws))
+        interval = next(one.interval for one in found.parameters if one.name == "friction")
+    return LearnedSummary(shape.friction, interval, model.body.friction, shape.vertex_rms_mm, len(fitted), len(state.throws))

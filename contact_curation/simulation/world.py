@@ -28,15 +28,18 @@ class WorldConfig:
     Attributes:
         longest_step: largest time step [s]; a frame is divided into equal steps.
         contact_time: time constant of contacts [s]; MuJoCo needs at least two steps.
+        damping_ratio: of contacts; a cube that falls on a face leaves with 0.12 of its speed at 1, 0.3 at 0.4, 0.5 at 0.2.
     """
 
     longest_step: float = 0.001
     contact_time: float = 0.006
+    damping_ratio: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("longest_step", "contact_time"):
+        for name in ("longest_step", "contact_time", "damping_ratio"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InvalidValueError(name, getattr(self, name), "a positive number of seconds")
+                unit = "" if name == "damping_ratio" else " of seconds"
+                raise InvalidValueError(name, getattr(self, name), f"a positive number{unit}")
 
     def steps_in(self, frame_period: float) -> int:
         """Number of steps in a frame of `frame_period` [s]."""
@@ -49,7 +52,9 @@ MUJOCO_DEFAULTS = WorldConfig(longest_step=0.0035, contact_time=0.02)
 """World of method.md 1.11: MuJoCo's default softness, with two steps a frame."""
 
 
-def world_of(body: Body, step: float, contact_time: float = DEFAULT_WORLD.contact_time) -> mujoco.MjSpec:
+def world_of(
+    body: Body, step: float, contact_time: float = DEFAULT_WORLD.contact_time, damping_ratio: float = 1.0
+) -> mujoco.MjSpec:
     """Builds a world with a board (the plane z = 0) and a free body, with MuJoCo's defaults for everything else.
 
     The friction cone is elliptic. MuJoCo's default pyramid lies inside it and makes friction weaker in some directions.
@@ -57,18 +62,18 @@ def world_of(body: Body, step: float, contact_time: float = DEFAULT_WORLD.contac
     Args:
         body: shape, inertia and friction; its name is given to its body, joint and geom in MuJoCo.
         step: time step [s].
-        contact_time: time constant of contacts [s], see `WorldConfig`.
+        contact_time, damping_ratio: of contacts, see `WorldConfig`.
     """
     spec = mujoco.MjSpec()
     spec.option.timestep = step
     spec.option.gravity = [0.0, 0.0, -body.gravity]
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.worldbody.add_geom(name="board", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 1.0])
-    _add_body(spec, body, contact_time)
+    _add_body(spec, body, [contact_time, damping_ratio])
     return spec
 
 
-def _add_body(spec: mujoco.MjSpec, body: Body, contact_time: float) -> None:
+def _add_body(spec: mujoco.MjSpec, body: Body, contact: list[float]) -> None:
     xx, xy, xz, _, yy, yz, _, _, zz = body.inertia.ravel()
     moving = spec.worldbody.add_body(
         name=body.name, mass=body.mass, ipos=[0.0, 0.0, 0.0], fullinertia=[xx, yy, zz, xy, xz, yz], explicitinertial=True
@@ -80,7 +85,7 @@ def _add_body(spec: mujoco.MjSpec, body: Body, contact_time: float) -> None:
         type=mujoco.mjtGeom.mjGEOM_MESH,
         meshname=body.name,
         friction=[body.friction, 0.0, 0.0],
-        solref=[contact_time, 1.0],
+        solref=contact,
         priority=1,  # the body's friction counts in every contact
     )
 
@@ -110,7 +115,8 @@ def free_motion(body: Body, release: ArrayLike, frames: int, frame_period: float
     if not (np.isfinite(frame_period) and frame_period > 0.0):
         raise InvalidValueError("frame_period", frame_period, "a positive number of seconds")
     steps = config.steps_in(frame_period)
-    return _moved(world_of(body, frame_period / steps, config.contact_time).compile(), first, frames, steps)
+    model = world_of(body, frame_period / steps, config.contact_time, config.damping_ratio).compile()
+    return _moved(model, first, frames, steps)
 
 
 def _moved(model: mujoco.MjModel, release: Array, frames: int, steps: int) -> Array:

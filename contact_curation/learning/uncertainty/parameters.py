@@ -1,9 +1,11 @@
 """What is known of a polytope after it was fitted to tosses: per parameter in mm, friction and degrees (method.md 2.8).
 
-Three standard deviations, with H the Gauss-Newton information and s the scores at theta, k counting tosses and t transitions:
+The one to quote is `deviation`: how far tosses, and transitions with other impulses, disagree about theta (two_way.py), or
+Cramer-Rao's where that is more. It alone contains that the model is not quite right. Beside it stand three that are known from
+books, with H the Gauss-Newton information and s the scores at theta, k counting tosses and t transitions:
 
     Cramer-Rao  (A0 + H / sigma^2)^-1                        if all residuals were independent and of one variance sigma^2
-    sandwich    B (sum_k s_k s_k^T + sigma^4 A0) B           if only tosses are independent (Huber 1967): the one to trust
+    sandwich    B (sum_k s_k s_k^T + sigma^4 A0) B           if only tosses are independent, and there are many (Huber 1967)
                 with B = (H + sigma^2 A0)^-1
     naive       (sum_t s_t s_t^T)^-1                         the inverse of the empirical Fisher matrix, as often taken
 
@@ -17,7 +19,9 @@ weighted residuals were alike, and what breaks this most is not their kind but i
 of the information. This figure weighs every residual by what it tells of theta, and does not depend on theta's coordinates.
 
 The s_k are taken about their mean, which is zero where theta is the optimum of the tosses, so that the sandwich means something
-next to it, too. With fewer tosses than parameters it cannot see all directions and says too little; Cramer-Rao does not.
+next to it, too. With fewer tosses than parameters it cannot see all directions and says too little; Cramer-Rao does not. None
+of the three knows of a bias: a friction that is 10 % too low because contacts are soft is known to 2 % by each of them
+(docs/explanation/learning.md).
 
 A0 is what was known before the first toss: the spread of the published initialisation. In the sandwich it enters as if it were
 one more toss, with score variance sigma^4 A0, so that a vertex that nothing touched is known as well as before, and no better.
@@ -38,6 +42,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.impacts import as_described
 from contact_curation.information.subspace import identifiable_subspace, model_covariance, sandwich_covariance
 from contact_curation.learning.fits.polytope_sums import PolytopeSums, fitted_form, polytope_sums
+from contact_curation.learning.uncertainty.two_way import impact_scores, interval_factor, two_way_covariance
 from contact_curation.motion.transitions import Transitions
 
 RESTITUTION = 0.4
@@ -75,6 +80,8 @@ class KnownParameter(NamedTuple):
         unit: "mm", "deg" or "" for friction.
         value: of the model; a tilt is measured from its own normal and is zero, the height is the ground's amid the tosses.
         cramer_rao, sandwich, naive: see above; inf where the empirical Fisher matrix is singular.
+        deviation: the standard deviation to quote.
+        interval: half the width of the 95 % interval that follows from it.
     """
 
     name: str
@@ -83,10 +90,12 @@ class KnownParameter(NamedTuple):
     cramer_rao: float
     sandwich: float
     naive: float
+    deviation: float
+    interval: float
 
 
 class KnownVertex(NamedTuple):
-    """Where a vertex is, and the ellipsoid of one standard deviation about it, by the sandwich.
+    """Where a vertex is, and the ellipsoid of one standard deviation about it, by the covariance to quote.
 
     Attributes:
         position_mm: (3,) in the body's frame.
@@ -144,11 +153,13 @@ def known(model: Model, fitted: Transitions, others: Transitions, config: KnownC
     cramer_rao = model_covariance(identifiable_subspace(prior + information / variance), 1.0)
     sandwich = _sandwich(sums, variance, prior)
     naive = _inverse(polytope_sums(model, fitted, Estimator.EMPIRICAL, config.loss).fishers.sum(axis=0))
-    deviations = tuple(np.sqrt(np.diagonal(each)) for each in (cramer_rao, sandwich, naive))
+    groups = impact_scores(model, fitted, config.loss)
+    both = _at_least(two_way_covariance(sums, groups, variance, prior), cramer_rao)
+    deviations = tuple(np.sqrt(np.diagonal(each)) for each in (cramer_rao, sandwich, naive, both))
     newton = np.linalg.solve(variance * prior + information, sums.scores.sum(axis=0))
     return Known(
-        parameters=_parameters(model, *deviations),
-        vertices=_vertices(model, sandwich),
+        parameters=_parameters(model, *deviations, interval_factor(len(fitted.toss_ids), len(groups)) * deviations[-1]),
+        vertices=_vertices(model, both),
         noise_variance=variance,
         directions=identifiable_subspace(information).dimension,
         to_optimum=float(np.abs(newton / deviations[0]).max()),
@@ -169,6 +180,12 @@ def _sandwich(sums: PolytopeSums, variance: float, prior: Array) -> Array:
     bread = identifiable_subspace(sums.fishers.sum(axis=0) + variance * prior)
     centred = sums.scores if len(sums.scores) < 2 else sums.scores - sums.scores.mean(axis=0)
     return sandwich_covariance(bread, np.concatenate([centred, variance * np.sqrt(prior)]))
+
+
+def _at_least(covariance: Array, least: Array) -> Array:
+    """The covariance with variances that are at least those of another, and its correlations."""
+    factors = np.sqrt(np.maximum(np.diagonal(least) / np.diagonal(covariance), 1.0))
+    return np.asarray(factors[:, None] * covariance * factors)
 
 
 def _inverse(matrix: Array) -> Array:
@@ -215,7 +232,7 @@ def _friction(model: PolytopeModel) -> float:
     return float(np.linalg.norm(model.geometry().tangents[0]))
 
 
-def _parameters(model: PolytopeModel, cramer_rao: Array, sandwich: Array, naive: Array) -> tuple[KnownParameter, ...]:
+def _parameters(model: PolytopeModel, *deviations: Array) -> tuple[KnownParameter, ...]:
     geometry, scales = model.geometry(), unit_sizes(model)
     form = _form(model)
     vertices = (getattr(geometry, block.name).ravel() for block in form.blocks if block.name.startswith("vertices"))
@@ -223,7 +240,7 @@ def _parameters(model: PolytopeModel, cramer_rao: Array, sandwich: Array, naive:
     values = scales * np.concatenate([*vertices, bounce, [1.0, 0.0, 0.0, geometry.height]])
     names = form.names()
     units = [{"friction": "", "restitution": "", "tilt": "deg"}.get(name.partition("[")[0], "mm") for name in names]
-    columns = (values, *(scales * each for each in (cramer_rao, sandwich, naive)))
+    columns = (values, *(scales * each for each in deviations))
     return tuple(KnownParameter(*row) for row in zip(names, units, *(column.tolist() for column in columns), strict=True))
 
 

@@ -101,8 +101,8 @@ def test_a_toss_in_the_air_tells_nothing(model: PolytopeModel, rows: Transitions
 
 
 def test_ellipsoids_hold_the_variances_of_their_vertex_and_their_axes_are_orthonormal(found: Known) -> None:
-    sandwich = column(found, "sandwich")[:24].reshape(8, 3)
-    for vertex, own in zip(found.vertices, sandwich, strict=True):
+    deviations = column(found, "deviation")[:24].reshape(8, 3)
+    for vertex, own in zip(found.vertices, deviations, strict=True):
         covariance = vertex.directions.T @ np.diag(vertex.axes_mm**2) @ vertex.directions
         np.testing.assert_allclose(np.sqrt(np.diagonal(covariance)), own, rtol=1e-9)
         np.testing.assert_allclose(vertex.directions @ vertex.directions.T, np.eye(3), atol=1e-12)
@@ -130,6 +130,13 @@ def test_the_losss_unit_changes_neither_bound_nor_sandwich_but_the_naive_one(
     np.testing.assert_allclose(column(other, "cramer_rao"), column(one, "cramer_rao"), rtol=1e-3)
     np.testing.assert_allclose(column(other, "sandwich"), column(one, "sandwich"), rtol=1e-3)
     np.testing.assert_allclose(column(other, "naive"), column(one, "naive") / 4.0, rtol=1e-3)
+
+
+def test_the_deviation_to_quote_is_never_below_cramer_rao_and_the_interval_is_a_multiple_of_it(found: Known) -> None:
+    assert (column(found, "deviation") >= column(found, "cramer_rao") * (1.0 - 1e-12)).all()
+    factors = column(found, "interval") / column(found, "deviation")
+    np.testing.assert_allclose(factors, factors[0])
+    assert factors[0] > 1.96
 
 
 def test_a_theta_that_was_not_fitted_to_the_tosses_is_told(rows: Transitions, others: Transitions) -> None:
