@@ -78,7 +78,7 @@ def stopped_by_hand(cell: Cell) -> None:
     cell.gate.stop("the stop service was called")
 
 
-REFUSED = {
+REFUSED: dict[Callable[[Cell], None], str] = {
     silent: "joint states: found the last one",
     slower: "speed scaling: found 80 %, expected 100 %",
     inactive: "controller: found no state of it",
@@ -99,7 +99,7 @@ def test_a_fault_before_the_throw_is_refused_and_nothing_is_sent(fault: Callable
     assert not cell.sent
 
 
-STOPS = {
+STOPS: dict[Callable[[Cell], None], str] = {
     silent: "joint states: found the last one",
     slower: "speed scaling: found 80 %, expected 100 %",
     inactive: "controller: found no state of it",

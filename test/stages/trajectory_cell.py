@@ -38,8 +38,8 @@ def plan_of(throw: Throw) -> PlannedThrow | str:
     joint = far - far[-1] * (10.0 * back**3 - 15.0 * back**4 + 6.0 * back**5)
     positions = np.zeros((len(times), JOINTS))
     positions[:, 0] = joint
-    speeds = np.gradient(positions, STEP, axis=0)
-    path = JointPath(positions, speeds, np.gradient(speeds, STEP, axis=0))
+    speeds = np.asarray(np.gradient(positions, STEP, axis=0))
+    path = JointPath(positions, speeds, np.asarray(np.gradient(speeds, STEP, axis=0)))
     return PlannedThrow(throw, path, RELEASE, times, START + far[:, None] * VELOCITY)
 
 
@@ -126,11 +126,11 @@ class Cell:
         """Joints at a time, by the newest trajectory that has begun."""
         begun = [one for one in self.sent if one.begin <= at - self.lag] or self.sent[:1]
         if not begun:
-            return np.eye(JOINTS)[1] * self.off
+            return np.asarray(np.eye(JOINTS)[1] * self.off)
         positions = begun[-1].path.positions
         row = float(np.clip((at - self.lag - begun[-1].begin) / STEP, 0.0, len(positions) - 1.0))
         first = min(int(row), len(positions) - 2)
-        joints = positions[first] + (row - first) * (positions[first + 1] - positions[first])
+        joints: Array = positions[first] + (row - first) * (positions[first + 1] - positions[first])
         joints[1] += self.off
         return joints
 

@@ -60,4 +60,4 @@ def planned_throw(planner: ArmPlanner, throw: Throw) -> PlannedThrow | str:
         mujoco.mj_kinematics(model, data)
         hand[number] = data.body(HELD).xpos
     release = (len(motion.approach) + len(motion.swing) - 2) * STEP
-    return PlannedThrow(throw, path, release, STEP * rows, hand)
+    return PlannedThrow(throw, path, release, np.asarray(STEP * rows, dtype=float), hand)
