@@ -1,5 +1,6 @@
 """A dashboard is served at one address, or written to a file, or both; what cannot be is one line."""
 
+import errno
 import os
 import signal
 import socket
@@ -103,7 +104,7 @@ def test_the_page_ends_with_a_process_that_is_killed() -> None:
         assert time.monotonic() < end
         time.sleep(0.05)
     with socket.socket() as probe:
-        probe.bind(("127.0.0.1", int(ports[0])))
+        assert probe.connect_ex(("127.0.0.1", int(ports[0]))) == errno.ECONNREFUSED
 
 
 @pytest.mark.parametrize("bind", ["localhost", "", "::1", "0"])
