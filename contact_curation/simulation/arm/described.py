@@ -15,7 +15,8 @@ import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.body_values import STANDARD_GRAVITY
-from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.errors import InvalidValueError, UnknownNameError, UnreadableInputError
+from contact_curation.files import read_yaml
 from contact_curation.geometry.quaternions import Array
 from contact_curation.simulation.arm.kinematics import Postures, about_z
 from contact_curation.simulation.arm.limits import JointLimits
@@ -24,6 +25,9 @@ from contact_curation.simulation.world import world_of
 
 NO_LIMIT = 1e9
 """Of torques and their rates, where nothing is known."""
+
+LARGEST_FILE = 1 << 16
+"""[bytes]"""
 
 WRIST = 3
 """So many last joints move the wrist; of the links before it the second half may be hit by the body."""
@@ -91,6 +95,30 @@ class DescribedArmConfig:
             raise InvalidValueError("arm.base, arm.yaw", (self.base, self.yaw), "finite numbers")
         if not 0.0 < self.margin <= 1.0:
             raise InvalidValueError("arm.margin", self.margin, "a share in (0, 1]")
+
+
+def read_arm(path: Path) -> DescribedArmConfig:
+    """Reads a YAML file with the fields of `DescribedArmConfig`; a relative `description` is looked for beside it.
+
+    Raises:
+        UnreadableInputError: the file cannot be read, or a value has another type.
+        UnknownNameError: a key is none of the fields.
+        InvalidValueError: a value is missing or not accepted.
+    """
+    found = read_yaml(path, LARGEST_FILE, "an arm: a YAML mapping with the path of its description, its joints and limits")
+    if not isinstance(found, dict):
+        raise UnreadableInputError(path, "found no mapping, expected one with the arm's description, joints and limits")
+    known = DescribedArmConfig.__dataclass_fields__
+    for key in found:
+        if key not in known:
+            raise UnknownNameError(f"{path.name}: key", str(key), list(known))
+    values = {key: tuple(value) if isinstance(value, list) else value for key, value in found.items()}
+    if isinstance(values.get("description"), str) and values["description"]:
+        values["description"] = str(path.parent / values["description"])
+    try:
+        return DescribedArmConfig(**values)
+    except TypeError as error:
+        raise UnreadableInputError(path, f"a value of another type ({error})") from error
 
 
 class DescribedArm:
