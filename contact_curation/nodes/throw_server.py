@@ -74,6 +74,10 @@ class ThrowServer:
             self._told_phase = frame.phase
             self._feedback(PHASES[frame.phase], frame.progress)
 
+    def report(self, phase: str) -> None:
+        """Sends a phase to the goal's client."""
+        self._feedback(phase, 0.0)
+
     def conclude(self, goal: Any, ending: Ending | None) -> None:
         """Ends a goal if `ending` is given: passes it to the executor, which sends the result to the client."""
         if ending is None or goal is None:

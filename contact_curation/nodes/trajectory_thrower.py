@@ -1,17 +1,21 @@
 """Node `trajectory_thrower`: serves execute_throw on an arm of one's own, whose controller follows trajectories with times.
 
-It plans by the arm's description, sends control_msgs/action/FollowJointTrajectory, opens the gripper by an action, a service or
-a topic, and returns the release as the tracker saw it. It begins disarmed: `~/arm` arms it, `~/stop` stops it until it is
-armed again, and so does every fault in the motion. `~/check` says what is missing and moves nothing.
+It plans by the arm's description and publishes on `~/grip` how the body has to be held. Once the tracker sees it held so, it
+sends control_msgs/action/FollowJointTrajectory, opens the gripper by an action, a service or a topic, and returns the release
+as the tracker saw it. It begins disarmed: `~/arm` arms it, `~/stop` stops it until it is armed again, and so does every fault
+in the motion; `~/home` then brings the arm home. `~/check` says what is missing and moves nothing.
 """
 
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Duration
+from contact_curation_msgs.action import ExecuteThrow
+from geometry_msgs.msg import Point, PoseStamped, Quaternion
 from rclpy.action import ActionClient
 from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
@@ -19,53 +23,61 @@ from std_msgs.msg import Bool, Float64
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from contact_curation.contact.body import Body
 from contact_curation.design.release_delay import DelayConfig
-from contact_curation.errors import MissingDependencyError
+from contact_curation.errors import InvalidValueError, MissingDependencyError
+from contact_curation.geometry.poses import Pose
+from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.body_tracker import BodyPose, BodyTracker
 from contact_curation.motion.release import ReleaseConfig
 from contact_curation.motion.toss import NANOSECONDS
-from contact_curation.nodes.messages.headers import Stamped, nanoseconds_of, time_message
+from contact_curation.nodes.messages.headers import Stamped, header_message, nanoseconds_of, time_message
 from contact_curation.nodes.messages.throw import commanded_throw_of
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.pose_topics import PoseTopics, Received
-from contact_curation.nodes.ros.qos import profile
+from contact_curation.nodes.ros.qos import latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
 from contact_curation.nodes.throw_server import ThrowServer
-from contact_curation.simulation.arm.departure import DepartureConfig
-from contact_curation.simulation.arm.described import DescribedArm, DescribedArmConfig, read_arm
-from contact_curation.simulation.arm.path import RampConfig
-from contact_curation.simulation.arm.planned_throw import planned_throw
-from contact_curation.simulation.arm.postures import DEFAULT_SEARCH
+from contact_curation.simulation.arm.described import read_arm
+from contact_curation.simulation.arm.path import JointPath
+from contact_curation.simulation.arm.planned_throw import described_planner, planned_throw
 from contact_curation.simulation.arm.safety import GateConfig, SafetyGate
-from contact_curation.simulation.arm.steady_swing import SteadyConfig, SteadySwing
-from contact_curation.simulation.arm.throw_motion import STEP, ArmPlanner
+from contact_curation.simulation.arm.steady_swing import SteadyConfig
+from contact_curation.simulation.arm.throw_motion import STEP
 from contact_curation.stages.arm import Ending
 from contact_curation.stages.records import GripperRecord, read_record, write_record
-from contact_curation.stages.trajectory_throw import Sent, Step, TrajectoryConfig, TrajectoryThrow
+from contact_curation.stages.trajectory_throw import Phase, Sent, Step, TrajectoryConfig, TrajectoryThrow
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 
 LOOK = 0.002
 """Time between looks at a motion under way [s]."""
 
-FOLLOW = 0.2
+FOLLOW = 0.1
 """Time between looks at the graph for pose topics, and between heartbeats [s]."""
+
+TOLD_EVERY = 0.5
+"""Time between messages of feedback [s]."""
 
 POINTS_EVERY = 8
 """Samples of a path between two points of the trajectory that is sent."""
 
-SWING, MOVING = 0.6, 0.4
-"""Shares of the smallest acceleration limit between postures."""
-
-OPENING = 0.06
-"""Rate at which arm and released body must part [m/s]: the arm goes on steadily after the release."""
+IDLE = 0.05
+"""Time between looks for a goal [s]."""
 
 OLDEST_GOAL = 60.0
 GRIPPERS = ("action", "service", "topic")
+
+PHASES = {
+    Phase.IDLE: ExecuteThrow.Feedback.PLANNING,
+    Phase.HOLDING: ExecuteThrow.Feedback.PLANNING,
+    Phase.MOVING: ExecuteThrow.Feedback.THROWING,
+    Phase.HOMEWARD: ExecuteThrow.Feedback.MOVING,
+    Phase.STOPPING: ExecuteThrow.Feedback.STOPPED,
+}
+"""Names of the phases in the feedback."""
 
 
 class TrajectoryThrower(StageNode):
@@ -77,6 +89,7 @@ class TrajectoryThrower(StageNode):
         poses = declare_config(self, PoseTopicConfig())
         self._board_frame = poses.board_frame
         arm_file = declare(self, "arm", "", "YAML file that describes the arm; see docs/how-to/your_arm.md")
+        arm = read_arm(Path(arm_file)) if arm_file else None
         about_controller = "action of the controller that follows trajectories"
         controller = declare(self, "controller", "joint_trajectory_controller/follow_joint_trajectory", about_controller)
         about_state = "topic on which the controller reports its state while it is active"
@@ -96,20 +109,27 @@ class TrajectoryThrower(StageNode):
         config = declare_config(self, TrajectoryConfig(window=steady.window), "trajectory.")
         delay = declare_config(self, DelayConfig(), "delay.")
         release = declare_config(self, ReleaseConfig(), "release.")
-        gate = declare_config(self, GateConfig(), "gate.")
-        arm = read_arm(Path(arm_file))
+        base = () if arm is None else (("keep_out_place", arm.base[:2]),)
+        gate = declare_config(self, GateConfig(**dict(base)), "gate.")
+        if arm is None:
+            raise InvalidValueError("arm", "nothing", "the YAML file of your arm; see docs/how-to/your_arm.md")
         self._began_ns = self.get_clock().now().nanoseconds
         self._gate = SafetyGate(gate)
-        planner = _planner(self._body, arm, steady)
-        self._joints = arm.joints
+        planner = described_planner(self._body, arm, steady)
+        self._joints, self._flange = arm.joints, arm.flange
+
+        def homeward(posture: Array) -> JointPath | str:
+            found = planner.homeward(posture)
+            return found if isinstance(found, JointPath) else str(found)
+
         record = read_record(self._state_path, GripperRecord)
         self._stage = TrajectoryThrow(
-            self._body, planner.arm.limits, planner.arm.home_posture, lambda throw: planned_throw(planner, throw), self._gate,
-            self._now, config, delay, release, record,
+            self._body, planner.arm.limits, planner.arm.home_posture, lambda throw: planned_throw(planner, throw), homeward,
+            self._gate, self._now, config, delay, release, record,
         )  # fmt: skip
         self._recorded = self._stage.record
         self._warnings = ThrottledWarnings(self)
-        self._ended, self._wake = False, threading.Event()
+        self._ended, self._wake, self._told = False, threading.Event(), 0.0
         self._gripper = _Gripper(self, kind, name, opens=open_value, position=position, effort=effort)
         self._follow = _Follow(self, controller, self._stage)
         self._listen(config, controller_state, scaling)
@@ -118,7 +138,9 @@ class TrajectoryThrower(StageNode):
         self.create_timer(FOLLOW, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_service(Trigger, "~/arm", self._arm)
         self.create_service(Trigger, "~/stop", self._stop)
+        self.create_service(Trigger, "~/home", self._home)
         self.create_service(Trigger, "~/check", self._check)
+        self._grip = self.create_publisher(PoseStamped, "~/grip", latched(1))
         self._server = ThrowServer(self, self._admits, self._wake.set, self._stamped, self._warnings)
         self._worker = Worker(self.fail)
         self._worker.do(self._work)
@@ -132,7 +154,7 @@ class TrajectoryThrower(StageNode):
 
     def _listen(self, config: TrajectoryConfig, controller_state: str, scaling: str) -> None:
         often = profile(50, reliable=False, latched=False)
-        self.create_subscription(JointState, "/joint_states", self._joints_came, often)
+        self.create_subscription(JointState, "joint_states", self._joints_came, often)
         if config.controller_state:
             state = _control("msg").JointTrajectoryControllerState
             # Raw: that it speaks says that it is active, whatever later versions of the type hold.
@@ -174,39 +196,75 @@ class TrajectoryThrower(StageNode):
         response.success, response.message = True, "stopped until it is armed again"
         return response
 
+    def _home(self, _: Any, response: Any) -> Any:
+        refusal = self._follow.missing() or self._stage.admits_homeward()
+        self._wake.set()
+        response.success, response.message = not refusal, refusal or "on its way home"
+        return response
+
     def _check(self, _: Any, response: Any) -> Any:
         lines = [line for line in (self._follow.missing(), self._gripper.missing(), *self._stage.missing()) if line]
-        response.success, response.message = not lines, "\n".join(lines) or "nothing is missing"
+        armed = f"disarmed: {self._gate.reason}" if self._gate.reason else "armed"
+        response.success, response.message = not lines, "\n".join(lines) or f"nothing is missing; {armed}"
         return response
 
     def _look(self) -> None:
-        self._topics.follow()
         self._gate.heartbeat(self._now())
+        self._topics.follow()
 
     def _work(self) -> None:
         """Begins goals and watches motions until the node ends; on the worker's thread."""
         while not self._ended:
             goal = self._server.goal
-            if goal is None:
-                self._wake.wait(0.05)
+            if goal is not None:
+                self._throw(goal)
+            elif self._stage.wants_home:
+                self._go_home()
+            else:
+                self._wake.wait(IDLE)
                 self._wake.clear()
-                continue
-            self._throw(goal)
 
     def _throw(self, goal: Any) -> None:
         began = self._stage.begin()
+        if began is None and self._stage.grip is not None:
+            self._grip.publish(self._grip_message(self._stage.grip))
+        while began is None and not self._ended:
+            if goal.is_cancel_requested and self._done(goal, self._stage.cancel()):
+                return
+            self._tell()
+            time.sleep(LOOK)
+            began = self._stage.begin()
         if isinstance(began, Ending):
             self._server.conclude(goal, began)
+        elif began is not None:
+            self._follow.send(began)
+            self._watch(goal)
+
+    def _go_home(self) -> None:
+        began = self._stage.begin_homeward()
+        if isinstance(began, Ending):
+            self._warnings.note("not home", began.message)
             return
         self._follow.send(began)
+        self._watch(None)
+
+    def _watch(self, goal: Any) -> None:
+        """Watches a motion to its end."""
         while not self._ended:
-            if goal.is_cancel_requested:
+            if goal is not None and goal.is_cancel_requested:
                 self._done(goal, self._stage.cancel())
             if self._done(goal, self._stage.advance()):
                 return
+            self._tell()
             due = self._stage.opens_at
-            wait = LOOK if due is None else min(max(due - self._now(), 0.0), LOOK)
-            self._wake.wait(wait)
+            time.sleep(LOOK if due is None else min(max(due - self._now(), 0.0), LOOK))
+
+    def _tell(self) -> None:
+        """Sends feedback, so that the client knows that the goal is under way."""
+        now = self._now()
+        if now - self._told >= TOLD_EVERY:
+            self._told = now
+            self._server.report(PHASES[self._stage.phase])
 
     def _done(self, goal: Any, step: Step) -> bool:
         """Does what is to be done; whether the goal has ended."""
@@ -219,6 +277,8 @@ class TrajectoryThrower(StageNode):
         if self._stage.record != self._recorded:
             self._recorded = self._stage.record
             write_record(self._state_path, self._recorded)
+        if goal is None and not step.ending.success:
+            self._warnings.note("not home", step.ending.message)
         self._server.conclude(goal, step.ending)
         return True
 
@@ -234,6 +294,13 @@ class TrajectoryThrower(StageNode):
 
     def _stamped(self, time: float) -> Stamped:
         return Stamped(self._stamp_ns(time), self._board_frame)
+
+    def _grip_message(self, grip: Pose) -> PoseStamped:
+        x, y, z = grip.position.tolist()
+        qw, qx, qy, qz = grip.orientation_wxyz.tolist()
+        message = PoseStamped(header=header_message(Stamped(self._stamp_ns(self._now()), self._flange)))
+        message.pose.position, message.pose.orientation = Point(x=x, y=y, z=z), Quaternion(x=qx, y=qy, z=qz, w=qw)
+        return message
 
     def trajectory(self, sent: Sent) -> JointTrajectory:
         """A path as the controller takes it."""
@@ -281,9 +348,14 @@ class _Follow:
         return "" if self._client.server_is_ready() else f"controller: found no action {self._name}; is it loaded?"
 
     def send(self, sent: Sent) -> None:
-        """Sends a trajectory; the end of an earlier one does not count any more."""
+        """Sends a trajectory; the end of an earlier one does not count any more. May be called from any thread.
+
+        The executor's thread sends: the answer to another thread could come before the client waits for it, and be lost.
+        """
         self._number += 1
-        number = self._number
+        self._node.executor.create_task(self._send, sent, self._number)
+
+    def _send(self, sent: Sent, number: int) -> None:
         future = self._client.send_goal_async(self._type.Goal(trajectory=self._node.trajectory(sent)))
         future.add_done_callback(lambda done: self._answered(number, done.result()))
 
@@ -341,14 +413,6 @@ class _Gripper:
             self._client.call_async(SetBool.Request(data=self._opens))
         else:
             self._client.publish(Bool(data=self._opens))
-
-
-def _planner(body: Body, config: DescribedArmConfig, steady: SteadyConfig) -> ArmPlanner:
-    arm = DescribedArm(config)
-    least = float(arm.limits.acceleration.min())
-    ramp = RampConfig(acceleration=SWING * least, moving_acceleration=MOVING * least)
-    swing = SteadySwing(arm.limits, steady)
-    return ArmPlanner(body, arm, swing, ramp, DEFAULT_SEARCH, DepartureConfig(opening=OPENING))
 
 
 def _control(kind: str) -> Any:

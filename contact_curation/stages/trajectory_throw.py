@@ -1,13 +1,15 @@
 """Throws by an arm of one's own, without threads, topics or a clock: plan, trajectory, gripper's command, and what was seen.
 
-A goal is planned and becomes one trajectory that begins at a stated time. The arm passes each place a little late (its lag,
+A goal is planned, and the body must be in the gripper as the plan holds it; then the plan becomes one trajectory that begins at
+a stated time. The arm passes each place a little late (its lag,
 told from the joint states), and the gripper lets go some time after its command (its delay, learned from tracked releases). So
 the command to open goes out at
 
     begin + planned release + lag - delay
 
 While the arm moves, joint states, controller and speed scaling are watched. If one is not as it must be, the arm is stopped on
-its path by slowing time down, the gate is disarmed until a person arms it again, and the gripper is not opened any more. The
+its path by slowing time down, the gate is disarmed until a person arms it again, and the gripper is not opened any more. Armed
+again, it can be asked to go home, slowly and straight in joint space. The
 release that is returned is the one that the tracker saw; without one the throw counts as not made.
 
 Times are seconds of one clock, that of the stamps of joint states and tracker. What is seen may come from any thread, `admits`
@@ -33,7 +35,8 @@ from contact_curation.design.release_delay import (
 )
 from contact_curation.design.throw import Throw, throw_of_state
 from contact_curation.errors import InvalidValueError
-from contact_curation.geometry.quaternions import Array
+from contact_curation.geometry.poses import Pose
+from contact_curation.geometry.quaternions import Array, angle_between
 from contact_curation.motion.release import DEFAULT_RELEASE, BodyShape, HandPath, ReleaseConfig, Track, find_fall
 from contact_curation.simulation.arm.limits import JointLimits
 from contact_curation.simulation.arm.path import JointPath, stopped
@@ -68,6 +71,9 @@ class TrajectoryConfig:
         lag: guess of that time before the first throw [s].
         at_home: largest distance of a joint from home before a throw [rad].
         window: time before and after the planned release for which the body goes steadily, as the arm's swing has it [s].
+        grip_error: largest distance of the held body from where the plan holds it [m].
+        grip_turn: the same for its orientation [rad].
+        grip_patience: how long to wait for the body to be put into the gripper so [s].
         learning: so many first releases may be more uncertain than the window allows: they show the gripper's delay.
         patience: how long to wait for the controller's end after the trajectory's [s].
         speed_scaling: whether a speed scaling is reported and must be at 100 %.
@@ -83,6 +89,9 @@ class TrajectoryConfig:
     lag: float = 0.0
     at_home: float = 0.02
     window: float = 0.03
+    grip_error: float = 0.02
+    grip_turn: float = 0.15
+    grip_patience: float = 45.0
     learning: int = 3
     patience: float = 3.0
     speed_scaling: bool = True
@@ -90,7 +99,7 @@ class TrajectoryConfig:
 
     def __post_init__(self) -> None:
         for name in ("lead", "stop_lead", "oldest_state", "oldest_signal", "tracking_error", "largest_lag", "at_home", "window",
-                     "patience"):  # fmt: skip
+                     "patience", "grip_error", "grip_turn", "grip_patience"):  # fmt: skip
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise InvalidValueError(f"trajectory.{name}", getattr(self, name), "a positive number")
         if not 0.0 <= self.lag <= self.largest_lag:
@@ -125,9 +134,13 @@ class Step(NamedTuple):
     ending: Ending | None = None
 
 
-class _State(StrEnum):
+class Phase(StrEnum):
+    """What the arm does."""
+
     IDLE = "waiting for a goal"
+    HOLDING = "waiting for the body in the gripper"
     MOVING = "moving"
+    HOMEWARD = "going home"
     STOPPING = "stopping"
 
 
@@ -139,6 +152,7 @@ class TrajectoryThrow:
         limits: of the arm's joints.
         home: (J,) posture that throws begin and end at [rad].
         plan: gives a throw's plan, or in one line why there is none.
+        homeward: gives the way home from rest at a posture (J,), or in one line why there is none.
         gate: that every goal passes; a stop disarms it.
         now: the clock [s].
         config: of the arm.
@@ -153,6 +167,7 @@ class TrajectoryThrow:
         limits: JointLimits,
         home: Array,
         plan: Callable[[Throw], PlannedThrow | str],
+        homeward: Callable[[Array], JointPath | str],
         gate: SafetyGate,
         now: Callable[[], float],
         config: TrajectoryConfig,
@@ -162,7 +177,7 @@ class TrajectoryThrow:
     ) -> None:
         self.config, self.gate, self._now = config, gate, now
         self._shape = BodyShape(body.vertices, body.inertia, body.gravity)
-        self._limits, self._home, self._plan = limits, np.asarray(home), plan
+        self._limits, self._home, self._plan, self._homeward = limits, np.asarray(home), plan, homeward
         self._delay_config, self._release_config = delay, release
         self._seen: tuple[Seen, ...] = () if record is None else record.seen
         self._lag = config.lag if record is None else min(record.lag, config.largest_lag)
@@ -171,7 +186,9 @@ class TrajectoryThrow:
         self._scaling: tuple[float, float] | None = None
         self._active: float | None = None
         self._wanted: Throw | None = None
+        self._wants_home = False
         self._throw: PlannedThrow | None = None
+        self._path: JointPath | None = None
         self._opened: float | None = None
         self._done: str | None = None
         self._arming = 0
@@ -179,8 +196,9 @@ class TrajectoryThrow:
         self._forget()
 
     def _forget(self) -> None:
-        self._state = _State.IDLE
-        self._wanted = self._throw = None
+        self._state = Phase.IDLE
+        self._wanted = self._throw = self._path = None
+        self._wants_home = False
         self._begin = self._until = 0.0
         self._opened = self._done = None
         self._why = ""
@@ -202,18 +220,28 @@ class TrajectoryThrow:
 
     @property
     def busy(self) -> bool:
-        """Whether a goal was taken or is under way."""
-        return self._wanted is not None
+        """Whether a goal or the way home was taken or is under way."""
+        return self._wanted is not None or self._wants_home
 
     @property
-    def phase(self) -> str:
-        """What the arm does, in words."""
-        return self._state.value
+    def wants_home(self) -> bool:
+        """Whether the way home was taken or is under way."""
+        return self._wants_home
+
+    @property
+    def grip(self) -> Pose | None:
+        """The body in the flange's frame as the throw that was planned holds it; None if there is none."""
+        return None if self._throw is None else self._throw.grip
+
+    @property
+    def phase(self) -> Phase:
+        """What the arm does."""
+        return self._state
 
     @property
     def opens_at(self) -> float | None:
         """When the gripper is to be told to open [s]; None if it is not."""
-        if self._throw is None or self._state is not _State.MOVING or self._opened is not None:
+        if self._throw is None or self._state is not Phase.MOVING or self._opened is not None:
             return None
         return self._begin + self._throw.release + self._lag - self.delay.mean
 
@@ -237,7 +265,7 @@ class TrajectoryThrow:
 
     def controller_ended(self, failure: str) -> None:
         """The controller has ended the trajectory: an empty line if it was followed, else why not."""
-        if self._throw is not None:
+        if self._path is not None:
             self._done = failure
 
     def missing(self) -> tuple[str, ...]:
@@ -248,7 +276,7 @@ class TrajectoryThrow:
             joint, allowed = int(off.argmax()), self.config.at_home
             if off[joint] > allowed:
                 line = f"joint {joint + 1}: found it {off[joint]:.3f} rad from home, expected at most {allowed:g}"
-                found.append(f"{line}; bring the arm home")
+                found.append(f"{line}; bring the arm home, by hand or by ~/home")
         if not self._poses or self._now() - self._poses[-1][0] > self.config.oldest_signal:
             found.append("tracker: found no pose of the body, expected its poses on the board")
         return tuple(found)
@@ -275,30 +303,79 @@ class TrajectoryThrow:
 
     def admits(self, throw: Throw) -> str | None:
         """Takes a goal, or says in one line why not."""
-        if self._wanted is not None:
-            return f"busy with throw {self._wanted.throw_id}, expected one goal at a time"
-        refusal = next(iter(self.missing()), None) or self._too_uncertain() or self.gate.admits(throw, self._now())
+        refusal = self._busy() or next(iter(self.missing()), None) or self._too_uncertain()
+        refusal = refusal or self.gate.admits(throw, self._now())
         if refusal is None:
             self._arming = self.gate.arming
             self._wanted = throw  # last: from now on the other thread may begin it
         return refusal
 
-    def begin(self) -> Sent | Ending:
-        """Plans the goal that was taken: the trajectory, which is to be sent at once, or the goal's ending."""
-        assert self._wanted is not None
-        plan = self._plan(self._wanted)
-        if isinstance(plan, str):
-            return self._refused(plan)
+    def admits_homeward(self) -> str | None:
+        """Takes the order to go home, or says in one line why not."""
+        disarmed = None if self.gate.watch(self._now()) else f"the arm is disarmed ({self.gate.reason}); arm it first"
+        refusal = self._busy() or next(iter(self._signals_missing()), None) or disarmed
+        if refusal is None:
+            self._arming = self.gate.arming
+            self._wants_home = True
+        return refusal
+
+    def _busy(self) -> str | None:
+        if self._wanted is not None:
+            return f"busy with throw {self._wanted.throw_id}, expected one goal at a time"
+        return "the arm is on its way home, expected one goal at a time" if self._wants_home else None
+
+    def begin_homeward(self) -> Sent | Ending:
+        """The trajectory home, which is to be sent at once, or why there is none."""
+        path = self._homeward(self._joints[-1][1])
+        if isinstance(path, str):
+            return self._refused(path)
+        return self._sent(path, Phase.HOMEWARD)
+
+    def begin(self) -> Sent | Ending | None:
+        """Plans the goal that was taken.
+
+        Returns:
+            The trajectory, which is to be sent at once, or the goal's ending. None while the body is not in the gripper as
+            `grip` says; call it again then.
+        """
+        if self._throw is None:
+            assert self._wanted is not None
+            plan = self._plan(self._wanted)
+            if isinstance(plan, str):
+                return self._refused(plan)
+            self._throw, self._state, self._until = plan, Phase.HOLDING, self._now() + self.config.grip_patience
+        if self.gate.arming != self._arming:
+            return self._refused(f"stopped before it began: {self.gate.reason or 'armed again since'}")
+        against = next(iter(self.missing()), "") or self._held_otherwise()
+        if not against:
+            return self._begun(self._throw)
+        return self._refused(against) if self._now() > self._until else None
+
+    def _held_otherwise(self) -> str:
+        """In one line how the tracked body is not as the plan holds it; empty if it is."""
+        assert self._throw is not None
+        (_, position, orientation), config, held = self._poses[-1], self.config, self._throw.held
+        away = float(np.linalg.norm(position - held.position))
+        turned = float(angle_between(orientation, held.orientation_wxyz))
+        if away <= config.grip_error and turned <= config.grip_turn:
+            return ""
+        found = f"{1e3 * away:.0f} mm and {turned:.2f} rad from where the throw holds it"
+        return f"body: found it {found}, expected at most {1e3 * config.grip_error:.0f} mm and {config.grip_turn:g} rad"
+
+    def _begun(self, plan: PlannedThrow) -> Sent | Ending:
         early = self.delay.mean - self._lag - plan.release - self.config.lead
         if early > 0.0:
             return self._refused(
                 f"delay of the gripper: found it {1e3 * early:.0f} ms longer than the swing, expected it shorter"
             )
+        return self._sent(plan.path, Phase.MOVING)
+
+    def _sent(self, path: JointPath, state: Phase) -> Sent | Ending:
         if self.gate.arming != self._arming:
             return self._refused(f"stopped before it began: {self.gate.reason or 'armed again since'}")
-        self._throw, self._state, self._begin = plan, _State.MOVING, self._now() + self.config.lead
-        self._until = self._begin + plan.duration + self.config.patience
-        return Sent(self._begin, plan.path)
+        self._path, self._state, self._begin = path, state, self._now() + self.config.lead
+        self._until = self._begin + (len(path) - 1) * STEP + self.config.patience
+        return Sent(self._begin, path)
 
     def _refused(self, why: str) -> Ending:
         self._forget()
@@ -313,12 +390,12 @@ class TrajectoryThrow:
 
     def advance(self) -> Step:
         """What is to be done; call it often, and at `opens_at`."""
-        if self._throw is None:
+        if self._path is None:
             return Step()
         now = self._now()
         self.gate.watch(now)
         seen = self._done is not None and (self._opened is None or self._fallen(now))
-        if self._state is _State.STOPPING:
+        if self._state is Phase.STOPPING:
             return Step(ending=self._ended() if seen or now > self._until else None)
         against = self._against(now)
         if against:
@@ -333,7 +410,9 @@ class TrajectoryThrow:
 
     def cancel(self) -> Step:
         """Stops the goal that is under way; the gate stays armed."""
-        return self._stopped(self._now(), "cancelled", latches=False) if self._state is _State.MOVING else Step()
+        if self._state is Phase.HOLDING:
+            return Step(ending=self._refused("cancelled before it began"))
+        return self._stopped(self._now(), "cancelled", latches=False) if self._state is Phase.MOVING else Step()
 
     def _against(self, now: float) -> str:
         """Why the arm must not go on; empty if it may."""
@@ -341,7 +420,7 @@ class TrajectoryThrow:
             return self.gate.reason or "armed again since"
         if self._done:
             return f"the controller gave up: {self._done}"
-        if self._done is not None and self._opened is None:
+        if self._done is not None and self._opened is None and self._throw is not None:
             return "the controller ended before the release"
         if now > self._until:
             return f"the controller has not ended {self.config.patience:g} s after the trajectory"
@@ -354,13 +433,13 @@ class TrajectoryThrow:
         allowed = self.config.tracking_error
         if found.error > allowed:
             return f"joint {found.joint}: found it {found.error:.3f} rad from its path, expected at most {allowed:g}"
-        if self._opened is None:
+        if self._opened is None and self._throw is not None:
             self._lag = found.lag
         return ""
 
     def _following(self) -> Following | None:
         """How the arm follows its path so far; None where nothing was seen since the last call."""
-        assert self._throw is not None
+        assert self._path is not None
         known = list(self._joints)
         if not known or known[-1][0] == self._told:
             return None
@@ -369,31 +448,31 @@ class TrajectoryThrow:
         if len(states) < FEWEST_STATES:
             return None
         times = np.array([stamp for stamp, _ in states]) - self._begin
-        return following(self._throw.path, times, np.array([one for _, one in states]), self._lag, self.config.largest_lag)
+        return following(self._path, times, np.array([one for _, one in states]), self._lag, self.config.largest_lag)
 
     def _stopped(self, now: float, why: str, *, latches: bool = True) -> Step:
         """Stops the arm on its path, or leaves it where the controller left it."""
-        assert self._throw is not None
+        assert self._path is not None
         if latches:
             self.gate.stop(why)
-        self._state, self._why = _State.STOPPING, why
+        self._state, self._why = Phase.STOPPING, why
         if self._done is not None:
             self._until = now + self.config.patience
             return Step()
         at = now + self.config.stop_lead
-        path = stopped(self._throw.path, self._progress(at), STEP, self._limits.acceleration)
+        path = stopped(self._path, self._progress(at), STEP, self._limits.acceleration)
         self._until = at + len(path) * STEP + self.config.patience
         return Step(stop=Sent(at, path))
 
     def _progress(self, at: float) -> float:
         """How far along its path the controller is at a time [s]; behind time where the speed is scaled."""
-        assert self._throw is not None
+        assert self._path is not None
         by_time = max(at - self._begin, 0.0)
         share = 1.0 if self._scaling is None else self._scaling[1]
         if share == 1.0 or by_time == 0.0 or not self._joints:
             return by_time
         stamp, joints = self._joints[-1]
-        passed = self._throw.path.positions[: max(int((stamp - self._begin) / STEP), 1)]
+        passed = self._path.positions[: max(int((stamp - self._begin) / STEP), 1)]
         place = STEP * float(np.linalg.norm(passed - joints, axis=1).argmin())
         return min(place + self._lag + share * (at - stamp), by_time)
 
@@ -405,8 +484,10 @@ class TrajectoryThrow:
     def _ended(self) -> Ending:
         """The goal's outcome, with the release as the tracker saw it."""
         released = None if self._opened is None else self._release(self._opened)
-        why = self._why
+        why, homeward = self._why, self._wants_home
         self._forget()
+        if homeward:
+            return Ending(False, f"stopped on the way home: {why}") if why else Ending(True, "at home")
         if released is None:
             return Ending(False, f"stopped before the release: {why}")
         if isinstance(released, str):

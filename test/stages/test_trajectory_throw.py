@@ -115,7 +115,7 @@ def test_a_fault_in_the_swing_stops_the_arm_latches_and_never_opens_the_gripper(
     trajectories: list[int] = []
 
     def meanwhile() -> None:
-        if cell.elapsed > 0.2:
+        if cell.sent and cell.elapsed > 0.2:
             fault(cell)
         trajectories.append(len(cell.sent))
 
@@ -134,7 +134,7 @@ def test_a_stop_stays_on_the_path_and_within_the_limits() -> None:
     sent: list[Sent] = []
 
     def meanwhile() -> None:
-        if cell.elapsed > 0.38:
+        if cell.sent and cell.elapsed > 0.38:
             stopped_by_hand(cell)
         sent[:] = cell.sent
 
@@ -149,11 +149,73 @@ def test_a_stop_stays_on_the_path_and_within_the_limits() -> None:
     np.testing.assert_allclose(steps[1:-1], stop.path.speeds[1:-1], atol=0.02)
 
 
+def stop_in_the_swing(cell: Cell) -> None:
+    """After a stop the arm stands away from home, and is armed again."""
+    ending = cell.throw(lambda: stopped_by_hand(cell) if cell.sent and cell.elapsed > 0.38 else None)
+    assert "the stop service was called" in ending.message
+    assert cell.joints[0] > 0.05
+
+
+def test_after_a_stop_the_arm_goes_home_when_it_is_armed_again_and_throws() -> None:
+    cell = Cell(record=LEARNED)
+    stop_in_the_swing(cell)
+    assert "the arm is disarmed (the stop service was called)" in cell.go_home().message
+    cell.gate.arm(cell.now)
+    assert "bring the arm home, by hand or by ~/home" in cell.throw().message
+    assert cell.go_home() == (True, "at home", None, 0.0)
+    assert abs(cell.joints[0]) < 1e-3
+    assert cell.throw().success
+
+
+def test_a_fault_on_the_way_home_stops_the_arm_and_latches() -> None:
+    cell = Cell(record=LEARNED)
+    stop_in_the_swing(cell)
+    cell.gate.arm(cell.now)
+    assert cell.stage.admits_homeward() is None
+    assert cell.stage.admits(THROW) == "the arm is on its way home, expected one goal at a time"
+    began = cell.stage.begin_homeward()
+    assert isinstance(began, Sent)
+    cell.sent, endings = [began], [None]
+    while endings[-1] is None:
+        cell.aborts = "path tolerance violated" if cell.elapsed > 0.1 else ""
+        endings.append(cell.tick())
+    assert endings[-1].message == "stopped on the way home: the controller gave up: path tolerance violated"
+    assert not cell.gate.arming
+
+
+def test_a_throw_waits_for_the_body_in_the_gripper_and_gives_up_with_what_it_found() -> None:
+    cell, far = Cell(record=LEARNED), np.array([0.0, 0.1, 0.0])
+    cell.misplaced = far
+    waited_from = cell.now
+
+    def put_in() -> None:
+        cell.misplaced = far if cell.now < waited_from + 2.0 else np.zeros(3)
+
+    ending = cell.throw(put_in)
+    assert ending.success, ending.message
+    cell.misplaced = far
+    ending = cell.throw()
+    assert ending.message.startswith("body: found it 100 mm and 0.00 rad from where the throw holds it, expected at most 20 mm")
+    assert not cell.sent
+
+
+def test_a_goal_that_is_cancelled_while_it_waits_for_the_body_ends_at_once() -> None:
+    cell = Cell(record=LEARNED)
+    cell.misplaced = np.array([0.0, 0.1, 0.0])
+    cell.tick()
+    assert cell.stage.admits(THROW) is None
+    assert cell.stage.begin() is None
+    step = cell.stage.cancel()
+    assert step.ending is not None
+    assert step.ending.message == "cancelled before it began"
+    assert not cell.stage.busy
+
+
 def test_a_cancel_stops_and_the_gate_stays_armed() -> None:
     cell = Cell(record=LEARNED)
 
     def meanwhile() -> None:
-        if 0.2 < cell.elapsed < 0.21:
+        if cell.sent and 0.2 < cell.elapsed < 0.21:
             step = cell.stage.cancel()
             cell.sent += [step.stop] if step.stop else []
 

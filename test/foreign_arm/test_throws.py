@@ -1,0 +1,106 @@
+"""Throws of arms that are known by their description alone, against a controller that shares no code with the package."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from contact_curation.design.throw import Throw
+from contact_curation.geometry.quaternions import IDENTITY, rotate
+from contact_curation.simulation.arm.planned_throw import PlannedThrow, planned_throw
+from test.foreign_arm.arms import FILES
+from test.foreign_arm.throwing import Lab
+
+pytestmark = pytest.mark.slow
+
+THROWS = 6
+
+
+def throw(number: int) -> Throw:
+    velocity = np.array([0.5 + 0.04 * number, 0.0, 0.1])
+    place, spin = np.array([-0.3, 0.02 * number, 0.17]), np.array([0.0, 0.8, 0.0])
+    return Throw(f"throw-{number}", "cube", place, IDENTITY, velocity, spin)
+
+
+@pytest.fixture(scope="module", params=FILES)
+def lab(request: pytest.FixtureRequest) -> Lab:
+    return Lab(FILES[request.param])
+
+
+def test_the_plan_knows_where_the_body_is_held_from_home_to_the_release(lab: Lab) -> None:
+    plan = planned_throw(lab.planner, throw(0))
+    assert isinstance(plan, PlannedThrow), plan
+    row = int(np.abs(plan.hand_times - plan.release).argmin())
+    np.testing.assert_allclose(plan.hand[row], throw(0).position, atol=3e-3)
+    np.testing.assert_allclose(plan.hand[0], plan.held.position, atol=1e-9)
+    home = lab.planner.arm.postures(lab.planner.arm.home_posture[None])
+    assert np.linalg.norm(plan.held.position - lab.planner.arm.base - turned(lab, home.places[0])) < 0.1
+    np.testing.assert_allclose(plan.path.positions[[0, -1]], np.tile(lab.planner.arm.home_posture, (2, 1)), atol=1e-9)
+
+
+def turned(lab: Lab, place: np.ndarray) -> np.ndarray:
+    half = 0.5 * lab.planner.arm.yaw
+    return rotate(np.array([np.cos(half), 0.0, 0.0, np.sin(half)]), place)
+
+
+def test_releases_are_told_as_they_were_and_the_delay_is_learned(lab: Lab) -> None:
+    for number in range(THROWS):
+        ending = lab.throw(throw(number))
+        assert ending.success, ending.message
+        assert ending.executed is not None
+        when, pose, twist = lab.cell.released[-1]
+        assert abs(ending.released_at - when) < 0.004
+        np.testing.assert_allclose(ending.executed.position, pose[:3], atol=4e-3)
+        np.testing.assert_allclose(ending.executed.linear_velocity, twist[:3], atol=0.02)
+        if number >= 3:
+            wanted = throw(number).linear_velocity
+            assert abs(np.linalg.norm(twist[:3]) / np.linalg.norm(wanted) - 1.0) < 0.02
+        lab.rest()
+    assert lab.stage.lag == pytest.approx(lab.cell.lag, abs=0.002)
+    assert lab.stage.delay.mean == pytest.approx(lab.cell.delay, abs=0.01)
+    assert (lab.speeds <= lab.planner.arm.limits.speed).all()
+
+
+def stopped_by_hand(lab: Lab) -> None:
+    lab.gate.stop("the stop service was called")
+
+
+def fault(name: str) -> Callable[[Lab], None]:
+    def be_faulty(lab: Lab) -> None:
+        lab.cell.fault = name
+
+    return be_faulty
+
+
+FAULTS: dict[str, tuple[Callable[[Lab], None], str]] = {
+    "slider": (fault("slider"), "speed scaling: found 80 %, expected 100 %"),
+    "abort": (fault("abort"), "the controller gave up: path tolerance violated"),
+    "silent": (fault("silent"), "joint states: found the last one"),
+    "inactive": (fault("inactive"), "controller: found no state of it"),
+    "offset": (fault("offset"), "joint 2: found it 0.05"),
+    "stop": (stopped_by_hand, "the stop service was called"),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_after_a_fault_in_the_motion_the_arm_stops_and_goes_home_when_it_is_armed_again(lab: Lab, name: str) -> None:
+    happens, line = FAULTS[name]
+    began = lab.cell.time
+
+    def meanwhile() -> None:
+        if lab.cell.time - began > 1.5:
+            happens(lab)
+
+    opened, lab.meanwhile = len(lab.cell.released), meanwhile
+    ending = lab.throw(throw(0))
+    lab.meanwhile, lab.cell.fault = lambda: None, ""
+    assert ending.message.startswith(f"stopped before the release: {line}"), ending.message
+    assert len(lab.cell.released) == opened
+    lab.rest()
+    assert not lab.cell.joint_speeds.any()
+    assert "the arm is disarmed" in lab.go_home().message
+    lab.gate.arm(lab.cell.time)
+    assert "from home" in lab.throw(throw(0)).message
+    assert lab.go_home().message == "at home"
+    np.testing.assert_allclose(lab.cell.joints, lab.cell.home, atol=1e-3)
+    assert (lab.speeds <= lab.planner.arm.limits.speed).all()
