@@ -65,7 +65,7 @@ POINTS_EVERY = 8
 """Samples of a path between two points of the trajectory that is sent."""
 
 IDLE = 0.05
-"""Time between looks for a goal [s]."""
+"""Time between looks for a goal, and for the body in the gripper [s]."""
 
 OLDEST_GOAL = 60.0
 GRIPPERS = ("action", "service", "topic")
@@ -98,9 +98,9 @@ class TrajectoryThrower(StageNode):
         self._full_speed = declare(self, "full_speed", 100.0, "value of the speed scaling at full speed", bounds=(1e-3, 1e3))
         kind = declare(self, "gripper", "service", "how the gripper is opened", choices=GRIPPERS)
         name = declare(self, "gripper_name", "gripper/open", "name of the gripper's action, service or topic")
-        open_value = declare(self, "gripper_open", True, "what opens it, as service or topic (Bool)")
-        position = declare(self, "gripper_position", 0.08, "open position, as action [m]", bounds=(0.0, 1.0))
-        effort = declare(self, "gripper_effort", 0.0, "largest effort, as action [N]", bounds=(0.0, 1e4))
+        open_value = declare(self, "gripper_open", True, "value that opens a gripper that is a service or a topic")
+        position = declare(self, "gripper_position", 0.08, "open position of a gripper that is an action [m]", bounds=(0.0, 1.0))
+        effort = declare(self, "gripper_effort", 0.0, "largest effort of a gripper that is an action [N]", bounds=(0.0, 1e4))
         self._oldest_goal = declare(
             self, "oldest_goal", OLDEST_GOAL, "goals older than this are stale [s]", bounds=(0.0, 3600.0)
         )
@@ -109,8 +109,8 @@ class TrajectoryThrower(StageNode):
         config = declare_config(self, TrajectoryConfig(window=steady.window), "trajectory.")
         delay = declare_config(self, DelayConfig(), "delay.")
         release = declare_config(self, ReleaseConfig(), "release.")
-        base = () if arm is None else (("keep_out_place", arm.base[:2]),)
-        gate = declare_config(self, GateConfig(**dict(base)), "gate.")
+        limits = GateConfig() if arm is None else GateConfig(keep_out_place=(arm.base[0], arm.base[1]))
+        gate = declare_config(self, limits, "gate.")
         if arm is None:
             raise InvalidValueError("arm", "nothing", "the YAML file of your arm; see docs/how-to/your_arm.md")
         self._began_ns = self.get_clock().now().nanoseconds
@@ -232,7 +232,7 @@ class TrajectoryThrower(StageNode):
             if goal.is_cancel_requested and self._done(goal, self._stage.cancel()):
                 return
             self._tell()
-            time.sleep(LOOK)
+            time.sleep(IDLE)
             began = self._stage.begin()
         if isinstance(began, Ending):
             self._server.conclude(goal, began)

@@ -63,16 +63,16 @@ class TrajectoryConfig:
 
     Attributes:
         lead: a trajectory is sent so long before it begins [s].
-        stop_lead: likewise the trajectory of a stop [s].
+        stop_lead: the trajectory of a stop is sent so long before it begins [s].
         oldest_state: joint states older than this stop the arm [s].
-        oldest_signal: the same for the controller's state and the speed scaling [s].
+        oldest_signal: a controller's state or a speed scaling older than this stops the arm [s].
         tracking_error: largest distance of a joint from its path, which is as late as the arm is [rad].
         largest_lag: largest time by which the arm may be late [s].
-        lag: guess of that time before the first throw [s].
+        lag: guess of the time by which the arm is late, before the first throw [s].
         at_home: largest distance of a joint from home before a throw [rad].
         window: time before and after the planned release for which the body goes steadily, as the arm's swing has it [s].
         grip_error: largest distance of the held body from where the plan holds it [m].
-        grip_turn: the same for its orientation [rad].
+        grip_turn: largest error of the held body's orientation [rad].
         grip_patience: how long to wait for the body to be put into the gripper so [s].
         learning: so many first releases may be more uncertain than the window allows: they show the gripper's delay.
         patience: how long to wait for the controller's end after the trajectory's [s].
