@@ -99,7 +99,9 @@ class TrajectoryThrower(StageNode):
         kind = declare(self, "gripper", "service", "how the gripper is opened", choices=GRIPPERS)
         name = declare(self, "gripper_name", "gripper/open", "name of the gripper's action, service or topic")
         open_value = declare(self, "gripper_open", True, "value that opens a gripper that is a service or a topic")
-        position = declare(self, "gripper_position", 0.08, "open position of a gripper that is an action [m]", bounds=(0.0, 1.0))
+        position = declare(
+            self, "gripper_position", 0.08, "open position of a gripper that is an action [m]", bounds=(0.0, 1.0)
+        )
         effort = declare(self, "gripper_effort", 0.0, "largest effort of a gripper that is an action [N]", bounds=(0.0, 1e4))
         self._oldest_goal = declare(
             self, "oldest_goal", OLDEST_GOAL, "goals older than this are stale [s]", bounds=(0.0, 3600.0)

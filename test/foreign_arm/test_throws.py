@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from contact_curation.design.throw import Throw
-from contact_curation.geometry.quaternions import IDENTITY, rotate
-from contact_curation.simulation.arm.planned_throw import PlannedThrow, planned_throw
+from contact_curation.geometry.quaternions import IDENTITY
 from test.foreign_arm.arms import FILES
 from test.foreign_arm.throwing import Lab
 
@@ -25,22 +24,6 @@ def throw(number: int) -> Throw:
 @pytest.fixture(scope="module", params=FILES)
 def lab(request: pytest.FixtureRequest) -> Lab:
     return Lab(FILES[request.param])
-
-
-def test_the_plan_knows_where_the_body_is_held_from_home_to_the_release(lab: Lab) -> None:
-    plan = planned_throw(lab.planner, throw(0))
-    assert isinstance(plan, PlannedThrow), plan
-    row = int(np.abs(plan.hand_times - plan.release).argmin())
-    np.testing.assert_allclose(plan.hand[row], throw(0).position, atol=3e-3)
-    np.testing.assert_allclose(plan.hand[0], plan.held.position, atol=1e-9)
-    home = lab.planner.arm.postures(lab.planner.arm.home_posture[None])
-    assert np.linalg.norm(plan.held.position - lab.planner.arm.base - turned(lab, home.places[0])) < 0.1
-    np.testing.assert_allclose(plan.path.positions[[0, -1]], np.tile(lab.planner.arm.home_posture, (2, 1)), atol=1e-9)
-
-
-def turned(lab: Lab, place: np.ndarray) -> np.ndarray:
-    half = 0.5 * lab.planner.arm.yaw
-    return rotate(np.array([np.cos(half), 0.0, 0.0, np.sin(half)]), place)
 
 
 def test_releases_are_told_as_they_were_and_the_delay_is_learned(lab: Lab) -> None:
