@@ -180,6 +180,7 @@ class TrajectoryThrow:
         self._limits, self._home, self._plan, self._homeward = limits, np.asarray(home), plan, homeward
         self._delay_config, self._release_config = delay, release
         self._seen: tuple[Seen, ...] = () if record is None else record.seen
+        self._learned = learned_delay(self._seen, delay)
         self._lag = config.lag if record is None else min(record.lag, config.largest_lag)
         self._joints: deque[tuple[float, Array]] = deque(maxlen=KEPT)
         self._poses: deque[tuple[float, Array, Array]] = deque(maxlen=KEPT)
@@ -211,7 +212,7 @@ class TrajectoryThrow:
     @property
     def delay(self) -> Delay:
         """What is known of the gripper."""
-        return learned_delay(self._seen, self._delay_config)
+        return self._learned
 
     @property
     def lag(self) -> float:
@@ -512,6 +513,7 @@ class TrajectoryThrow:
         if isinstance(fall, str):
             return fall
         self._seen, changed = with_release(self._seen, Seen(fall.time - opened, fall.time_sd), self._delay_config)
+        self._learned = learned_delay(self._seen, self._delay_config)
         throw = plan.throw
         executed = throw_of_state(throw.throw_id, throw.body, fall.state, throw.expected_information, throw.parameters_version)
         late = 1e3 * (fall.time - expected)

@@ -69,11 +69,14 @@ class Lab:
         refusal = self.stage.admits(throw)
         if refusal is not None:
             return Ending(False, refusal)
-        while (began := self.stage.begin()) is None:
+        began = self.stage.begin()
+        if began is None:
             grip = self.stage.grip
-            if self.cell.grip is None and grip is not None:
-                self.cell.hold(grip.position, grip.orientation_wxyz)
+            assert grip is not None
+            self.cell.hold(grip.position, grip.orientation_wxyz)
+        while began is None:
             self._step()
+            began = self.stage.begin()
         return self._made(began)
 
     def go_home(self) -> Ending:
