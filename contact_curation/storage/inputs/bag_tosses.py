@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from itertools import pairwise, takewhile
 from pathlib import Path
 
 from contact_curation.contact.body import Body
@@ -39,6 +40,9 @@ LONGEST_STEP = 0.5
 
 OVERTAKEN_NS, MOST_WAITING = 100_000_000, 1024
 """[ns] A message that was logged within this time before another one may have a later stamp; so many wait for it at most."""
+
+ROOM = 0.75
+"""Shortest time between two stamps, relative to the shortest between others, at which both can be right."""
 
 
 def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReading:
@@ -84,27 +88,41 @@ def in_order_of_stamps(messages: Iterable[MeasuredMessage]) -> Iterator[Measured
     """Messages in order of log time, where those that overtook others of their topic change places with them.
 
     A recorder logs messages when it receives them. What is in order already comes out as it was; stamps that go back by more
-    than `OVERTAKEN_NS` are another run of a clock, and stay where they are.
+    than `OVERTAKEN_NS` are another run of a clock, and stay where they are, as do wrong stamps: they fit no hole in the others.
     """
     waiting: list[MeasuredMessage] = []
+    newest: dict[str, int] = {}
     for message in messages:
         late_ns = message.log_time_ns - OVERTAKEN_NS
         while waiting and (waiting[0].log_time_ns < late_ns or len(waiting) >= MOST_WAITING):
             yield waiting.pop(0)
         waiting.append(message)
-        stamp_ns, place = _stamp_of(message), len(waiting) - 1
+        stamp_ns = _stamp_of(message)
         if stamp_ns is None:
             continue
-        for earlier in range(len(waiting) - 2, -1, -1):
-            other = waiting[earlier]
-            other_ns = _stamp_of(other) if other.topic == message.topic else None
-            if other_ns is None:
-                continue
-            if not 0 < other_ns - stamp_ns <= OVERTAKEN_NS:
-                break
-            waiting[earlier], waiting[place] = _logged_at(message, other), _logged_at(other, waiting[place])
-            place = earlier
+        back_ns = newest.get(message.topic, stamp_ns) - stamp_ns
+        if 0 < back_ns <= OVERTAKEN_NS:
+            _put_back(waiting, stamp_ns)
+        else:
+            newest[message.topic] = stamp_ns
     yield from waiting
+
+
+def _put_back(waiting: list[MeasuredMessage], stamp_ns: int) -> None:
+    """Moves the last message before those of its topic with later stamps, if there is room for it between them."""
+    topic, last = waiting[-1].topic, len(waiting) - 1
+    stamps = {place: stamp for place, one in enumerate(waiting[:-1]) if one.topic == topic and (stamp := _stamp_of(one))}
+    later = list(takewhile(lambda place: stamps[place] > stamp_ns, reversed(stamps)))[::-1]
+    earlier = [stamp for stamp in stamps.values() if stamp <= stamp_ns]
+    steps = [after - before for before, after in pairwise(stamps.values()) if after > before]
+    room = min(stamps[later[0]] - stamp_ns, stamp_ns - max(earlier, default=stamp_ns - OVERTAKEN_NS)) if later else 0
+    if room < ROOM * min(steps, default=1):
+        return
+    places = [*later, last]
+    moved = [waiting[last], *(waiting[place] for place in later)]
+    logged = [waiting[place].log_time_ns for place in places]
+    for place, one, log_time_ns in zip(places, moved, logged, strict=True):
+        waiting[place] = one._replace(log_time_ns=log_time_ns)
 
 
 def _stamp_of(message: MeasuredMessage) -> int | None:
@@ -113,10 +131,6 @@ def _stamp_of(message: MeasuredMessage) -> int | None:
         return None
     (measured,) = message.measured
     return measured.stamp_ns if isinstance(measured, FramePose) and not measured.static else None
-
-
-def _logged_at(message: MeasuredMessage, other: MeasuredMessage) -> MeasuredMessage:
-    return message._replace(log_time_ns=other.log_time_ns)
 
 
 class BagTosses:
