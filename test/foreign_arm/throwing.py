@@ -7,18 +7,15 @@ import numpy as np
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.design.throw import Throw
-from contact_curation.geometry.quaternions import Array
 from contact_curation.simulation.arm.described import read_arm
-from contact_curation.simulation.arm.path import JointPath
-from contact_curation.simulation.arm.planned_throw import planned_throw
+from contact_curation.simulation.arm.planned_throw import planned_throw, way_home
 from contact_curation.simulation.arm.safety import GateConfig, SafetyGate
-from contact_curation.simulation.arm.throw_motion import STEP as SAMPLE
 from contact_curation.stages.arm import Ending
 from contact_curation.stages.trajectory_throw import Sent, TrajectoryConfig, TrajectoryThrow
 from test.foreign_arm.cell import Cell, Trajectory
-from test.foreign_arm.planning import planner_of
+from test.foreign_arm.planning import STEADY, planner_of
 
-POINTS_EVERY, JOINTS_EVERY, POSES_EVERY = 8, 4, 7
+JOINTS_EVERY, POSES_EVERY = 4, 7
 REST, LONGEST = 0.5, 60.0
 """Time between throws, and the longest that one may take [s]."""
 
@@ -43,8 +40,8 @@ class Lab:
         self.gate = SafetyGate(GateConfig(keep_out_place=arm.base[:2]))
         self.stage = TrajectoryThrow(
             CONTACTNETS_CUBE, self.planner.arm.limits, self.planner.arm.home_posture,
-            lambda throw: planned_throw(self.planner, throw), self._homeward, self.gate, lambda: self.cell.time,
-            TrajectoryConfig(),
+            lambda throw: planned_throw(self.planner, throw), lambda posture: way_home(self.planner, posture), self.gate,
+            lambda: self.cell.time, TrajectoryConfig(), STEADY.window,
         )  # fmt: skip
         self.meanwhile: Callable[[], object] = lambda: None
         self.speeds = np.zeros(len(arm.joints))
@@ -52,10 +49,6 @@ class Lab:
         self._steps = 0
         self.gate.arm(self.cell.time)
         self.rest()
-
-    def _homeward(self, posture: Array) -> JointPath | str:
-        found = self.planner.homeward(posture)
-        return found if isinstance(found, JointPath) else str(found)
 
     def rest(self, seconds: float = REST) -> None:
         """Lets time pass."""
@@ -99,8 +92,8 @@ class Lab:
 
     def _send(self, sent: Sent) -> None:
         self.sent.append(sent)
-        rows = np.unique(np.append(np.arange(0, len(sent.path), POINTS_EVERY), len(sent.path) - 1))
-        self.cell.take(Trajectory(sent.begin, SAMPLE * rows, sent.path.positions[rows], sent.path.speeds[rows]))
+        times, points = sent.points
+        self.cell.take(Trajectory(sent.begin, times, points.positions, points.speeds))
 
     def _step(self) -> Ending | None:
         cell, stage, self._steps = self.cell, self.stage, self._steps + 1
@@ -111,13 +104,13 @@ class Lab:
         if ended is not None:
             stage.controller_ended(ended[1])
         if self._steps % JOINTS_EVERY == 0:
-            stage.scaling_seen(cell.speed)
+            stage.signals.scaling_seen(cell.speed)
             if cell.fault != "inactive":
-                stage.controller_seen()
+                stage.signals.controller_seen()
             if cell.fault != "silent":
-                stage.joints_seen(cell.time, cell.joints)
+                stage.signals.joints_seen(cell.time, cell.joints)
         if self._steps % POSES_EVERY == 0:
-            stage.body_seen(cell.time, *cell.cube())
+            stage.signals.body_seen(cell.time, *cell.cube())
         step = stage.advance()
         if step.opens:
             cell.open(cell.time)

@@ -70,7 +70,7 @@ class Cell:
         self.gate = SafetyGate(GateConfig(keep_out_radius=0.0))
         self.stage = TrajectoryThrow(
             CONTACTNETS_CUBE, LIMITS, np.zeros(JOINTS), plan_of, way_home, self.gate, lambda: self.now,
-            config or TrajectoryConfig(), record=record,
+            config or TrajectoryConfig(), 0.03, record=record,
         )  # fmt: skip
         self.sent: list[Sent] = []
         self.opened: float | None = None
@@ -89,12 +89,12 @@ class Cell:
         self.gate.heartbeat(self.now)
         self.joints = self._followed(self.now)
         if self.active:
-            self.stage.controller_seen()
-        self.stage.scaling_seen(self.slider)
+            self.stage.signals.controller_seen()
+        self.stage.signals.scaling_seen(self.slider)
         if not self.silent and self._ticks % 2 == 0:
-            self.stage.joints_seen(self.now, self.joints)
+            self.stage.signals.joints_seen(self.now, self.joints)
         place = self._body(self.now) + 1e-4 * self._rng.standard_normal(3)
-        self.stage.body_seen(self.now, place, np.array([1.0, 0.0, 0.0, 0.0]))
+        self.stage.signals.body_seen(self.now, place, np.array([1.0, 0.0, 0.0, 0.0]))
         if self.sent and self.aborts:
             self.stage.controller_ended(self.aborts)
         elif self.sent and self.now > self.sent[-1].begin + (len(self.sent[-1].path) - 1) * STEP + self.lag:

@@ -66,6 +66,12 @@ def described_planner(
     return ArmPlanner(body, arm, SteadySwing(arm.limits, steady), ramp, search, DepartureConfig(opening=OPENING))
 
 
+def way_home(planner: ArmPlanner, posture: Array) -> JointPath | str:
+    """The slow way home from rest at a posture (J,) [rad], or in one line why there is none."""
+    found = planner.homeward(posture)
+    return found if isinstance(found, JointPath) else f"the way home: {found}; bring the arm home by hand"
+
+
 def planned_throw(planner: ArmPlanner, throw: Throw) -> PlannedThrow | str:
     """The plan of a throw, or in one line why there is none: the limit, the table or the obstacle that forbids it."""
     if throw.body != planner.body.name:
