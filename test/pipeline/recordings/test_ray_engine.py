@@ -47,7 +47,7 @@ def test_what_breaks_its_worker_twice_is_a_line_and_the_others_are_done(cluster:
 
     counts: list[int] = []
 
-    def advance(count: int, /, *, share: float | None = None) -> None:
+    def advance(count: int, /, *, note: str = "", share: float | None = None) -> None:
         counts.append(count)
 
     names = ["a", "ends", f"ends-once {tmp_path / 'tried'}", "large", "b"]
