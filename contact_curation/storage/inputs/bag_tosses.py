@@ -1,8 +1,10 @@
 """Reads the tosses of a bag: finds topics, turns messages into poses, and poses into tosses."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import MissingTopicError, UnreadableInputError
@@ -15,7 +17,7 @@ from contact_curation.motion.toss import NANOSECONDS, Rejected
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.bags.records import BagMessage
 from contact_curation.storage.inputs.pose_messages import Measured
-from contact_curation.storage.inputs.pose_runs import MeasuredMessage, measured_messages
+from contact_curation.storage.inputs.pose_runs import MeasuredMessage, MeasuredRun, measured_runs
 from contact_curation.storage.inputs.pose_source import BODY_PREFIX, PoseSource, TypedTopic, find_pose_source, is_of_another
 from contact_curation.storage.inputs.recording_notes import (
     NUMBERS_NOTE,
@@ -50,8 +52,8 @@ def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReadin
     """
     with BagReader(path) as reader:
         tosses = bag_tosses(reader, body, config)
-        for message in tosses.messages(reader):
-            yield from tosses.taken(message.measured, message.topic)
+        for one in tosses.runs(reader):
+            yield from tosses.taken_run(one) if isinstance(one, MeasuredRun) else tosses.taken(one.measured, one.topic)
         yield from tosses.rest()
         yield from (Problem(str(path), line) for line in tosses.left_out())
         return tosses.summary(reader.losses)
@@ -80,31 +82,58 @@ def bag_tosses(
     return BagTosses(origin, source, body, replace(config, segmenter=rules), numbers, placed)
 
 
-def in_order_of_stamps(messages: Iterable[MeasuredMessage]) -> Iterator[MeasuredMessage]:
+def in_order_of_stamps(messages: Iterable[MeasuredMessage | MeasuredRun]) -> Iterator[MeasuredMessage | MeasuredRun]:
     """Messages in order of log time, where those that overtook others of their topic change places with them.
 
     A recorder logs messages when it receives them. What is in order already comes out as it was; stamps that go back by more
     than `OVERTAKEN_NS` are another run of a clock, and stay where they are.
     """
     waiting: list[MeasuredMessage] = []
-    for message in messages:
-        late_ns = message.log_time_ns - OVERTAKEN_NS
-        while waiting and (waiting[0].log_time_ns < late_ns or len(waiting) >= MOST_WAITING):
-            yield waiting.pop(0)
-        waiting.append(message)
-        stamp_ns, place = _stamp_of(message), len(waiting) - 1
-        if stamp_ns is None:
+    for one in messages:
+        if isinstance(one, MeasuredMessage):
+            yield from _overtaking(one, waiting)
             continue
-        for earlier in range(len(waiting) - 2, -1, -1):
-            other = waiting[earlier]
-            other_ns = _stamp_of(other) if other.topic == message.topic else None
-            if other_ns is None:
-                continue
-            if not 0 < other_ns - stamp_ns <= OVERTAKEN_NS:
-                break
-            waiting[earlier], waiting[place] = _logged_at(message, other), _logged_at(other, waiting[place])
-            place = earlier
+        settled = _settled(one, waiting)
+        if settled:
+            yield from waiting
+            yield one.part(0, settled)
+            waiting = one.part(settled, len(one.log_times_ns)).messages()
+        else:
+            for message in one.messages():
+                yield from _overtaking(message, waiting)
     yield from waiting
+
+
+def _settled(run: MeasuredRun, waiting: Sequence[MeasuredMessage]) -> int:
+    """How many first messages of a run nothing can overtake any more; 0 where its stamps, or those before it, go back."""
+    log_times, stamps = run.log_times_ns, run.measured.poses.stamps_ns
+    late_ns = int(log_times[-1]) - OVERTAKEN_NS
+    before = [stamp_ns for other in waiting if other.topic == run.topic and (stamp_ns := _stamp_of(other)) is not None]
+    goes_on = not before or before[-1] <= int(stamps[0])
+    in_order = goes_on and np.all(np.diff(stamps) >= 0) and np.all(np.diff(log_times) >= 0)
+    if not in_order or (waiting and waiting[-1].log_time_ns >= min(late_ns, int(log_times[0]) + 1)):
+        return 0
+    return int(np.searchsorted(log_times, late_ns))
+
+
+def _overtaking(message: MeasuredMessage, waiting: list[MeasuredMessage]) -> Iterator[MeasuredMessage]:
+    """Puts a message among those that wait, before those that it overtook; yields those that nothing can overtake any more."""
+    late_ns = message.log_time_ns - OVERTAKEN_NS
+    while waiting and (waiting[0].log_time_ns < late_ns or len(waiting) >= MOST_WAITING):
+        yield waiting.pop(0)
+    waiting.append(message)
+    stamp_ns, place = _stamp_of(message), len(waiting) - 1
+    if stamp_ns is None:
+        return
+    for earlier in range(len(waiting) - 2, -1, -1):
+        other = waiting[earlier]
+        other_ns = _stamp_of(other) if other.topic == message.topic else None
+        if other_ns is None:
+            continue
+        if not 0 < other_ns - stamp_ns <= OVERTAKEN_NS:
+            break
+        waiting[earlier], waiting[place] = _logged_at(message, other), _logged_at(other, waiting[place])
+        place = earlier
 
 
 def _stamp_of(message: MeasuredMessage) -> int | None:
@@ -156,7 +185,15 @@ class BagTosses:
 
     def messages(self, reader: BagReader) -> Iterator[MeasuredMessage]:
         """The poses in a bag's messages, in order of log time and each topic's stamps; nothing takes note of them."""
-        return in_order_of_stamps(measured_messages(reader, self.source, self.measured))
+        for one in self.runs(reader):
+            if isinstance(one, MeasuredRun):
+                yield from one.messages()
+            else:
+                yield one
+
+    def runs(self, reader: BagReader) -> Iterator[MeasuredMessage | MeasuredRun]:
+        """The same in runs, where messages are alike."""
+        return in_order_of_stamps(measured_runs(reader, self.source, self.measured))
 
     def of(self, message: BagMessage) -> Iterator[Found]:
         """Yields the tosses and rejected motions that a message completes."""
@@ -176,6 +213,20 @@ class BagTosses:
                 self._last_ns = measured.stamp_ns
             if events := self._ingest.push(measured):
                 yield from self._found(events)
+
+    def taken_run(self, run: MeasuredRun) -> Iterator[Found]:
+        """Yields the tosses and rejected motions that successive messages complete."""
+        found, stamps = run.measured, run.measured.poses.stamps_ns
+        self._frames.update((found.parent, found.child))
+        if run.topic == self.source.body.name:
+            self._parent = found.parent if self._parent is None else self._parent
+            self._first_ns = int(stamps[0]) if self._first_ns is None else self._first_ns
+            steps = np.diff(stamps if self._last_ns is None else np.append(self._last_ns, stamps)) / NANOSECONDS
+            steps = steps[(steps > 0.0) & (steps < LONGEST_STEP)]
+            self._steps += len(steps)
+            self._stepped = float(np.cumsum(np.append(self._stepped, steps))[-1])  # one by one, as `taken` adds them
+            self._last_ns = int(stamps[-1])
+        yield from self._found(self._ingest.push_run(found))
 
     def rest(self) -> Iterator[Found]:
         """What the end of the bag completes."""
