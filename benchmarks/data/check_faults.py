@@ -376,7 +376,7 @@ FAULTS = (
     Fault("low pass 10 Hz", filtered(low_pass(10.0)), "smoothed"),
     Fault("exponential filter", filtered(exponential(0.3)), "smoothed"),
     Fault("rounded", published(lambda poses: np.concatenate([np.round(poses[:, :3], 3), poses[:, 3:]], axis=1)), "rounded"),
-    Fault("noise x 8", noisier(8.0), "scatter"),
+    Fault("noise x 8", noisier(8.0), "scatter", ok=True),
     Fault("outliers", with_spikes, "outliers|jump|rejected"),
     Fault("wxyz", published(lambda poses: poses[:, [0, 1, 2, 6, 3, 4, 5]]), "wxyz"),
     Fault("inverse rotations", published(lambda p: np.concatenate([p[:, :3], quaternions.conjugate(p[:, 3:])], 1)), "inverse"),

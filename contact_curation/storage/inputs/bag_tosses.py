@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise, takewhile
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,9 @@ LONGEST_STEP = 0.5
 
 OVERTAKEN_NS, MOST_WAITING = 100_000_000, 1024
 """[ns] A message that was logged within this time before another one may have a later stamp; so many wait for it at most."""
+
+ROOM = 0.75
+"""Shortest time between two stamps, relative to the shortest between others, at which both can be right."""
 
 
 def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReading:
@@ -86,54 +90,68 @@ def in_order_of_stamps(messages: Iterable[MeasuredMessage | MeasuredRun]) -> Ite
     """Messages in order of log time, where those that overtook others of their topic change places with them.
 
     A recorder logs messages when it receives them. What is in order already comes out as it was; stamps that go back by more
-    than `OVERTAKEN_NS` are another run of a clock, and stay where they are.
+    than `OVERTAKEN_NS` are another run of a clock, and stay where they are, as do wrong stamps: they fit no hole in the others.
     """
     waiting: list[MeasuredMessage] = []
+    newest: dict[str, int] = {}
     for one in messages:
         if isinstance(one, MeasuredMessage):
-            yield from _overtaking(one, waiting)
+            yield from _overtaking(one, waiting, newest)
             continue
-        settled = _settled(one, waiting)
+        settled = _settled(one, waiting, newest.get(one.topic))
         if settled:
             yield from waiting
             yield one.part(0, settled)
             waiting = one.part(settled, len(one.log_times_ns)).messages()
+            newest[one.topic] = int(one.measured.poses.stamps_ns[-1])
         else:
             for message in one.messages():
-                yield from _overtaking(message, waiting)
+                yield from _overtaking(message, waiting, newest)
     yield from waiting
 
 
-def _settled(run: MeasuredRun, waiting: Sequence[MeasuredMessage]) -> int:
+def _settled(run: MeasuredRun, waiting: Sequence[MeasuredMessage], newest_ns: int | None) -> int:
     """How many first messages of a run nothing can overtake any more; 0 where its stamps, or those before it, go back."""
     log_times, stamps = run.log_times_ns, run.measured.poses.stamps_ns
     late_ns = int(log_times[-1]) - OVERTAKEN_NS
-    before = [stamp_ns for other in waiting if other.topic == run.topic and (stamp_ns := _stamp_of(other)) is not None]
-    goes_on = not before or before[-1] <= int(stamps[0])
+    goes_on = newest_ns is None or newest_ns <= int(stamps[0])
     in_order = goes_on and np.all(np.diff(stamps) >= 0) and np.all(np.diff(log_times) >= 0)
     if not in_order or (waiting and waiting[-1].log_time_ns >= min(late_ns, int(log_times[0]) + 1)):
         return 0
     return int(np.searchsorted(log_times, late_ns))
 
 
-def _overtaking(message: MeasuredMessage, waiting: list[MeasuredMessage]) -> Iterator[MeasuredMessage]:
-    """Puts a message among those that wait, before those that it overtook; yields those that nothing can overtake any more."""
+def _overtaking(message: MeasuredMessage, waiting: list[MeasuredMessage], newest: dict[str, int]) -> Iterator[MeasuredMessage]:
+    """Puts a message among those that wait, where it belongs; yields those that nothing can overtake any more."""
     late_ns = message.log_time_ns - OVERTAKEN_NS
     while waiting and (waiting[0].log_time_ns < late_ns or len(waiting) >= MOST_WAITING):
         yield waiting.pop(0)
     waiting.append(message)
-    stamp_ns, place = _stamp_of(message), len(waiting) - 1
+    stamp_ns = _stamp_of(message)
     if stamp_ns is None:
         return
-    for earlier in range(len(waiting) - 2, -1, -1):
-        other = waiting[earlier]
-        other_ns = _stamp_of(other) if other.topic == message.topic else None
-        if other_ns is None:
-            continue
-        if not 0 < other_ns - stamp_ns <= OVERTAKEN_NS:
-            break
-        waiting[earlier], waiting[place] = _logged_at(message, other), _logged_at(other, waiting[place])
-        place = earlier
+    back_ns = newest.get(message.topic, stamp_ns) - stamp_ns
+    if 0 < back_ns <= OVERTAKEN_NS:
+        _put_back(waiting, stamp_ns)
+    else:
+        newest[message.topic] = stamp_ns
+
+
+def _put_back(waiting: list[MeasuredMessage], stamp_ns: int) -> None:
+    """Moves the last message before those of its topic with later stamps, if there is room for it between them."""
+    topic, last = waiting[-1].topic, len(waiting) - 1
+    stamps = {place: stamp for place, one in enumerate(waiting[:-1]) if one.topic == topic and (stamp := _stamp_of(one))}
+    later = list(takewhile(lambda place: stamps[place] > stamp_ns, reversed(stamps)))[::-1]
+    earlier = [stamp for stamp in stamps.values() if stamp <= stamp_ns]
+    steps = [after - before for before, after in pairwise(stamps.values()) if after > before]
+    room = min(stamps[later[0]] - stamp_ns, stamp_ns - max(earlier, default=stamp_ns - OVERTAKEN_NS)) if later else 0
+    if room < ROOM * min(steps, default=1):
+        return
+    places = [*later, last]
+    moved = [waiting[last], *(waiting[place] for place in later)]
+    logged = [waiting[place].log_time_ns for place in places]
+    for place, one, log_time_ns in zip(places, moved, logged, strict=True):
+        waiting[place] = one._replace(log_time_ns=log_time_ns)
 
 
 def _stamp_of(message: MeasuredMessage) -> int | None:
@@ -142,10 +160,6 @@ def _stamp_of(message: MeasuredMessage) -> int | None:
         return None
     (measured,) = message.measured
     return measured.stamp_ns if isinstance(measured, FramePose) and not measured.static else None
-
-
-def _logged_at(message: MeasuredMessage, other: MeasuredMessage) -> MeasuredMessage:
-    return message._replace(log_time_ns=other.log_time_ns)
 
 
 class BagTosses:
