@@ -194,8 +194,7 @@ class BodyTracker:
         if measured.parent not in self._parents:
             self._parents = (*self._parents, measured.parent)[-MOST_PARENTS:]
         poses = self._run_in_board(way.static, measured.poses)
-        ((stamp_ns, position, orientation),) = poses.part(len(poses) - 1, len(poses)).one_by_one()
-        self._last_ns, self._last_pose = int(newest[-1]), BodyPose(stamp_ns, ScalarPose(position, orientation))
+        self._last_ns, (self._last_pose,) = int(newest[-1]), body_poses(poses.part(len(poses) - 1, len(poses)))
         self.counts["poses"] += len(poses)
         return poses
 

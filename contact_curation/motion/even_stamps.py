@@ -84,7 +84,6 @@ DECIDED, SUREST = -8.0, 64.0
 KEPT = 4096
 """So many last delays tell how much stamps scatter."""
 
-
 REMEMBERED = 4
 """Last poses, whose third differences weigh their stamps."""
 
@@ -241,7 +240,7 @@ class StampEvener:
 
     def _pass_as_they_are(self, run: PoseRun, stamps: list[int], start: int) -> int:
         """Takes in poses from index `start` on, up to the first one whose stamp may not pass as it is; gives its index."""
-        if not self._passing or (self._given_ns is not None and stamps[start] <= self._given_ns):
+        if not (self._passing and self._last) or (self._given_ns is not None and stamps[start] <= self._given_ns):
             return start
         stop, last_ns = start, self._last[-1].stamp_ns
         while stop < len(stamps):
@@ -252,10 +251,9 @@ class StampEvener:
             if step_ns > PAUSE:
                 self._calm = 0
             last_ns, stop = stamps[stop], stop + 1
-        if stop > start:
-            self._given_ns = last_ns
-            for pose in body_poses(run.part(max(start, stop - REMEMBERED), stop)):
-                self._remember(pose)
+        for pose in body_poses(run.part(max(start, stop - REMEMBERED), stop)):
+            self._remember(pose)
+            self._given_ns = pose.stamp_ns
         return stop
 
     def _holds(self, span_ns: int) -> bool:

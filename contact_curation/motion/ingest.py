@@ -115,7 +115,7 @@ class TossIngest:
 
     def push_run(self, measured: FrameRun) -> tuple[IngestEvent, ...]:
         """The same as `push` of each of its poses: what is certain of many poses at once is done with arrays."""
-        placed = self._tracker.push_run(measured)
+        placed = self._tracker.push_run(measured) if self._placed is None else None
         if placed is None:
             return tuple(event for one in measured.frame_poses() for event in self.push(one))
         events: list[IngestEvent] = []
@@ -189,20 +189,16 @@ class TossIngest:
         return ended
 
     def _segmented_run(self, run: PoseRun) -> list[IngestEvent]:
-        """The same for a run: within a span of the noise the segmenter's bounds stay, unless they wait for a motion to end."""
+        """The same for a run: only the first pose in a span changes the measured noise, and so the segmenter's bounds."""
         ended: list[IngestEvent] = []
-        for part in spans_of(run):
-            if self._placed is not None:
-                for pose in body_poses(part):
-                    self._placed(pose)
-            self.noise.push_run(part)
-            ended += self._judged(self._noise_followed(int(part.stamps_ns[0])))
+        for span in spans_of(run):
+            ended += self._segmented(body_poses(span.part(0, 1)))
+            rest = span.part(1, len(span))
             if self.config.segmenter.tracker_noise is not None or self.noise.scale == self._segmenter.tracker:
-                ended += self._judged(self._segmenter.push_run(part))
-                continue
-            for stamp_ns, position, orientation_wxyz in part.one_by_one():
-                ended += self._judged(self._noise_followed(stamp_ns))
-                ended += self._judged(self._segmenter.push(stamp_ns, position, orientation_wxyz))
+                self.noise.push_run(rest)
+                ended += self._judged(self._segmenter.push_run(rest))
+            else:  # the bounds follow when the motion in progress ends
+                ended += self._segmented(body_poses(rest))
         return ended
 
     def _noise_followed(self, stamp_ns: int) -> tuple[Toss | Rejected, ...]:

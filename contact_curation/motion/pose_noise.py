@@ -94,10 +94,8 @@ class PoseNoise:
         self._rows.append((stamp_ns, *position, *orientation_wxyz))
 
     def push_run(self, run: PoseRun) -> None:
-        """The same for successive poses that lie within one span (`spans_of`)."""
-        (first, *others) = run.one_by_one()
-        self.push(*first)
-        self._rows += [(stamp_ns, *position, *orientation) for stamp_ns, position, orientation in others]
+        """The same for poses within the span of the last one (`spans_of`)."""
+        self._rows += [(stamp_ns, *position, *orientation) for stamp_ns, position, orientation in run.one_by_one()]
 
     def reset(self) -> None:
         """The next pose has nothing to do with the last one."""

@@ -90,7 +90,7 @@ def checked_pose(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PoseRun:
-    """N >= 1 successive poses, in the order in which they were recorded.
+    """N successive poses, in the order in which they were recorded.
 
     Attributes:
         stamps_ns: (N,) int64 header stamps.

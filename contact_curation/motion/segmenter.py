@@ -148,16 +148,15 @@ class TossSegmenter:
         frames, ended, at = [Frame(*one) for one in run.one_by_one()], list[Toss | Rejected](), 0
         eventful: Eventful | None = None
         while at < len(frames):
-            stop = at
             if len(self._run) >= MEMORY and len(self._steps_ns) == STEPS:
                 eventful = eventful or self._eventful(run, at)
                 stop = self._uneventful_until(eventful, at, len(frames))
-            if stop > at:
-                self._remember(frames[at:stop])
-                at = stop
-            else:
-                ended += self.push(*frames[at])
-                at += 1
+                if stop > at:
+                    self._remember(frames[at:stop])
+                    at = stop
+                    continue
+            ended += self.push(*frames[at])
+            at += 1
         return tuple(ended)
 
     def reset(self, why: str) -> tuple[Toss | Rejected, ...]:
@@ -232,9 +231,8 @@ class TossSegmenter:
 
     def _remember(self, frames: Sequence[Frame]) -> None:
         """Takes in frames that are not eventful."""
-        stamps = [frame.stamp_ns for frame in (self._run[-1], *frames[-STEPS - 1 :])]
-        steps_ns = [later - earlier for earlier, later in pairwise(stamps if len(frames) <= STEPS else stamps[1:])]
-        self._steps_ns = [*self._steps_ns, *steps_ns][-STEPS:]
+        stamps = [frame.stamp_ns for frame in (self._run[-1], *frames)]
+        self._steps_ns = [*self._steps_ns, *(later - earlier for earlier, later in pairwise(stamps))][-STEPS:]
         self._run += frames
         if self._start is None:
             if self.config.bounded and not self._outside:

@@ -95,30 +95,24 @@ def in_order_of_stamps(messages: Iterable[MeasuredMessage | MeasuredRun]) -> Ite
     waiting: list[MeasuredMessage] = []
     newest: dict[str, int] = {}
     for one in messages:
-        if isinstance(one, MeasuredMessage):
-            yield from _overtaking(one, waiting, newest)
-            continue
-        settled = _settled(one, waiting, newest.get(one.topic))
-        if settled:
+        if isinstance(one, MeasuredRun) and (settled := _settled(one, waiting, newest.get(one.topic))):
             yield from waiting
             yield one.part(0, settled)
             waiting = one.part(settled, len(one.log_times_ns)).messages()
             newest[one.topic] = int(one.measured.poses.stamps_ns[-1])
-        else:
-            for message in one.messages():
-                yield from _overtaking(message, waiting, newest)
+            continue
+        for message in one.messages():
+            yield from _overtaking(message, waiting, newest)
     yield from waiting
 
 
 def _settled(run: MeasuredRun, waiting: Sequence[MeasuredMessage], newest_ns: int | None) -> int:
-    """How many first messages of a run nothing can overtake any more; 0 where its stamps, or those before it, go back."""
-    log_times, stamps = run.log_times_ns, run.measured.poses.stamps_ns
-    late_ns = int(log_times[-1]) - OVERTAKEN_NS
-    goes_on = newest_ns is None or newest_ns <= int(stamps[0])
-    in_order = goes_on and np.all(np.diff(stamps) >= 0) and np.all(np.diff(log_times) >= 0)
-    if not in_order or (waiting and waiting[-1].log_time_ns >= min(late_ns, int(log_times[0]) + 1)):
+    """How many first messages of a run nothing can overtake any more, nor what waits; 0 where its stamps go back."""
+    stamps, late_ns = run.measured.poses.stamps_ns, int(run.log_times_ns[-1]) - OVERTAKEN_NS
+    goes_back = np.any(np.diff(stamps, prepend=stamps[0] if newest_ns is None else newest_ns) < 0)
+    if goes_back or any(one.log_time_ns >= late_ns for one in waiting):
         return 0
-    return int(np.searchsorted(log_times, late_ns))
+    return int(np.searchsorted(run.log_times_ns, late_ns))
 
 
 def _overtaking(message: MeasuredMessage, waiting: list[MeasuredMessage], newest: dict[str, int]) -> Iterator[MeasuredMessage]:
@@ -200,10 +194,7 @@ class BagTosses:
     def messages(self, reader: BagReader) -> Iterator[MeasuredMessage]:
         """The poses in a bag's messages, in order of log time and each topic's stamps; nothing takes note of them."""
         for one in self.runs(reader):
-            if isinstance(one, MeasuredRun):
-                yield from one.messages()
-            else:
-                yield one
+            yield from one.messages()
 
     def runs(self, reader: BagReader) -> Iterator[MeasuredMessage | MeasuredRun]:
         """The same in runs, where messages are alike."""

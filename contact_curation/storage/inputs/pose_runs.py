@@ -59,6 +59,10 @@ class MeasuredMessage(NamedTuple):
     log_time_ns: int
     measured: tuple[Measured, ...]
 
+    def messages(self) -> "list[MeasuredMessage]":
+        """The message, as a run of one."""
+        return [self]
+
 
 class MeasuredRun(NamedTuple):
     """Successive messages of a topic with one pose each, of the same frames.

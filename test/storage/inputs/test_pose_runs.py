@@ -18,7 +18,7 @@ from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.inputs import pose_runs
 from contact_curation.storage.inputs.bag_tosses import read_bag_tosses
 from contact_curation.storage.inputs.pose_messages import ODOMETRY, POSE, POSE_ARRAY, POSE_WITH_COVARIANCE, TF
-from contact_curation.storage.inputs.pose_runs import HASHES, MeasuredMessage, MeasuredRun, measured_runs
+from contact_curation.storage.inputs.pose_runs import HASHES, MeasuredMessage, measured_runs
 from contact_curation.storage.inputs.pose_source import PoseSource, PoseTopicConfig, TypedTopic, find_pose_source
 from contact_curation.storage.inputs.records import InputsConfig, Problem
 from test.motion.streams import board_in_map, in_map, stream
@@ -38,8 +38,7 @@ Payload = tuple[str, str, int, bytes]
 
 def measured_messages(reader: BagReader, source: PoseSource, long_way: Callable[..., Any]) -> list[MeasuredMessage]:
     """The poses in a bag, each message by itself."""
-    runs = measured_runs(reader, source, long_way)
-    return [message for one in runs for message in (one.messages() if isinstance(one, MeasuredRun) else (one,))]
+    return [message for one in measured_runs(reader, source, long_way) for message in one.messages()]
 
 
 def read(path: Path, *, together: bool, topic: str = "") -> Outcome:
