@@ -1,6 +1,6 @@
 """Reads the tosses of a bag: finds topics, turns messages into poses, and poses into tosses."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise, takewhile
 from pathlib import Path
@@ -95,7 +95,7 @@ def in_order_of_stamps(messages: Iterable[MeasuredMessage | MeasuredRun]) -> Ite
     waiting: list[MeasuredMessage] = []
     newest: dict[str, int] = {}
     for one in messages:
-        if isinstance(one, MeasuredRun) and (settled := _settled(one, waiting, newest.get(one.topic))):
+        if isinstance(one, MeasuredRun) and (settled := _settled(one, newest.get(one.topic))):
             yield from waiting
             yield one.part(0, settled)
             waiting = one.part(settled, len(one.log_times_ns)).messages()
@@ -106,13 +106,11 @@ def in_order_of_stamps(messages: Iterable[MeasuredMessage | MeasuredRun]) -> Ite
     yield from waiting
 
 
-def _settled(run: MeasuredRun, waiting: Sequence[MeasuredMessage], newest_ns: int | None) -> int:
-    """How many first messages of a run nothing can overtake any more, nor what waits; 0 where its stamps go back."""
+def _settled(run: MeasuredRun, newest_ns: int | None) -> int:
+    """How many first messages of a run nothing can overtake any more, nor what waits for it; 0 where its stamps go back."""
     stamps, late_ns = run.measured.poses.stamps_ns, int(run.log_times_ns[-1]) - OVERTAKEN_NS
     goes_back = np.any(np.diff(stamps, prepend=stamps[0] if newest_ns is None else newest_ns) < 0)
-    if goes_back or any(one.log_time_ns >= late_ns for one in waiting):
-        return 0
-    return int(np.searchsorted(run.log_times_ns, late_ns))
+    return 0 if goes_back else int(np.searchsorted(run.log_times_ns, late_ns))
 
 
 def _overtaking(message: MeasuredMessage, waiting: list[MeasuredMessage], newest: dict[str, int]) -> Iterator[MeasuredMessage]:

@@ -75,11 +75,13 @@ def streams(draw: st.DrawFn) -> list[FramePose]:
     late = np.random.default_rng(draw(st.integers(0, 99))).integers(0, jitter + 1, len(poses)).tolist()
     poses = [replace(one, stamp_ns=one.stamp_ns + by) for one, by in zip(poses, late, strict=True)]
     for place in draw(st.lists(st.integers(0, len(poses) - 2), max_size=4)):
-        fault = draw(st.sampled_from(["missing", "twice", "swapped", "back", "still", "wild"]))
+        fault = draw(st.sampled_from(["missing", "late", "twice", "swapped", "back", "still", "wild"]))
         one, other = poses[place : place + 2]
         if fault == "missing":
             poses[place : place + 1] = []
             poses.append(replace(poses[-1], stamp_ns=poses[-1].stamp_ns + period_ns))
+        elif fault == "late":
+            poses[place] = replace(one, stamp_ns=one.stamp_ns + period_ns // 3)
         elif fault == "twice":
             poses[place + 1] = one
         elif fault == "swapped":
@@ -110,6 +112,14 @@ def test_many_faulty_streams_cut_anywhere(poses: list[FramePose], cuts: list[int
 @pytest.mark.parametrize("poses", [TOSS, LOUD])
 def test_tosses_in_one_run(poses: list[BodyPose], config: IngestConfig) -> None:
     assert assert_same(tossed(3, poses), [], config)
+
+
+def test_a_body_that_is_caught_in_the_air_in_one_run() -> None:
+    falling = [0.4 - 0.5 * 9.81 * (n * PERIOD_NS * 1e-9) ** 2 for n in range(8)]
+    heights = [*[0.4] * 40, *falling, *(falling[-1] + 0.004 * n for n in range(60))]
+    poses = [BodyPose(0, ScalarPose((0.0, 0.0, height), (1.0, 0.0, 0.0, 0.0))) for height in heights]
+    for config in CONFIGS:
+        assert assert_same(tossed(1, poses), [], config) <= 1
 
 
 def test_most_poses_of_an_even_stream_are_not_pushed_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
