@@ -14,6 +14,7 @@ from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.body_tracker import BodyPose, TrackerConfig
 from contact_curation.motion.ingest import IngestConfig, IngestEvent, TossIngest
 from contact_curation.motion.pose_stream import BadPose, FramePose, FrameRun, PoseRun
+from contact_curation.motion.segmenter import TossSegmenter
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected
 from test.motion.streams import CUBE, PERIOD_NS, board_in_map, in_map, noisy, stream
@@ -120,6 +121,16 @@ def test_a_body_that_is_caught_in_the_air_in_one_run() -> None:
     poses = [BodyPose(0, ScalarPose((0.0, 0.0, height), (1.0, 0.0, 0.0, 0.0))) for height in heights]
     for config in CONFIGS:
         assert assert_same(tossed(1, poses), [], config) <= 1
+
+
+def test_a_segmenter_ends_a_motion_at_a_gap_in_a_run() -> None:
+    by_run, one_by_one = (TossSegmenter(SegmenterConfig(), CUBE, source="/odom") for _ in range(2))
+    poses = [pose for n, pose in enumerate(TOSS) if n % 70 != 69]
+    stamps, (positions, orientations) = [one.stamp_ns for one in poses], zip(*(one.pose for one in poses), strict=True)
+    ended = by_run.push_run(PoseRun(np.array(stamps), np.array(positions), np.array(orientations)))
+    others = [end for one in poses for end in one_by_one.push(one.stamp_ns, *one.pose)]
+    assert said(ended) == said(others) != []
+    assert by_run.snapshot() == one_by_one.snapshot()
 
 
 def test_most_poses_of_an_even_stream_are_not_pushed_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
