@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contact_curation.geometry.scalars import ScalarPose
-from contact_curation.motion.body_tracker import BodyPose, TrackerConfig
+from contact_curation.motion.body_tracker import BodyPose, BodyTracker, TrackerConfig, body_poses
 from contact_curation.motion.ingest import IngestConfig, IngestEvent, TossIngest
 from contact_curation.motion.pose_stream import BadPose, FramePose, FrameRun, PoseRun
 from contact_curation.motion.segmenter import TossSegmenter
@@ -121,6 +121,20 @@ def test_a_body_that_is_caught_in_the_air_in_one_run() -> None:
     poses = [BodyPose(0, ScalarPose((0.0, 0.0, height), (1.0, 0.0, 0.0, 0.0))) for height in heights]
     for config in CONFIGS:
         assert assert_same(tossed(1, poses), [], config) <= 1
+
+
+def test_a_marker_on_the_body_in_a_frame_of_the_rig() -> None:
+    half = 0.5**0.5
+    by_run, one_by_one = (BodyTracker(TRACKER) for _ in range(2))
+    for tracker in (by_run, one_by_one):
+        tracker.push(board_in_map())
+        tracker.push(FramePose(0, "marker", "body_cube", ScalarPose((0.01, 0.0, -0.03), (half, half, 0.0, 0.0)), static=True))
+        tracker.push(FramePose(0, "map", "camera", ScalarPose((0.1, 0.2, 0.3), (half, 0.0, 0.0, -half)), static=True))
+    poses = [replace(one, parent="camera", child="marker") for one in tossed(1, TOSS)]
+    found = by_run.push_run(run_of(poses))
+    assert found is not None
+    assert repr(body_poses(found)) == repr([event for one in poses for event in one_by_one.push(one)])
+    assert repr(by_run.snapshot()) == repr(one_by_one.snapshot())
 
 
 def test_a_segmenter_ends_a_motion_at_a_gap_in_a_run() -> None:
