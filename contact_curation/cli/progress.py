@@ -26,27 +26,28 @@ class Progress:
         self._what, self._unit, self._total = what, unit, total
         self._before = self._done = done
         self._share: float | None = None
+        self._note = ""
         self._bar: Any = None
         self._began = time.monotonic()
         self._next_line = self._began + SECONDS_BETWEEN_LINES
 
     def advance(self, count: int = 1, note: str = "", share: float | None = None) -> None:
-        """Counts `count` more as done; `note` describes the state, `share` gives the share of all if the total is not known."""
+        """Counts `count` more as done; see `pipeline.workers.Bar`. With a total, that gives the share."""
         self._done += count
-        self._share = share or self._share
+        self._share, self._note = share or self._share, note or self._note
         now = time.monotonic()
         if self._bar is not None:
             left = self._left(now) if self._total is None else ""
-            self._bar.set_postfix_str(", ".join(filter(None, (left, note))), refresh=False)
+            self._bar.set_postfix_str(", ".join(filter(None, (left, self._note))), refresh=False)
             self._bar.update(count)
         elif now >= self._next_line:
             self._next_line = now + SECONDS_BETWEEN_LINES
-            print(self._line(now, note), file=sys.stderr, flush=True)
+            print(self._line(now), file=sys.stderr, flush=True)
 
-    def _line(self, now: float, note: str) -> str:
+    def _line(self, now: float) -> str:
         of = "" if self._total is None else f" of {self._total}"
         rate = (self._done - self._before) / (now - self._began)
-        parts = (f"{self._done}{of} {self._unit}", f"{rate:.3g} {self._unit}/s", self._left(now), note)
+        parts = (f"{self._done}{of} {self._unit}", f"{rate:.3g} {self._unit}/s", self._left(now), self._note)
         return f"{self._what}: {', '.join(filter(None, parts))}"
 
     def _left(self, now: float) -> str:

@@ -26,7 +26,22 @@ class Protocol(StrEnum):
 
 
 @dataclass(frozen=True)
-class Cell:
+class Planned:
+    """What an experiment is to run, of which the ledger tells whether it was."""
+
+    @property
+    def key(self) -> str:
+        """The same for equal ones only."""
+        return json.dumps(asdict(self), sort_keys=True)
+
+    @property
+    def fields(self) -> dict[str, float | str]:
+        """What its rows begin with."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Cell(Planned):
     """One training.
 
     Attributes:

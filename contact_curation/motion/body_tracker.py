@@ -11,7 +11,9 @@ from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import dist, inf
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
+
+import numpy as np
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.scalars import IDENTITY, ScalarPose, Vector, angle_between, compose, inverse
@@ -19,6 +21,8 @@ from contact_curation.motion.frame_tree import HISTORY, FrameTree, Link, compose
 from contact_curation.motion.pose_stream import (
     BadPose,
     FramePose,
+    FrameRun,
+    PoseRun,
     counted,
     reading_state,
     stamped_pose,
@@ -82,6 +86,11 @@ class BodyPose:
 
     stamp_ns: int
     pose: ScalarPose
+
+
+def body_poses(run: PoseRun) -> list[BodyPose]:
+    """The poses of a run in the board's frame one by one."""
+    return [BodyPose(stamp_ns, ScalarPose(position, orientation)) for stamp_ns, position, orientation in run.one_by_one()]
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,6 +176,27 @@ class BodyTracker:
             self._rig_measured(measured)
             events = self._known() if measured.child in self.needed_frames else []
         return self._counted(events)
+
+    def push_run(self, measured: FrameRun) -> PoseRun | None:
+        """Takes in successive poses of the body where each is known on the board at once, and gives these.
+
+        Returns:
+            None where the rig moves or is not known, poses wait, the clock jumps back or speeds are limited: then nothing has
+            changed, and the poses are to be pushed one by one.
+        """
+        way = self._way(measured.parent, measured.child) if measured.child == self._moving else None
+        if way is None or way.static is None or self._waiting or self._limited:
+            return None
+        stamps = measured.poses.stamps_ns
+        newest = np.maximum.accumulate(np.append(stamps[0] if self._last_ns is None else self._last_ns, stamps))
+        if (newest[:-1] - stamps).max() > self.config.clock_jump * NANOSECONDS:
+            return None
+        if measured.parent not in self._parents:
+            self._parents = (*self._parents, measured.parent)[-MOST_PARENTS:]
+        poses = self._run_in_board(way.static, measured.poses)
+        self._last_ns, (self._last_pose,) = int(newest[-1]), body_poses(poses.part(len(poses) - 1, len(poses)))
+        self.counts["poses"] += len(poses)
+        return poses
 
     def flush(self) -> tuple[TrackerEvent, ...]:
         """Ends the stream: body poses that still wait are given up."""
@@ -264,7 +294,17 @@ class BodyTracker:
         pose = measured.pose
         if body is not IDENTITY or above is not IDENTITY or 0.0 in pose.position or 0.0 in pose.orientation_wxyz:
             pose = compose(above, compose(pose, body))  # with two identities it changes nothing but signs of zeros
-        tracked = compose(to_board, pose)
+        return self._centered(compose(to_board, pose))
+
+    def _run_in_board(self, way: tuple[ScalarPose, ScalarPose, ScalarPose], measured: PoseRun) -> PoseRun:
+        """The same for a run over a way that does not move: the scalars' arithmetic over columns of numbers."""
+        body, above, to_board = way
+        columns = ScalarPose(cast(Any, tuple(measured.positions.T)), cast(Any, tuple(measured.orientations_wxyz.T)))
+        placed = self._centered(compose(to_board, compose(above, compose(columns, body))))
+        return PoseRun(measured.stamps_ns, *(np.stack(part, axis=1) for part in placed))
+
+    def _centered(self, tracked: ScalarPose) -> ScalarPose:
+        """The pose with its origin in the centre of mass."""
         return compose(tracked, self._center) if any(self._center.position) else tracked
 
     def _way(self, parent: str, child: str) -> _Way | None:

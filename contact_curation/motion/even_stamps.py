@@ -14,7 +14,7 @@ Nothing depends on when something is pushed: live streams and recordings come ou
 """
 
 from collections import Counter, deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import dist, log, prod, sqrt
@@ -22,10 +22,11 @@ from statistics import median, pstdev
 from typing import Any
 
 from contact_curation.geometry.scalars import ScalarPose, Vector
-from contact_curation.motion.body_tracker import BodyPose
+from contact_curation.motion.body_tracker import BodyPose, body_poses
 from contact_curation.motion.pose_noise import RIG_NOISE
 from contact_curation.motion.pose_stream import (
     BadPose,
+    PoseRun,
     counted,
     finite,
     reading_state,
@@ -83,6 +84,9 @@ DECIDED, SUREST = -8.0, 64.0
 KEPT = 4096
 """So many last delays tell how much stamps scatter."""
 
+REMEMBERED = 4
+"""Last poses, whose third differences weigh their stamps."""
+
 
 @dataclass(slots=True)
 class _Line:
@@ -123,7 +127,7 @@ class StampEvener:
         self._delays: deque[float] = deque(maxlen=KEPT)
         self._given_ns: int | None = None
         self._held: deque[BodyPose] = deque()
-        self._last: deque[BodyPose] = deque(maxlen=4)
+        self._last: deque[BodyPose] = deque(maxlen=REMEMBERED)
         self._line: _Line | None = None
         self._period, self._passing, self._calm = 0.0, False, 0
         self._lost, self._score, self._unsteady = 0.0, 0.0, 0.0
@@ -150,8 +154,7 @@ class StampEvener:
         ended = self._ended() if step_ns > PAUSE else []
         self._remember(pose)
         if self._passing:
-            if step_ns > PAUSE or (step_ns < 1.5 * self._period and self._is_even(step_ns)):
-                self._period += MEMORY * (step_ns - self._period) if step_ns <= PAUSE else 0.0
+            if self._goes_on(step_ns):
                 return [*ended, self._given(pose, pose.stamp_ns)]
             self._passing, self._line = False, _Line(pose.stamp_ns - step_ns, 0.0, self._period, round(4.0 / LEAST_GAIN))
             self._calm, self._lost = 0, 0.0
@@ -161,6 +164,18 @@ class StampEvener:
             return [*ended, *self._begun()]
         self._calm = self._calm + 1 if self._is_even(step_ns) else 0
         return [*ended, *self._followed(self._line)]
+
+    def push_run(self, run: PoseRun) -> Iterator[PoseRun | BodyPose | BadPose]:
+        """The same for successive poses: those whose stamps pass as they are come out in runs."""
+        at, stamps, poses = 0, run.stamps_ns.tolist(), list[BodyPose]()
+        while at < len(stamps):
+            stop = self._pass_as_they_are(run, stamps, at)
+            if stop > at:
+                yield run.part(at, stop)
+            if stop < len(stamps):
+                poses = poses or body_poses(run)
+                yield from self.push(poses[stop])
+            at = stop + 1
 
     def flush(self) -> list[BodyPose | BadPose]:
         """Ends the stream, or what of it belongs together; what comes next is another one."""
@@ -213,6 +228,33 @@ class StampEvener:
         off = abs(step_ns - max(round(step_ns / self._period), 1) * self._period)
         self._unsteady += MEMORY * (min(off, EVEN) ** 2 - self._unsteady)
         return off <= EVEN and self._unsteady <= float(UNSTEADY) ** 2
+
+    def _goes_on(self, step_ns: int) -> bool:
+        """Whether a stream whose stamps pass goes on evenly, or after a pause."""
+        if step_ns > PAUSE:
+            return True
+        if not (step_ns < 1.5 * self._period and self._is_even(step_ns)):
+            return False
+        self._period += MEMORY * (step_ns - self._period)
+        return True
+
+    def _pass_as_they_are(self, run: PoseRun, stamps: list[int], start: int) -> int:
+        """Takes in poses from index `start` on, up to the first one whose stamp may not pass as it is; gives its index."""
+        if not (self._passing and self._last) or (self._given_ns is not None and stamps[start] <= self._given_ns):
+            return start
+        stop, last_ns = start, self._last[-1].stamp_ns
+        while stop < len(stamps):
+            step_ns, unsteady = stamps[stop] - last_ns, self._unsteady
+            if step_ns <= 0 or not self._goes_on(step_ns):
+                self._unsteady = unsteady
+                break
+            if step_ns > PAUSE:
+                self._calm = 0
+            last_ns, stop = stamps[stop], stop + 1
+        for pose in body_poses(run.part(max(start, stop - REMEMBERED), stop)):
+            self._remember(pose)
+            self._given_ns = pose.stamp_ns
+        return stop
 
     def _holds(self, span_ns: int) -> bool:
         """Whether the poses that wait span so much, and are enough."""

@@ -5,13 +5,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from contact_curation.motion.body_tracker import BodyPose, BodyTracker, ClockJump, TrackerConfig, TrackerEvent
+from contact_curation.motion.body_tracker import BodyPose, BodyTracker, ClockJump, TrackerConfig, TrackerEvent, body_poses
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration, apply_calibration
 from contact_curation.motion.even_stamps import StampEvener
 from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.gates import inspect
-from contact_curation.motion.pose_noise import RIG, PoseNoise, TrackerScale, scattering
-from contact_curation.motion.pose_stream import BadPose, FramePose, counted, reading_state, whole_or_none
+from contact_curation.motion.pose_noise import RIG, PoseNoise, TrackerScale, scattering, spans_of
+from contact_curation.motion.pose_stream import BadPose, FramePose, FrameRun, PoseRun, counted, reading_state, whole_or_none
 from contact_curation.motion.scales import TossedBody
 from contact_curation.motion.segmenter import TossSegmenter
 from contact_curation.motion.segmenter_config import SegmenterConfig
@@ -113,6 +113,16 @@ class TossIngest:
         """Takes in a measurement of the body or the rig; gives what became complete, in order."""
         return tuple(self._followed(self._tracker.push(measured)))
 
+    def push_run(self, measured: FrameRun) -> tuple[IngestEvent, ...]:
+        """The same as `push` of each of its poses: what is certain of many poses at once is done with arrays."""
+        placed = self._tracker.push_run(measured) if self._placed is None else None
+        if placed is None:
+            return tuple(event for one in measured.frame_poses() for event in self.push(one))
+        events: list[IngestEvent] = []
+        for given in self._stamps.push_run(placed):
+            events += self._segmented_run(given) if isinstance(given, PoseRun) else self._segmented((given,))
+        return tuple(events)
+
     def flush(self) -> tuple[IngestEvent, ...]:
         """Ends the stream; a toss that is not at rest is rejected."""
         ended = [*self._followed(self._tracker.flush()), *self._segmented(self._stamps.flush())]
@@ -176,6 +186,19 @@ class TossIngest:
                 ended += self._judged(motions)
             if motions := self._segmenter.push(pose.stamp_ns, pose.pose.position, pose.pose.orientation_wxyz):
                 ended += self._judged(motions)
+        return ended
+
+    def _segmented_run(self, run: PoseRun) -> list[IngestEvent]:
+        """The same for a run: only the first pose in a span changes the measured noise, and so the segmenter's bounds."""
+        ended: list[IngestEvent] = []
+        for span in spans_of(run):
+            ended += self._segmented(body_poses(span.part(0, 1)))
+            rest = span.part(1, len(span))
+            if self.config.segmenter.tracker_noise is not None or self.noise.scale == self._segmenter.tracker:
+                self.noise.push_run(rest)
+                ended += self._judged(self._segmenter.push_run(rest))
+            else:  # the bounds follow when the motion in progress ends
+                ended += self._segmented(body_poses(rest))
         return ended
 
     def _noise_followed(self, stamp_ns: int) -> tuple[Toss | Rejected, ...]:

@@ -14,6 +14,7 @@ noise, although one may have begun a little earlier.
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from math import ceil, comb, factorial, log2, radians, sqrt
 from typing import Any
 
@@ -21,7 +22,7 @@ import numpy as np
 
 from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.scalars import Quaternion, Vector
-from contact_curation.motion.pose_stream import finite, reading_state, stamped_pose
+from contact_curation.motion.pose_stream import PoseRun, finite, reading_state, stamped_pose
 
 RIG_NOISE = 2.2e-5
 """Of the real rig's positions, standard deviation per axis [m] (method.md 3); segmenter and gates have their bounds for it."""
@@ -92,6 +93,10 @@ class PoseNoise:
             self._close()
         self._rows.append((stamp_ns, *position, *orientation_wxyz))
 
+    def push_run(self, run: PoseRun) -> None:
+        """The same for poses within the span of the last one (`spans_of`)."""
+        self._rows += [(stamp_ns, *position, *orientation) for stamp_ns, position, orientation in run.one_by_one()]
+
     def reset(self) -> None:
         """The next pose has nothing to do with the last one."""
         self._rows, self._whole = [], False
@@ -149,6 +154,12 @@ class PoseNoise:
             return 0.0, 0.0
         position, turn = (sorted(each)[(len(spans) - 1) // 4] for each in zip(*spans, strict=True))
         return position / RIG_NOISE, turn / RIG_TURN
+
+
+def spans_of(run: PoseRun) -> list[PoseRun]:
+    """A run, cut where its stamps come into another span."""
+    cuts = (np.flatnonzero(np.diff(run.stamps_ns // SPAN_NS)) + 1).tolist()
+    return [run.part(start, stop) for start, stop in pairwise((0, *cuts, len(run)))]
 
 
 def scattering(multiple: float) -> str:

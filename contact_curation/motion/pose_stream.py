@@ -1,4 +1,6 @@
-"""One pose of a stream, as any tracker gives it: a child frame in a parent frame at a time, or the reason why there is none.
+"""The poses of a stream, as any tracker gives them: a child frame in a parent frame at a time, or the reason why there is none.
+
+Recordings are read in runs of successive poses, which are arrays; live poses come one by one.
 
 The stages that follow a stream write their state down as plain numbers, lists and names (`snapshot`), which JSON keeps exactly.
 Whatever reads such a state does it under `reading_state`, so that another content is refused in one line.
@@ -11,8 +13,12 @@ from dataclasses import dataclass
 from math import isfinite, sqrt
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.poses import QUATERNION_TOLERANCE
+from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.scalars import Quaternion, ScalarPose, Vector
 
 FARTHEST = 1e6
@@ -80,6 +86,54 @@ def checked_pose(
     if max(abs(x), abs(y), abs(z)) > FARTHEST:
         return BadPose(stamp_ns, child, f"position: found {(x, y, z)}, expected one within {FARTHEST:g} m")
     return FramePose(stamp_ns, parent, child, ScalarPose((x, y, z), (w, qx, qy, qz)), static)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PoseRun:
+    """N successive poses, in the order in which they were recorded.
+
+    Attributes:
+        stamps_ns: (N,) int64 header stamps.
+        positions: (N, 3) [m].
+        orientations_wxyz: (N, 4).
+    """
+
+    stamps_ns: NDArray[np.int64]
+    positions: Array
+    orientations_wxyz: Array
+
+    def __len__(self) -> int:
+        return len(self.stamps_ns)
+
+    def part(self, start: int, stop: int) -> "PoseRun":
+        """The poses from index `start` to before `stop`."""
+        return PoseRun(self.stamps_ns[start:stop], self.positions[start:stop], self.orientations_wxyz[start:stop])
+
+    def one_by_one(self) -> Iterator[tuple[int, Vector, Quaternion]]:
+        """Stamp [ns], position [m] and orientation of each pose."""
+        columns = (*self.positions.T.tolist(), *self.orientations_wxyz.T.tolist())
+        x, y, z, a, b, c, d = columns
+        return zip(self.stamps_ns.tolist(), zip(x, y, z, strict=True), zip(a, b, c, d, strict=True), strict=True)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FrameRun:
+    """Where `child` stands in `parent`, pose by pose; the numbers are those that `checked_pose` accepts."""
+
+    parent: str
+    child: str
+    poses: PoseRun
+
+    def part(self, start: int, stop: int) -> "FrameRun":
+        """The poses from index `start` to before `stop`."""
+        return FrameRun(self.parent, self.child, self.poses.part(start, stop))
+
+    def frame_poses(self, *, static: bool = False) -> list[FramePose]:
+        """The same poses one by one."""
+        return [
+            FramePose(stamp_ns, self.parent, self.child, ScalarPose(position, orientation), static)
+            for stamp_ns, position, orientation in self.poses.one_by_one()
+        ]
 
 
 @contextmanager

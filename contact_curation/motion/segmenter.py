@@ -10,7 +10,9 @@ over it. Where stamps were closed up over lost frames (`closed_up`), a motion th
 flights give away. One class serves live streams and recordings, and its state can be written down and taken up again.
 """
 
-from collections.abc import Mapping
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from math import dist, nan
 from typing import Any, NamedTuple
 
@@ -20,13 +22,13 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.scalars import Quaternion, Vector, third_row
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.motion.pose_noise import TrackerScale
-from contact_curation.motion.pose_stream import finite, reading_state, stamped_pose, whole, whole_or_none
+from contact_curation.motion.pose_stream import PoseRun, finite, reading_state, stamped_pose, whole, whole_or_none
 from contact_curation.motion.scales import TossedBody, scale_of
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.smoothing import noise_growth
 from contact_curation.motion.survey.lost_frames import lost_frames
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
-from contact_curation.motion.toss_rules import MEMORY, FallDetector, Frame, Motion, cut, reasons_against
+from contact_curation.motion.toss_rules import MEMORY, FallDetector, Frame, Motion, cut, may_fall, reasons_against
 
 DOUBTFUL = 1.2
 """Times the real rig's noise, that of accelerations by rate counted in: from there on it may look like free fall."""
@@ -52,6 +54,24 @@ class AtRate(NamedTuple):
     frames_at_rest: int
     fall_tolerances: tuple[float, float]
     doubtful: bool
+
+
+class Eventful(NamedTuple):
+    """Poses of a run by index, ascending, that may change more than what a segmenter remembers; the others cannot.
+
+    Attributes:
+        idle: while there is no toss.
+        tossing: during a toss, as long as the newest displacement was none of a body at rest.
+        unconfirmed: so many frames of a toss are eventful: noise may have begun it.
+    """
+
+    idle: list[int]
+    tossing: list[int]
+    unconfirmed: int
+
+
+SURELY = 1e-9
+"""Share by which a number is over or under a bound beyond rounding."""
 
 
 class TossSegmenter:
@@ -119,6 +139,26 @@ class TossSegmenter:
             return closed
         return self._look_for_end()
 
+    def push_run(self, run: PoseRun) -> tuple[Toss | Rejected, ...]:
+        """The same as `push` of each pose: those that can begin and end nothing are only remembered.
+
+        Raises:
+            InvalidValueError: a stamp is not later than the last.
+        """
+        frames, ended, at = [Frame(*one) for one in run.one_by_one()], list[Toss | Rejected](), 0
+        eventful: Eventful | None = None
+        while at < len(frames):
+            if len(self._run) >= MEMORY and len(self._steps_ns) == STEPS:
+                eventful = eventful or self._eventful(run, at)
+                stop = self._uneventful_until(eventful, at, len(frames))
+                if stop > at:
+                    self._remember(frames[at:stop])
+                    at = stop
+                    continue
+            ended += self.push(*frames[at])
+            at += 1
+        return tuple(ended)
+
     def reset(self, why: str) -> tuple[Toss | Rejected, ...]:
         """Ends the run of frames, e.g. because the clock jumped back; a toss that is not at rest yet is rejected for `why`."""
         ended = self._close(why)
@@ -158,9 +198,47 @@ class TossSegmenter:
         self._run, self._steps_ns, self._start, self._still = run, steps_ns, start, still
         self._moved_ns, self._outside = moved_ns, outside
         self._take_bounds(tracker)
-        self._fall = FallDetector()
-        for frame in run[-MEMORY:]:
-            self._fall.push(frame.stamp_ns, frame.position[2])
+        self._fall = _detector_after(run)
+
+    def _eventful(self, run: PoseRun, first: int) -> Eventful:
+        """Which poses of a run, from index `first` on, may be eventful, whatever happens before; gaps are."""
+        before = self._run[-MEMORY:]
+        stamps = np.append([frame.stamp_ns for frame in before], run.stamps_ns[first:])
+        positions = np.concatenate([[frame.position for frame in before], run.positions[first:]])
+        steps = np.append(self._steps_ns, np.diff(stamps[MEMORY - 1 :]))
+        periods = np.sort(np.lib.stride_tricks.sliding_window_view(steps, STEPS), axis=1)[:, (STEPS - 1) // 2] / NANOSECONDS
+        if self.config.frame_period is not None:
+            periods[:] = self.config.frame_period
+        shortest, steps = float(periods.min()) or 1.0 / NANOSECONDS, steps[STEPS:]
+        gaps = (steps <= 0) | (steps > (1.0 - SURELY) * self.config.largest_gap * NANOSECONDS * periods[:-1])
+        falls = may_fall(stamps, positions[:, 2], self._bounds.gravity, *self._bounds.fall_tolerances(shortest))
+        moved = np.square(np.diff(positions[MEMORY - 1 :], axis=0)).sum(axis=1)
+        rests = moved <= (1.0 + SURELY) * self._bounds.rest_displacement**2
+        doubtful = self._bounds.acceleration_noise(shortest) > (1.0 - SURELY) * DOUBTFUL
+        unconfirmed = 2 * max(round(0.5 * CONFIRMED / shortest), 1) + 1 if doubtful else 0
+        idle, tossing = (np.flatnonzero(gaps | some) + first for some in (falls, rests))
+        return Eventful(idle.tolist(), tossing.tolist(), unconfirmed)
+
+    def _uneventful_until(self, eventful: Eventful, at: int, end: int) -> int:
+        """Index of the next pose that may be eventful; `at` or less if it is that one."""
+        places = eventful.idle if self._start is None else eventful.tossing
+        place = bisect_left(places, at)
+        stop = places[place] if place < len(places) else end
+        if self._start is None:
+            return stop
+        frames = len(self._run) - self._start
+        return at if self._still or frames < eventful.unconfirmed else min(stop, at + self.config.most_frames - frames)
+
+    def _remember(self, frames: Sequence[Frame]) -> None:
+        """Takes in frames that are not eventful."""
+        stamps = [frame.stamp_ns for frame in (self._run[-1], *frames)]
+        self._steps_ns = [*self._steps_ns, *(later - earlier for earlier, later in pairwise(stamps))][-STEPS:]
+        self._run += frames
+        if self._start is None:
+            if self.config.bounded and not self._outside:
+                self._outside = not all(self.config.over_board(*frame.position[:2]) for frame in frames)
+            del self._run[:-MEMORY]
+        self._fall = _detector_after(self._run)
 
     def _take_bounds(self, tracker: TrackerScale) -> None:
         self.tracker, self._bounds = tracker, self.config.bounds(self._body_scale, tracker)
@@ -337,3 +415,11 @@ class TossSegmenter:
         later += [later[-1]] * (len(self._run) - stop)
         reopened = [frame._replace(stamp_ns=frame.stamp_ns + by) for frame, by in zip(self._run[first:], later, strict=True)]
         return self._run[:first] + reopened
+
+
+def _detector_after(run: Sequence[Frame]) -> FallDetector:
+    """The detector that has seen a run."""
+    fall = FallDetector()
+    for frame in run[-MEMORY:]:
+        fall.push(frame.stamp_ns, frame.position[2])
+    return fall

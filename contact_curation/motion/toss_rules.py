@@ -5,13 +5,21 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.scalars import Quaternion, Vector
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration, apply_calibration, calibrated_vectors
 from contact_curation.motion.segmenter_config import SegmenterBounds, SegmenterConfig
-from contact_curation.motion.smoothing import all_around, clear_steps, kinematics, median_orientations, vertex_travels
+from contact_curation.motion.smoothing import (
+    all_around,
+    clear_steps,
+    kinematics,
+    median_of_three,
+    median_orientations,
+    vertex_travels,
+)
 from contact_curation.motion.toss import NANOSECONDS, Toss, toss_identity
 
 MEMORY = 6
@@ -66,6 +74,36 @@ class FallDetector:
         later, earlier = self.accelerations
         highest = tolerance - gravity
         return later < highest and earlier < highest and abs(0.5 * (later + earlier) + gravity) < mean_tolerance
+
+
+FALL_ROUNDING = 1e-6
+"""[m/s^2] Accelerations that are calculated over arrays may differ by so much from those of a `FallDetector`, and more."""
+
+
+def may_fall(
+    stamps_ns: NDArray[np.int64], heights: Array, gravity: float, tolerance: float, mean_tolerance: float
+) -> NDArray[np.bool_]:
+    """Where a `FallDetector` may find free fall; nowhere else does it.
+
+    Args:
+        stamps_ns: (MEMORY + N,) of a run.
+        heights: (MEMORY + N,) [m].
+        gravity: as the others of `FallDetector.falls`, at least what they are at any of these frames.
+        tolerance: likewise.
+        mean_tolerance: likewise.
+
+    Returns:
+        (N,) for the frames after the first `MEMORY`.
+    """
+    steps = np.maximum(np.diff(stamps_ns), 1) / NANOSECONDS
+    quotients = np.diff(heights) / steps  # of frames 1, 2, ...
+    velocities = median_of_three(quotients[:, np.newaxis])[1:-1, 0]  # of frames 2, 3, ..., up to the last but one
+    accelerations = np.diff(velocities) / steps[2:-1]  # of frames 3, 4, ...
+    later, earlier = accelerations[MEMORY - 4 :], accelerations[MEMORY - 5 : -1]
+    highest = tolerance - gravity + FALL_ROUNDING
+    return np.asarray(
+        (later < highest) & (earlier < highest) & (np.abs(0.5 * (later + earlier) + gravity) < mean_tolerance + FALL_ROUNDING)
+    )
 
 
 class Frame(NamedTuple):

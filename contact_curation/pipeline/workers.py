@@ -21,16 +21,17 @@ from contact_curation.storage.addresses import Address
 class Advance(Protocol):
     """A function that work calls to report its progress."""
 
-    def __call__(self, count: int, /, *, share: float | None = None) -> None:
+    def __call__(self, count: int, /, *, note: str = "", share: float | None = None) -> None:
         """Reports progress.
 
         Args:
             count: number of tosses done since the last call.
+            note: how far the work is, in other units; empty where it is as before.
             share: finished share of the whole work, from 0 to 1; None where it is not known.
         """
 
 
-def unheard(count: int, /, *, share: float | None = None) -> None:
+def unheard(count: int, /, *, note: str = "", share: float | None = None) -> None:
     """Ignores progress."""
 
 
@@ -38,7 +39,10 @@ class Bar(Protocol):
     """The progress of one piece of work."""
 
     def advance(self, count: int = 1, note: str = "", share: float | None = None) -> None:
-        """Counts `count` more as done; `note` describes the state, `share` is the finished share of all, from 0 to 1."""
+        """Counts `count` more as done; `note` describes the state, `share` is the finished share of all, from 0 to 1.
+
+        What is left out is as before.
+        """
 
 
 class Progress(Protocol):
@@ -85,6 +89,37 @@ def _size_of(path: Path) -> int:
         return sum(entry.stat().st_size for entry in path.iterdir()) if path.is_dir() else path.stat().st_size
     except OSError:
         return 0
+
+
+class Finished:
+    """Reports the inputs that are done: how many, and if their sizes are known how much of them.
+
+    Args:
+        inputs: all there are.
+        advance: told for each of them.
+    """
+
+    def __init__(self, inputs: Sequence[object], advance: Advance) -> None:
+        self._sizes = [_known_size(one) for one in inputs]
+        self._advance = advance
+        self._done, self._done_bytes = 0, 0
+
+    def add(self, place: int, tosses: int) -> None:
+        """Reports the input at `place`, and how many of its tosses were not reported yet."""
+        self._done, self._done_bytes = self._done + 1, self._done_bytes + self._sizes[place]
+        number, total = len(self._sizes), sum(self._sizes)
+        note, share = f"{self._done} of {number} recordings", self._done / number
+        if all(self._sizes):
+            unit, name = (1e9, "GB") if total >= 1e9 else (1e6, "MB")
+            note, share = f"{note}, {self._done_bytes / unit:.1f} of {total / unit:.1f} {name}", self._done_bytes / total
+        self._advance(tosses, note=note if number > 1 else "", share=share)
+
+
+def _known_size(one: object) -> int:
+    """Size of a recording [bytes]; 0 if it is not known without asking a server, or not a path."""
+    if isinstance(one, Address):
+        return one.known_size
+    return _size_of(one) if isinstance(one, Path) else 0
 
 
 class WorkerDiedError(ContactCurationError):
@@ -159,9 +194,10 @@ class LocalEngine:
         if min(self.jobs, len(inputs)) > 1:
             yield from _in_processes(work, inputs, min(self.jobs, len(inputs)), advance)
             return
+        finished = Finished(inputs, advance)
         for place, one in enumerate(inputs):
             result = work(one, advance)
-            advance(0, share=(place + 1) / len(inputs))
+            finished.add(place, 0)
             yield place, result
 
 
@@ -190,18 +226,12 @@ def _in_processes[Input, Result](
     work: Callable[[Input, Advance], Result], inputs: Sequence[Input], jobs: int, advance: Advance
 ) -> Iterator[tuple[int, Result | Broken]]:
     """Runs all inputs in parallel. If a process dies, each input that was being worked on is tried once more, alone."""
-    waiting, done = list(range(len(inputs))), 0
-
-    def tell(count: int) -> None:
-        nonlocal done
-        done += 1
-        advance(count, share=done / len(inputs))
-
+    waiting, finished = list(range(len(inputs))), Finished(inputs, advance)
     while waiting:
-        suspects, waiting = yield from _in_parallel(work, inputs, waiting, jobs, tell)
+        suspects, waiting = yield from _in_parallel(work, inputs, waiting, jobs, finished)
         for place in suspects:
-            if (yield from _in_parallel(work, inputs, [place], 1, tell)).suspects:
-                tell(0)
+            if (yield from _in_parallel(work, inputs, [place], 1, finished)).suspects:
+                finished.add(place, 0)
                 yield place, Broken("its worker process died twice, perhaps because memory ran out: left out")
 
 
@@ -210,7 +240,7 @@ def _in_parallel[Input, Result](
     inputs: Sequence[Input],
     places: Sequence[int],
     jobs: int,
-    tell: Callable[[int], None],
+    finished: Finished,
 ) -> Generator[tuple[int, Result], None, Unfinished]:
     """Yields the place and the result of each input, until all are done or a process dies; returns those without a result."""
     coming = deque(places)
@@ -223,12 +253,13 @@ def _in_parallel[Input, Result](
                 while coming and len(under_way) <= jobs:
                     future = executor.submit(counted_work, work, inputs[coming[0]])
                     under_way[future] = coming.popleft()
-                finished = wait(under_way, return_when=FIRST_COMPLETED).done
-                for future in [one for one in finished if not isinstance(one.exception(), BrokenProcessPool)]:
+                done = wait(under_way, return_when=FIRST_COMPLETED).done
+                for future in [one for one in done if not isinstance(one.exception(), BrokenProcessPool)]:
                     result, count = future.result()
-                    tell(count)
-                    yield under_way.pop(future), result
-                if any(isinstance(one.exception(), BrokenProcessPool) for one in finished):
+                    place = under_way.pop(future)
+                    finished.add(place, count)
+                    yield place, result
+                if any(isinstance(one.exception(), BrokenProcessPool) for one in done):
                     return Unfinished(sorted(under_way.values()), list(coming))
         except BrokenProcessPool:  # when the next one was to be submitted
             return Unfinished(sorted(under_way.values()), list(coming))
@@ -245,7 +276,7 @@ def counted_work[Input, Result](work: Callable[[Input, Advance], Result], one: I
     """Does the work for one input, and counts the tosses that it reports as done."""
     count = 0
 
-    def advance(more: int, /, *, share: float | None = None) -> None:
+    def advance(more: int, /, *, note: str = "", share: float | None = None) -> None:
         nonlocal count
         count += more
 

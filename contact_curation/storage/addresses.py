@@ -96,6 +96,11 @@ class Address(PosixPath):
         return self
 
     @property
+    def known_size(self) -> int:
+        """Its size [bytes], or 0 before the server was asked for its properties."""
+        return int((self._facts or {}).get("size") or 0)
+
+    @property
     def facts(self) -> dict[str, Any]:
         """Its properties, as the server gives them.
 

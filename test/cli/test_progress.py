@@ -39,10 +39,13 @@ def test_where_nobody_knows_the_total_the_share_says_how_long_it_takes(
         clock.now += 20.0
         bar.advance(10)
         clock.now += 40.0
-        bar.advance(5, share=0.25)
+        bar.advance(5, note="1 of 4 recordings", share=0.25)
+        clock.now += 60.0
+        bar.advance(15)
     assert capsys.readouterr().err.splitlines() == [
         "reading: 10 tosses, 0.5 tosses/s",
-        "reading: 15 tosses, 0.25 tosses/s, 3 min left",
+        "reading: 15 tosses, 0.25 tosses/s, 3 min left, 1 of 4 recordings",
+        "reading: 30 tosses, 0.25 tosses/s, 6 min left, 1 of 4 recordings",
     ]
 
 

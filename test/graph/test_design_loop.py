@@ -71,7 +71,7 @@ class Loop:
     def until_made(self, throws: int) -> None:
         """Waits until so many throws were made and the last one's toss was scored."""
         self.graph.until(
-            lambda: len(self.entries()) >= throws and self.entries()[-1].toss_id, LONG, f"{throws} throws and tosses"
+            lambda: len(self.entries()) >= throws and self.entries()[-1].realised, LONG, f"{throws} throws and gains"
         )
 
     def until_under_way(self) -> str:

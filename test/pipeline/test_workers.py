@@ -10,7 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from contact_curation.pipeline.workers import BYTES_PER_PROCESS, Advance, WorkerDiedError, each, processes_for, unheard
+from contact_curation.pipeline.workers import (
+    BYTES_PER_PROCESS,
+    Advance,
+    Finished,
+    WorkerDiedError,
+    each,
+    processes_for,
+    unheard,
+)
 from contact_curation.storage.addresses import Address
 
 
@@ -30,12 +38,48 @@ def test_results_come_in_the_order_of_the_inputs(jobs: int) -> None:
     told: list[int] = []
     shares: list[float] = []
 
-    def advance(count: int, /, *, share: float | None = None) -> None:
+    def advance(count: int, /, *, note: str = "", share: float | None = None) -> None:
         told.append(count)
         shares.extend([] if share is None else [share])
 
     assert list(each(squared, [0, 1, 2, 3], jobs, advance)) == [0, 1, 4, 9]
     assert (sum(told), shares) == (6, [0.25, 0.5, 0.75, 1.0])
+
+
+def length(path: Path, advance: Advance) -> int:
+    return len(path.read_bytes()) if path.exists() else 0
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_progress_counts_recordings_and_their_bytes_if_all_are_known(jobs: int, tmp_path: Path) -> None:
+    paths = [tmp_path / name for name in "abc"]
+    for path, size in zip(paths, (3_000_000, 500_000, 500_000), strict=True):
+        path.write_bytes(bytes(size))
+    told: list[tuple[str, float | None]] = []
+
+    def advance(count: int, /, *, note: str = "", share: float | None = None) -> None:
+        told.append((note, share))
+
+    list(each(length, paths, jobs, advance))
+    assert told[-1] == ("3 of 3 recordings, 4.0 of 4.0 MB", 1.0)
+    if jobs == 1:
+        assert told[:2] == [("1 of 3 recordings, 3.0 of 4.0 MB", 0.75), ("2 of 3 recordings, 3.5 of 4.0 MB", 0.875)]
+    told.clear()
+    list(each(length, [paths[0], tmp_path / "missing"], 1, advance))
+    list(each(length, paths[:1], 1, advance))
+    assert told == [("1 of 2 recordings", 0.5), ("2 of 2 recordings", 1.0), ("", 1.0)]
+
+
+def test_sizes_on_servers_count_if_they_are_known() -> None:
+    told: list[tuple[int, str, float | None]] = []
+
+    def advance(count: int, /, *, note: str = "", share: float | None = None) -> None:
+        told.append((count, note, share))
+
+    listed = [Address(f"s3://lab/{n}.mcap").known({"size": n * 10**9}) for n in (4, 1)]
+    Finished(listed, advance).add(0, 7)
+    Finished([listed[0], Address("s3://lab/other.mcap")], advance).add(0, 7)
+    assert told == [(7, "1 of 2 recordings, 4.0 of 5.0 GB", 0.8), (7, "1 of 2 recordings", 0.5)]
 
 
 def test_processes_are_started_for_recordings_large_enough_and_as_asked_for(

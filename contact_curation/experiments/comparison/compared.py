@@ -6,9 +6,8 @@ polytope with one set of vertices and learned noise of impacts, fitted to the op
 the learned vertices and the learned friction, without a restitution.
 """
 
-import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.experiments.bodies import BODIES, BOUNCING, bench_of
+from contact_curation.experiments.cell import Planned
 from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, Row
 from contact_curation.experiments.comparison.baselines import BASELINES, Weights
 from contact_curation.experiments.counterfactuals.refitted import origin_of
@@ -40,7 +40,7 @@ ALL = "all"
 
 
 @dataclass(frozen=True)
-class Compared:
+class Compared(Planned):
     """One training.
 
     Attributes:
@@ -59,16 +59,6 @@ class Compared:
         for name, accepted in (("body", BODIES), ("rule", [*RULES, *BASELINES])):
             if getattr(self, name) not in accepted:
                 raise UnknownNameError(name, getattr(self, name), accepted)
-
-    @property
-    def key(self) -> str:
-        """The same for equal cells only."""
-        return json.dumps(asdict(self), sort_keys=True)
-
-    @property
-    def fields(self) -> Mapping[str, float | str]:
-        """What its row begins with."""
-        return asdict(self)
 
 
 @lru_cache(maxsize=1)

@@ -1,8 +1,6 @@
 """One refit on a random subset of a body's training tosses, and how its model predicts the tosses that judge."""
 
-import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from time import process_time
 
@@ -14,6 +12,7 @@ from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.models.rows import Rows
 from contact_curation.contact.parameter_form import Form
 from contact_curation.experiments.bodies import BOUNCING, bench_of
+from contact_curation.experiments.cell import Planned
 from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, Row, motion_row
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.pool import Indices
@@ -26,7 +25,7 @@ SPLIT, START = 0, 0
 
 
 @dataclass(frozen=True)
-class Subset:
+class Subset(Planned):
     """Random training tosses of a body.
 
     Attributes:
@@ -38,16 +37,6 @@ class Subset:
     body: str
     size: int
     draw: int
-
-    @property
-    def key(self) -> str:
-        """The same for equal subsets only."""
-        return json.dumps(asdict(self), sort_keys=True)
-
-    @property
-    def fields(self) -> Mapping[str, float | str]:
-        """What its row begins with."""
-        return asdict(self)
 
     def places(self, tosses: int) -> Indices:
         """(size,) places of the drawn tosses among so many, ascending."""

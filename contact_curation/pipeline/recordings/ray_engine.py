@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import Any
 
 from contact_curation.errors import ContactCurationError, InvalidValueError
-from contact_curation.pipeline.workers import Advance, Broken, Counted, counted_work
+from contact_curation.pipeline.workers import Advance, Broken, Counted, Finished, counted_work
 from contact_curation.version import __version__
 
 ONE_PROCESSOR_EACH = 1 << 16
@@ -57,7 +57,7 @@ class RayEngine:
         shared = ray.put(work)
         most = 2 * max(1, int(ray.cluster_resources().get("CPU", 1)))
         coming, under_way = deque(range(len(inputs))), dict[Any, int]()
-        tries, done = Counter[int](), 0
+        tries, finished = Counter[int](), Finished(inputs, advance)
         try:
             while coming or under_way:
                 while coming and len(under_way) < most:
@@ -70,8 +70,7 @@ class RayEngine:
                 if isinstance(result, Broken) and tries[place] < TRIES:
                     coming.append(place)
                     continue
-                done += 1
-                advance(count, share=done / len(inputs))
+                finished.add(place, count)
                 yield place, result
         finally:
             for reference in under_way:

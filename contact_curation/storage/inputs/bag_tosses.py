@@ -5,6 +5,8 @@ from dataclasses import replace
 from itertools import pairwise, takewhile
 from pathlib import Path
 
+import numpy as np
+
 from contact_curation.contact.body import Body
 from contact_curation.errors import MissingTopicError, UnreadableInputError
 from contact_curation.motion.body_tracker import MOST_LISTED, BodyPose
@@ -16,7 +18,7 @@ from contact_curation.motion.toss import NANOSECONDS, Rejected
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.bags.records import BagMessage
 from contact_curation.storage.inputs.pose_messages import Measured
-from contact_curation.storage.inputs.pose_runs import MeasuredMessage, measured_messages
+from contact_curation.storage.inputs.pose_runs import MeasuredMessage, MeasuredRun, measured_runs
 from contact_curation.storage.inputs.pose_source import BODY_PREFIX, PoseSource, TypedTopic, find_pose_source, is_of_another
 from contact_curation.storage.inputs.recording_notes import (
     NUMBERS_NOTE,
@@ -54,8 +56,8 @@ def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReadin
     """
     with BagReader(path) as reader:
         tosses = bag_tosses(reader, body, config)
-        for message in tosses.messages(reader):
-            yield from tosses.taken(message.measured, message.topic)
+        for one in tosses.runs(reader):
+            yield from tosses.taken_run(one) if isinstance(one, MeasuredRun) else tosses.taken(one.measured, one.topic)
         yield from tosses.rest()
         yield from (Problem(str(path), line) for line in tosses.left_out())
         return tosses.summary(reader.losses)
@@ -84,7 +86,7 @@ def bag_tosses(
     return BagTosses(origin, source, body, replace(config, segmenter=rules), numbers, placed)
 
 
-def in_order_of_stamps(messages: Iterable[MeasuredMessage]) -> Iterator[MeasuredMessage]:
+def in_order_of_stamps(messages: Iterable[MeasuredMessage | MeasuredRun]) -> Iterator[MeasuredMessage | MeasuredRun]:
     """Messages in order of log time, where those that overtook others of their topic change places with them.
 
     A recorder logs messages when it receives them. What is in order already comes out as it was; stamps that go back by more
@@ -92,20 +94,39 @@ def in_order_of_stamps(messages: Iterable[MeasuredMessage]) -> Iterator[Measured
     """
     waiting: list[MeasuredMessage] = []
     newest: dict[str, int] = {}
-    for message in messages:
-        late_ns = message.log_time_ns - OVERTAKEN_NS
-        while waiting and (waiting[0].log_time_ns < late_ns or len(waiting) >= MOST_WAITING):
-            yield waiting.pop(0)
-        waiting.append(message)
-        stamp_ns = _stamp_of(message)
-        if stamp_ns is None:
+    for one in messages:
+        if isinstance(one, MeasuredRun) and (settled := _settled(one, newest.get(one.topic))):
+            yield from waiting
+            yield one.part(0, settled)
+            waiting = one.part(settled, len(one.log_times_ns)).messages()
+            newest[one.topic] = int(one.measured.poses.stamps_ns[-1])
             continue
-        back_ns = newest.get(message.topic, stamp_ns) - stamp_ns
-        if 0 < back_ns <= OVERTAKEN_NS:
-            _put_back(waiting, stamp_ns)
-        else:
-            newest[message.topic] = stamp_ns
+        for message in one.messages():
+            yield from _overtaking(message, waiting, newest)
     yield from waiting
+
+
+def _settled(run: MeasuredRun, newest_ns: int | None) -> int:
+    """How many first messages of a run nothing can overtake any more, nor what waits for it; 0 where its stamps go back."""
+    stamps, late_ns = run.measured.poses.stamps_ns, int(run.log_times_ns[-1]) - OVERTAKEN_NS
+    goes_back = np.any(np.diff(stamps, prepend=stamps[0] if newest_ns is None else newest_ns) < 0)
+    return 0 if goes_back else int(np.searchsorted(run.log_times_ns, late_ns))
+
+
+def _overtaking(message: MeasuredMessage, waiting: list[MeasuredMessage], newest: dict[str, int]) -> Iterator[MeasuredMessage]:
+    """Puts a message among those that wait, where it belongs; yields those that nothing can overtake any more."""
+    late_ns = message.log_time_ns - OVERTAKEN_NS
+    while waiting and (waiting[0].log_time_ns < late_ns or len(waiting) >= MOST_WAITING):
+        yield waiting.pop(0)
+    waiting.append(message)
+    stamp_ns = _stamp_of(message)
+    if stamp_ns is None:
+        return
+    back_ns = newest.get(message.topic, stamp_ns) - stamp_ns
+    if 0 < back_ns <= OVERTAKEN_NS:
+        _put_back(waiting, stamp_ns)
+    else:
+        newest[message.topic] = stamp_ns
 
 
 def _put_back(waiting: list[MeasuredMessage], stamp_ns: int) -> None:
@@ -170,7 +191,12 @@ class BagTosses:
 
     def messages(self, reader: BagReader) -> Iterator[MeasuredMessage]:
         """The poses in a bag's messages, in order of log time and each topic's stamps; nothing takes note of them."""
-        return in_order_of_stamps(measured_messages(reader, self.source, self.measured))
+        for one in self.runs(reader):
+            yield from one.messages()
+
+    def runs(self, reader: BagReader) -> Iterator[MeasuredMessage | MeasuredRun]:
+        """The same in runs, where messages are alike."""
+        return in_order_of_stamps(measured_runs(reader, self.source, self.measured))
 
     def of(self, message: BagMessage) -> Iterator[Found]:
         """Yields the tosses and rejected motions that a message completes."""
@@ -190,6 +216,20 @@ class BagTosses:
                 self._last_ns = measured.stamp_ns
             if events := self._ingest.push(measured):
                 yield from self._found(events)
+
+    def taken_run(self, run: MeasuredRun) -> Iterator[Found]:
+        """Yields the tosses and rejected motions that successive messages complete."""
+        found, stamps = run.measured, run.measured.poses.stamps_ns
+        self._frames.update((found.parent, found.child))
+        if run.topic == self.source.body.name:
+            self._parent = found.parent if self._parent is None else self._parent
+            self._first_ns = int(stamps[0]) if self._first_ns is None else self._first_ns
+            steps = np.diff(stamps if self._last_ns is None else np.append(self._last_ns, stamps)) / NANOSECONDS
+            steps = steps[(steps > 0.0) & (steps < LONGEST_STEP)]
+            self._steps += len(steps)
+            self._stepped = float(np.cumsum(np.append(self._stepped, steps))[-1])  # one by one, as `taken` adds them
+            self._last_ns = int(stamps[-1])
+        yield from self._found(self._ingest.push_run(found))
 
     def rest(self) -> Iterator[Found]:
         """What the end of the bag completes."""

@@ -8,17 +8,16 @@ that contain no valid pose are decoded one by one (`bags.decoding`, `pose_source
 
 import struct
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import batched
+from itertools import batched, groupby
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact_curation.geometry.poses import QUATERNION_TOLERANCE
-from contact_curation.geometry.scalars import ScalarPose
-from contact_curation.motion.pose_stream import FARTHEST, FramePose
+from contact_curation.motion.pose_stream import FARTHEST, FrameRun, PoseRun
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.storage.bags.decoding import Reading
 from contact_curation.storage.bags.reader import BagReader
@@ -41,6 +40,9 @@ LITTLE_ENDIAN = b"\x00\x01"
 ENCAPSULATION, POSE_BYTES, LONGEST_END = 4, 56, 3
 """Number of bytes before the message, of a position and orientation, and, at most, after the last field."""
 
+WXYZ = [6, 3, 4, 5]
+"""Where the orientation stands among the numbers of a pose."""
+
 UINT32 = struct.Struct("<I")
 
 
@@ -57,11 +59,38 @@ class MeasuredMessage(NamedTuple):
     log_time_ns: int
     measured: tuple[Measured, ...]
 
+    def messages(self) -> "list[MeasuredMessage]":
+        """The message, as a run of one."""
+        return [self]
 
-def measured_messages(
+
+class MeasuredRun(NamedTuple):
+    """Successive messages of a topic with one pose each, of the same frames.
+
+    Attributes:
+        topic: topic of the messages.
+        log_times_ns: (N,) log times of the messages [ns].
+        measured: N poses that do not hold for all times.
+    """
+
+    topic: str
+    log_times_ns: NDArray[np.int64]
+    measured: FrameRun
+
+    def part(self, start: int, stop: int) -> "MeasuredRun":
+        """The messages from index `start` to before `stop`."""
+        return MeasuredRun(self.topic, self.log_times_ns[start:stop], self.measured.part(start, stop))
+
+    def messages(self) -> list[MeasuredMessage]:
+        """The same messages one by one."""
+        poses = self.measured.frame_poses()
+        return [MeasuredMessage(self.topic, *one) for one in zip(self.log_times_ns.tolist(), zip(poses), strict=True)]
+
+
+def measured_runs(
     reader: BagReader, source: PoseSource, read_one: Callable[[BagMessage], tuple[Measured, ...]]
-) -> Iterator[MeasuredMessage]:
-    """Yields the poses of each message on the topics of `source`, in order of log time.
+) -> Iterator[MeasuredMessage | MeasuredRun]:
+    """Yields the poses of each message on the topics of `source`, in order of log time, in runs where it can.
 
     Args:
         reader: the bag.
@@ -75,20 +104,50 @@ def measured_messages(
     for run in runs:
         for part in batched(run, TOGETHER):
             found = _together(part, reading, source) if len(part) >= FEWEST else {}
-            for place, stored in enumerate(part):
-                if place in found:
-                    yield MeasuredMessage(stored.channel.topic, stored.log_time_ns, found[place])
-                else:
-                    for message in reading.decoded((stored,)):
+            for decoded, successive in groupby(range(len(part)), key=lambda place: found.get(place, ALONE)[0]):
+                places = list(successive)
+                stored = [part[place] for place in places]
+                if decoded is None:
+                    for message in reading.decoded(stored):
                         yield MeasuredMessage(message.topic, message.log_time_ns, read_one(message))
+                else:
+                    first = found[places[0]][1]
+                    yield from decoded.messages(stored, range(first, first + len(stored)))
 
 
-def _together(part: Sequence[StoredMessage], reading: Reading, source: PoseSource) -> dict[int, tuple[Measured, ...]]:
-    """The poses in the messages that have the same layout as others, by the messages' places in `part`."""
+@dataclass(frozen=True, eq=False)
+class _Decoded:
+    """The poses in messages of one layout.
+
+    Attributes:
+        columns: the first, second, ... pose of each message.
+        static: whether they hold for all times.
+    """
+
+    columns: list[FrameRun]
+    static: bool
+
+    def messages(self, stored: Sequence[StoredMessage], rows: range) -> Iterator[MeasuredMessage | MeasuredRun]:
+        """Successive messages, of which these are the rows of the columns."""
+        topic, log_times_ns = stored[0].channel.topic, [one.log_time_ns for one in stored]
+        columns = [column.part(rows.start, rows.stop) for column in self.columns]
+        if len(columns) == 1 and not self.static and len(stored) >= FEWEST:
+            yield MeasuredRun(topic, np.array(log_times_ns, dtype=np.int64), columns[0])
+            return
+        poses = [column.frame_poses(static=self.static) for column in columns]
+        measured = zip(*poses, strict=True) if poses else [()] * len(stored)
+        yield from (MeasuredMessage(topic, *one) for one in zip(log_times_ns, measured, strict=True))
+
+
+ALONE: tuple[_Decoded | None, int] = (None, 0)
+
+
+def _together(part: Sequence[StoredMessage], reading: Reading, source: PoseSource) -> dict[int, tuple[_Decoded, int]]:
+    """The messages that have the same layout as others, by their places in `part`: where their poses are, and in which row."""
     alike: dict[tuple[Channel, int], list[int]] = defaultdict(list)
     for place, stored in enumerate(part):
         alike[stored.channel, len(stored.data)].append(place)
-    found: dict[int, tuple[Measured, ...]] = {}
+    found: dict[int, tuple[_Decoded, int]] = {}
     for (channel, length), places in alike.items():
         walk = WALKS.get(reading.type_hash(channel)) if len(places) >= FEWEST else None
         if walk is None or source.type_of(channel.topic) != channel.type or length > reading.longest:
@@ -103,8 +162,9 @@ def _together(part: Sequence[StoredMessage], reading: Reading, source: PoseSourc
             fits[0] = True  # without a layout this message is decoded one by one
             if layout:
                 fitting = left[fits]
-                poses = layout.poses_in(block[fitting], channel.topic, source)
-                found |= {places[row]: own for row, own in zip(fitting.tolist(), poses) if own is not None}
+                decoded, sound = layout.poses_in(block[fitting], channel.topic, source)
+                rows = np.flatnonzero(sound).tolist()
+                found |= {places[place]: (decoded, row) for place, row in zip(fitting[sound].tolist(), rows, strict=True)}
             left = left[~fits]
             if len(left) < FEWEST:
                 break
@@ -146,18 +206,17 @@ class Layout:
             same &= (block[:, start : start + len(constant)] == np.frombuffer(constant, np.uint8)).all(axis=1)
         return same
 
-    def poses_in(self, block: NDArray[np.uint8], topic: str, source: PoseSource) -> list[tuple[Measured, ...] | None]:
-        """The poses in messages (N, length) of this layout; None for a message that contains an invalid pose."""
-        columns: list[list[Measured]] = []
+    def poses_in(self, block: NDArray[np.uint8], topic: str, source: PoseSource) -> tuple[_Decoded, NDArray[np.bool_]]:
+        """The poses in messages (N, length) of this layout, and which messages (N,) contain no invalid pose."""
+        columns: list[FrameRun] = []
         good = np.ones(len(block), dtype=bool)
         for place in self.places:
             stamps, numbers, sound = _read(block, place)
             good &= sound
             frames = source.frames(topic, place.parent, place.child)
             if frames is not None:
-                columns.append(_frame_poses(stamps, numbers, *frames, static=source.is_static(topic)))
-        rows: Iterable[tuple[Measured, ...]] = zip(*columns) if columns else [()] * len(block)
-        return [row if sound else None for row, sound in zip(rows, good.tolist(), strict=True)]
+                columns.append(FrameRun(*frames, PoseRun(stamps, numbers[:, :3], numbers[:, WXYZ])))
+        return _Decoded(columns, source.is_static(topic)), good
 
 
 def _read(block: NDArray[np.uint8], place: PosePlace) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.bool_]]:
@@ -171,15 +230,6 @@ def _read(block: NDArray[np.uint8], place: PosePlace) -> tuple[NDArray[np.int64]
         sound = np.isfinite(norms) & (np.abs(norms - 1.0) <= QUATERNION_TOLERANCE)
         sound &= (np.abs(numbers[:, :3]) <= FARTHEST).all(axis=1)
     return seconds.astype(np.int64) * NANOSECONDS + nanoseconds, numbers, sound
-
-
-def _frame_poses(
-    stamps: NDArray[np.int64], numbers: NDArray[np.float64], parent: str, child: str, *, static: bool
-) -> list[Measured]:
-    return [
-        FramePose(stamp_ns, parent, child, ScalarPose((x, y, z), (w, qx, qy, qz)), static)
-        for stamp_ns, (x, y, z, qx, qy, qz, w) in zip(stamps.tolist(), numbers.tolist(), strict=True)
-    ]
 
 
 class _OtherwiseError(Exception):

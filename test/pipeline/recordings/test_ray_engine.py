@@ -3,6 +3,8 @@
 import json
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -47,7 +49,7 @@ def test_what_breaks_its_worker_twice_is_a_line_and_the_others_are_done(cluster:
 
     counts: list[int] = []
 
-    def advance(count: int, /, *, share: float | None = None) -> None:
+    def advance(count: int, /, *, note: str = "", share: float | None = None) -> None:
         counts.append(count)
 
     names = ["a", "ends", f"ends-once {tmp_path / 'tried'}", "large", "b"]
@@ -74,6 +76,46 @@ def test_the_manifest_is_that_of_one_process(cluster: str, cli: Cli, tmp_path: P
         manifests[-1].pop("command")
     assert manifests[0] == manifests[1]
     assert len(list((tmp_path / "i" / "scores").iterdir())) == 3
+
+
+ENDS_ITSELF = """
+import os, signal, sys
+from contact_curation.pipeline.recordings.index import RecordingIndex
+
+kept, keep_scores = [], RecordingIndex.keep_scores
+
+def keep_some(*scores):
+    keep_scores(*scores)
+    kept.append(scores)
+    if len(kept) == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+if sys.argv[1] == "killed":
+    RecordingIndex.keep_scores = keep_some
+from contact_curation.cli.main import main
+sys.exit(main(sys.argv[2:]))
+"""
+
+
+def test_a_driver_that_is_killed_twice_goes_on_where_it_was(cluster: str, cli: Cli, tmp_path: Path) -> None:
+    bag = mcap_file(tmp_path)
+    bags = [bag, *(bag.with_name(f"{name}.mcap") for name in "bcdef")]
+    for other in bags[1:]:
+        other.write_bytes(bag.read_bytes())
+    words = ["rank", *map(str, bags), "--body-frame", "", "--no-figure"]
+    engine = ["--engine", "ray", "--address", cluster, "--index", str(tmp_path / "i"), "--out", str(tmp_path / "ray.json")]
+    written: list[dict[str, int]] = []
+    for way, status in (("killed", -signal.SIGKILL), ("killed", -signal.SIGKILL), ("whole", 0)):
+        process = subprocess.run([sys.executable, "-c", ENDS_ITSELF, way, *words, *engine], capture_output=True, check=False)
+        assert process.returncode == status, process.stderr.decode()
+        written.append({one.name: one.stat().st_mtime_ns for one in tmp_path.glob("i/scores/*.parquet")})
+    assert [len(scores) for scores in written] == [2, 4, 6]
+    assert written[0].items() <= written[1].items() <= written[2].items()  # nothing is scored again
+    assert cli(*words, "--out", tmp_path / "local.json").status == 0
+    manifests = [json.loads((tmp_path / f"{name}.json").read_text()) for name in ("ray", "local")]
+    for manifest in manifests:
+        manifest.pop("command")
+    assert manifests[0] == manifests[1]
 
 
 def test_another_release_on_a_worker_is_an_error(cluster: str, monkeypatch: pytest.MonkeyPatch) -> None:

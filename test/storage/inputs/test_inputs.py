@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from rosbags.rosbag2 import StoragePlugin
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
@@ -15,13 +17,13 @@ from contact_curation.errors import InvalidValueError, MissingTopicError
 from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.calibration import RigCalibration, apply_calibration
 from contact_curation.motion.gate_config import GateConfig
-from contact_curation.motion.pose_stream import FramePose
+from contact_curation.motion.pose_stream import FramePose, FrameRun, PoseRun
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.storage.inputs.bag_tosses import in_order_of_stamps
 from contact_curation.storage.inputs.inputs import InputsConfig, InputSummary, Problem, open_inputs
 from contact_curation.storage.inputs.pose_messages import ODOMETRY, POSE, POSE_ARRAY, POSE_WITH_COVARIANCE, TF
-from contact_curation.storage.inputs.pose_runs import MeasuredMessage
+from contact_curation.storage.inputs.pose_runs import MeasuredMessage, MeasuredRun
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig, TypedTopic, find_pose_source
 from test.motion.streams import board_in_map, in_map, noisy, stream
 from test.storage.datasets.test_tagslam_bag import save_contactnets, synthetic_toss
@@ -113,6 +115,26 @@ def test_order_of_stamps_is_bounded_in_time_and_number() -> None:
     assert list(in_order_of_stamps(wrong)) == wrong  # no recorder's order explains them
     endless = in_order_of_stamps(said(7, number) for number in itertools.count())
     assert next(endless) == said(7, 0)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 10**6), st.lists(st.integers(1, 199), max_size=8))
+def test_messages_are_put_in_order_of_stamps_in_runs_as_one_by_one(seed: int, cuts: list[int]) -> None:
+    chance = np.random.default_rng(seed)
+    steps = chance.choice([1, 7, 30, 7, 7, 7, 200, 0], 200) * 1_000_000
+    sizes, two_topics = sorted({0, 200, *cuts}), chance.integers(2)
+    is_late = chance.random(200) < chance.choice([0.0, 0.01, 0.1])
+    is_late[sizes[:-1]] |= chance.random(len(sizes) - 1) < 0.5
+    logged = np.cumsum(steps)
+    stamps = logged - is_late * chance.choice([12, 30, -2_000], 200) * 1_000_000
+    one = np.ones((200, 1))
+    poses = PoseRun(stamps, one * [0.0, 0.0, 1.0], one * [1.0, 0.0, 0.0, 0.0])
+    whole = MeasuredRun("/odom", logged, FrameRun("board", "cube", poses))
+    runs = [whole.part(start, stop) for start, stop in itertools.pairwise(sizes)]
+    runs = [run._replace(topic="/other") if two_topics and place % 3 == 2 else run for place, run in enumerate(runs)]
+    singles = [message for run in runs for message in run.messages()]
+    found = [message for one in in_order_of_stamps(runs) for message in one.messages()]
+    assert repr(found) == repr(list(in_order_of_stamps(singles)))
 
 
 @pytest.mark.parametrize("type_name", [POSE, POSE_WITH_COVARIANCE, POSE_ARRAY, ODOMETRY])

@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,8 +18,8 @@ from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.inputs import pose_runs
 from contact_curation.storage.inputs.bag_tosses import read_bag_tosses
 from contact_curation.storage.inputs.pose_messages import ODOMETRY, POSE, POSE_ARRAY, POSE_WITH_COVARIANCE, TF
-from contact_curation.storage.inputs.pose_runs import HASHES, MeasuredMessage, measured_messages
-from contact_curation.storage.inputs.pose_source import PoseTopicConfig, TypedTopic, find_pose_source
+from contact_curation.storage.inputs.pose_runs import HASHES, MeasuredMessage, measured_runs
+from contact_curation.storage.inputs.pose_source import PoseSource, PoseTopicConfig, TypedTopic, find_pose_source
 from contact_curation.storage.inputs.records import InputsConfig, Problem
 from test.motion.streams import board_in_map, in_map, stream
 from test.storage.pose_recordings import LOG_OFFSET_NS, recorded, transforms
@@ -35,6 +36,11 @@ Payload = tuple[str, str, int, bytes]
 """Topic, type, log time and bytes of a message."""
 
 
+def measured_messages(reader: BagReader, source: PoseSource, long_way: Callable[..., Any]) -> list[MeasuredMessage]:
+    """The poses in a bag, each message by itself."""
+    return [message for one in measured_runs(reader, source, long_way) for message in one.messages()]
+
+
 def read(path: Path, *, together: bool, topic: str = "") -> Outcome:
     """The poses in a bag, and the losses."""
     with pytest.MonkeyPatch.context() as patch, BagReader(path) as reader:
@@ -46,7 +52,7 @@ def read(path: Path, *, together: bool, topic: str = "") -> Outcome:
         def long_way(one: object) -> tuple[object, ...]:
             return source.measured(one.topic, one.message)  # type: ignore[attr-defined]
 
-        return list(measured_messages(reader, source, long_way)), reader.losses  # type: ignore[arg-type]
+        return measured_messages(reader, source, long_way), reader.losses
 
 
 def assert_same(path: Path, topic: str = "") -> Outcome:
@@ -66,7 +72,7 @@ def counted_ways(path: Path) -> tuple[int, int]:
             went.append(one)
             return ()
 
-        return sum(1 for _ in measured_messages(reader, source, long_way)), len(went)
+        return len(measured_messages(reader, source, long_way)), len(went)
 
 
 def payloads(sent: Sequence[Sent]) -> list[Payload]:
