@@ -33,7 +33,8 @@ class ControllerClient:
 
     def __init__(self, node: StageNode, name: str, joints: tuple[str, ...], began_ns: int, stage: TrajectoryThrow) -> None:
         self._node, self._joints, self._began_ns, self._stage = node, joints, began_ns, stage
-        self._name, self._number, self._taken = node.resolve_topic_name(name), 0, None
+        self._name, self._number = node.resolve_topic_name(name), 0
+        self._taken: Any = None
         self._type = control("action").FollowJointTrajectory
         self._client = ActionClient(node, self._type, name)
 

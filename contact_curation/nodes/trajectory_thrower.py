@@ -96,7 +96,7 @@ class TrajectoryThrower(StageNode):
         gate = declare_config(self, limits, "gate.")
         if arm is None:
             raise InvalidValueError("arm", "nothing", "the YAML file of your arm; see docs/how-to/your_arm.md")
-        self._began_ns = self.get_clock().now().nanoseconds
+        self._began_ns: int = self.get_clock().now().nanoseconds
         self._gate, planner = SafetyGate(gate), described_planner(self._body, arm, steady)
         self._joints, self._flange = arm.joints, arm.flange
         self._recorded = read_record(self._state_path, GripperRecord)

@@ -28,7 +28,7 @@ HALF_WIDTH, MASS = 0.0524, 0.37
 POSITION_NOISE, TURN_NOISE = 3e-5, 4e-4
 """Of the tracker [m], [rad]."""
 
-SLOWED, OFFSET = 0.8, 0.1
+SLOWED, OFFSET = 0.8, 0.2
 """Speed of a slider that is not at its end, and error of a joint that strays [rad]."""
 
 
@@ -67,6 +67,7 @@ class Cell:
         fault: what goes wrong now; empty for nothing.
         delay, jitter: of the gripper [s].
         joints, joint_speeds: (J,) as measured [rad], [rad/s].
+        delays: of the gripper in each throw [s].
         released: when the cube left, and its pose (7,) and twist (6,) then.
         grip: position and orientation wxyz of the held cube in the flange's frame; None if it is not held.
     """
@@ -94,6 +95,7 @@ class Cell:
         self.joints, self.joint_speeds = self.home.copy(), np.zeros(len(self.names))
         self.grip: tuple[Array, Array] | None = None
         self.opens_at: float | None = None
+        self.delays: list[float] = []
         self.released: list[tuple[float, Array, Array]] = []
         self._settle()
 
@@ -136,7 +138,8 @@ class Cell:
     def open(self, now: float) -> None:
         """Tells the gripper to open."""
         if self.grip is not None and self.opens_at is None:
-            self.opens_at = now + max(self.delay + self.jitter * float(self.rng.standard_normal()), STEP)
+            self.delays.append(max(self.delay + self.jitter * float(self.rng.standard_normal()), STEP))
+            self.opens_at = now + self.delays[-1]
 
     def cube(self) -> tuple[Array, Array]:
         """Position and orientation wxyz as a tracker sees them."""

@@ -1,14 +1,12 @@
 """Throws of arms that are known by their description alone, against a controller that shares no code with the package."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
 from contact_curation.design.throw import Throw
 from contact_curation.geometry.quaternions import IDENTITY
 from test.foreign_arm.arms import FILES
-from test.foreign_arm.throwing import Lab
+from test.foreign_arm.throwing import FAULTS, Lab
 
 pytestmark = pytest.mark.slow
 
@@ -38,31 +36,10 @@ def test_releases_are_told_as_they_were_and_the_delay_is_learned(lab: Lab) -> No
         if number >= 3:
             wanted = throw(number).linear_velocity
             assert abs(np.linalg.norm(twist[:3]) / np.linalg.norm(wanted) - 1.0) < 0.02
+        assert max(lab.used().values()) <= 1.0
         lab.rest()
     assert lab.stage.lag == pytest.approx(lab.cell.lag, abs=0.012)  # errors of 1 % along the way look like lag, too
     assert lab.stage.delay.mean == pytest.approx(lab.cell.delay, abs=0.01)
-    assert (lab.speeds <= lab.planner.arm.limits.speed).all()
-
-
-def stopped_by_hand(lab: Lab) -> None:
-    lab.gate.stop("the stop service was called")
-
-
-def fault(name: str) -> Callable[[Lab], None]:
-    def be_faulty(lab: Lab) -> None:
-        lab.cell.fault = name
-
-    return be_faulty
-
-
-FAULTS: dict[str, tuple[Callable[[Lab], None], str]] = {
-    "slider": (fault("slider"), "speed scaling: found 80 %, expected 100 %"),
-    "abort": (fault("abort"), "the controller gave up: path tolerance violated"),
-    "silent": (fault("silent"), "joint states: found the last one"),
-    "inactive": (fault("inactive"), "controller: found no state of it"),
-    "offset": (fault("offset"), "joint 2: found it 0.05"),
-    "stop": (stopped_by_hand, "the stop service was called"),
-}
 
 
 @pytest.mark.parametrize("name", FAULTS)
@@ -86,4 +63,3 @@ def test_after_a_fault_in_the_motion_the_arm_stops_and_goes_home_when_it_is_arme
     assert "from home" in lab.throw(throw(0)).message
     assert lab.go_home().message == "at home"
     np.testing.assert_allclose(lab.cell.joints, lab.cell.home, atol=1e-3)
-    assert (lab.speeds <= lab.planner.arm.limits.speed).all()

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ FASTEST = np.pi
 """Of each joint of a UR5e [rad/s]."""
 
 THROWS = 5
-PATIENT = {"trajectory.oldest_state": 0.4, "trajectory.oldest_signal": 1.0, "gate.heartbeat_timeout": 0.5}
+PATIENT: dict[str, Any] = {"trajectory.oldest_state": 0.4, "trajectory.oldest_signal": 1.0, "gate.heartbeat_timeout": 0.5}
 """For a busy machine; a lab's own bounds are shorter."""
 
 FAULTS = {

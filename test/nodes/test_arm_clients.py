@@ -117,7 +117,13 @@ def test_a_gripper_that_answers_that_it_does_not_open_is_told(cell: Cell, kind: 
     gripper = GripperClient(cell.node, Gripper(kind, "open", True, 0.07, 20.0), cell.stage)
     serve(cell, kind, [], False)
     cell.until(lambda: not gripper.missing())
-    cell.until(lambda: gripper.open() or (time.sleep(0.1), cell.failed)[1])  # an answer may be lost
+
+    def failed() -> bool:
+        gripper.open()  # again, as an answer may be lost
+        time.sleep(0.1)
+        return bool(cell.failed)
+
+    cell.until(failed)
     assert cell.failed[0] == line
 
 

@@ -91,7 +91,7 @@ class DescribedArmConfig:
                 raise InvalidValueError(f"arm.{name}", getattr(self, name), "0 or more")
         if len(self.obstacles) % 6 or not np.isfinite(self.obstacles).all():
             raise InvalidValueError("arm.obstacles", f"{len(self.obstacles)} numbers", "six finite ones for each box")
-        if len(self.base) != 3 or not np.isfinite([*self.base, self.yaw]).all():
+        if np.shape(self.base) != (3,) or not np.isfinite([*self.base, self.yaw]).all():
             raise InvalidValueError("arm.base, arm.yaw", (self.base, self.yaw), "a position and an angle, finite")
         if not 0.0 < self.margin <= 1.0:
             raise InvalidValueError("arm.margin", self.margin, "a share in (0, 1]")
@@ -112,7 +112,7 @@ def read_arm(path: Path) -> DescribedArmConfig:
     for key in found:
         if key not in known:
             raise UnknownNameError(f"{path.name}: key", str(key), list(known))
-    values = {key: tuple(value) if isinstance(value, list) else value for key, value in found.items()}
+    values: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in found.items()}
     joints = values.get("joints", ())
     texts = [values.get("description", ""), values.get("flange", ""), *(joints if isinstance(joints, tuple) else [None])]
     if not all(isinstance(text, str) for text in texts):

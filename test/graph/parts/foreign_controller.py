@@ -74,7 +74,7 @@ class Controller(Node):
             self._tell(steps)
 
     def _now(self) -> float:
-        return 1e-9 * self.get_clock().now().nanoseconds
+        return 1e-9 * int(self.get_clock().now().nanoseconds)
 
     def _parameters_set(self, _: Any) -> None:
         self._wanted, self._cell.fault = (self.get_parameter("fault").value, self.get_parameter("fault_after").value), ""
@@ -96,13 +96,13 @@ class Controller(Node):
         return result(error_code=result.SUCCESSFUL)
 
     def _taken(self, handle: Any) -> None:
-        message, seconds = handle.request.trajectory, lambda time: time.sec + 1e-9 * time.nanosec
+        message = handle.request.trajectory
         order = [list(message.joint_names).index(name) for name in self._cell.names]
         positions, speeds = (
             np.array([getattr(point, name) for point in message.points])[:, order] for name in ("positions", "velocities")
         )
-        times = np.array([seconds(point.time_from_start) for point in message.points])
-        newest = Trajectory(seconds(message.header.stamp), times, positions, speeds, handle)
+        times = np.array([_seconds(point.time_from_start) for point in message.points])
+        newest = Trajectory(_seconds(message.header.stamp), times, positions, speeds, handle)
         with self._lock:
             replaced = self._cell.trajectories[-1:]
             self._cell.take(newest)
@@ -146,6 +146,10 @@ class Controller(Node):
         seconds, rest = divmod(self._cell.time, 1.0)
         message.header.stamp.sec, message.header.stamp.nanosec = int(seconds), int(1e9 * rest)
         return message
+
+
+def _seconds(time: Any) -> float:
+    return float(time.sec + 1e-9 * time.nanosec)
 
 
 def main() -> None:
