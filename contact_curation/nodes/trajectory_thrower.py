@@ -179,7 +179,8 @@ class TrajectoryThrower(StageNode):
         return response
 
     def _check(self, _: Any, response: Any) -> Any:
-        lines = [line for line in (self._controller.missing(), self._gripper.missing(), *self._stage.signals.missing()) if line]
+        asked = (self._controller.missing(), self._gripper.missing(), *self._stage.signals.missing(), self._stage.busy)
+        lines = [line for line in asked if line]
         armed = f"disarmed: {self._gate.reason}" if self._gate.reason else "armed"
         response.success, response.message = not lines, "\n".join(lines) or f"nothing is missing; {armed}"
         return response

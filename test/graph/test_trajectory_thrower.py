@@ -20,7 +20,7 @@ UR5E = Path(__file__).resolve().parents[1] / "foreign_arm" / "ur5e.yaml"
 FASTEST = np.pi
 """Of each joint of a UR5e [rad/s]."""
 
-THROWS = 5
+THROWS = 4
 PATIENT: dict[str, Any] = {"trajectory.oldest_state": 0.4, "trajectory.oldest_signal": 1.0, "gate.heartbeat_timeout": 0.5}
 """For a busy machine; a lab's own bounds are shorter."""
 
@@ -44,7 +44,7 @@ def throw(number: int) -> Throw:
 @pytest.fixture
 def node(graph: Graph) -> NodeProcess:
     graph.start("test.graph.parts.foreign_controller", arm=UR5E)
-    return graph.start("trajectory_thrower", arm=UR5E, state=graph.folder / "gripper.json", **PATIENT)
+    return graph.start("trajectory_thrower", use_sim_time=True, arm=UR5E, state=graph.folder / "gripper.json", **PATIENT)
 
 
 @pytest.fixture

@@ -177,9 +177,12 @@ class TrajectoryThrow:
         return self._lag
 
     @property
-    def busy(self) -> bool:
-        """Whether a goal or the way home was taken or is under way."""
-        return self._order is not None
+    def busy(self) -> str | None:
+        """In one line that a goal or the way home was taken or is under way; None if not."""
+        order = self._order
+        if isinstance(order, Throw):
+            return f"busy with throw {order.throw_id}, expected one goal at a time; wait for its end"
+        return None if order is None else "the arm is on its way home, expected one goal at a time; wait until it is there"
 
     @property
     def wants_home(self) -> bool:
@@ -219,7 +222,7 @@ class TrajectoryThrow:
 
     def admits(self, throw: Throw) -> str | None:
         """Takes a goal, or says in one line why not."""
-        refusal = self._busy() or next(iter(self.signals.missing()), None) or self._too_uncertain()
+        refusal = self.busy or next(iter(self.signals.missing()), None) or self._too_uncertain()
         refusal = refusal or self.gate.admits(throw, self._now())
         if refusal is None:
             self._arming = self.gate.arming
@@ -229,18 +232,12 @@ class TrajectoryThrow:
     def admits_homeward(self) -> str | None:
         """Takes the order to go home, or says in one line why not."""
         disarmed = None if self.gate.watch(self._now()) else f"the arm is disarmed ({self.gate.reason}); arm it first"
-        refusal = self._busy() or next(iter(self.signals.arm_missing()), None) or disarmed
+        refusal = self.busy or next(iter(self.signals.arm_missing()), None) or disarmed
         refusal = refusal or next(iter(self.signals.moving()), None)
         if refusal is None:
             self._arming = self.gate.arming
             self._order = Phase.HOMEWARD
         return refusal
-
-    def _busy(self) -> str | None:
-        order = self._order
-        if isinstance(order, Throw):
-            return f"busy with throw {order.throw_id}, expected one goal at a time; wait for its end"
-        return None if order is None else "the arm is on its way home, expected one goal at a time; wait until it is there"
 
     def begin_homeward(self) -> Sent | Ending:
         """The trajectory home, which is to be sent at once, or why there is none."""

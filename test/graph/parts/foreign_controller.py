@@ -1,8 +1,8 @@
 """The controller, gripper and tracker of a described arm as a process of their own, for tests of `trajectory_thrower`.
 
-`test/foreign_arm/cell.py` says what they do. Stamps are those of the simulation, which keeps up with the system's clock: a
-hiccup of the machine delays messages, not the motion. Parameter `fault` may be set at any time, and takes effect `fault_after`
-seconds after the beginning of a trajectory; 0: at once.
+`test/foreign_arm/cell.py` says what they do. Time is simulated, `rate` seconds a second and slower where the machine is busy;
+topic `clock` tells it. Parameter `fault` may be set at any time, and takes effect `fault_after` seconds after the beginning of
+a trajectory; 0: at once.
 """
 
 import sys
@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import rclpy
+from builtin_interfaces.msg import Time
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTrajectoryControllerState
 from geometry_msgs.msg import PoseStamped
@@ -22,14 +23,18 @@ from rclpy.action import ActionServer, CancelResponse
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 
 from test.foreign_arm.cell import STEP, Cell, Trajectory
 
-JOINTS_EVERY, POSES_EVERY, STATE_EVERY = 4, 7, 20
-"""Steps between joint states (250 Hz), poses of the cube (143 Hz), and states of the controller (50 Hz)."""
+CLOCK_EVERY, JOINTS_EVERY, POSES_EVERY, STATE_EVERY = 2, 4, 7, 20
+"""Steps between messages of the clock, joint states (250 Hz), poses of the cube (143 Hz), and states of the controller."""
+
+BEGINS, HURRY = 100.0, 0.02
+"""First moment, and the largest delay that the simulation makes up for [s]."""
 
 
 class Controller(Node):
@@ -41,9 +46,11 @@ class Controller(Node):
         seed = self.declare_parameter("seed", 0).value
         self.declare_parameter("fault", "")
         self.declare_parameter("fault_after", 0.0)
-        self._cell = Cell(file, seed, self._now())
+        self._rate = self.declare_parameter("rate", 0.5).value
+        self._cell = Cell(file, seed, BEGINS)
         self._lock, self._wanted = threading.Lock(), ("", 0.0)
         self.add_post_set_parameters_callback(self._parameters_set)
+        self._clock_told = self.create_publisher(Clock, "/clock", 10)
         self._joints = self.create_publisher(JointState, "joint_states", 50)
         self._poses = self.create_publisher(Odometry, "body_cube", 50)
         self._scaling = self.create_publisher(Float64, "speed_scaling_state_broadcaster/speed_scaling", 10)
@@ -58,12 +65,12 @@ class Controller(Node):
         )  # fmt: skip
 
     def run(self) -> None:
-        """Moves the cell on, at the pace of the system's clock."""
-        steps = 0
+        """Moves the cell on."""
+        steps, due = 0, time.monotonic()
         while rclpy.ok():
-            if self._now() - self._cell.time < STEP:
-                time.sleep(2.0 * STEP)
-                continue
+            now = time.monotonic()
+            due = max(due + STEP / self._rate, now - HURRY)
+            time.sleep(max(due - now, 0.0))
             with self._lock:
                 self._be_faulty()
                 self._cell.step()
@@ -72,9 +79,6 @@ class Controller(Node):
                 self._finish(*ended)
             steps += 1
             self._tell(steps)
-
-    def _now(self) -> float:
-        return 1e-9 * int(self.get_clock().now().nanoseconds)
 
     def _parameters_set(self, _: Any) -> None:
         self._wanted, self._cell.fault = (self.get_parameter("fault").value, self.get_parameter("fault_after").value), ""
@@ -117,12 +121,14 @@ class Controller(Node):
     def _opened(self, request: Any, response: Any) -> Any:
         with self._lock:
             if request.data:
-                self._cell.open(self._now())
+                self._cell.open(self._cell.time)
         response.success = True
         return response
 
     def _tell(self, steps: int) -> None:
         cell = self._cell
+        if steps % CLOCK_EVERY == 0:
+            self._clock_told.publish(Clock(clock=_stamp(cell.time)))
         if steps % JOINTS_EVERY == 0 and cell.fault != "silent":
             joints = JointState(name=cell.names, position=cell.joints.tolist(), velocity=cell.joint_speeds.tolist())
             self._joints.publish(self._stamped(joints))
@@ -143,9 +149,12 @@ class Controller(Node):
         return message
 
     def _stamped(self, message: Any) -> Any:
-        seconds, rest = divmod(self._cell.time, 1.0)
-        message.header.stamp.sec, message.header.stamp.nanosec = int(seconds), int(1e9 * rest)
+        message.header.stamp = _stamp(self._cell.time)
         return message
+
+
+def _stamp(seconds: float) -> Time:
+    return Time(sec=int(seconds), nanosec=int(1e9 * (seconds % 1.0)))
 
 
 def _seconds(time: Any) -> float:
