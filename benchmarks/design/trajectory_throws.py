@@ -75,9 +75,9 @@ def designed(lab: Lab, count: int, seed: int) -> tuple[Throw, ...]:
 
 
 def percentiles(errors: list[float]) -> str:
-    """Median and largest size."""
+    """Of their sizes."""
     sizes = np.abs(errors)
-    return f"median {np.median(sizes):.2f}, largest {sizes.max():.2f}"
+    return f"median {np.median(sizes):.2f}, 90 % {np.percentile(sizes, 90.0):.2f}, largest {sizes.max():.2f}"
 
 
 def report_throws(lab: Lab, throws: tuple[Throw, ...]) -> None:
@@ -96,12 +96,10 @@ def report_throws(lab: Lab, throws: tuple[Throw, ...]) -> None:
         used |= Counter(lab.used())  # the larger of the two
         lab.rest()
     delay, drawn = lab.stage.delay, 1e3 * np.array(lab.cell.delays)
-    learning = lab.stage.config.learning
     print(f"    throws made: {len(speeds)} of {len(throws)}")
     print(f"    gripper's delay [ms]: learned {1e3 * delay.mean:.1f}, drawn {drawn.mean():.1f} on average, "
           f"set {1e3 * lab.cell.delay:.0f}; jitter: learned {1e3 * delay.jitter:.1f}, drawn {drawn.std():.1f}")  # fmt: skip
-    print(f"    release speed against the goal's [%]: {percentiles(speeds)}; after {learning} throws: "
-          f"{percentiles(speeds[learning:])}")  # fmt: skip
+    print(f"    release speed against the goal's [%]: {percentiles(speeds)}; within 2 %: {sum(np.abs(speeds) <= 2.0)}")
     print(f"    release as told against the true one: speed [%] {percentiles(told)}; moment [ms] {percentiles(moments)}")
     print("    largest share of a limit: " + ", ".join(f"{name} {share:.3f}" for name, share in used.items()))
 

@@ -11,6 +11,8 @@ from test.foreign_arm.throwing import FAULTS, Lab
 pytestmark = pytest.mark.slow
 
 THROWS = 6
+WITHIN = 0.05
+"""Error of the release speed: each joint is off by 1 % of its own, and joints that move against each other add up."""
 
 
 def throw(number: int) -> Throw:
@@ -33,9 +35,12 @@ def test_releases_are_told_as_they_were_and_the_delay_is_learned(lab: Lab) -> No
         assert abs(ending.released_at - when) < 0.004
         np.testing.assert_allclose(ending.executed.position, pose[:3], atol=4e-3)
         np.testing.assert_allclose(ending.executed.linear_velocity, twist[:3], atol=0.02)
-        if number >= 3:
-            wanted = throw(number).linear_velocity
-            assert abs(np.linalg.norm(twist[:3]) / np.linalg.norm(wanted) - 1.0) < 0.02
+        speed, told, wanted = (
+            float(np.linalg.norm(velocity))
+            for velocity in (twist[:3], ending.executed.linear_velocity, throw(number).linear_velocity)
+        )
+        assert abs(told / speed - 1.0) < 0.02
+        assert abs(speed / wanted - 1.0) < WITHIN
         assert max(lab.used().values()) <= 1.0
         lab.rest()
     assert lab.stage.lag == pytest.approx(lab.cell.lag, abs=0.012)  # errors of 1 % along the way look like lag, too

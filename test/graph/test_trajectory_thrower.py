@@ -65,7 +65,7 @@ def test_throws_are_made_and_returned_as_the_tracker_saw_them_and_the_delay_is_l
         assert result.success, f"{result.message}\n{graph.logs()}"
         found = result.executed.release_linear_velocity
         speed = np.linalg.norm([found.x, found.y, found.z])
-        assert abs(speed / np.linalg.norm(wanted.linear_velocity) - 1.0) < 0.03
+        assert abs(speed / np.linalg.norm(wanted.linear_velocity) - 1.0) < 0.05
         assert goal.phases == ["planning", "throwing", "released"]
     assert max(speeds(thrower.joints)) < FASTEST
     record = read_record(graph.folder / "gripper.json", GripperRecord)

@@ -227,7 +227,7 @@ def test_a_stop_that_the_controller_does_not_follow_is_told() -> None:
 
 
 def test_a_throw_waits_for_the_body_in_the_gripper_and_gives_up_with_what_it_found() -> None:
-    cell, far = Cell(record=LEARNED), np.array([0.0, 0.1, 0.0])
+    cell, far = Cell(config=TrajectoryConfig(grip_patience=4.0), record=LEARNED), np.array([0.0, 0.1, 0.0])
     cell.misplaced = far
     waited_from = cell.now
 

@@ -23,7 +23,7 @@ class TrajectoryConfig:
         grip_error: largest distance of the held body from where the plan holds it [m].
         grip_turn: largest error of the held body's orientation [rad].
         grip_patience: how long to wait for the body to be put into the gripper so [s].
-        learning: so many first releases may be more uncertain than steady.window allows: they show the gripper's delay.
+        learning: number of first releases that may be less certain than steady.window allows: they show the gripper's delay.
         patience: how long to wait for the controller's end after the trajectory's [s].
         speed_scaling: whether a speed scaling is reported and must be at 100 %.
         controller_state: whether the controller reports its state while it is active.
