@@ -16,7 +16,7 @@ from test.graph.parts.thrower import STILL, Thrower, speeds
 
 pytestmark = [pytest.mark.slow, pytest.mark.live]
 
-UR5E = Path(__file__).resolve().parents[1] / "foreign_arm" / "ur5e.yaml"
+UR5E = Path(__file__).resolve().parents[2] / "foreign_arm" / "ur5e.yaml"
 FASTEST = np.pi
 """Of each joint of a UR5e [rad/s]."""
 
