@@ -106,7 +106,7 @@ def report_throws(lab: Lab, throws: tuple[Throw, ...]) -> None:
 
 def report_faults(lab: Lab, throw: Throw) -> None:
     """Lets every fault happen at every moment, and prints what became of the throws."""
-    safe, outcomes = 0, Counter[str]()
+    safe, by_hand, outcomes = 0, 0, Counter[str]()
     for name, (happens, line) in FAULTS.items():
         for when, is_now in MOMENTS.items():
             outcome, against = faulty(lab, throw, happens, is_now)
@@ -115,9 +115,9 @@ def report_faults(lab: Lab, throw: Throw) -> None:
                 print(f"    {name}, {when}: {wrong}: {outcome}")
             safe += not wrong
             outcomes[outcome.partition(":")[0] if lab.sent else "refused"] += 1
-            recover(lab)
+            by_hand += recover(lab)
     print(f"    faults refused or ended safely: {safe} of {outcomes.total()}; "
-          + ", ".join(f"{outcome} {number}" for outcome, number in outcomes.items()))  # fmt: skip
+          + ", ".join(f"{outcome} {number}" for outcome, number in outcomes.items()) + f"; home by hand {by_hand}")  # fmt: skip
 
 
 def faulty(lab: Lab, throw: Throw, happens: Callable[[Lab], None], is_now: Callable[[Lab], bool]) -> tuple[str, str]:
@@ -145,16 +145,16 @@ def faulty(lab: Lab, throw: Throw, happens: Callable[[Lab], None], is_now: Calla
     return ending.message, "; ".join(line for line, so in wrong.items() if so)
 
 
-def recover(lab: Lab) -> None:
-    """Ends the fault, arms the arm and brings it home."""
+def recover(lab: Lab) -> bool:
+    """Ends the fault, arms the arm and brings it home; whether that had to be done by hand."""
     lab.meanwhile, lab.cell.fault = lambda: None, ""
     lab.rest(1.0)
     lab.gate.arm(lab.cell.time)
-    if lab.sent:
-        ending = lab.go_home()
-        if not ending.success:
-            raise RuntimeError(ending.message)
+    by_hand = bool(lab.sent) and not lab.go_home().success
+    if by_hand:
+        lab.cell.desired = lab.cell.home.copy()
     lab.rest()
+    return by_hand
 
 
 def main() -> None:
