@@ -1,6 +1,7 @@
 """The inner problem as data: what its numbers mean, and that the certificate can be trusted."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -110,15 +111,17 @@ def test_the_certificate_of_a_number_that_is_missing_is_no_number() -> None:
     ],
 )
 def test_a_wrong_shape_is_refused_with_its_name(field: str, shape: tuple[int, ...], expected: str) -> None:
+    wrong: dict[str, Any] = {field: np.zeros(shape)}
     with pytest.raises(InvalidValueError) as refused:
-        replace(random_problems(2, 3, seed=8), **{field: np.zeros(shape)})
+        replace(random_problems(2, 3, seed=8), **wrong)
     assert str(refused.value) == f"{field}: found shape {shape}, expected {expected}"
 
 
 def test_as_many_contacts_as_the_kernel_holds_are_accepted_and_lists_become_arrays_of_floats() -> None:
     problems = random_problems(2, 32, seed=9)
     assert (problems.batch, problems.contacts) == (2, 32)
-    whole = replace(random_problems(2, 1, seed=8), gaps=[[1], [2]], dt=[1, 1])
+    listed: dict[str, Any] = {"gaps": [[1], [2]], "dt": [1, 1]}
+    whole = replace(random_problems(2, 1, seed=8), **listed)
     assert whole.gaps.dtype == whole.dt.dtype == float
     second = problems.rows(slice(1, 2))
     for name in ("jacobians", "gaps", "gaps_next", "free_velocities", "velocities_next", "dt"):
