@@ -311,6 +311,5 @@ def _worst(what: str, values: Array, bound: float, unit: str, first: int = 1) ->
     at = int(np.argmax(values))
     if values[at] <= bound:
         return ""
-    return f"{what}: found {values[at]:.4g} {unit} at frame {at + first}, expected at most {bound:.4g} {unit}".replace(
-        "  ", " "
-    )
+    found, most = (f"{number:.4g} {unit}".rstrip() for number in (values[at], bound))
+    return f"{what}: found {found} at frame {at + first}, expected at most {most}"

@@ -134,11 +134,21 @@ def test_exact_rest_teaches_by_its_expected_information_only() -> None:
 
 def test_edges_that_do_not_cover_the_rows_are_refused() -> None:
     rows = rows_of_kind("impact")
-    for edges in ([0, 3], [1, 8], [0, 5, 4, 8], [0]):
-        with pytest.raises(InvalidValueError, match="starts"):
+    for edges in ([0, 3], [1, 8], [0, 5, 4, 8], [0], []):
+        with pytest.raises(InvalidValueError) as refused:
             fisher_sums(TRUE, CUBE, rows.before, rows.after, DT, edges, Estimator.EMPIRICAL)
-    with pytest.raises(InvalidValueError, match="influence_bound"):
-        fisher_sums(TRUE, CUBE, rows.before, rows.after, DT, [0, 8], Estimator.EMPIRICAL, 0.0)
+        assert str(refused.value) == f"starts: found {len(edges)} edges, expected rising edges from 0 to {len(rows)}"
+    for bound in (0.0, np.nan):
+        with pytest.raises(InvalidValueError) as refused:
+            fisher_sums(TRUE, CUBE, rows.before, rows.after, DT, [0, 8], Estimator.EMPIRICAL, bound)
+        assert str(refused.value) == f"influence_bound: found {bound}, expected a positive number, or inf for none"
+
+
+def test_a_toss_without_transitions_has_no_information() -> None:
+    rows = rows_of_kind("impact")
+    sums = fisher_sums(TRUE, CUBE, rows.before, rows.after, DT, [0, 0, len(rows)], Estimator.EMPIRICAL)
+    assert not sums.fishers[0].any()
+    assert sums.fishers[1].any()
 
 
 def test_threads_change_nothing_bit_for_bit() -> None:

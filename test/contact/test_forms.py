@@ -1,5 +1,7 @@
 """Forms of theta: their charts against finite differences of the geometry, their gauge, their names."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -79,9 +81,38 @@ def test_the_names_of_the_physical_form_say_what_they_count() -> None:
     assert names[47:] == ("vertices_tangent[7][2]", "friction", "tilt[0]", "tilt[1]", "height")
 
 
+def test_every_form_names_its_blocks_and_their_places() -> None:
+    point = ContactGeometry(np.zeros((1, 3)), TRUE.normal, np.zeros((1, 3)), TRUE.tangents, restitution=0.3)
+    corner = tuple(f"vertices_normal[0][{axis}]" for axis in range(3))
+    rigid = parameter_form(point, Form.RIGID)
+    assert rigid.names() == (*corner, "restitution", "friction", "tilt[0]", "tilt[1]", "height")
+    assert rigid.chart.shape == (17, 8)
+    np.testing.assert_array_equal(rigid.chart[16], np.arange(8) == 3)
+    np.testing.assert_array_equal(rigid.chart[:, 3], np.arange(17) == 16)
+    still = parameter_form(replace(point, restitution=None), Form.RIGID)
+    assert still.names() == (*corner, "friction", "tilt[0]", "tilt[1]", "height")
+    np.testing.assert_array_equal(still.chart, np.delete(rigid.chart[:16], 3, axis=1))
+    assert rigid.gauge.shape == (0, 8)
+    np.testing.assert_allclose(still.tilt_axes, np.eye(2, 3))
+    own = parameter_form(replace(point, restitution=None), Form.CONTACTNETS)
+    tangents = tuple(f"tangents[{row}][{axis}]" for row in range(2) for axis in range(3))
+    tangent_corner = tuple(f"vertices_tangent[0][{axis}]" for axis in range(3))
+    assert own.names() == (*corner, "normal[0]", "normal[1]", "normal[2]", *tangent_corner, *tangents)
+    assert own.tilt_axes.shape == (0, 3)
+    with pytest.raises(
+        InvalidValueError, match=r"^form: found physical, expected rigid, since the parameters have a restitution$"
+    ):
+        parameter_form(point, Form.PHYSICAL)
+
+
 def test_a_geometry_that_is_not_physical_has_no_physical_form() -> None:
     assert not is_physical(noisy_geometry(5))
-    with pytest.raises(InvalidValueError, match="contactnets form"):
-        parameter_form(noisy_geometry(5), Form.PHYSICAL)
+    long = replace(TRUE, normal=2.0 * TRUE.normal)
+    with pytest.raises(InvalidValueError) as refused:
+        parameter_form(long, Form.PHYSICAL)
+    assert str(refused.value) == (
+        "parameters: found a normal of length 2 or tangents that are not orthogonal, expected a unit normal and "
+        "one friction coefficient, as the physical form has; use the contactnets form"
+    )
     slippery = ContactGeometry(TRUE.vertices_normal, TRUE.normal, TRUE.vertices_tangent, np.zeros((2, 3)))
     assert not is_physical(slippery)

@@ -53,10 +53,28 @@ def test_the_variance_is_one_up_to_rest_and_grows_with_a_power_of_what_is_above(
     assert noise.variances([np.nan, np.inf]).tolist() == [1.0, 1.0]
 
 
-@pytest.mark.parametrize(("growth", "power"), [(-0.1, 1.0), (np.nan, 1.0), (1.0, 0.1), (1.0, np.inf)])
-def test_a_noise_that_cannot_be_is_refused(growth: float, power: float) -> None:
-    with pytest.raises(InvalidValueError, match="impulse noise"):
+@pytest.mark.parametrize(
+    ("growth", "power", "message"),
+    [
+        (-0.1, 1.0, "impulse noise growth: found -0.1, expected a number from 0 to 10000"),
+        (1.01e4, 1.0, "impulse noise growth: found 10100.0, expected a number from 0 to 10000"),
+        (np.nan, 1.0, "impulse noise growth: found nan, expected a number from 0 to 10000"),
+        (1.0, 0.1, "impulse noise power: found 0.1, expected a number from 0.5 to 4"),
+        (1.0, np.inf, "impulse noise power: found inf, expected a number from 0.5 to 4"),
+    ],
+)
+def test_a_noise_that_cannot_be_is_refused(growth: float, power: float, message: str) -> None:
+    with pytest.raises(InvalidValueError) as refused:
         ImpulseNoise(growth, power)
+    assert str(refused.value) == message
+
+
+def test_the_largest_and_the_least_noise_are_accepted_and_variances_are_halves_of_octaves() -> None:
+    assert ImpulseNoise(0.0, 0.5).variances([7.0]).tolist() == [1.0]
+    assert ImpulseNoise(1e4, 4.0).exact_variances(np.array([2.0])).tolist() == [10001.0]
+    assert ImpulseNoise(1.0, 2.0).exact_variances(np.array([0.5, 1.0, 3.0])).tolist() == [1.0, 1.0, 5.0]
+    rounded = ImpulseNoise(1.0, 2.0).variances([3.0, 4.0])  # 5 and 10: between 4, 4 sqrt(2) and 8, 8 sqrt(2)
+    np.testing.assert_allclose(rounded, [2.0**2.5, 2.0**3.5], rtol=1e-12)
 
 
 def test_the_predicted_impulse_is_one_at_rest_none_in_the_air_and_many_at_an_impact() -> None:
@@ -94,8 +112,10 @@ def test_weights_of_one_give_the_same_bytes_as_none_and_bad_ones_are_refused(dat
     for one, other in zip(with_ones, without, strict=True):
         assert one.tobytes() == other.tobytes()
     for wrong in (np.ones(3), np.zeros(len(data.dt)), np.full(len(data.dt), np.nan)):
-        with pytest.raises(InvalidValueError, match="weights of transitions"):
+        with pytest.raises(InvalidValueError) as refused:
             sums(a_theta(None), data, Estimator.GAUSS_NEWTON, wrong)
+        expected = f"({len(data.dt)},) finite positive numbers"
+        assert str(refused.value) == f"weights of transitions: found shape {wrong.shape}, expected {expected}"
 
 
 def test_a_theta_with_noise_weighs_by_itself_and_impacts_count_less(data: Transitions) -> None:
@@ -131,7 +151,10 @@ def test_the_rigid_form_moves_both_sets_of_vertices_alike(data: Transitions) -> 
 
 def test_two_sets_of_vertices_have_no_rigid_form() -> None:
     apart = replace(a_theta(None), vertices_tangent=a_theta(None).vertices_normal + 0.1)
-    with pytest.raises(InvalidValueError, match="vertices_tangent"):
+    with pytest.raises(
+        InvalidValueError,
+        match=r"^vertices_tangent: found up to \S+ from vertices_normal, expected the same, as the rigid form has; or",
+    ):
         parameter_form(apart, Form.RIGID)
     assert form_of_geometry(apart) is Form.PHYSICAL
     assert form_of_geometry(a_theta(ImpulseNoise())) is Form.RIGID

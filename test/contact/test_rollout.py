@@ -120,7 +120,17 @@ def test_energy_never_grows_in_a_toss() -> None:
         assert np.diff(energy).max() < 1e-8 * energy[0]
 
 
-@pytest.mark.parametrize(("lengths", "threads"), [(0, 1), (2.5, 1), ([3, 3], 1), ([3, -1, 3], 1), (3, 0)])
-def test_wrong_lengths_and_threads_are_refused(lengths: float | list[int], threads: int) -> None:
-    with pytest.raises(InvalidValueError):
+WRONG_LENGTHS = [
+    (0, 1, "lengths: found 0, expected at least 1 frame"),
+    (2.5, 1, "lengths: found float64 of shape (), expected one integer or (3,) integers"),
+    ([3, 3], 1, "lengths: found int64 of shape (2,), expected one integer or (3,) integers"),
+    ([3, -1, 3], 1, "lengths: found -1, expected at least 1 frame"),
+    (3, 0, "threads: found 0, expected at least 1"),
+]
+
+
+@pytest.mark.parametrize(("lengths", "threads", "message"), WRONG_LENGTHS)
+def test_wrong_lengths_and_threads_are_refused(lengths: float | list[int], threads: int, message: str) -> None:
+    with pytest.raises(InvalidValueError) as refused:
         rollout(CUBE, CONTACTNETS_CUBE, thrown_states(3, seed=9), lengths, DT, threads=threads)
+    assert str(refused.value) == message

@@ -196,31 +196,43 @@ def test_a_bad_state_gets_a_status_and_leaves_the_others_alone(bad: float, colum
 
 
 @pytest.mark.parametrize(
-    ("states", "dt"),
+    ("states", "dt", "message"),
     [
-        (np.zeros((2, 12)), DT),
-        (np.zeros((2, 13)), DT),
-        (FLAT_AT_REST[None], -DT),
-        (FLAT_AT_REST[None], 0.0),
-        (FLAT_AT_REST[None], np.nan),
-        (FLAT_AT_REST[None], [DT, DT]),
+        (np.zeros((2, 12)), DT, "states: found shape (2, 12), expected (N, 13)"),
+        (np.zeros(13), DT, "states: found shape (13,), expected (N, 13)"),
+        (np.zeros((2, 13)), DT, "quaternion norms: found 0 to 0, expected 1 within 0.001"),
+        (FLAT_AT_REST * [[1.0], [1.002]], DT, "quaternion norms: found 1 to 1.002, expected 1 within 0.001"),
+        (FLAT_AT_REST[None], -0.5, "dt: found -0.5, expected positive numbers of seconds"),
+        (FLAT_AT_REST[None], 0.0, "dt: found 0., expected positive numbers of seconds"),
+        (FLAT_AT_REST[None], np.inf, "dt: found inf, expected positive numbers of seconds"),
+        (FLAT_AT_REST[None], np.nan, "dt: found nan, expected positive numbers of seconds"),
+        (FLAT_AT_REST[None], [DT, DT], "dt: found shape (2,), expected one number or (1,)"),
     ],
 )
-def test_wrong_input_is_refused(states: Array, dt: float | list[float]) -> None:
-    with pytest.raises(InvalidValueError):
+def test_wrong_input_is_refused(states: Array, dt: float | list[float], message: str) -> None:
+    with pytest.raises(InvalidValueError) as refused:
         step(CUBE, CONTACTNETS_CUBE, states, dt)
+    assert str(refused.value) == message
+
+
+def test_a_quaternion_may_be_off_by_rounding_and_states_are_copied() -> None:
+    nearly = np.tile(FLAT_AT_REST, (2, 1))
+    nearly[:, 3:7] *= [[0.9991], [1.0009]]
+    before = nearly.copy()
+    step(CUBE, CONTACTNETS_CUBE, nearly, DT)
+    np.testing.assert_array_equal(nearly, before)
 
 
 def test_limits_and_geometry_are_checked_when_made() -> None:
-    with pytest.raises(InvalidValueError, match="tolerance"):
+    with pytest.raises(InvalidValueError, match=r"^tolerance: found 0.0, expected a positive number$"):
         SweepLimits(tolerance=0.0)
-    with pytest.raises(InvalidValueError, match="max_sweeps"):
+    with pytest.raises(InvalidValueError, match=r"^max_sweeps: found 0, expected at least 1$"):
         SweepLimits(max_sweeps=0)
     with pytest.raises(InvalidValueError, match="normal"):
         ContactGeometry(CUBE.vertices_normal, np.zeros(3), CUBE.vertices_tangent, CUBE.tangents)
     with pytest.raises(InvalidValueError, match="vertices_tangent"):
         ContactGeometry(CUBE.vertices_normal, CUBE.normal, CUBE.vertices_tangent[:7], CUBE.tangents)
-    with pytest.raises(InvalidValueError, match="guesses"):
+    with pytest.raises(InvalidValueError, match=r"^guesses: found shape \(1, 7, 3\), expected \(1, 8, 3\)$"):
         step(CUBE, CONTACTNETS_CUBE, FLAT_AT_REST[None], DT, np.zeros((1, 7, 3)))
 
 

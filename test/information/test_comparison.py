@@ -18,14 +18,17 @@ def test_the_same_order_correlates_fully_and_the_opposite_order_inversely() -> N
 
 def test_only_tosses_in_both_rankings_count() -> None:
     assert spearman(ranking("axbyc"), ranking("abzc")) == pytest.approx(1.0)
-    with pytest.raises(InvalidValueError, match="tosses in both rankings: found 1"):
+    assert spearman(ranking("ab"), ranking("ba")) == pytest.approx(-1.0)
+    with pytest.raises(InvalidValueError, match=r"^tosses in both rankings: found 1, expected at least 2$"):
         spearman(ranking("ab"), ranking("bc"))
 
 
 def test_overlap_is_the_share_of_common_tosses_at_the_top() -> None:
     assert top_overlap(ranking("abcde"), ranking("baxcd"), 2) == 1.0
     assert top_overlap(ranking("abcde"), ranking("xbyad"), 4) == 0.5
-    with pytest.raises(InvalidValueError, match="top: found 6"):
+    assert top_overlap(ranking("abc"), ranking("axyzb"), 1) == 1.0
+    assert top_overlap(ranking("abc"), ranking("axyzb"), 3) == pytest.approx(1 / 3)
+    with pytest.raises(InvalidValueError, match=r"^top: found 6, expected 1 to 5, the length of the shorter ranking$"):
         top_overlap(ranking("abcde"), ranking("abcdefg"), 6)
-    with pytest.raises(InvalidValueError, match="top: found 0"):
+    with pytest.raises(InvalidValueError, match=r"^top: found 0, expected 1 to 3, the length of the shorter ranking$"):
         top_overlap(ranking("abc"), ranking("abc"), 0)

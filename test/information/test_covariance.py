@@ -35,7 +35,16 @@ def test_the_sandwich_sees_that_residuals_of_a_toss_belong_together() -> None:
 
 
 def test_a_variance_and_scores_that_make_no_sense_are_refused() -> None:
-    with pytest.raises(InvalidValueError, match="noise variance"):
+    with pytest.raises(InvalidValueError, match=r"^noise variance: found 0.0, expected a positive number$"):
         model_covariance(SUBSPACE, 0.0)
-    with pytest.raises(InvalidValueError, match=r"toss scores: found shape \(3, 5\)"):
+    with pytest.raises(InvalidValueError, match=r"^toss scores: found shape \(3, 5\), expected \(K, 4\)$"):
         sandwich_covariance(SUBSPACE, np.ones((3, 5)))
+    with pytest.raises(InvalidValueError, match=r"^toss scores: found shape \(4,\), expected \(K, 4\)$"):
+        sandwich_covariance(SUBSPACE, np.ones(4))
+
+
+def test_both_covariances_are_products_of_the_inverse_information() -> None:
+    inverse = np.linalg.inv(np.einsum("kta,ktb->ab", DESIGN, DESIGN))
+    np.testing.assert_allclose(model_covariance(SUBSPACE, 2.5), 2.5 * inverse, rtol=1e-10)
+    scores = DESIGN[:, 0]
+    np.testing.assert_allclose(sandwich_covariance(SUBSPACE, scores), inverse @ scores.T @ scores @ inverse, rtol=1e-9)

@@ -63,18 +63,51 @@ def test_no_information_is_no_rows_and_nothing_lost() -> None:
     assert factor.trace_share == 1.0
 
 
-def test_a_matrix_that_is_no_fisher_matrix_is_refused() -> None:
-    with pytest.raises(InvalidValueError, match="positive semidefinite"):
-        factor_of_fisher(np.diag([1.0, -0.1]))
-    with pytest.raises(InvalidValueError, match="positive semidefinite"):
-        factor_of_fisher(-np.eye(2))
-    with pytest.raises(InvalidValueError, match="finite"):
-        factor_of_fisher(np.full((2, 2), np.nan))
-    with pytest.raises(InvalidValueError, match=r"\(K, P, P\)"):
-        factors_of_fishers(np.zeros((2, 3)))
+@pytest.mark.parametrize(
+    ("matrices", "message"),
+    [
+        (np.diag([1.0, -0.1])[None], "Fisher matrix: found an eigenvalue of -0.1, expected a positive semidefinite matrix"),
+        (-np.eye(2)[None], "Fisher matrix: found an eigenvalue of -1, expected a positive semidefinite matrix"),
+        (
+            np.diag([1.0, -1.01e-8])[None],
+            "Fisher matrix: found an eigenvalue of -1.01e-08, expected a positive semidefinite matrix",
+        ),
+        (np.array([[[1.0, np.nan], [0.0, 1.0]]]), "Fisher matrices: found a value that is not finite, expected finite numbers"),
+        (np.zeros((2, 3)), "Fisher matrices: found shape (2, 3), expected (K, P, P)"),
+        (np.zeros((2, 3, 4)), "Fisher matrices: found shape (2, 3, 4), expected (K, P, P)"),
+    ],
+)
+def test_a_matrix_that_is_no_fisher_matrix_is_refused(matrices: Array, message: str) -> None:
+    with pytest.raises(InvalidValueError) as refused:
+        factors_of_fishers(matrices)
+    assert str(refused.value) == message
 
 
-@pytest.mark.parametrize(("name", "value"), [("max_rows", 0), ("cut", -1e-3), ("cut", 1.0), ("cut", np.nan)])
-def test_compressions_out_of_range_are_refused(name: str, value: float) -> None:
-    with pytest.raises(InvalidValueError, match=f"compression.{name}"):
+def test_rounding_below_zero_is_no_information() -> None:
+    factor = factor_of_fisher(np.diag([1.0, -0.99e-8]), Compression(cut=0.0))
+    np.testing.assert_allclose(factor.rows, [[1.0, 0.0]])
+    assert factor.trace_share == 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("max_rows", 0, "at least 1"),
+        ("cut", -1e-3, "a number from 0 to below 1"),
+        ("cut", 1.0, "a number from 0 to below 1"),
+        ("cut", np.nan, "a number from 0 to below 1"),
+    ],
+)
+def test_compressions_out_of_range_are_refused(name: str, value: float, expected: str) -> None:
+    with pytest.raises(InvalidValueError) as refused:
         Compression(**{name: value})  # type: ignore[arg-type]
+    assert str(refused.value) == f"compression.{name}: found {value}, expected {expected}"
+    assert Compression(max_rows=1, cut=0.0) == Compression(1, 0.0)
+
+
+def test_a_factor_is_the_roots_of_the_eigenvalues_times_their_directions_strongest_first() -> None:
+    turn = np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, -1.0]])  # directions as rows
+    factor = factor_of_fisher(turn.T @ np.diag([1.0, 4.0, 9.0]) @ turn, Compression(max_rows=2))
+    np.testing.assert_allclose(factor.rows, [[0.0, 0.0, 3.0], [1.6, 1.2, 0.0]], atol=1e-14)
+    assert factor.trace_share == pytest.approx(13.0 / 14.0, rel=1e-14)
+    assert factor.rows.flags.c_contiguous

@@ -16,7 +16,8 @@ def test_its_eigenvalues_are_the_non_zero_ones_of_the_sum_of_outer_products() ->
     found = selected_gram(scores)
     assert (found.smallest, found.largest) == pytest.approx((values[0], values[-1]), rel=1e-12)
     assert found.rank == 4
-    assert 1.0 < found.effective_rank < 4.0
+    shares = values / values.sum()
+    assert found.effective_rank == pytest.approx(np.prod(shares**-shares), rel=1e-10)
 
 
 def test_tosses_in_directions_of_their_own_count_each_and_repetitions_do_not() -> None:

@@ -11,9 +11,10 @@ from contact_curation.information import subspace
 from contact_curation.information.pool import pool_of
 from contact_curation.information.prior import log_det_prior, prior_of_matrix
 from contact_curation.information.subspace import identifiable_subspace
-from test.information.pools import tosses
+from test.information.pools import blocks_of, toss, tosses
 
 SIZE = 9
+NOTHING = "at least one toss that tells something about theta"
 
 
 def fisher_without(direction: Array, seed: int) -> Array:
@@ -75,7 +76,7 @@ def test_weak_directions_are_kept_down_to_the_cut() -> None:
 
 
 def test_no_information_at_all_is_an_error() -> None:
-    with pytest.raises(InvalidValueError, match="pooled information: found zero"):
+    with pytest.raises(InvalidValueError, match=rf"^pooled information: found zero, expected {NOTHING}$"):
         identifiable_subspace(np.zeros((4, 4)))
 
 
@@ -85,8 +86,10 @@ def test_a_prior_is_the_identity_in_its_coordinates() -> None:
     prior = prior_of_matrix(root @ root.T, pivot)
     np.testing.assert_array_equal(prior.pivot, pivot)
     np.testing.assert_allclose(prior.coordinates.T @ (root @ root.T) @ prior.coordinates, np.eye(5), atol=1e-9)
-    with pytest.raises(InvalidValueError, match="positive definite"):
-        prior_of_matrix(np.diag([1.0, 0.0]), np.zeros(3))
+    with pytest.raises(
+        InvalidValueError, match=r"^prior information: found smallest eigenvalue -1, expected a positive definite matrix$"
+    ):
+        prior_of_matrix(np.diag([1.0, -1.0]), np.zeros(3))
 
 
 def test_a_pools_prior_is_a_share_of_its_mean_toss_unless_it_has_its_own() -> None:
@@ -99,8 +102,37 @@ def test_a_pools_prior_is_a_share_of_its_mean_toss_unless_it_has_its_own() -> No
 
 
 def test_a_prior_refuses_tosses_of_other_parameters() -> None:
-    with pytest.raises(InvalidValueError, match="as in the prior"):
+    with pytest.raises(InvalidValueError, match=r"^parameters of toss toss-0000: found 5, expected 4, as in the prior$"):
         prior_of_matrix(np.eye(4), np.zeros(3)).rows(tosses(1, 5, 2, seed=0)[0])
+
+
+def test_a_priors_rows_are_about_its_pivot() -> None:
+    blocks, axes = blocks_of([("tilt", 2), ("height", 1)]), np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    info = toss("a", np.array([[1.0, 2.0, 4.0]]), blocks=blocks, tilt_axes=axes, centroid=np.array([1.0, 1.0, 1.0]))
+    rows = prior_of_matrix(np.eye(3), np.array([3.0, 9.0, 0.5])).rows(info)
+    np.testing.assert_allclose(rows, [[1.0 + 2.0 * 4.0, 2.0 - 0.5 * 4.0, 4.0]])
+
+
+def test_leading_directions_are_the_largest_and_whiten() -> None:
+    turn = np.linalg.qr(np.random.default_rng(7).standard_normal((4, 4)))[0]
+    fisher = turn @ np.diag([1e-9, 4.0, 9.0, 16.0]) @ turn.T
+    for directions, values in ((2, [9.0, 16.0]), (3, [4.0, 9.0, 16.0]), (9, [4.0, 9.0, 16.0])):
+        leading = subspace.leading_subspace(fisher, directions)
+        np.testing.assert_allclose(leading.eigenvalues, values, rtol=1e-10)
+        whole = leading.whitening.T @ fisher @ leading.whitening
+        np.testing.assert_allclose(whole, np.eye(len(values)), atol=1e-7)
+    assert subspace.leading_subspace(fisher, 4, cut=0.5).eigenvalues == pytest.approx([9.0, 16.0])
+
+
+def test_a_pool_of_a_networks_sketch_is_compared_in_its_leading_directions(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(subspace, "LEADING_DIRECTIONS", 2)
+    rows = np.diag([1.0, 2.0, 3.0])
+    sketched = pool_of([toss("a", rows, blocks=blocks_of([("gap network", 3)]))])
+    np.testing.assert_allclose(subspace.pool_subspace(sketched).eigenvalues, [4.0, 9.0])
+    assert subspace.pool_subspace(sketched, cut=0.5).dimension == 1
+    plain = pool_of([toss("a", rows)])
+    np.testing.assert_allclose(subspace.pool_subspace(plain).eigenvalues, [1.0, 1.0, 1.0])
+    assert subspace.pool_subspace(plain, cut=0.9999).dimension == 3
 
 
 def test_a_few_directions_of_many_parameters_are_the_same_however_they_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -110,5 +142,5 @@ def test_a_few_directions_of_many_parameters_are_the_same_however_they_are_found
     few = subspace.leading_subspace(rows.T @ rows, 8)
     np.testing.assert_allclose(few.eigenvalues, whole.eigenvalues, rtol=1e-10)
     np.testing.assert_allclose(few.whitening @ few.whitening.T, whole.whitening @ whole.whitening.T, atol=1e-10)
-    with pytest.raises(InvalidValueError, match="at least one toss that tells something"):
+    with pytest.raises(InvalidValueError, match=rf"^pooled information: found zero, expected {NOTHING}$"):
         subspace.leading_subspace(np.zeros((20, 20)), 8)

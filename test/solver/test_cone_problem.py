@@ -1,6 +1,7 @@
 """The inner problem as data: what its numbers mean, and that the certificate can be trusted."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -94,13 +95,78 @@ def test_the_certificate_of_a_number_that_is_missing_is_no_number() -> None:
         assert np.isfinite(residuals).tolist() == [True, False]
 
 
-def test_a_wrong_shape_or_weight_is_refused_with_its_name() -> None:
-    problems = random_problems(2, 3, seed=8)
-    with pytest.raises(InvalidValueError, match="gaps_next"):
-        replace(problems, gaps_next=np.zeros((2, 4)))
-    with pytest.raises(InvalidValueError, match="K from 1 to 32"):
-        random_problems(1, 33, seed=9)
-    with pytest.raises(InvalidValueError, match="regularization"):
-        ConeWeights(regularization=0.0)
-    with pytest.raises(InvalidValueError, match="dissipation"):
-        ConeWeights(dissipation=-1.0)
+@pytest.mark.parametrize(
+    ("field", "shape", "expected"),
+    [
+        ("jacobians", (2, 3, 3, 5), "(2, 3, 3, 6)"),
+        ("jacobians", (2, 33, 3, 6), "(B, K, 3, 6) with K from 1 to 32"),
+        ("jacobians", (2, 0, 3, 6), "(B, K, 3, 6) with K from 1 to 32"),
+        ("jacobians", (3, 3, 6), "(B, K, 3, 6) with K from 1 to 32"),
+        ("inverse_mass", (6,), "(6, 6)"),
+        ("gaps", (2, 4), "(2, 3)"),
+        ("gaps_next", (3, 3), "(2, 3)"),
+        ("free_velocities", (2, 5), "(2, 6)"),
+        ("velocities_next", (1, 6), "(2, 6)"),
+        ("dt", (2, 1), "(2,)"),
+    ],
+)
+def test_a_wrong_shape_is_refused_with_its_name(field: str, shape: tuple[int, ...], expected: str) -> None:
+    wrong: dict[str, Any] = {field: np.zeros(shape)}
+    with pytest.raises(InvalidValueError) as refused:
+        replace(random_problems(2, 3, seed=8), **wrong)
+    assert str(refused.value) == f"{field}: found shape {shape}, expected {expected}"
+
+
+def test_as_many_contacts_as_the_kernel_holds_are_accepted_and_lists_become_arrays_of_floats() -> None:
+    problems = random_problems(2, 32, seed=9)
+    assert (problems.batch, problems.contacts) == (2, 32)
+    listed: dict[str, Any] = {"gaps": [[1], [2]], "dt": [1, 1]}
+    whole = replace(random_problems(2, 1, seed=8), **listed)
+    assert whole.gaps.dtype == whole.dt.dtype == float
+    second = problems.rows(slice(1, 2))
+    for name in ("jacobians", "gaps", "gaps_next", "free_velocities", "velocities_next", "dt"):
+        np.testing.assert_array_equal(getattr(second, name), getattr(problems, name)[1:2])
+    np.testing.assert_array_equal(second.inverse_mass, problems.inverse_mass)
+
+
+@pytest.mark.parametrize("name", ["match", "penetration", "regularization"])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.inf, np.nan])
+def test_a_weight_that_has_to_be_positive_is_refused(name: str, value: float) -> None:
+    with pytest.raises(InvalidValueError) as refused:
+        ConeWeights(**{name: value})
+    assert str(refused.value) == f"loss.{name}: found {value}, expected a positive number"
+
+
+@pytest.mark.parametrize("name", ["complementarity_normal", "complementarity_tangent", "dissipation"])
+@pytest.mark.parametrize("value", [-1.0, np.inf, np.nan])
+def test_a_weight_below_zero_is_refused_and_zero_is_not(name: str, value: float) -> None:
+    assert getattr(ConeWeights(**{name: 0.0}), name) == 0.0
+    with pytest.raises(InvalidValueError) as refused:
+        ConeWeights(**{name: value})
+    assert str(refused.value) == f"loss.{name}: found {value}, expected a number of at least 0"
+
+
+@pytest.mark.parametrize("cone", list(Cone))
+def test_a_projection_is_the_nearest_point_of_the_cone(cone: Cone) -> None:
+    """By hand: on the axis, at the apex, on the rim, and the foot of a point beside it."""
+    points = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [2.0, 2.0, 0.0], [1.0, 3.0, 0.0], [1.0, 0.0, -3.0]])
+    feet = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [2.0, 2.0, 0.0], [2.0, 2.0, 0.0], [2.0, 0.0, -2.0]])
+    np.testing.assert_allclose(project(points, cone), feet, atol=1e-15)
+
+
+def test_the_two_cones_differ_between_the_facets_middles() -> None:
+    turn = np.pi / 8.0
+    point = np.array([[0.0, np.cos(turn), np.sin(turn)]])
+    np.testing.assert_allclose(project(point, Cone.CIRCULAR)[0], [0.5, 0.5 * np.cos(turn), 0.5 * np.sin(turn)], atol=1e-15)
+    edge = np.array([np.cos(turn), np.cos(turn), np.sin(turn)])
+    np.testing.assert_allclose(project(point, Cone.POLYHEDRAL)[0], edge / (1.0 + np.cos(turn) ** 2), atol=1e-15)
+
+
+def test_the_residual_is_the_largest_step_of_a_projected_gradient() -> None:
+    problems = random_problems(3, 4, seed=10)
+    impulses = np.abs(np.random.default_rng(11).standard_normal((3, 4, 3)))
+    for cone in Cone:
+        gradients = objectives(problems, impulses).gradients
+        steps = np.abs(impulses - project(impulses - gradients, cone))
+        found = natural_residuals(replace(problems, cone=cone), impulses)
+        np.testing.assert_array_equal(found, steps.reshape(3, -1).max(axis=1))

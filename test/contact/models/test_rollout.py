@@ -22,7 +22,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from test.contact.model_cases import tossed_rows
-from test.contact.test_rollout import thrown_states
+from test.contact.test_rollout import WRONG_LENGTHS, thrown_states
 from test.contact.test_time_step import EXACT, touching_states
 from test.contact.time_step_oracle import falling_twist, mass_matrix, moved, oracle_step_at
 
@@ -195,10 +195,11 @@ def test_nothing_to_roll_out_gives_nothing() -> None:
     assert rolled.starts.tolist() == [0]
 
 
-@pytest.mark.parametrize(("lengths", "threads"), [(0, 1), (2.5, 1), ([3, 3], 1), ([3, -1, 3], 1), (3, 0)])
-def test_wrong_lengths_and_threads_are_refused(lengths: float | list[int], threads: int) -> None:
-    with pytest.raises(InvalidValueError):
+@pytest.mark.parametrize(("lengths", "threads", "message"), WRONG_LENGTHS)
+def test_wrong_lengths_and_threads_are_refused(lengths: float | list[int], threads: int, message: str) -> None:
+    with pytest.raises(InvalidValueError) as refused:
         deep().roll_out(thrown_states(3, seed=12), lengths, DT, threads=threads)
+    assert str(refused.value) == message
 
 
 def test_a_model_that_gives_neither_contacts_nor_steps_is_refused() -> None:

@@ -6,8 +6,9 @@ from scipy.linalg import qr
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.criteria.orthogonal import select_orthogonal
-from contact_curation.information.ranker import RankingConfig, rank
+from contact_curation.information.criteria.orthogonal import select_orthogonal, toss_scores
+from contact_curation.information.pool import pool_of
+from contact_curation.information.ranker import RankingConfig, rank, rank_particles
 from test.information.pools import toss, tosses
 
 
@@ -71,8 +72,35 @@ def test_the_literal_rule_prefers_tosses_that_say_nothing_and_the_others_do_not(
 
 
 def test_only_the_known_variants_are_accepted() -> None:
-    with pytest.raises(InvalidValueError, match="literal, max-cosine, pivoted"):
+    told = r"^unknown orthogonal variant sideways: expected one of literal, max-cosine, pivoted$"
+    with pytest.raises(InvalidValueError, match=told):
         select_orthogonal(np.eye(2), 1, "sideways")
+
+
+def test_the_numbers_of_the_variants_by_hand() -> None:
+    scores = np.array([[3.0, 0.0], [0.0, 2.0], [1.0, 1.0], [0.0, 0.0]])
+    pivoted = select_orthogonal(scores, 2)
+    np.testing.assert_array_equal(pivoted.scores, [3.0, 2.0, np.sqrt(2.0), 0.0])
+    np.testing.assert_allclose(pivoted.gains, [3.0, 2.0, 0.0, 0.0], atol=1e-15)
+    assert (pivoted.order[:2].tolist(), pivoted.count) == ([0, 1], 2)
+    cosine = select_orthogonal(scores, 2, "max-cosine")
+    np.testing.assert_allclose(cosine.gains, [0.0, 0.0, -np.sqrt(0.5), -1.0], atol=1e-15)
+    np.testing.assert_array_equal(cosine.scores, pivoted.scores)
+    literal = select_orthogonal(scores, 2, "literal")
+    np.testing.assert_allclose(literal.gains, [0.0, 0.0, -3.0, 0.0], atol=1e-15)
+    assert literal.order[:2].tolist() == [0, 1]
+    np.testing.assert_array_equal(literal.scores, pivoted.scores)
+    assert select_orthogonal(scores, 9).count == 4
+
+
+def test_scores_of_several_particles_count_alike_and_the_mean_is_over_transitions() -> None:
+    one = [toss("a", np.array([[3.0, 0.0]])), toss("b", np.array([[0.0, 4.0], [0.0, 2.0]]), transitions=3, not_scored=1)]
+    np.testing.assert_allclose(toss_scores(pool_of(one), centre=True), [[2.0, -2.0], [-2.0, 2.0]])
+    np.testing.assert_allclose(toss_scores(pool_of(one)), [[3.0, 0.0], [0.0, 6.0]])
+    large = [toss(info.toss_id, 1e3 * info.factor) for info in one]
+    ranking = rank_particles([pool_of(one), pool_of(large)], RankingConfig("orthogonal", top=2))
+    mean = np.sqrt(0.5 * (9.0 + 36.0))
+    assert [entry.score for entry in ranking.entries] == pytest.approx([np.sqrt(2.0) * 6.0 / mean, np.sqrt(2.0) * 3.0 / mean])
 
 
 def test_scores_of_zero_are_ranked_by_id() -> None:

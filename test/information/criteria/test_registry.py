@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -104,10 +105,47 @@ def test_ones_own_criterion_is_known_by_its_name(shortest: Criterion) -> None:
 
 
 def test_a_name_is_taken_once_or_replaced_on_purpose(shortest: Criterion) -> None:
-    with pytest.raises(InvalidValueError, match="name of a new criterion: found trace"):
+    with pytest.raises(
+        InvalidValueError, match=r"^name of a new criterion: found trace, expected none of [a-z, -]*trace[a-z, -]*$"
+    ):
         register(TRACE)
     assert register(replace(shortest, unit="ms"), replace=True) is criterion_named("shortest")
     assert criterion_named("shortest").axis_label() == "minus the duration of the toss [ms]"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"criterion": "fishr"}, "unknown criterion fishr: expected one of "),
+        ({"normalisation": "median"}, "unknown ranking.normalisation median: did you mean mean?"),
+        ({"variant": "pivot"}, "unknown ranking.variant pivot: did you mean pivoted?"),
+        ({"top": 0}, "ranking.top: found 0, expected 1 to 1000000 tosses to select"),
+        ({"top": 1_000_001}, "ranking.top: found 1000001, expected 1 to 1000000 tosses to select"),
+        ({"seed": -1}, "ranking.seed: found -1, expected a number of at least 0"),
+        ({"certificate_steps": -1}, "ranking.certificate_steps: found -1, expected a number of at least 0"),
+        ({"prior": 0.0}, "ranking.prior: found 0.0, expected a positive number"),
+        ({"prior": np.inf}, "ranking.prior: found inf, expected a positive number"),
+        ({"cut": 0.0}, "ranking.cut: found 0.0, expected a number between 0 and 1"),
+        ({"cut": 1.0}, "ranking.cut: found 1.0, expected a number between 0 and 1"),
+    ],
+)
+def test_a_ranking_that_makes_no_sense_is_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(InvalidValueError) as refused:
+        RankingConfig(**changes)
+    assert str(refused.value).startswith(message)
+    assert message.endswith("one of ") or str(refused.value) == message
+
+
+def test_the_smallest_and_largest_rankings_are_accepted() -> None:
+    assert RankingConfig(top=1, seed=0, certificate_steps=0).top == 1
+    assert RankingConfig(top=1_000_000).top == 1_000_000
+
+
+def test_axes_are_labelled_with_the_unit_if_there_is_one() -> None:
+    unit, none = criterion_named("log-det"), replace(criterion_named("log-det"), unit="")
+    assert unit.axis_label() == "log-det gain of the toss alone [nats]"
+    assert unit.axis_label("gain") == "gain [nats]"
+    assert (none.axis_label(), none.axis_label("gain")) == ("log-det gain of the toss alone", "gain")
 
 
 def test_an_unknown_name_is_refused_with_those_that_there_are() -> None:

@@ -11,9 +11,19 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import box
 from contact_curation.motion import gates
-from contact_curation.motion.gate_config import GateBounds, GateConfig
-from contact_curation.motion.gates import Steps, cone_gate, impulse_gate, inspect, steps_of, twist_gate
-from contact_curation.motion.pose_noise import RIG
+from contact_curation.motion.gate_config import TURN_NOISE, GateBounds, GateConfig
+from contact_curation.motion.gates import (
+    REST_FRAMES,
+    ROCKING_FRAMES,
+    Steps,
+    cone_gate,
+    impulse_gate,
+    inspect,
+    rest_normal,
+    steps_of,
+    twist_gate,
+)
+from contact_curation.motion.pose_noise import RIG, RIG_TURN, TrackerScale
 from contact_curation.motion.scales import scale_of
 from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import Toss
@@ -245,13 +255,235 @@ def test_a_gate_that_is_added_to_the_table_is_asked(good: Toss, monkeypatch: pyt
     assert inspect(good, CUBE, CONFIG) == (f"frames: found {good.frames}, expected at most 2",)
 
 
+ROD = Body("rod", box(np.array([0.2, 0.03, 0.02])).vertices, 2.0, np.array([8.6667e-4, 0.026933, 0.027267]), 0.4, 0.05)
+"""Another lever about each axis."""
+
+
+def tumbling(seed: int, rate: float) -> Toss:
+    """A rod in the air at random places, orientations, velocities and spins, some frames of which are late."""
+    rng, frames = np.random.default_rng(seed), 16
+    places = np.cumsum(rng.normal(0.0, 0.02, (frames, 3)), axis=0) + np.array([0.0, 0.0, 0.3])
+    turns = np.cumsum(rng.normal(0.0, 0.1, (frames, 3)), axis=0)
+    periods = round(1e9 / rate) * rng.choice([1.0, 1.0, 1.7], frames - 1)
+    stamps = np.cumsum(np.append(0, periods.astype(np.int64)))
+    norms = 1.0 + 3e-4 * rng.normal(size=(frames, 1))
+    velocities, spins = rng.normal(0.0, 1.0, (frames, 3)), rng.normal(0.0, 4.0, (frames, 3))
+    return Toss("t", "rod", "s", 1.0 / rate, stamps, places, quaternions.exp(turns) * norms, velocities, spins)
+
+
+@pytest.mark.parametrize(
+    ("seed", "rate", "tracker", "found"),
+    [
+        (
+            0,
+            148,
+            RIG,
+            [
+                "time between frames: found 1.7 frame periods at frame 2, expected at most 1.5 frame periods",
+                "quaternion norm beside 1: found 0.000675 at frame 4, expected at most 0.0001",
+                "impulse that pulls down: found 3.237 m/s at frame 15, expected at most 0.1525 m/s",
+                "impulse outside the friction cone: found 3.412 m/s at frame 6, expected at most 0.1525 m/s",
+                "acceleration in the air beyond gravity: found 516.8 m/s^2 at frame 6, expected at most 8.481 m/s^2",
+                "change of spin in the air: found 15.26 rad/s at frame 14, expected at most 2 rad/s",
+                (
+                    "change of spin beyond what a contact's impulse gives: found 10.46 rad/s at frame 7, "
+                    "expected at most 2.562 rad/s"
+                ),
+                "energy gained in the air: found 2.595 m^2/s^2 at frame 13, expected at most 0.1 m^2/s^2",
+                "displacement beside the velocity: found 8.473 m/s at frame 15, expected at most 0.4 m/s",
+                "turn beside the angular velocity: found 27.93 rad/s at frame 8, expected at most 10.96 rad/s",
+            ],
+        ),
+        (
+            1,
+            300,
+            TrackerScale(3.0, 2.0),
+            [
+                "time between frames: found 1.7 frame periods at frame 3, expected at most 1.5 frame periods",
+                "quaternion norm beside 1: found 0.000526 at frame 4, expected at most 0.0001",
+                "impulse that pulls down: found 3.71 m/s at frame 12, expected at most 0.305 m/s",
+                "impulse outside the friction cone: found 3.274 m/s at frame 1, expected at most 0.305 m/s",
+                "acceleration in the air beyond gravity: found 1330 m/s^2 at frame 1, expected at most 104.5 m/s^2",
+                "change of spin in the air: found 18.45 rad/s at frame 9, expected at most 8 rad/s",
+                "energy gained in the air: found 1.618 m^2/s^2 at frame 15, expected at most 0.6 m^2/s^2",
+                "displacement beside the velocity: found 20.03 m/s at frame 8, expected at most 0.8 m/s",
+                "turn beside the angular velocity: found 66.1 rad/s at frame 15, expected at most 21.91 rad/s",
+            ],
+        ),
+    ],
+    ids=["rig", "fast and noisy"],
+)
+def test_every_gate_names_its_worst_frame_and_the_bound_of_the_tracker(
+    seed: int, rate: float, tracker: TrackerScale, found: list[str]
+) -> None:
+    assert list(inspect(tumbling(seed, rate), ROD, CONFIG, tracker)) == found
+
+
+DERIVED = {
+    "gravity": 9.81,
+    "largest_friction": 0.6,  # 1.5 of 0.4
+    "impulse_tolerance": 0.15251660,  # 0.219 sqrt(size g), size (0.2 0.03 0.02)^(1/3) = 0.0493
+    "airborne_clearance": 0.0094130,  # 0.191 size
+    "airborne_acceleration": 5.886,  # 0.6 g
+    "airborne_noise": 0.0003872,  # 11 standard deviations of 22 um, 1.6 times as loud
+    "airborne_spin_change": 2.0,
+    "levers": [83.204709, 14.925743, 14.833864],
+    "twist_tolerance": 2.5616588,  # 8 of 22 um 150 times a second, sqrt(1 + 0.6^2), the largest lever
+    "energy_tolerance": 0.1,
+    "energy_speed": 0.04,
+    "least_impulse": 0.000176,
+    "least_jump": 0.000176,
+    "jump_velocity": 0.4,
+    "jump_spins": [61.450430, 11.023334, 10.955478],
+    "depth": 0.0073986,  # 0.15 size
+    "rest_tilt": 0.024434610,  # 1.4 degrees
+    "rest_height": 0.0028239,
+    "resting_speed": 0.05,
+    "resting_spin": 0.5,
+    "quaternion_tolerance": 1e-4,
+    "largest_gap": 1.5,
+}
+NOISY = {
+    "airborne_clearance": 0.034710509,  # 10 standard deviations of a vertex, 0.2 m away
+    "airborne_noise": 0.0011616,
+    "least_impulse": 0.000528,
+    "least_jump": 0.000528,
+    "depth": 0.034710509,
+    "rest_tilt": 0.134041287,  # 8 of 40 times 0.024 degrees
+    "rest_height": 0.034710509,
+    "resting_speed": 0.15,
+    "resting_spin": 20.0,
+}
+SET = {
+    "gravity": 3.0,
+    "largest_friction": 0.7,
+    "impulse_tolerance": 0.11,
+    "airborne_clearance": 0.02,
+    "airborne_acceleration": 7.0,
+    "airborne_spin_change": 1.5,
+    "twist_leverage": 1.2,
+    "twist_tolerance": 3.0,
+    "energy_tolerance": 0.3,
+    "jump_velocity": 0.6,
+    "jump_spin": 12.0,
+    "depth": 0.004,
+    "rest_tilt": 0.05,
+    "rest_height": 0.006,
+    "resting_speed": 0.08,
+    "resting_spin": 0.9,
+    "quaternion_tolerance": 2e-4,
+    "largest_gap": 1.7,
+}
+OF_SET = {
+    "airborne_noise": 0.0,
+    "energy_speed": 0.0,
+    "least_impulse": 0.0,
+    "least_jump": 0.0,
+    "levers": [1.2 * lever for lever in (83.204709, 14.925743, 14.833864)],
+    "jump_spins": [12.0, 12.0, 12.0],
+}
+
+
+@pytest.mark.parametrize(
+    ("config", "tracker", "expected"),
+    [
+        (CONFIG, RIG, DERIVED),
+        (CONFIG, TrackerScale(3.0, 40.0), DERIVED | NOISY),
+        (GateConfig(**SET), RIG, {key: value for key, value in SET.items() if key in DERIVED} | OF_SET),  # type: ignore[arg-type]
+    ],
+    ids=["rig", "noisy", "set"],
+)
+def test_bounds_follow_from_the_body_and_the_tracker_unless_they_are_set(
+    config: GateConfig, tracker: TrackerScale, expected: dict[str, Any]
+) -> None:
+    found = vars(config.bounds(scale_of(ROD), tracker))
+    assert found.keys() == expected.keys()
+    for name, value in expected.items():
+        np.testing.assert_allclose(found[name], value, rtol=1e-5, atol=1e-12, err_msg=name)
+
+
+def resting(frames: int, tilts: dict[int, float] | None = None) -> Toss:
+    """The cube flat on the board, turned about the vertical, in so many frames; tilted in some of them [rad]."""
+    turns = np.zeros((frames, 3))
+    for frame, tilt in (tilts or {}).items():
+        turns[frame, 0] = tilt
+    yaw = quaternions.exp(np.array([0.0, 0.0, 0.3]))
+    return falling(
+        stamps_ns=PERIOD_NS * np.arange(frames),
+        positions=np.tile([0.1, 0.2, 0.0524], (frames, 1)),
+        orientations_wxyz=quaternions.multiply(quaternions.exp(turns), np.tile(yaw, (frames, 1))),
+        linear_velocities=np.zeros((frames, 3)),
+        angular_velocities=np.zeros((frames, 3)),
+    )
+
+
+def test_a_footing_is_three_corners_of_the_face_on_the_board() -> None:
+    footing = steps_of(resting(14), CUBE, BOUNDS).footing
+    assert footing is not None
+    np.testing.assert_allclose(footing[:, 2], 0.0, atol=1e-12)
+    sides = np.linalg.norm(footing - np.roll(footing, 1, axis=0), axis=1)
+    np.testing.assert_allclose(np.sort(sides), 0.1048 * np.array([1.0, 1.0, np.sqrt(2.0)]), rtol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(footing[:, :2] - [0.1, 0.2], axis=1), 0.0524 * np.sqrt(2.0), rtol=1e-9)
+    for corners in (footing, footing[[1, 0, 2]]):
+        np.testing.assert_allclose(rest_normal(corners), [0.0, 0.0, 1.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(("turn", "rests"), [(0.99, True), (1.01, False)])
+@pytest.mark.parametrize("noise", [1.0, 3.0])
+def test_a_body_that_tilts_in_the_last_frames_does_not_rest(turn: float, noise: float, rests: bool) -> None:
+    tilt = turn * TURN_NOISE * RIG_TURN * noise
+    tracker = TrackerScale(1.0, noise)
+    first = 20 - ROCKING_FRAMES - 1
+    for frame in (first, 17):
+        assert (steps_of(resting(20, {frame: tilt}), CUBE, BOUNDS, tracker).footing is not None) is rests
+    assert steps_of(resting(20, {first - 1: tilt}), CUBE, BOUNDS, tracker).footing is not None
+
+
+@pytest.mark.parametrize("name", ["linear_velocities", "angular_velocities"])
+def test_a_body_rests_that_is_slow_in_most_of_the_last_frames(name: str) -> None:
+    toss, fast = resting(14), np.zeros((14, 3))
+
+    def rests() -> bool:
+        moving: dict[str, Any] = {name: fast}
+        return steps_of(replace(toss, **moving), CUBE, BOUNDS).footing is not None
+
+    fast[-REST_FRAMES // 2 + 1 :] = [0.3, 0.0, 0.5]
+    assert rests()
+    fast[-REST_FRAMES // 2 :] = [0.3, 0.0, 0.5]
+    assert not rests()
+
+
+@pytest.mark.parametrize(
+    ("degrees", "metres", "lines"),
+    [
+        (2.0, 0.0, ["tilt at rest: found 2 degrees, expected at most 1.4 degrees"]),
+        (-3.0, 0.0, ["tilt at rest: found 3 degrees, expected at most 1.4 degrees"]),
+        (0.0, 0.0035, ["height at rest: found 0.0035 m, expected at most 0.003 m over or under the board"]),
+        (
+            0.0,
+            -0.02,
+            [
+                "depth in the board: found 0.02 m at frame 0, expected at most 0.00786 m",
+                "height at rest: found -0.02 m, expected at most 0.003 m over or under the board",
+            ],
+        ),
+    ],
+)
+def test_a_body_that_rests_wrongly_is_told_by_how_much(degrees: float, metres: float, lines: list[str]) -> None:
+    assert list(inspect(lying(resting(14), degrees, metres), CUBE, CONFIG)) == lines
+
+
 def test_a_disabled_gate_lets_everything_pass() -> None:
     assert inspect(pulled([0.0, 0.0, -3.0]), CUBE, GateConfig(enabled=False)) == ()
 
 
-def test_bounds_that_make_no_sense_are_refused() -> None:
-    with pytest.raises(InvalidValueError, match="impulse_tolerance: found -1"):
-        GateConfig(impulse_tolerance=-1.0)
+@pytest.mark.parametrize(
+    ("name", "value"), [("impulse_tolerance", -1.0), ("depth", 0.0), ("quaternion_tolerance", 0.0), ("largest_gap", np.nan)]
+)
+def test_bounds_that_make_no_sense_are_refused(name: str, value: float) -> None:
+    with pytest.raises(InvalidValueError) as refused:
+        GateConfig(**{name: value})  # type: ignore[arg-type]
+    assert str(refused.value) == f"{name}: found {value}, expected a positive number"
 
 
 @pytest.mark.parametrize("velocities", ["raw", "filtered", "hidden"])
