@@ -1,5 +1,7 @@
 """Numbers of a body that the kernel works with."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,3 +20,23 @@ def test_the_inverse_inertia_undoes_the_inertia(seed: int) -> None:
 def test_the_inverse_of_principal_moments_is_rounded_once() -> None:
     moments = np.diag(CONTACTNETS_CUBE.scaled_inertia)
     np.testing.assert_array_equal(CONTACTNETS_CUBE.scaled_inverse_inertia, np.diag(1.0 / moments))
+
+
+def test_a_body_is_given_back_by_its_named_values() -> None:
+    body = replace(CONTACTNETS_CUBE, gravity=9.8, center_of_mass=np.array([0.1, 0.2, 0.3]))
+    values = body.to_mapping()
+    assert values["name"] == "cube"
+    assert values["center_of_mass"] == [0.1, 0.2, 0.3]
+    again = Body.from_mapping(values)
+    assert again.to_mapping() == values
+    assert body.first_difference(again) == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("mass", 0.5), ("vertices", 2.0 * CONTACTNETS_CUBE.vertices), ("friction", 0.1), ("center_of_mass", np.ones(3))],
+)
+def test_the_first_value_in_which_bodies_differ_is_named_and_a_name_is_none(name: str, value: object) -> None:
+    other = replace(CONTACTNETS_CUBE, name="other", gravity=1.0, **{name: value})  # type: ignore[arg-type]
+    assert CONTACTNETS_CUBE.first_difference(other) == (name if name != "center_of_mass" else "gravity")
+    assert CONTACTNETS_CUBE.first_difference(replace(CONTACTNETS_CUBE, name="other")) == ""

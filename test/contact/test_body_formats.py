@@ -3,12 +3,13 @@
 import os
 import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.body_description import BodyOptions, read_description
+from contact_curation.contact.body_description import LARGEST_FILE, BodyOptions, plain_name, read_description
 from contact_curation.errors import UnreadableInputError
 
 HALF = np.array([0.03, 0.04, 0.06])
@@ -152,6 +153,123 @@ def test_a_mesh_alone_takes_its_mass_from_the_options(files: dict[str, Path]) ->
     np.testing.assert_allclose(by_mass.inertia, by_density.inertia, rtol=1e-9)
     assert by_density.name == "binary"
     assert any("0.5 assumed" in line for line in read_description(mesh, BodyOptions(scale=1e-3, mass=MASS)).warnings)
+
+
+EVENLY = "inertia: of the geometry filled evenly with 0.3 kg"
+CENTRE = "centre of mass: at (10, -20, 50) mm in the file's frame; poses are taken to be of that frame"
+LENGTH = "length scale: 0.0416 m, half the edge of a cube of the same volume"
+IN_YAML = "mesh: binary.stl\nscale: 0.001\nfriction: 0.2\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "notes", "warnings"),
+    [
+        (
+            "binary.stl",
+            {"scale": 1e-3, "mass": 0.3},
+            (EVENLY, CENTRE, LENGTH),
+            ("friction: none given, 0.5 assumed: give --friction",),
+        ),
+        (
+            "binary.stl",
+            {"scale": 1e-3, "density": 500.0, "friction": 0.0, "length_scale": 0.05},
+            ("mass and inertia: of the geometry filled with 500 kg/m^3", CENTRE),
+            (),
+        ),
+        ("brick.urdf", {}, ("mass and inertia: as in the file", CENTRE, LENGTH), ()),
+        ("brick.urdf", {"mass": 0.6}, ("inertia: as in the file, times 2", CENTRE, LENGTH), ()),
+        ("brick.yaml", {}, (), ()),
+    ],
+)
+def test_a_description_says_how_it_was_understood(
+    files: dict[str, Path], name: str, options: dict[str, float], notes: tuple[str, ...], warnings: tuple[str, ...]
+) -> None:
+    found = read_description(files["brick.yaml"].with_name(name), BodyOptions(**options))  # type: ignore[arg-type]
+    assert (found.notes, found.warnings) == (notes, warnings)
+    assert (found.hull_count, found.error, found.source) == (8, 0.0, str(files["brick.yaml"].with_name(name)))
+    assert found.friction == options.get("friction", 0.5 if warnings else 0.2)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        (
+            "binary.stl",
+            {"scale": 1e-3},
+            "mass: found none in the file, expected --mass KG or --density KG/M^3 (in YAML mass: or density:)",
+        ),
+        (
+            "brick.urdf",
+            {"scale": 2.0},
+            "scale: found 2.0, expected none for URDF and MJCF, whose meshes have a scale of their own",
+        ),
+        ("brick.yaml", {"scale": 2.0}, "scale: found 2.0, expected none for a body whose vertices or half_extents are listed"),
+        (
+            "brick.yaml",
+            {"density": 2.0},
+            "density: found 2.0, expected none for a body whose vertices or half_extents are listed",
+        ),
+        ("brick.yaml", {"link": "a"}, "link: found a, expected none for a body whose vertices or half_extents are listed"),
+    ],
+)
+def test_options_that_a_format_has_not_are_refused(
+    files: dict[str, Path], name: str, options: dict[str, Any], message: str
+) -> None:
+    file = files["brick.yaml"].with_name(name)
+    with pytest.raises(UnreadableInputError) as refused:
+        read_description(file, BodyOptions(**options))
+    assert str(refused.value) == f"{file}: {message}"
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("mesh: binary.stl\nurdf: brick.urdf\n", "urdf: found a file beside that of mesh, expected one of both"),
+        ("mesh: a.txt\n", "mesh: found a.txt, expected a file ending in .stl, .obj, .ply, .off, .urdf, .mjcf, .xml, .xacro"),
+        ("mesh: 3\n", "mesh: found 3, expected a text"),
+        ("- 1\n", "found a list, expected the keys of a body and their values"),
+        (
+            f"#{'x' * LARGEST_FILE}",
+            (
+                f"holds more than {LARGEST_FILE} bytes, expected at most that for the description of a body: "
+                "YAML, URDF, MJCF, STL, OBJ, PLY or OFF"
+            ),
+        ),
+        ("mesh: binary.stl\nmasse: 3\n", "unknown key 'masse': did you mean 'mass'?"),
+    ],
+)
+def test_a_description_that_refers_to_no_geometry_is_refused(files: dict[str, Path], content: str, message: str) -> None:
+    file = files["brick.yaml"].with_name("wrong.yaml")
+    file.write_text(content)
+    with pytest.raises(UnreadableInputError) as refused:
+        read_description(file)
+    assert str(refused.value) == f"{file}: {message}"
+
+
+def test_what_a_description_in_yaml_says_of_its_mesh_is_taken(files: dict[str, Path]) -> None:
+    file = files["brick.yaml"].with_name("said.yaml")
+    values = "mass: 0.3\ninertia: [5.3e-4, 4.6e-4, 2.6e-4]\ncenter_of_mass: [0.011, -0.02, 0.05]\ngravity: 9.8\n"
+    file.write_text(IN_YAML + values + "length_scale: 0.05\nname: said\n")
+    said = read_description(file)
+    assert (said.name, said.mass, said.friction, said.gravity, said.length_scale) == ("said", 0.3, 0.2, 9.8, 0.05)
+    np.testing.assert_array_equal(said.inertia, np.diag([5.3e-4, 4.6e-4, 2.6e-4]))
+    np.testing.assert_array_equal(said.center_of_mass, [0.011, -0.02, 0.05])
+    np.testing.assert_allclose(said.vertices.max(axis=0), HALF + CENTER - [0.011, -0.02, 0.05], atol=1e-9)
+    over = read_description(file, BodyOptions(name="other", density=500.0, friction=0.1, gravity=9.82))
+    assert (over.name, over.friction, over.gravity) == ("other", 0.1, 9.82)
+    assert over.mass == pytest.approx(0.288)
+    file.write_text(IN_YAML + "density: 500\n")
+    assert read_description(file).mass == pytest.approx(0.288)
+
+
+def test_a_listed_body_takes_options_over_its_values(files: dict[str, Path]) -> None:
+    found = read_description(files["brick.yaml"], BodyOptions(mass=0.6, friction=0.4, name="x", gravity=9.8))
+    assert (found.name, found.mass, found.friction, found.gravity) == ("x", 0.6, 0.4, 9.8)
+    np.testing.assert_allclose(found.inertia, 2.0 * np.diag(INERTIA), rtol=1e-12)
+
+
+def test_names_are_letters_digits_and_single_underscores() -> None:
+    assert (plain_name("a--b c.d"), plain_name("--")) == ("a_b_c_d", "body")
 
 
 def test_a_mass_that_is_given_scales_the_inertia_of_the_file(files: dict[str, Path]) -> None:

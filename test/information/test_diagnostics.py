@@ -8,6 +8,7 @@ from scipy.linalg import eigh
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.curation import curate
 from contact_curation.information.diagnostics import (
     block_shares,
     dominance_warnings,
@@ -15,6 +16,7 @@ from contact_curation.information.diagnostics import (
     smallest_sufficient_k,
     spectral_distance,
 )
+from contact_curation.information.optimum_shift import PoolScores, optimum_shift
 from contact_curation.information.pool import CHUNK, pool_of
 from contact_curation.information.ranker import RankingConfig, rank
 from contact_curation.information.subspace import identifiable_subspace
@@ -96,6 +98,43 @@ def test_efficiency_is_per_toss_or_per_transition() -> None:
     counts = {info.toss_id: info.transitions for info in INFOS}
     share = sum(counts[toss_id] for toss_id in KEPT) / sum(counts.values())
     assert efficiency(POOL, SUBSPACE, KEPT, per_transition=True).smallest == pytest.approx(values[0] / share, rel=1e-8)
+
+
+def test_a_curation_is_the_ranking_with_its_diagnostics() -> None:
+    config = RankingConfig("trace", top=4)
+    found = curate(INFOS, config)
+    selected = found.ranking.selected_ids
+    assert found.ranking == rank(INFOS, config)
+    assert found.dimension == 5
+    plain, scaled = (spectral_distance(POOL, SUBSPACE, selected, weight) for weight in (1.0, 90 / 4))
+    np.testing.assert_allclose(found.spectrum, scaled.eigenvalues, rtol=1e-12)
+    assert (found.raw_epsilon, found.epsilon) == pytest.approx((plain.epsilon, scaled.epsilon), rel=1e-12)
+    assert found.sufficient_k == smallest_sufficient_k(POOL, SUBSPACE, found.ranking.ids, 0.5)
+    assert found.efficiency == efficiency(POOL, SUBSPACE, selected)
+    assert found.frame_efficiency == efficiency(POOL, SUBSPACE, selected, per_transition=True) != found.efficiency
+    assert found.block_shares == block_shares(INFOS)
+    assert found.warnings == found.ranking.diagnostics
+    shift = optimum_shift(POOL, SUBSPACE.per_mean_toss(90), POOL.indices_of(selected), 1e-3)
+    assert found.optimum_shift == shift
+    assert shift.to_mapping() == {"distance": shift.distance, "at_random": shift.at_random}
+
+
+def test_the_optimum_of_a_set_is_its_newton_step_beside_the_pools() -> None:
+    delta, chosen = 0.2, np.array([3, 10, 20])
+    coordinates = SUBSPACE.per_mean_toss(90)
+    scores = np.array([info.score_sum for info in INFOS]) @ coordinates
+    scores /= np.sqrt(scores.var(axis=0).mean())
+    matrix = delta * np.eye(5) + coordinates.T @ sum(INFOS[i].fisher() for i in chosen) @ coordinates
+    off = np.linalg.solve(matrix, scores[chosen].sum(axis=0)) - scores.sum(axis=0) / (delta + 90)
+    found = optimum_shift(POOL, coordinates, chosen, delta)
+    assert found.distance == pytest.approx(np.sqrt(np.square(off).mean()), rel=1e-9)
+    assert found.at_random == pytest.approx(np.sqrt(1 / 3 - 1 / 90), rel=1e-12)
+    alike = pool_of([toss(name, np.eye(2)) for name in "abc"])
+    same = PoolScores.of(alike, np.eye(2), delta)
+    assert same.scatter == 0.0
+    np.testing.assert_allclose(same.scores, np.ones((3, 2)))
+    silent = pool_of([toss(name, np.zeros((1, 2))) for name in "abc"])
+    assert not PoolScores.of(silent, np.eye(2), delta).scores.any()
 
 
 def test_efficiency_does_not_depend_on_units() -> None:

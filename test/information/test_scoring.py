@@ -105,7 +105,7 @@ def test_a_toss_without_a_solved_transition_is_not_scored_and_says_why() -> None
 
 
 def test_a_toss_of_another_body_is_refused() -> None:
-    with pytest.raises(InvalidValueError, match="expected cube"):
+    with pytest.raises(InvalidValueError, match=r"^body of toss \S+: found brick, expected cube$"):
         Scorer(TRUE, CUBE, ScoringConfig()).score([replace(TOSSES[0], body="brick")])
 
 

@@ -77,12 +77,12 @@ def test_tosses_of_other_parameters_than_the_priors_are_refused(make: Callable[[
 
 @pytest.mark.parametrize("make", SELECTORS)
 def test_at_least_one_toss_must_be_kept(make: Callable[[int], Selector]) -> None:
-    with pytest.raises(InvalidValueError, match="top: found 0"):
+    with pytest.raises(InvalidValueError, match=r"^top: found 0, expected at least 1 toss to keep$"):
         make(0)
 
 
 def test_an_unknown_normalisation_is_refused() -> None:
-    with pytest.raises(InvalidValueError, match="unknown normalisation median: did you mean mean"):
+    with pytest.raises(InvalidValueError, match=r"^unknown normalisation median: did you mean mean\?$"):
         TraceHeap(3, "median")
 
 

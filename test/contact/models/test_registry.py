@@ -104,7 +104,7 @@ def test_tensors_that_are_not_a_models_are_refused(name: str, value: Array | Non
     [
         ("polytope", {}, "setting form: found None, expected one of contactnets, physical, rigid"),
         ("deep", {"form": "round"}, "setting form: found round"),
-        ("end_to_end", {"loss": "cubed"}, "setting loss: found cubed, expected one of norm, squared"),
+        ("end_to_end", {"loss": "cubed"}, "setting loss: found cubed, expected one of norm, squared$"),
     ],
 )
 def test_settings_that_are_missing_or_unknown_are_refused(kind: str, settings: dict[str, str], says: str) -> None:

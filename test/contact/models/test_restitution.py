@@ -4,15 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import Estimator, evaluate, fisher_sums
-from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.geometry_parameters import INITIAL_RESTITUTION, ContactGeometry
 from contact_curation.contact.impulse_noise import ImpulseNoise
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.contact.rollout import rollout
 from contact_curation.contact.time_step import step
+from contact_curation.contact.torch_contacts import Theta
+from contact_curation.contact.torch_loss import polytope_losses
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.checkpoints.theta_bytes import bytes_of_geometry, geometry_of_bytes
@@ -75,6 +78,42 @@ def test_scores_are_slopes_of_the_loss() -> None:
         assert -2.0 * found.scores @ direction == pytest.approx(slope, rel=1e-3, abs=1e-3 * np.abs(slope).max())
 
 
+def test_torch_has_the_kernels_losses_and_scores_by_every_parameter() -> None:
+    before, after = impacts()
+    found = evaluate(BOUNCING, CONTACTNETS_CUBE, before, after, DT)
+    theta = Theta(*(torch.as_tensor(part).clone().requires_grad_() for part in Theta.of(BOUNCING)))
+    restitution = torch.tensor(E, dtype=torch.float64, requires_grad=True)
+    losses, solved = polytope_losses(theta, CONTACTNETS_CUBE, before, after, np.full(16, DT), restitution=restitution)
+    assert solved.all()
+    np.testing.assert_array_equal(losses.detach(), found.losses)
+    weights = np.linspace(0.5, 2.0, 16)
+    by = torch.autograd.grad(losses, [*theta[:5], restitution], torch.as_tensor(weights))
+    slope = np.concatenate([each.numpy().ravel() for each in by])
+    np.testing.assert_allclose(slope, -2.0 * weights @ found.scores, rtol=1e-12, atol=1e-12)
+    for outside, inside in ((-0.1, 0.0), (1.2, 1.0)):
+        clamped = polytope_losses(
+            theta, CONTACTNETS_CUBE, before, after, np.full(16, DT), restitution=torch.tensor(outside, dtype=torch.float64)
+        )[0]
+        limit = evaluate(replace(BOUNCING, restitution=inside), CONTACTNETS_CUBE, before, after, DT)
+        np.testing.assert_array_equal(clamped.detach(), np.where(limit.solved, limit.losses, np.nan))
+
+
+def test_a_model_can_be_given_a_restitution_another_noise_and_shared_vertices() -> None:
+    still = PolytopeModel(replace(BOUNCING, restitution=None), CONTACTNETS_CUBE, Form.RIGID)
+    bouncing = still.bouncing()
+    assert (still.geometry().restitution, bouncing.geometry().restitution) == (None, INITIAL_RESTITUTION)
+    assert bouncing.bouncing() is bouncing
+    noisy = bouncing.with_noise(ImpulseNoise(0.7, 1.1))
+    assert noisy.geometry().noise == ImpulseNoise(0.7, 1.1)
+    assert noisy.geometry().restitution == INITIAL_RESTITUTION
+    apart = replace(POINT, vertices_tangent=np.ones((1, 3)))
+    shared = PolytopeModel(apart, CONTACTNETS_CUBE, Form.PHYSICAL).with_shared_vertices()
+    np.testing.assert_array_equal(shared.geometry().vertices_tangent, POINT.vertices_normal)
+    for model, form in ((bouncing, Form.RIGID), (noisy, Form.RIGID), (shared, Form.PHYSICAL)):
+        assert (model.body, model.form) == (CONTACTNETS_CUBE, form)
+    assert [PolytopeModel.has_exact_fit(form) for form in (Form.CONTACTNETS, Form.PHYSICAL, Form.RIGID)] == [False, True, True]
+
+
 def test_impacts_are_information_about_the_restitution() -> None:
     before, after = impacts()
     found = fisher_sums(BOUNCING, CONTACTNETS_CUBE, before, after, DT, [0, 16], Estimator.GAUSS_NEWTON).fishers[0]
@@ -112,7 +151,9 @@ def test_only_the_rigid_form_has_a_restitution() -> None:
     form = parameter_form(BOUNCING, Form.RIGID)
     assert form.chart.shape == (59, 29)
     assert form.names()[24:26] == ("restitution", "friction")
-    with pytest.raises(InvalidValueError, match="rigid"):
+    with pytest.raises(
+        InvalidValueError, match=r"^form: found physical, expected rigid, since the parameters have a restitution$"
+    ):
         parameter_form(BOUNCING, Form.PHYSICAL)
 
 
