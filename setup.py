@@ -28,7 +28,7 @@ NAME = MANIFEST.findtext("name", "")
 
 NODES = [
     *("pose_ingest", "fisher_scorer", "curator", "trainer", "throw_designer", "sim_arm", "sim_camera", "player"),
-    *("session_recorder", "dashboard", "container"),
+    *("session_recorder", "dashboard", "container", "trajectory_thrower"),
 ]
 
 REQUIRES = [

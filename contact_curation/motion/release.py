@@ -49,11 +49,11 @@ class ReleaseConfig:
         held_span: poses of the held body so long before the command to open take part [s].
         latest: a fall is expected within this time after that command [s].
         flight_span: poses so long after the beginning of the fall take part, as long as the body is in the air [s].
-        fewest_frames: of a flight.
+        fewest_frames: smallest number of frames of the held body, and of the flight.
         clearance: a body whose lowest vertex is nearer to the board may have hit it [m].
         place_error: standard deviation of the held body's place error [m].
-        velocity_error: of its velocity error [m/s].
-        acceleration_error: of its acceleration error [m/s^2].
+        velocity_error: standard deviation of the held body's velocity error [m/s].
+        acceleration_error: standard deviation of the held body's acceleration error [m/s^2].
         significance: difference of log-likelihoods by which a fall has to explain the poses better than a held body.
     """
 

@@ -32,7 +32,7 @@ from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.qos import latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
-from contact_curation.nodes.throw_server import ThrowServer
+from contact_curation.nodes.throw_server import ThrowServer, declared_oldest_goal
 from contact_curation.simulation.arm.feasibility import ArmFeasibility
 from contact_curation.simulation.arm.frame import ArmFrame
 from contact_curation.simulation.arm.model import ArmConfig
@@ -57,9 +57,6 @@ BREATH, BREATH_FRAMES = 1e-3, 4
 IDLE = 0.05
 """Time between looks for a goal while simulated time stands still [s]."""
 
-OLDEST_GOAL = 60.0
-"""Default age at which a goal is stale [s]; throw_designer gives goals up after the same time."""
-
 COUNTED = 0.1
 """Largest time between two checks of the heartbeat that counts [s]: a process without processor time moves nothing."""
 
@@ -81,8 +78,7 @@ class SimArm(StageNode):
         self._arms_itself = declare(self, "armed", False, about_armed)
         outside = declare(self, "external_heartbeat", False, "expect the heartbeat on topic ~/heartbeat (std_msgs/Empty)")
         self._beats_itself = not outside
-        about_oldest = "goals whose stamp is further from now are refused as stale [s]; 0: no goal is"
-        self._oldest_goal = declare(self, "oldest_goal", OLDEST_GOAL, about_oldest, bounds=(0.0, 3600.0))
+        self._oldest_goal = declared_oldest_goal(self)
         seed = declare(self, "seed", 0, "random seed of the gripper's delays", bounds=(0, 2**31))
         arm, control = declare_config(self, ArmConfig(), "arm."), declare_config(self, ControlConfig(), "control.")
         limits = declare_config(self, GateConfig(keep_out_place=(arm.base[0], arm.base[1])), "gate.")

@@ -13,11 +13,15 @@ from rclpy.node import Node
 from contact_curation.errors import InvalidValueError
 from contact_curation.nodes.messages.headers import Stamped
 from contact_curation.nodes.messages.throw import throw_message
+from contact_curation.nodes.ros.parameters import declare
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.simulation.arm.frame import ArmFrame, Phase
 from contact_curation.stages.arm import Ending
 
 FRAMES_PER_FEEDBACK = 15
+
+OLDEST_GOAL = 60.0
+"""Default age at which a goal is stale [s]; throw_designer gives goals up after the same time."""
 
 PHASES = {
     Phase.MOVING: ExecuteThrow.Feedback.MOVING,
@@ -29,6 +33,12 @@ PHASES = {
     Phase.STOPPED: ExecuteThrow.Feedback.STOPPED,
 }
 """Names of the phases in the feedback."""
+
+
+def declared_oldest_goal(node: Node) -> float:
+    """Declares the age from which on goals are stale [s]."""
+    about = "goals whose stamp is further from now are refused as stale [s]; 0: no goal is"
+    return float(declare(node, "oldest_goal", OLDEST_GOAL, about, bounds=(0.0, 3600.0)))
 
 
 class ThrowServer:
@@ -73,6 +83,10 @@ class ThrowServer:
         if self.goal is not None and (frame.phase is not self._told_phase or self._frames % FRAMES_PER_FEEDBACK == 0):
             self._told_phase = frame.phase
             self._feedback(PHASES[frame.phase], frame.progress)
+
+    def report(self, phase: str) -> None:
+        """Sends a phase to the goal's client."""
+        self._feedback(phase, 0.0)
 
     def conclude(self, goal: Any, ending: Ending | None) -> None:
         """Ends a goal if `ending` is given: passes it to the executor, which sends the result to the client."""

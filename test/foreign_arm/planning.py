@@ -5,24 +5,19 @@ import numpy as np
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.geometry.quaternions import Array
-from contact_curation.simulation.arm.departure import DepartureConfig
-from contact_curation.simulation.arm.described import DescribedArm, DescribedArmConfig
+from contact_curation.simulation.arm.described import DescribedArmConfig
 from contact_curation.simulation.arm.model import HELD, put_into_gripper
-from contact_curation.simulation.arm.path import JointPath, RampConfig
+from contact_curation.simulation.arm.path import JointPath
+from contact_curation.simulation.arm.planned_throw import described_planner
 from contact_curation.simulation.arm.postures import SearchConfig
-from contact_curation.simulation.arm.steady_swing import SteadyConfig, SteadySwing
+from contact_curation.simulation.arm.steady_swing import SteadyConfig
 from contact_curation.simulation.arm.throw_motion import ArmPlanner, ThrowMotion
 
 STEADY = SteadyConfig(window=0.03)
 
 
 def planner_of(config: DescribedArmConfig, refined: int = 10) -> ArmPlanner:
-    arm = DescribedArm(config)
-    acceleration = float(arm.limits.acceleration.min())
-    ramp = RampConfig(acceleration=0.6 * acceleration, moving_acceleration=0.4 * acceleration)
-    swing = SteadySwing(arm.limits, STEADY)
-    search = SearchConfig(table=20_000, refined=refined)
-    return ArmPlanner(CONTACTNETS_CUBE, arm, swing, ramp, search, DepartureConfig(opening=0.06))
+    return described_planner(CONTACTNETS_CUBE, config, STEADY, SearchConfig(table=20_000, refined=refined))
 
 
 def body_along(planner: ArmPlanner, motion: ThrowMotion, path: JointPath) -> tuple[Array, Array]:

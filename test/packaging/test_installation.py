@@ -16,7 +16,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 kernel_levels = setup_module().kernel_levels
 EXECUTABLES = {
     *("pose_ingest", "fisher_scorer", "curator", "trainer", "throw_designer", "sim_arm", "sim_camera", "player"),
-    *("session_recorder", "dashboard", "container"),
+    *("session_recorder", "dashboard", "container", "trajectory_thrower"),
 }
 KERNEL = {f"contact_curation/solver/_kernel_{level.replace('-', '_')}.so" for level in kernel_levels(platform.machine())}
 SHARED = {"package.xml", "config/cube.yaml"}

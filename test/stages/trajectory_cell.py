@@ -6,9 +6,10 @@ import numpy as np
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.design.throw import Throw
-from contact_curation.geometry.quaternions import Array
+from contact_curation.geometry.poses import Pose
+from contact_curation.geometry.quaternions import IDENTITY, Array
 from contact_curation.simulation.arm.limits import JointLimits
-from contact_curation.simulation.arm.path import JointPath
+from contact_curation.simulation.arm.path import JointPath, RampConfig, moving
 from contact_curation.simulation.arm.planned_throw import PlannedThrow
 from contact_curation.simulation.arm.safety import GateConfig, SafetyGate
 from contact_curation.simulation.arm.throw_motion import STEP
@@ -40,7 +41,13 @@ def plan_of(throw: Throw) -> PlannedThrow | str:
     positions[:, 0] = joint
     speeds = np.asarray(np.gradient(positions, STEP, axis=0))
     path = JointPath(positions, speeds, np.asarray(np.gradient(speeds, STEP, axis=0)))
-    return PlannedThrow(throw, path, RELEASE, times, START + far[:, None] * VELOCITY)
+    held = Pose(START, IDENTITY)
+    return PlannedThrow(throw, path, RELEASE, times, START + far[:, None] * VELOCITY, held, held)
+
+
+def way_home(posture: Array) -> JointPath | str:
+    """Straight in half a second."""
+    return moving(posture, np.zeros(JOINTS), LIMITS.speed, STEP, RampConfig())
 
 
 class Cell:
@@ -51,6 +58,7 @@ class Cell:
         aborts: why the controller gives up; empty if it does not.
         silent: whether joint states have stopped.
         off: how far the second joint is off its path [rad].
+        misplaced: how far the body is off its place in the gripper [m].
         opened: when the gripper was told to open.
         sent: trajectories that the controller got.
     """
@@ -61,13 +69,14 @@ class Cell:
         self.lag, self.delay, self.jitter, self._rng = lag, delay, jitter, np.random.default_rng(seed)
         self.gate = SafetyGate(GateConfig(keep_out_radius=0.0))
         self.stage = TrajectoryThrow(
-            CONTACTNETS_CUBE, LIMITS, np.zeros(JOINTS), plan_of, self.gate, lambda: self.now,
-            config or TrajectoryConfig(), record=record,
+            CONTACTNETS_CUBE, LIMITS, np.zeros(JOINTS), plan_of, way_home, self.gate, lambda: self.now,
+            config or TrajectoryConfig(), 0.03, record=record,
         )  # fmt: skip
         self.sent: list[Sent] = []
         self.opened: float | None = None
         self.fell: float | None = None
-        self._ticks = 0
+        self._ticks, self.misplaced = 0, np.zeros(3)
+        self._rest = np.zeros(JOINTS)
         self.joints = np.zeros(JOINTS)
         self.gate.arm(self.now)
         for _ in range(8):
@@ -80,12 +89,12 @@ class Cell:
         self.gate.heartbeat(self.now)
         self.joints = self._followed(self.now)
         if self.active:
-            self.stage.controller_seen()
-        self.stage.scaling_seen(self.slider)
+            self.stage.signals.controller_seen()
+        self.stage.signals.scaling_seen(self.slider)
         if not self.silent and self._ticks % 2 == 0:
-            self.stage.joints_seen(self.now, self.joints)
+            self.stage.signals.joints_seen(self.now, self.joints)
         place = self._body(self.now) + 1e-4 * self._rng.standard_normal(3)
-        self.stage.body_seen(self.now, place, np.array([1.0, 0.0, 0.0, 0.0]))
+        self.stage.signals.body_seen(self.now, place, np.array([1.0, 0.0, 0.0, 0.0]))
         if self.sent and self.aborts:
             self.stage.controller_ended(self.aborts)
         elif self.sent and self.now > self.sent[-1].begin + (len(self.sent[-1].path) - 1) * STEP + self.lag:
@@ -104,15 +113,27 @@ class Cell:
         refusal = self.stage.admits(throw)
         if refusal is not None:
             return Ending(False, refusal)
-        began = self.stage.begin()
+        self.sent, self.opened, self.fell = [], None, None
+        while (began := self.stage.begin()) is None:
+            meanwhile()
+            self.tick()
+        return self._made(began, meanwhile)
+
+    def go_home(self) -> Ending:
+        """Goes home."""
+        refusal = self.stage.admits_homeward()
+        return Ending(False, refusal) if refusal else self._made(self.stage.begin_homeward(), lambda: None)
+
+    def _made(self, began: Sent | Ending, meanwhile: Callable[[], object]) -> Ending:
         if isinstance(began, Ending):
             return began
-        self.sent, self.opened, self.fell = [began], None, None
+        self.sent = [began]
         until = self.now + 20.0
         while self.now < until:
             meanwhile()
             ending = self.tick()
             if ending is not None:
+                self._rest = self.joints - self.off * np.eye(JOINTS)[1]
                 self.sent = []
                 return ending
         raise AssertionError("no ending")
@@ -126,7 +147,7 @@ class Cell:
         """Joints at a time, by the newest trajectory that has begun."""
         begun = [one for one in self.sent if one.begin <= at - self.lag] or self.sent[:1]
         if not begun:
-            return np.asarray(np.eye(JOINTS)[1] * self.off)
+            return np.asarray(self._rest + np.eye(JOINTS)[1] * self.off)
         positions = begun[-1].path.positions
         row = float(np.clip((at - self.lag - begun[-1].begin) / STEP, 0.0, len(positions) - 1.0))
         first = min(int(row), len(positions) - 2)
@@ -138,7 +159,7 @@ class Cell:
         """Where the body is: in the hand, or falling as it left it."""
         fell = self.fell
         if fell is None or at < fell:
-            return np.asarray(START + self._followed(at)[0] * VELOCITY)
+            return np.asarray(START + self._followed(at)[0] * VELOCITY + self.misplaced)
         near = [self._followed(fell + step)[0] for step in (-0.003, 0.0, 0.003)]
         velocity = (near[2] - near[0]) / 0.006 * VELOCITY
         return np.asarray(START + near[1] * VELOCITY + velocity * (at - fell) + 0.5 * GRAVITY * (at - fell) ** 2)

@@ -15,7 +15,8 @@ import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.body_values import STANDARD_GRAVITY
-from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.errors import InvalidValueError, UnknownNameError, UnreadableInputError
+from contact_curation.files import read_yaml
 from contact_curation.geometry.quaternions import Array
 from contact_curation.simulation.arm.kinematics import Postures, about_z
 from contact_curation.simulation.arm.limits import JointLimits
@@ -24,6 +25,9 @@ from contact_curation.simulation.world import world_of
 
 NO_LIMIT = 1e9
 """Of torques and their rates, where nothing is known."""
+
+LARGEST_FILE = 1 << 16
+"""[bytes]"""
 
 WRIST = 3
 """So many last joints move the wrist; of the links before it the second half may be hit by the body."""
@@ -87,10 +91,38 @@ class DescribedArmConfig:
                 raise InvalidValueError(f"arm.{name}", getattr(self, name), "0 or more")
         if len(self.obstacles) % 6 or not np.isfinite(self.obstacles).all():
             raise InvalidValueError("arm.obstacles", f"{len(self.obstacles)} numbers", "six finite ones for each box")
-        if not np.isfinite([*self.base, self.yaw]).all():
-            raise InvalidValueError("arm.base, arm.yaw", (self.base, self.yaw), "finite numbers")
+        if np.shape(self.base) != (3,) or not np.isfinite([*self.base, self.yaw]).all():
+            raise InvalidValueError("arm.base, arm.yaw", (self.base, self.yaw), "a position and an angle, finite")
         if not 0.0 < self.margin <= 1.0:
             raise InvalidValueError("arm.margin", self.margin, "a share in (0, 1]")
+
+
+def read_arm(path: Path) -> DescribedArmConfig:
+    """Reads a YAML file with the fields of `DescribedArmConfig`; a relative `description` is looked for beside it.
+
+    Raises:
+        UnreadableInputError: the file cannot be read, or a value has another type.
+        UnknownNameError: a key is none of the fields.
+        InvalidValueError: a value is missing or not accepted.
+    """
+    found = read_yaml(path, LARGEST_FILE, "an arm: a YAML mapping with the path of its description, its joints and limits")
+    if not isinstance(found, dict):
+        raise UnreadableInputError(path, "found no mapping, expected one with the arm's description, joints and limits")
+    known = DescribedArmConfig.__dataclass_fields__
+    for key in found:
+        if key not in known:
+            raise UnknownNameError(f"{path.name}: key", str(key), list(known))
+    values: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in found.items()}
+    joints = values.get("joints", ())
+    texts = [values.get("description", ""), values.get("flange", ""), *(joints if isinstance(joints, tuple) else [None])]
+    if not all(isinstance(text, str) for text in texts):
+        raise UnreadableInputError(path, "a description, flange or joint that is no text, expected names and a path")
+    if values.get("description"):
+        values["description"] = str(path.parent / values["description"])
+    try:
+        return DescribedArmConfig(**values)
+    except TypeError as error:
+        raise UnreadableInputError(path, f"a value of another type ({error})") from error
 
 
 class DescribedArm:

@@ -5,15 +5,27 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from contact_curation.contact.body import Body
 from contact_curation.design.throw import Throw
+from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.quaternions import Array
+from contact_curation.simulation.arm.departure import DepartureConfig
+from contact_curation.simulation.arm.described import DescribedArm, DescribedArmConfig
 from contact_curation.simulation.arm.model import HELD, put_into_gripper
-from contact_curation.simulation.arm.path import JointPath
+from contact_curation.simulation.arm.path import JointPath, RampConfig
+from contact_curation.simulation.arm.postures import DEFAULT_SEARCH, SearchConfig
 from contact_curation.simulation.arm.safety import path_out_of_limits
+from contact_curation.simulation.arm.steady_swing import SteadyConfig, SteadySwing
 from contact_curation.simulation.arm.throw_motion import STEP, ArmPlanner, Refused
 
 HAND_EVERY = 4
 """Samples of the path between two places of the hand."""
+
+SWING, MOVING = 0.6, 0.4
+"""Shares of the smallest acceleration limit in sudden ramps and between postures."""
+
+OPENING = 0.06
+"""Rate at which arm and released body must part [m/s]: the arm goes on steadily after the release."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +38,8 @@ class PlannedThrow:
         release: when the body is to leave [s].
         hand_times: (M,) [s].
         hand: (M, 3) places of the held body on the board then [m], as if it were never released.
+        grip: the held body in the flange's frame.
+        held: the held body on the board at the beginning.
     """
 
     throw: Throw
@@ -33,11 +47,29 @@ class PlannedThrow:
     release: float
     hand_times: Array
     hand: Array
+    grip: Pose
+    held: Pose
 
     @property
     def duration(self) -> float:
         """Of the whole path [s]."""
         return (len(self.path) - 1) * STEP
+
+
+def described_planner(
+    body: Body, config: DescribedArmConfig, steady: SteadyConfig, search: SearchConfig = DEFAULT_SEARCH
+) -> ArmPlanner:
+    """Plans throws of a body by an arm that is known by its description."""
+    arm = DescribedArm(config)
+    least = float(arm.limits.acceleration.min())
+    ramp = RampConfig(acceleration=SWING * least, moving_acceleration=MOVING * least)
+    return ArmPlanner(body, arm, SteadySwing(arm.limits, steady), ramp, search, DepartureConfig(opening=OPENING))
+
+
+def way_home(planner: ArmPlanner, posture: Array) -> JointPath | str:
+    """The slow way home from rest at a posture (J,) [rad], or in one line why there is none."""
+    found = planner.homeward(posture)
+    return found if isinstance(found, JointPath) else f"the way home: {found}; bring the arm home by hand"
 
 
 def planned_throw(planner: ArmPlanner, throw: Throw) -> PlannedThrow | str:
@@ -55,9 +87,10 @@ def planned_throw(planner: ArmPlanner, throw: Throw) -> PlannedThrow | str:
     put_into_gripper(model, motion.grip.position, motion.grip.orientation_wxyz)
     data, rows = mujoco.MjData(model), np.arange(0, len(path), HAND_EVERY)
     hand = np.empty((len(rows), 3))
-    for number, row in enumerate(rows):
+    for number, row in reversed([*enumerate(rows)]):  # the beginning comes last
         data.qpos[:] = path.positions[row]
         mujoco.mj_kinematics(model, data)
         hand[number] = data.body(HELD).xpos
+    held = Pose(data.body(HELD).xpos.copy(), data.body(HELD).xquat.copy())
     release = (len(motion.approach) + len(motion.swing) - 2) * STEP
-    return PlannedThrow(throw, path, release, np.asarray(STEP * rows, dtype=float), hand)
+    return PlannedThrow(throw, path, release, np.asarray(STEP * rows, dtype=float), hand, motion.grip, held)

@@ -43,6 +43,9 @@ STEP = FRAME_PERIOD / STEPS_PER_FRAME
 CHECKED_EVERY = 8
 """Every so many samples one is checked for collisions and torques."""
 
+HOMEWARD = 0.3
+"""Share of the usual speed and acceleration between postures on the way home after a stop."""
+
 FROM_BELOW = 0.3
 """Largest vertical part of the pad's axis. A pad that points further up would carry the body along; its face is not tried."""
 
@@ -157,6 +160,23 @@ class ArmPlanner:
             worst = worst or motion
         assert worst is not None
         return worst
+
+    def homeward(self, posture: Array) -> JointPath | Refused:
+        """The slow way home from rest at a posture (J,) [rad], straight in joint space, or why there is none.
+
+        It is clear with the body of the last plan in the gripper, and so without it.
+        """
+        ramp = replace(
+            self._ramp, moving=HOMEWARD * self._ramp.moving, moving_acceleration=HOMEWARD * self._ramp.moving_acceleration
+        )
+        path = moving(posture, self.arm.home_posture, self.arm.limits.speed, STEP, ramp)
+        refused = (
+            self._within(path)
+            or self._clear(self._holding, self._holding_data, path)
+            or self._strong(self._holding, self._holding_data, path)
+            or self._strong(self._empty, self._empty_data, path)
+        )
+        return refused or path
 
     def _reachable(self, target: Target) -> Target:
         kept = target.axes[:, 2] <= FROM_BELOW

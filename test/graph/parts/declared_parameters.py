@@ -31,6 +31,7 @@ CLASSES = {
     "trainer": "Trainer",
     "throw_designer": "ThrowDesigner",
     "sim_arm": "SimArm",
+    "trajectory_thrower": "TrajectoryThrower",
     "sim_camera": "SimCamera",
     "dashboard": "Dashboard",
     "session_recorder": "SessionRecorder",

@@ -1,4 +1,4 @@
-"""A client of sim_arm, for tests: arms it, sends it throws, and waits for what becomes of them."""
+"""A client of sim_arm or trajectory_thrower, for tests: arms it, sends it throws, and waits for what becomes of them."""
 
 import math
 import time
@@ -50,10 +50,15 @@ class Goal:
 
 
 class Thrower:
-    """Talks to the one sim_arm of a graph."""
+    """Talks to the one thrower of a graph.
 
-    def __init__(self, graph: Graph) -> None:
-        self._graph = graph
+    Args:
+        graph: it is part of.
+        name: of its node.
+    """
+
+    def __init__(self, graph: Graph, name: str = "sim_arm") -> None:
+        self._graph, self._name = graph, name
         self._health = graph.diagnostics()
         self._client = ActionClient(graph.listener.node, ExecuteThrow, "execute_throw")
         qos = profile(2000, reliable=True, latched=False)
@@ -63,14 +68,24 @@ class Thrower:
         graph.listener.node.create_subscription(JointState, "/joint_states", self.joints.append, qos)
 
     def trigger(self, name: str) -> str:
-        """Calls one of the services `arm` and `stop`."""
-        return str(self._graph.listener.call(Trigger, f"/sim_arm/{name}", Trigger.Request(), LONG).message)
+        """Calls one of the node's services."""
+        return str(self._graph.listener.call(Trigger, f"/{self._name}/{name}", Trigger.Request(), LONG).message)
 
     def set_rate(self, rate: float) -> None:
         """Simulated seconds a second, from now on."""
-        request = SetParameters.Request(parameters=[Parameter(name="rate", value=ParameterValue(type=3, double_value=rate))])
-        answer = self._graph.listener.call(SetParameters, "/sim_arm/set_parameters", request, LONG)
-        assert answer.results[0].successful
+        self.set_parameters(self._name, rate=rate)
+
+    def set_parameters(self, node: str, **values: float | str) -> None:
+        """Sets parameters of a node."""
+        parameters = [
+            Parameter(name=name, value=ParameterValue(type=4, string_value=value) if isinstance(value, str)
+                      else ParameterValue(type=3, double_value=value))
+            for name, value in values.items()
+        ]  # fmt: skip
+        answer = self._graph.listener.call(
+            SetParameters, f"/{node}/set_parameters", SetParameters.Request(parameters=parameters), LONG
+        )
+        assert all(result.successful for result in answer.results)
 
     def send(self, throw: Throw | Any) -> Goal:
         """Sends a throw, a record or a message, and waits until it is taken.

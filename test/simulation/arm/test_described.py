@@ -11,8 +11,9 @@ import pytest
 from contact_curation.design.throw import Throw
 from contact_curation.errors import ContactCurationError
 from contact_curation.geometry.quaternions import IDENTITY
-from contact_curation.simulation.arm.described import DescribedArm
+from contact_curation.simulation.arm.described import DescribedArm, read_arm
 from contact_curation.simulation.arm.path import JointPath
+from contact_curation.simulation.arm.planned_throw import PlannedThrow, planned_throw
 from contact_curation.simulation.arm.postures import least_speeds
 from contact_curation.simulation.arm.safety import path_out_of_limits
 from contact_curation.simulation.arm.throw_motion import STEP, ArmPlanner, Refused, ThrowMotion
@@ -104,6 +105,42 @@ def test_no_sample_of_a_motion_breaks_a_limit(planner: ArmPlanner, motion: Throw
     assert path_out_of_limits(whole(motion), planner.arm.limits) is None
 
 
+def test_a_planned_throw_is_one_path_from_home_to_home_that_knows_where_the_body_is(planner: ArmPlanner) -> None:
+    plan = planned_throw(planner, SLOW)
+    assert isinstance(plan, PlannedThrow), plan
+    np.testing.assert_allclose(plan.path.positions[[0, -1]], np.tile(planner.arm.home_posture, (2, 1)), atol=1e-9)
+    np.testing.assert_allclose(plan.path.speeds[[0, -1]], 0.0, atol=1e-9)
+    assert plan.hand_times[-1] == pytest.approx(plan.duration, abs=4.0 * STEP)
+    at = [np.interp(plan.release, plan.hand_times, axis) for axis in plan.hand.T]
+    np.testing.assert_allclose(at, SLOW.position, atol=1e-4)
+    near = [np.interp(plan.release + side, plan.hand_times, axis) for side in (-0.01, 0.01) for axis in plan.hand.T]
+    np.testing.assert_allclose(np.subtract(near[3:], near[:3]) / 0.02, SLOW.linear_velocity, atol=0.01)
+    np.testing.assert_allclose(plan.hand[0], plan.held.position, atol=1e-12)
+
+
+def test_a_plan_for_another_body_is_refused(planner: ArmPlanner) -> None:
+    assert planned_throw(planner, replace(SLOW, body="ball")) == "body: found ball, expected cube"
+
+
+def test_the_way_home_is_slow_and_within_the_limits_or_names_what_is_in_the_way(planner: ArmPlanner) -> None:
+    away = planner.arm.home_posture + 0.2
+    path = planner.homeward(away)
+    assert isinstance(path, JointPath), str(path)
+    np.testing.assert_allclose(path.positions[[0, -1]], [away, planner.arm.home_posture], atol=1e-9)
+    assert path_out_of_limits(path, planner.arm.limits) is None
+    assert (np.abs(path.speeds) < 0.3 * planner.arm.limits.speed).all()
+
+
+def test_a_way_home_into_an_obstacle_is_refused() -> None:
+    place = DescribedArm(XARM7).postures(np.array([XARM7.home])).places[0]
+    cos, sin = np.cos(XARM7.yaw), np.sin(XARM7.yaw)
+    pad = XARM7.base + np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ place
+    blocked = planner_of(replace(XARM7, obstacles=(*pad.tolist(), 0.03, 0.03, 0.03)), refined=1)
+    refused = blocked.homeward(np.array(XARM7.home) + 0.2)
+    assert isinstance(refused, Refused)
+    assert "obstacle 1" in str(refused)
+
+
 def test_a_throw_that_is_too_fast_is_refused_with_the_limit(planner: ArmPlanner) -> None:
     refused = planner.plan(replace(SLOW, linear_velocity=np.array([9.0, 0.0, 0.0])))
     assert isinstance(refused, Refused)
@@ -152,3 +189,22 @@ def test_what_a_description_lacks_is_said_in_one_line(
     with pytest.raises(ContactCurationError) as error:
         DescribedArm(replace(XARM7, **change(tmp_path)))
     assert line in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("- a list", "found no mapping"),
+        ("joint: [a]", "unknown"),
+        ("{description: 5, joints: [a, b, c, d, e, f]}", "that is no text"),
+        ("{description: a.urdf, joints: 6}", "that is no text"),
+        ("{description: a.urdf, joints: [a, b, c, d, e, f], home: here}", "arm.home"),
+        ("joints: [a, b, c, d, e, f]", "arm.description: found nothing"),
+    ],
+)
+def test_what_is_wrong_with_an_arms_file_is_said_in_one_line(text: str, line: str, tmp_path: Path) -> None:
+    (tmp_path / "arm.yaml").write_text(text)
+    with pytest.raises(ContactCurationError) as error:
+        read_arm(tmp_path / "arm.yaml")
+    assert line in str(error.value)
+    assert "\n" not in str(error.value)

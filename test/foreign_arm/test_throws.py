@@ -1,0 +1,70 @@
+"""Throws of arms that are known by their description alone, against a controller that shares no code with the package."""
+
+import numpy as np
+import pytest
+
+from contact_curation.design.throw import Throw
+from contact_curation.geometry.quaternions import IDENTITY
+from test.foreign_arm.arms import FILES
+from test.foreign_arm.throwing import FAULTS, Lab
+
+pytestmark = pytest.mark.slow
+
+THROWS = 6
+WITHIN = 0.05
+"""Error of the release speed: each joint is off by 1 % of its own, and joints that move against each other add up."""
+
+
+def throw(number: int) -> Throw:
+    velocity = np.array([0.5 + 0.04 * number, 0.0, 0.1])
+    place, spin = np.array([-0.3, 0.02 * number, 0.17]), np.array([0.0, 0.8, 0.0])
+    return Throw(f"throw-{number}", "cube", place, IDENTITY, velocity, spin)
+
+
+@pytest.fixture(scope="module", params=FILES)
+def lab(request: pytest.FixtureRequest) -> Lab:
+    return Lab(FILES[request.param])
+
+
+def test_releases_are_told_as_they_were_and_the_delay_is_learned(lab: Lab) -> None:
+    for number in range(THROWS):
+        ending = lab.throw(throw(number))
+        assert ending.success, ending.message
+        assert ending.executed is not None
+        when, pose, twist = lab.cell.released[-1]
+        assert abs(ending.released_at - when) < 0.004
+        np.testing.assert_allclose(ending.executed.position, pose[:3], atol=4e-3)
+        np.testing.assert_allclose(ending.executed.linear_velocity, twist[:3], atol=0.02)
+        speed, told, wanted = (
+            float(np.linalg.norm(velocity))
+            for velocity in (twist[:3], ending.executed.linear_velocity, throw(number).linear_velocity)
+        )
+        assert abs(told / speed - 1.0) < 0.02
+        assert abs(speed / wanted - 1.0) < WITHIN
+        assert max(lab.used().values()) <= 1.0
+        lab.rest()
+    assert lab.stage.lag == pytest.approx(lab.cell.lag, abs=0.012)  # errors of 1 % along the way look like lag, too
+    assert lab.stage.delay.mean == pytest.approx(lab.cell.delay, abs=0.01)
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_after_a_fault_in_the_motion_the_arm_stops_and_goes_home_when_it_is_armed_again(lab: Lab, name: str) -> None:
+    happens, line = FAULTS[name]
+    began = lab.cell.time
+
+    def meanwhile() -> None:
+        if lab.cell.time - began > 1.5:
+            happens(lab)
+
+    opened, lab.meanwhile = len(lab.cell.released), meanwhile
+    ending = lab.throw(throw(0))
+    lab.meanwhile, lab.cell.fault = lambda: None, ""
+    assert ending.message.startswith(f"stopped before the release: {line}"), ending.message
+    assert len(lab.cell.released) == opened
+    lab.rest()
+    assert not lab.cell.joint_speeds.any()
+    assert "the arm is disarmed" in lab.go_home().message
+    lab.gate.arm(lab.cell.time)
+    assert "from home" in lab.throw(throw(0)).message
+    assert lab.go_home().message == "at home"
+    np.testing.assert_allclose(lab.cell.joints, lab.cell.home, atol=1e-3)
