@@ -78,6 +78,12 @@ def test_the_smallest_sufficient_set_is_the_first_that_is_near_enough(epsilon: f
     assert found == 1 + next(i for i, distance in enumerate(distances) if distance <= epsilon)
 
 
+def test_a_set_that_is_just_near_enough_is_sufficient() -> None:
+    pool = pool_of([toss(name, np.eye(2)) for name in "abcd"])
+    subspace = identifiable_subspace(pool.fisher)
+    assert [smallest_sufficient_k(pool, subspace, pool.ids, epsilon) for epsilon in (0.75, 0.5, 0.49, 0.25)] == [1, 2, 3, 3]
+
+
 def test_no_part_of_an_order_may_be_sufficient() -> None:
     assert smallest_sufficient_k(POOL, SUBSPACE, POOL.ids[:2], 0.1) is None
     assert smallest_sufficient_k(POOL, SUBSPACE, (), 0.1) is None

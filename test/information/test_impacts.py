@@ -40,6 +40,7 @@ def transitions(*heights: Array, dt: float = DT) -> Transitions:
 def test_one_transition_leads_from_before_an_impact_to_after_it(landing: float) -> None:
     data = transitions(fall(20, landing), fall(20, landing + 2.0))
     merged = merged_impacts(data, CONTACTNETS_CUBE)
+    assert merged.toss_ids == data.toss_ids
     assert len(merged.dt) == len(data.dt) - 2
     assert merged.starts.tolist() == [0, 17, 34]
     long = merged.dt > 1.5 * DT

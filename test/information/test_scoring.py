@@ -9,10 +9,12 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import Estimator, evaluate
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
+from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.factors import Compression
+from contact_curation.information.network.model_scorer import scorer_of_model
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig, parameters_version
 from contact_curation.motion.toss import Toss
@@ -25,6 +27,15 @@ TOSSES = simulated_tosses(3, seed=21, noise=RIG_NOISE)
 SINGLE = 2.0 * float(np.finfo(np.float32).eps)
 """What rounding a factor's rows to single precision may do to its Fisher matrix, as a share of the trace."""
 EMPIRICAL = ScoringConfig(estimator=Estimator.EMPIRICAL, compression=Compression(max_rows=60))
+
+
+@pytest.mark.parametrize("form", list(Form))
+def test_the_scorer_of_a_polytope_has_the_models_theta_and_form(form: Form) -> None:
+    scorer = scorer_of_model(PolytopeModel(TRUE, CUBE, form), EMPIRICAL)
+    assert isinstance(scorer, Scorer)
+    assert scorer.config == replace(EMPIRICAL, form=form)
+    assert scorer.body is CUBE
+    np.testing.assert_allclose(scorer.geometry.vertices_normal, TRUE.vertices_normal)
 
 
 def scored(geometry: ContactGeometry, config: ScoringConfig, tosses: tuple[Toss, ...] = TOSSES) -> list[TossInformation]:

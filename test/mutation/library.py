@@ -26,7 +26,7 @@ from contact_curation.solver.compiled import KERNEL_FOLDER
 REPOSITORY = Path(__file__).resolve().parents[2]
 PARTS = {
     "contact_curation/solver/*.py": ["test/solver", "test/kernel/test_interface.py"],
-    "contact_curation/contact/*.py": ["test/contact", "test/learning/training/test_optimizer.py"],
+    "contact_curation/contact/*.py": ["test/contact", "test/learning/training/test_single_steps.py"],
     "contact_curation/information/*.py": ["test/information"],
     "contact_curation/motion/gates.py": ["test/motion/gates"],
     "contact_curation/motion/gate_config.py": ["test/motion/gates"],

@@ -87,8 +87,8 @@ def damaged(name: str, value: Array | None) -> dict[str, Array]:
 @pytest.mark.parametrize(
     ("name", "value", "says"),
     [
-        ("polytope.normal", None, "no array 'polytope.normal'"),
-        ("more", np.zeros(3), "an unknown array 'more'"),
+        ("polytope.normal", None, r"deep parameters: found no array 'polytope.normal', expected \d+ known ones$"),
+        ("more", np.zeros(3), r"deep parameters: found an unknown array 'more', expected \d+ known ones$"),
         ("polytope.normal", np.zeros(4), r"shape \(4,\), expected float64 of shape \(3,\)"),
         ("polytope.normal", np.zeros(3, np.float32), "found float32"),
         ("polytope.normal", np.array([0.0, np.nan, 1.0]), "not finite"),

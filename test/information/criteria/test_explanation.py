@@ -37,6 +37,9 @@ def test_log_det_says_whether_a_toss_was_less_new_than_the_last_or_came_after() 
         assert found.reasons[one] == (
             f"not selected: less new than the last, {last:.3g}" if less else "not selected: came after"
         )
+    chosen = {POOL.ids[0]: 0.0}  # of a stream, in which others were as new when they came
+    later = explanation("log-det", POOL, chosen, RankingConfig("log-det", top=1))
+    assert {later.reasons[one] for one in POOL.ids[1:]} == {"not selected: came after"}
 
 
 @pytest.mark.parametrize("criterion", ["longest", "random"])

@@ -6,6 +6,7 @@ import pytest
 from contact_curation.errors import InvalidValueError, NotScoredError
 from contact_curation.information.criteria.trace import TraceHeap, toss_trace
 from contact_curation.information.ranker import RankingConfig, rank
+from contact_curation.information.ties import descending
 from test.information.pools import toss, tosses
 
 
@@ -86,3 +87,10 @@ def test_random_depends_on_the_seed_and_the_ids_alone() -> None:
     assert one.ids != tuple(sorted(one.ids))
     firsts = {rank(infos, RankingConfig("random", top=1, seed=seed)).ids[0] for seed in range(200)}
     assert len(firsts) == 30
+
+
+def test_scores_tie_by_their_own_size_and_then_go_by_id() -> None:
+    assert descending(np.array([1.5, 2.0, 1e9])).tolist() == [2, 1, 0]
+    assert descending(np.array([1e9, 1e9 + 0.5, 1e9 + 2.0])).tolist() == [2, 0, 1]
+    assert descending(np.array([0.0, 0.9e-12, 2e-12])).tolist() == [2, 0, 1]
+    assert descending(np.array([1e9, 1e9 + 0.5]), 0.0, 0.0).tolist() == [1, 0]

@@ -241,6 +241,14 @@ def test_bounds_grow_with_the_noise_of_a_faster_tracker(rate: float, growth: flo
         assert (impulse_gate(steps_of(pull, CUBE, BOUNDS), BOUNDS) == "") == (share < 1.0)
 
 
+def test_a_bound_on_accelerations_that_is_set_grows_with_the_noise_and_the_square_of_the_rate() -> None:
+    config = GateConfig(airborne_acceleration=7.0)
+    (line,) = (
+        line for line in inspect(tumbling(1, 300), ROD, config, TrackerScale(3.0, 2.0)) if line.startswith("acceleration")
+    )
+    assert line.endswith("expected at most 84 m/s^2")  # 3 times 2^2
+
+
 def test_a_toss_tracked_240_times_a_second_with_the_rigs_noise_passes() -> None:
     (toss,) = cut(noisy(stream(period_ns=10**9 // 240), 1.0))
     assert isinstance(toss, Toss)
