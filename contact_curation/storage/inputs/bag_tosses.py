@@ -203,7 +203,8 @@ class BagTosses:
         numbers: RecordedNumbers = UNNUMBERED,
         placed: Callable[[BodyPose], None] | None = None,
     ) -> None:
-        stages = IngestConfig(config.poses.tracker(body, source.board_frame), config.segmenter, config.gates, config.rig)
+        tracker = replace(config.poses.tracker(body, source.board_frame), recorded=True)
+        stages = IngestConfig(tracker, config.segmenter, config.gates, config.rig)
         self.origin = origin
         self.source = source
         self.settle_time = config.segmenter.bounds(scale_of(body), config.segmenter.tracker).settle_time

@@ -106,6 +106,14 @@ def test_messages_that_were_logged_up_to_30_ms_out_of_order_cost_no_toss(tmp_pat
     assert summary.counts == sound.counts == {"poses": len(POSES), "tosses": 2}
 
 
+@pytest.mark.parametrize("places", [len(POSES) // 2, len(POSES)])
+def test_a_board_that_is_logged_late_costs_no_toss(tmp_path: Path, places: int) -> None:
+    board, *sent = tagslam()
+    late = board._replace(log_time_ns=sent[places - 1].log_time_ns)
+    items, _ = opened(write_ours(tmp_path / "late.mcap", [*sent[:places], late, *sent[places:]]))
+    assert kinds(items) == ["Toss", "Toss"]
+
+
 @pytest.mark.parametrize("size", [2e-3, 3e-3])
 def test_stamps_that_jitter_by_milliseconds_in_a_recording_cost_no_toss_and_exchange_no_poses(
     tmp_path: Path, size: float
