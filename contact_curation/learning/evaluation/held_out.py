@@ -123,7 +123,10 @@ def split(tosses: Sequence[NumberedToss], rule: HeldOutRule, with_duplicates: bo
 
 def outline_of(toss: Toss) -> Outline:
     """The outline of a toss's motion."""
-    return (float(toss.frames), *_whatever_the_heading(toss).mean(axis=0).tolist())
+    q = toss.orientations_wxyz
+    (_, wx, wy, _), (_, xx, _, xz), (_, _, yy, yz), _ = (q.T @ q / toss.frames).tolist()  # the means of products
+    upwards = (2.0 * (xz - wy), 2.0 * (yz + wx), 1.0 - 2.0 * (xx + yy))  # in the body's frame
+    return float(toss.frames), float(toss.positions[:, 2].mean()), *upwards
 
 
 def possible_duplicates(training: Mapping[str, Outline], held_out: Mapping[str, Outline]) -> frozenset[str]:

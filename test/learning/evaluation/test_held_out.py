@@ -113,6 +113,8 @@ def test_outlines_are_alike_for_duplicates_and_for_hardly_anything_else(tosses: 
     close = replace(tosses[0], positions=tosses[0].positions + np.array([0.0, 0.0, 0.99 * SAME_MOTION]))
     outlines |= {"turned": outline_of(turned(tosses[0], 1.1, "turned")), "close": outline_of(close)}
     held_out = {tosses[0].toss_id: outline_of(tosses[0])}
+    upwards = quaternions.rotate(quaternions.conjugate(tosses[0].orientations_wxyz), np.array([0.0, 0.0, 1.0])).mean(axis=0)
+    assert outline_of(tosses[0]) == pytest.approx((tosses[0].frames, tosses[0].positions[:, 2].mean(), *upwards), abs=1e-12)
     assert possible_duplicates(outlines, held_out) == {tosses[0].toss_id, "turned", "close"}
     assert possible_duplicates({"far": (100.0, 0.1 + 1e-5, 0.0, 0.0, 1.0)}, {"near": (100.0, 0.1, 0.0, 0.0, 1.0)}) == set()
     assert possible_duplicates(outlines, {}) == possible_duplicates({}, held_out) == set()
