@@ -62,6 +62,7 @@ def test_exactly_a_polytope_is_trained_at_once_and_a_network_is_refused(cli: Cli
     done = cli("train", folder, "--out", tmp_path / "a.safetensors", *how, "--json")
     assert done.json["state"] == "converged"
     assert done.json["held_out_loss_after"] < 0.1 * done.json["held_out_loss_before"]
+    assert done.json["bounce"]["tosses"] == 5
     refused = cli("train", folder, "--out", tmp_path / "b.safetensors", *how, "--model", "deep")
     assert refused.status == 1
     assert "model to train exactly: found a deep, expected a polytope in the physical or the rigid form" in refused.err
